@@ -1,0 +1,40 @@
+# Every target makes the environment it needs: `make demo` works on a machine with Python, make and git.
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+
+.PHONY: help demo test check format bench clean
+
+help:
+	@echo "make demo    plan the art museum with BO-ACO and write tables and pictures to results/demo/"
+	@echo "make test    run the tests"
+	@echo "make check   ruff (lint and format) and mypy strict"
+	@echo "make bench   curves, speed and growth: the numbers this project claims"
+
+$(READY): pyproject.toml constraints.txt
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable ".[dev]"
+	@touch $@
+
+demo: $(READY)
+	$(BIN)/botohe solve art_museum --algorithm bo-aco --evaluations 200000 --seed 1 --out results/demo
+
+test: $(READY)
+	$(BIN)/python -m pytest --numprocesses 2 --maxprocesses 2
+
+check: $(READY)
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+
+format: $(READY)
+	$(BIN)/ruff check --fix
+	$(BIN)/ruff format
+
+bench: $(READY)
+	$(BIN)/python -m benchmarks
+
+clean:
+	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache results/demo results/bench
+	find . -name __pycache__ -prune -exec rm -rf {} +

@@ -1,0 +1,1 @@
+"""Bi-objective team orienteering in hazardous environments (BOTOHE), for pymoo."""

@@ -1,0 +1,12 @@
+"""Array types that annotations across the package share."""
+
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray: TypeAlias = NDArray[np.float64]
+IntArray: TypeAlias = NDArray[np.int32]  # node and arc indices
+OffsetArray: TypeAlias = NDArray[np.int64]  # where the pieces of a ragged array begin
+SeedArray: TypeAlias = NDArray[np.uint64]
+ObjectArray: TypeAlias = NDArray[Any]

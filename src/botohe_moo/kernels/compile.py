@@ -1,0 +1,24 @@
+"""How every kernel is compiled."""
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+from numba import njit
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+def kernel(function: Function) -> Function:
+    """Compile ``function`` on its first call and keep the machine code for later processes.
+
+    Kernels hold no lock (``nogil``), so that threads can share the work, and follow IEEE
+    arithmetic (a division by zero is inf, not an exception that a hot loop has to test for).
+    """
+    compiled: Function = njit(cache=True, nogil=True, error_model="numpy")(function)
+    return compiled
+
+
+def inline(function: Function) -> Function:
+    """Compile a small helper that kernels call in their hottest loops, into those loops."""
+    compiled: Function = njit(cache=True, nogil=True, error_model="numpy", inline="always")(function)
+    return compiled

@@ -1,0 +1,150 @@
+"""Expected team reward and expected number of survivors of many trail plans."""
+
+import numpy as np
+
+from botohe_moo._types import FloatArray, IntArray, OffsetArray
+from botohe_moo.kernels.compile import kernel
+
+# What may be wrong with a trail; ``evaluate`` reports the first fault as
+# (kind, plan, robot, position), all zero when there is none.
+VALID = 0
+EMPTY_TRAIL = 1
+UNKNOWN_NODE = 2
+NOT_FROM_BASE = 3
+NOT_BACK_AT_BASE = 4
+MISSING_ARC = 5
+ARC_USED_TWICE = 6
+
+_LINEAR_SEARCH_UP_TO = 12
+
+
+@kernel
+def find_arc(first: OffsetArray, head: IntArray, tail_node: int, head_node: int) -> int:
+    """Give the index of the arc between two nodes, or -1.
+
+    The arcs of node v are ``first[v]`` to ``first[v + 1]``, their heads ascending.
+    """
+    low, high = first[tail_node], first[tail_node + 1]
+    while high - low > _LINEAR_SEARCH_UP_TO:
+        middle = (low + high) // 2
+        if head[middle] <= head_node:
+            low = middle
+        else:
+            high = middle
+    for arc in range(low, high):
+        if head[arc] == head_node:
+            return arc
+    return -1
+
+
+@kernel
+def _precedes(nodes: IntArray, offsets: OffsetArray, one: int, other: int) -> bool:
+    """Tell whether trail ``one`` comes before trail ``other`` in lexicographic order."""
+    start, stop = offsets[one], offsets[one + 1]
+    other_start, other_stop = offsets[other], offsets[other + 1]
+    for i in range(min(stop - start, other_stop - other_start)):
+        difference = nodes[start + i] - nodes[other_start + i]
+        if difference != 0:
+            return difference < 0
+    return stop - start < other_stop - other_start
+
+
+@kernel
+def evaluate(
+    first: OffsetArray,
+    head: IntArray,
+    survival: FloatArray,
+    reward: FloatArray,
+    base: int,
+    nodes: IntArray,
+    offsets: OffsetArray,
+    n_robots: int,
+    objectives: FloatArray,
+) -> tuple[int, int, int, int]:
+    """Write E[R] and E[S] of every plan into ``objectives``, validating each trail on the way.
+
+    Robots are visited in the lexicographic order of their trails, so that two orders of the same
+    trails give the same floating-point numbers.
+
+    Parameters
+    ----------
+    first, head, survival
+        The arcs, grouped by tail node: offsets (n_nodes + 1), heads and survivals (n_arcs).
+    reward
+        Reward of every node (n_nodes).
+    base
+        Index of the base.
+    nodes, offsets
+        The trails, ragged: trail t is ``nodes[offsets[t]:offsets[t + 1]]``; plan i owns the
+        trails ``i * n_robots`` to ``(i + 1) * n_robots``.
+    n_robots
+        Trails per plan, at least one.
+    objectives
+        Output (n_plans, 2): E[R] in rewards, E[S] in robots. Rows from a faulty plan on are left.
+
+    Returns
+    -------
+    tuple of int
+        (kind, plan, robot, position) of the first fault; kind is ``VALID`` where there is none.
+    """
+    n_nodes = reward.shape[0]
+    unreached = np.ones(n_nodes)
+    touched_by_plan = np.full(n_nodes, -1, np.int64)
+    visited_by_trail = np.full(n_nodes, -1, np.int64)
+    used_by_trail = np.full(head.shape[0], -1, np.int64)
+    touched = np.empty(n_nodes, np.int32)
+    order = np.empty(n_robots, np.int64)
+
+    for plan in range(objectives.shape[0]):
+        for k in range(n_robots):
+            trail = plan * n_robots + k
+            place = k
+            while place > 0 and _precedes(nodes, offsets, trail, order[place - 1]):
+                order[place] = order[place - 1]
+                place -= 1
+            order[place] = trail
+
+        n_touched = 0
+        survivors = 0.0
+        for k in range(n_robots):
+            trail = order[k]
+            robot = trail - plan * n_robots
+            start, stop = offsets[trail], offsets[trail + 1]
+            if start == stop:
+                return EMPTY_TRAIL, plan, robot, 0
+            if nodes[start] != base:
+                return NOT_FROM_BASE, plan, robot, 0
+            alive = 1.0
+            here = base
+            for position in range(start, stop):
+                if position > start:
+                    there = nodes[position]
+                    if there < 0 or there >= n_nodes:
+                        return UNKNOWN_NODE, plan, robot, position - start
+                    arc = find_arc(first, head, here, there)
+                    if arc < 0:
+                        return MISSING_ARC, plan, robot, position - start
+                    if used_by_trail[arc] == trail:
+                        return ARC_USED_TWICE, plan, robot, position - start
+                    used_by_trail[arc] = trail
+                    alive *= survival[arc]
+                    here = there
+                if visited_by_trail[here] != trail:
+                    visited_by_trail[here] = trail
+                    if touched_by_plan[here] != plan:
+                        touched_by_plan[here] = plan
+                        unreached[here] = 1.0 - alive
+                        touched[n_touched] = here
+                        n_touched += 1
+                    else:
+                        unreached[here] *= 1.0 - alive
+            if here != base:
+                return NOT_BACK_AT_BASE, plan, robot, stop - start - 1
+            survivors += alive
+
+        expected_reward = 0.0
+        for i in range(n_touched):
+            expected_reward += reward[touched[i]] * (1.0 - unreached[touched[i]])
+        objectives[plan, 0] = expected_reward
+        objectives[plan, 1] = survivors
+    return VALID, 0, 0, 0

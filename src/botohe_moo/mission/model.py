@@ -1,0 +1,339 @@
+"""The mission: a graph of dangers and rewards, a base, and a team of robots."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterable, Sequence
+from dataclasses import dataclass
+from operator import index
+from typing import Any, Self
+
+import networkx as nx
+import numpy as np
+
+from botohe_moo._types import FloatArray, IntArray, ObjectArray, OffsetArray
+from botohe_moo.kernels import evaluate as kernels
+from botohe_moo.mission.validation import MissionError, mission_faults, team_size_fault
+from botohe_moo.trails import PlanBatch, TrailPlan
+
+__all__ = ["Mission", "MissionArrays", "PlanError"]
+
+
+class PlanError(ValueError):
+    """A trail plan that the mission does not allow; names the robot, the position and the arc."""
+
+
+@dataclass(frozen=True, eq=False)
+class MissionArrays:
+    """A mission as kernels see it: nodes and arcs are indices.
+
+    Attributes
+    ----------
+    first
+        The arcs that leave node v are ``first[v]`` to ``first[v + 1]`` (n_nodes + 1).
+    tail, head
+        The nodes that each arc leaves and enters (n_arcs); heads ascend within a node's arcs.
+    survival
+        Probability to survive each arc, in (0, 1] (n_arcs).
+    reward
+        Reward of each node, at least 0 (n_nodes).
+    base
+        Index of the base.
+    """
+
+    first: OffsetArray
+    tail: IntArray
+    head: IntArray
+    survival: FloatArray
+    reward: FloatArray
+    base: int
+
+    @property
+    def n_nodes(self) -> int:
+        """Number of nodes."""
+        return len(self.reward)
+
+    @property
+    def n_arcs(self) -> int:
+        """Number of arcs, the base's self-loop not among them."""
+        return len(self.head)
+
+
+class Mission:
+    """Robots that leave a base on a directed graph of dangerous arcs and rewarding nodes.
+
+    Parameters
+    ----------
+    graph
+        Directed graph with the node attribute ``reward`` (finite, at least 0) and the arc
+        attribute ``survival`` (probability in (0, 1]). Node labels are anything hashable. The
+        mission keeps a frozen copy.
+    base
+        Label of the node that all robots leave from and return to; default: the graph's own
+        attribute ``base``.
+    robots
+        Team size, at least 1; default: the graph's own attribute ``robots``.
+    name
+        Short name; default: the graph's own attribute ``name``.
+
+    Raises
+    ------
+    MissionError
+        If survivals, rewards, team size or base are out of their ranges, if a node has an arc to
+        itself, or is not on a way out from the base and back. Every fault is listed.
+
+    Examples
+    --------
+    >>> graph = nx.DiGraph()
+    >>> graph.add_node("dock", reward=0)
+    >>> graph.add_node("reef", reward=5)
+    >>> graph.add_edge("dock", "reef", survival=0.9)
+    >>> graph.add_edge("reef", "dock", survival=0.8)
+    >>> mission = Mission(graph, base="dock", robots=2)
+    >>> plan = mission.plan([["dock", "reef", "dock"], ["dock"]])
+    >>> mission.evaluate([plan]).round(3).tolist()
+    [[4.5, 1.72]]
+    """
+
+    def __init__(
+        self,
+        graph: nx.DiGraph[Any],
+        *,
+        base: Hashable | None = None,
+        robots: int | None = None,
+        name: str | None = None,
+    ) -> None:
+        own = graph.graph if isinstance(graph, nx.Graph) else {}
+        base = own.get("base") if base is None else base
+        robots = own.get("robots") if robots is None else robots
+        name = own.get("name") if name is None else name
+        source = f"Mission {name!r}" if name else "The mission"
+        if faults := mission_faults(graph, base, robots):
+            raise MissionError(faults, source)
+
+        self.graph: nx.DiGraph[Any] = nx.freeze(graph.copy())
+        self.base = base
+        self.robots = index(robots)  # type: ignore[arg-type]
+        self.name = str(name) if name else "mission"
+        self.nodes: tuple[Any, ...] = tuple(self.graph)
+        self._index = {node: i for i, node in enumerate(self.nodes)}
+        self.arrays = _compile(self.graph, self._index, base)
+
+    @property
+    def title(self) -> str:
+        """What the mission is, in words; its name where the graph says nothing."""
+        return str(self.graph.graph.get("title") or self.name)
+
+    @property
+    def total_reward(self) -> float:
+        """Sum of the rewards of all nodes, the largest team reward there can be."""
+        return float(self.arrays.reward.sum())
+
+    @property
+    def balanced(self) -> bool:
+        """Whether as many arcs enter every node as leave it; no trail can then run into a dead end."""
+        arrays = self.arrays
+        entering = np.bincount(arrays.head, minlength=arrays.n_nodes)
+        return bool(np.array_equal(entering, np.diff(arrays.first)))
+
+    def with_robots(self, robots: int) -> Mission:
+        """Give the same mission for a team of another size.
+
+        Raises
+        ------
+        MissionError
+            If ``robots`` is no integer of at least 1.
+        """
+        if fault := team_size_fault(robots):
+            raise MissionError(fault, f"Mission {self.name!r}")
+        other = object.__new__(Mission)
+        other.__dict__.update(self.__dict__, robots=index(robots))
+        return other
+
+    def index(self, label: Hashable) -> int:
+        """Give the index by which kernels know the node ``label``.
+
+        Raises
+        ------
+        KeyError
+            If the mission has no such node.
+        """
+        return self._index[label]
+
+    def plan(self, trails: Iterable[Sequence[Hashable]]) -> TrailPlan:
+        """Make a validated plan from the node labels of one trail per robot.
+
+        Parameters
+        ----------
+        trails
+            For every robot the nodes it visits, from the base to the base; ``[base]`` stays there.
+
+        Raises
+        ------
+        PlanError
+            If the number of trails is not the team's, a label is unknown, or a trail does not
+            begin and end at base, uses a missing arc, or uses an arc twice. Robots and positions
+            count from 0.
+        """
+        indices = [self._trail_indices(robot, trail) for robot, trail in enumerate(trails)]
+        if len(indices) != self.robots:
+            raise PlanError(
+                f"Expected {self.robots} trails for the {self.robots} robots of mission "
+                f"{self.name!r}, got {len(indices)}."
+            )
+        plan = TrailPlan(indices)
+        self.evaluate([plan])
+        return plan
+
+    def _trail_indices(self, robot: int, trail: Sequence[Hashable]) -> list[int]:
+        if isinstance(trail, str | bytes) or not isinstance(trail, Sequence | np.ndarray):
+            raise PlanError(f"Robot {robot}: expected a sequence of node labels, got {trail!r}.")
+        if len(trail) == 0:
+            raise PlanError(f"Robot {robot}: {_FAULTS[kernels.EMPTY_TRAIL]}.")
+        indices = []
+        for position, label in enumerate(trail):
+            try:
+                indices.append(self._index[label])
+            except (KeyError, TypeError):
+                raise PlanError(
+                    f"Robot {robot}, position {position}: mission {self.name!r} has no node "
+                    f"{label!r}."
+                ) from None
+        return indices
+
+    def labels(self, plan: TrailPlan) -> tuple[tuple[Any, ...], ...]:
+        """Give the trails of ``plan`` as node labels, robot by robot."""
+        return tuple(tuple(self.nodes[i] for i in trail) for trail in plan.trails)
+
+    def evaluate(self, plans: PlanBatch | Iterable[TrailPlan] | ObjectArray) -> FloatArray:
+        """Compute what plans are expected to bring.
+
+        Parameters
+        ----------
+        plans
+            Trail plans: a batch, any iterable of them, or an array such as ``result.X``.
+
+        Returns
+        -------
+        numpy.ndarray
+            Shape (n_plans, 2): expected team reward E[R] and expected number of survivors E[S],
+            both to be maximised. Plans with the same trails get the same bits, whatever the order
+            of their robots.
+
+        Raises
+        ------
+        PlanError
+            If a plan has another number of trails than the team has robots, or a trail is not
+            valid: names the plan, robot, position and arc (all counted from 0).
+        TypeError
+            If something in ``plans`` is no TrailPlan.
+
+        Notes
+        -----
+        With π the product of the survivals up to a node's first visit on a trail,
+        E[R] = Σ_v r(v) · (1 − Π_k (1 − π_k(v))) and E[S] = Σ_k (product of the survivals along
+        trail k): Simon, Richley, Overbey and Perez-Lavin, "Bi-objective trail-planning for a
+        robot team orienteering in a hazardous environment", 2025.
+        """
+        batch = plans if isinstance(plans, PlanBatch) else self.batch(plans)
+        if batch.n_robots != self.robots:
+            raise PlanError(
+                f"Expected {self.robots} trails a plan for the {self.robots} robots of mission "
+                f"{self.name!r}, got {batch.n_robots}."
+            )
+        objectives = np.empty((len(batch), 2))
+        arrays = self.arrays
+        fault = kernels.evaluate(
+            arrays.first,
+            arrays.head,
+            arrays.survival,
+            arrays.reward,
+            arrays.base,
+            batch.nodes,
+            batch.offsets,
+            batch.n_robots,
+            objectives,
+        )
+        if fault[0] != kernels.VALID:
+            raise PlanError(self._describe(batch, *fault))
+        return objectives
+
+    def batch(self, plans: Iterable[TrailPlan] | ObjectArray) -> PlanBatch:
+        """Pack plans for this mission's team.
+
+        Raises
+        ------
+        PlanError
+            If a plan has another number of trails than the team has robots.
+        TypeError
+            If something in ``plans`` is no TrailPlan.
+        """
+        try:
+            return PlanBatch.from_plans(plans, self.robots)
+        except ValueError as error:
+            raise PlanError(f"{error} Mission {self.name!r} has {self.robots} robots.") from None
+
+    def _describe(
+        self, batch: PlanBatch, kind: int, plan: int, robot: int, position: int
+    ) -> str:
+        where = f"Robot {robot}" if len(batch) == 1 else f"Plan {plan}, robot {robot}"
+        if kind == kernels.EMPTY_TRAIL:
+            return f"{where}: {_FAULTS[kind]}."
+        start = batch.offsets[plan * batch.n_robots + robot]
+        node = int(batch.nodes[start + position])
+        where = f"{where}, position {position}"
+        if kind == kernels.UNKNOWN_NODE:
+            known = f"{len(self.nodes)} nodes"
+            return f"{where}: node index {node} is unknown, mission {self.name!r} has {known}."
+        label = self.nodes[node] if 0 <= node < len(self.nodes) else f"node index {node}"
+        if kind in (kernels.NOT_FROM_BASE, kernels.NOT_BACK_AT_BASE):
+            return f"{where}: {_FAULTS[kind]} {self.base!r}, got {label!r}."
+        tail = self.nodes[int(batch.nodes[start + position - 1])]
+        return f"{where}: arc {tail!r} -> {label!r} {_FAULTS[kind]} mission {self.name!r}."
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Mission):
+            return NotImplemented
+        return self is other or (
+            (self.nodes, self.base, self.robots) == (other.nodes, other.base, other.robots)
+            and all(
+                np.array_equal(getattr(self.arrays, key), getattr(other.arrays, key))
+                for key in ("first", "head", "survival", "reward")
+            )
+        )
+
+    def __hash__(self) -> int:
+        return hash((self.nodes, self.base, self.robots, self.arrays.survival.tobytes()))
+
+    def __copy__(self) -> Self:
+        return self
+
+    def __deepcopy__(self, memo: dict[int, object]) -> Self:
+        return self  # immutable, and pymoo deep-copies algorithms together with their problem
+
+    def __repr__(self) -> str:
+        return (
+            f"<Mission {self.name!r}: {len(self.nodes)} nodes, {self.arrays.n_arcs} arcs, "
+            f"{self.robots} robots at base {self.base!r}, total reward {self.total_reward:g}>"
+        )
+
+
+_FAULTS = {
+    kernels.EMPTY_TRAIL: "expected a trail of at least one node, the base, got an empty one",
+    kernels.NOT_FROM_BASE: "expected the trail to begin at base",
+    kernels.NOT_BACK_AT_BASE: "expected the trail to end at base",
+    kernels.MISSING_ARC: "is missing in",
+    kernels.ARC_USED_TWICE: "is used twice in this trail; a trail uses an arc at most once, in",
+}
+
+
+def _compile(graph: nx.DiGraph[Any], index: dict[Any, int], base: Hashable) -> MissionArrays:
+    arcs = sorted((index[u], index[v], s) for u, v, s in graph.edges(data="survival"))
+    tail = np.array([u for u, _, _ in arcs], np.int32)
+    head = np.array([v for _, v, _ in arcs], np.int32)
+    survival = np.array([s for _, _, s in arcs], np.float64)
+    reward = np.array([r for _, r in graph.nodes(data="reward")], np.float64)
+    first = np.zeros(len(reward) + 1, np.int64)
+    np.cumsum(np.bincount(tail, minlength=len(reward)), out=first[1:])
+    for array in (first, tail, head, survival, reward):
+        array.setflags(write=False)
+    return MissionArrays(first, tail, head, survival, reward, index[base])

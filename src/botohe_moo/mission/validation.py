@@ -1,0 +1,118 @@
+"""What a mission must satisfy, checked once, every fault named."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Hashable, Iterator
+from numbers import Real
+from operator import index
+from typing import Any
+
+import networkx as nx
+import numpy as np
+
+__all__ = ["MissionError", "mission_faults", "team_size_fault"]
+
+
+class MissionError(ValueError):
+    """A mission that cannot be planned for.
+
+    Attributes
+    ----------
+    faults : tuple of str
+        Everything that is wrong, each naming a node or an arc and the value found.
+    """
+
+    def __init__(self, faults: list[str] | str, source: str = "The mission") -> None:
+        self.faults = (faults,) if isinstance(faults, str) else tuple(faults)
+        self.source = source
+        if len(self.faults) == 1:
+            message = f"{source}: {self.faults[0]}"
+        else:
+            message = "\n  - ".join([f"{source} has {len(self.faults)} faults:", *self.faults])
+        super().__init__(message)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return type(self), (list(self.faults), self.source)
+
+
+def mission_faults(graph: Any, base: Hashable, robots: object) -> list[str]:
+    """List all that keeps ``graph`` from being a mission; empty if nothing does."""
+    if not isinstance(graph, nx.DiGraph) or graph.is_multigraph():
+        return [_not_a_digraph(graph)]
+    faults = [fault for fault in [team_size_fault(robots)] if fault]
+    faults += _reward_faults(graph)
+    faults += _arc_faults(graph)
+    faults += _way_faults(graph, base)
+    return faults
+
+
+def team_size_fault(robots: object) -> str | None:
+    """Say what is wrong with a team size, or None."""
+    try:
+        if isinstance(robots, bool | np.bool_) or index(robots) < 1:  # type: ignore[arg-type]
+            raise TypeError
+    except TypeError:
+        return f"expected robots to be an integer >= 1, got {robots!r}"
+    return None
+
+
+def _not_a_digraph(graph: Any) -> str:
+    found = type(graph).__name__
+    if isinstance(graph, nx.Graph):
+        if graph.is_multigraph():
+            return f"expected at most one arc from a node to another (nx.DiGraph), got a {found}"
+        return (
+            f"expected directed arcs (nx.DiGraph), got a {found}; "
+            "graph.to_directed() makes every edge passable both ways"
+        )
+    return f"expected an nx.DiGraph, got {graph!r}"
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool | np.bool_)
+
+
+def _found(attributes: dict[str, Any], key: str) -> str:
+    return f"got {attributes[key]!r}" if key in attributes else f"found no attribute {key!r}"
+
+
+def _reward_faults(graph: nx.DiGraph[Any]) -> Iterator[str]:
+    for node, attributes in graph.nodes(data=True):
+        reward = attributes.get("reward")
+        if not _is_number(reward) or not 0 <= reward < math.inf:
+            yield (
+                f"node {node!r}: expected a finite reward >= 0, {_found(attributes, 'reward')}"
+            )
+
+
+def _arc_faults(graph: nx.DiGraph[Any]) -> Iterator[str]:
+    for tail, head, attributes in graph.edges(data=True):
+        if tail == head:
+            yield f"arc {tail!r} -> {head!r}: a node must not have an arc to itself"
+        survival = attributes.get("survival")
+        if not _is_number(survival) or not 0 < survival <= 1:
+            yield (
+                f"arc {tail!r} -> {head!r}: expected survival in (0, 1], "
+                f"{_found(attributes, 'survival')}"
+            )
+
+
+def _way_faults(graph: nx.DiGraph[Any], base: Hashable) -> Iterator[str]:
+    if not _contains(graph, base):
+        yield f"base {base!r}: there is no such node"
+        return
+    reachable = nx.descendants(graph, base) | {base}
+    returning = nx.ancestors(graph, base) | {base}
+    for node in graph:
+        if node not in reachable:
+            yield f"node {node!r}: cannot be reached from base {base!r}"
+        if node not in returning:
+            yield f"node {node!r}: has no way back to base {base!r}"
+
+
+def _contains(graph: nx.DiGraph[Any], node: object) -> bool:
+    try:
+        return node in graph
+    except TypeError:  # unhashable
+        return False

@@ -1,0 +1,249 @@
+"""Trail plans as ragged arrays of node indices; they know no mission."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Self
+
+import numpy as np
+
+from botohe_moo._types import IntArray, ObjectArray, OffsetArray
+
+__all__ = ["PlanBatch", "TrailPlan"]
+
+
+class TrailPlan:
+    """The trails of a team of robots, one per robot, as node indices.
+
+    Immutable, hashable and picklable. Robots are identical, so a plan is a multiset of trails:
+    plans that differ only in the order of the robots are equal, while {A, A, B} and {A, B, B}
+    are not. A robot that stays at base has the trail ``(base,)``.
+
+    Parameters
+    ----------
+    trails
+        One sequence of node indices (int, at least 0) per robot, each of at least one node.
+
+    Raises
+    ------
+    ValueError
+        If there is no trail, a trail is empty, or a node index is not an integer of at least 0.
+
+    Examples
+    --------
+    >>> plan = TrailPlan([[0, 1, 0], [0]])
+    >>> plan == TrailPlan([[0], [0, 1, 0]])
+    True
+    >>> plan.trails
+    ((0, 1, 0), (0,))
+    """
+
+    # No __len__ and __getitem__: numpy would take a plan for a sequence and unpack it.
+    __slots__ = ("_hash", "_key", "_nodes", "_offsets")
+
+    _nodes: IntArray
+    _offsets: OffsetArray
+    _key: tuple[bytes, ...] | None
+    _hash: int | None
+
+    def __init__(self, trails: Iterable[Sequence[int]]) -> None:
+        arrays = [_indices(trail, robot) for robot, trail in enumerate(trails)]
+        if not arrays:
+            raise ValueError("Expected at least one trail, got none.")
+        offsets = np.zeros(len(arrays) + 1, np.int64)
+        np.cumsum([len(array) for array in arrays], out=offsets[1:])
+        self._adopt(np.concatenate(arrays), offsets)
+
+    def _adopt(self, nodes: IntArray, offsets: OffsetArray) -> None:
+        nodes.setflags(write=False)
+        offsets.setflags(write=False)
+        self._nodes, self._offsets = nodes, offsets
+        self._key = self._hash = None
+
+    @classmethod
+    def _wrap(cls, nodes: IntArray, offsets: OffsetArray) -> Self:
+        """Take over arrays that are known to be well-formed."""
+        plan = cls.__new__(cls)
+        plan._adopt(nodes, offsets)
+        return plan
+
+    @property
+    def nodes(self) -> IntArray:
+        """Node indices of all trails, one after another (read-only)."""
+        return self._nodes
+
+    @property
+    def offsets(self) -> OffsetArray:
+        """Where each trail begins in ``nodes``, and their length at the end (n_robots + 1)."""
+        return self._offsets
+
+    @property
+    def n_robots(self) -> int:
+        """Number of trails."""
+        return len(self._offsets) - 1
+
+    @property
+    def trails(self) -> tuple[tuple[int, ...], ...]:
+        """The trails as tuples of node indices, robot by robot."""
+        flat, cuts = self._nodes.tolist(), self._offsets.tolist()
+        return tuple(tuple(flat[i:j]) for i, j in zip(cuts, cuts[1:], strict=False))
+
+    def _multiset(self) -> tuple[bytes, ...]:
+        if self._key is None:
+            raw, size = self._nodes.tobytes(), self._nodes.itemsize
+            cuts = (self._offsets * size).tolist()
+            self._key = tuple(sorted(raw[i:j] for i, j in zip(cuts, cuts[1:], strict=False)))
+        return self._key
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, TrailPlan):
+            return NotImplemented
+        return self._multiset() == other._multiset()
+
+    def __hash__(self) -> int:
+        if self._hash is None:
+            self._hash = hash(self._multiset())
+        return self._hash
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return _unpickle_plan, (self._nodes, self._offsets)
+
+    def __copy__(self) -> Self:
+        return self
+
+    def __deepcopy__(self, memo: dict[int, object]) -> Self:
+        return self
+
+    def __repr__(self) -> str:
+        return f"TrailPlan({[list(trail) for trail in self.trails]})"
+
+
+def _unpickle_plan(nodes: IntArray, offsets: OffsetArray) -> TrailPlan:
+    return TrailPlan._wrap(nodes, offsets)
+
+
+def _indices(trail: Sequence[int], robot: int) -> IntArray:
+    array = np.asarray(trail)
+    if array.ndim != 1 or array.size == 0:
+        raise ValueError(
+            f"Robot {robot}: expected a trail of at least one node, got {trail!r}; "
+            "a robot that stays at base has the trail (base,)."
+        )
+    if array.dtype.kind not in "iu" or array.min() < 0 or array.max() > np.iinfo(np.int32).max:
+        raise ValueError(f"Robot {robot}: expected node indices (integers from 0), got {trail!r}.")
+    return array.astype(np.int32)
+
+
+class PlanBatch:
+    """Many trail plans of one team size in one pair of ragged arrays.
+
+    Parameters
+    ----------
+    nodes
+        Node indices of all trails of all plans, one after another (int32).
+    offsets
+        Where each trail begins in ``nodes``, and their length at the end
+        (n_plans · n_robots + 1, int64).
+    n_robots
+        Trails per plan.
+
+    Raises
+    ------
+    ValueError
+        If the offsets do not cut ``nodes`` into plans of ``n_robots`` trails.
+    """
+
+    __slots__ = ("n_robots", "nodes", "offsets")
+
+    nodes: IntArray
+    offsets: OffsetArray
+    n_robots: int
+
+    def __init__(self, nodes: IntArray, offsets: OffsetArray, n_robots: int) -> None:
+        nodes = np.ascontiguousarray(nodes, np.int32)
+        offsets = np.ascontiguousarray(offsets, np.int64)
+        if n_robots < 1:
+            raise ValueError(f"Expected n_robots >= 1, got {n_robots}.")
+        if nodes.ndim != 1 or offsets.ndim != 1 or len(offsets) < 1:
+            raise ValueError("Expected nodes and offsets to be one-dimensional, offsets not empty.")
+        if offsets[0] != 0 or offsets[-1] != len(nodes) or np.any(np.diff(offsets) < 0):
+            raise ValueError(
+                f"Expected offsets that ascend from 0 to the number of nodes ({len(nodes)}), "
+                f"got {offsets}."
+            )
+        if (len(offsets) - 1) % n_robots:
+            raise ValueError(
+                f"Expected a multiple of n_robots = {n_robots} trails, got {len(offsets) - 1}."
+            )
+        self._adopt(nodes, offsets, n_robots)
+
+    def _adopt(self, nodes: IntArray, offsets: OffsetArray, n_robots: int) -> None:
+        self.nodes, self.offsets, self.n_robots = nodes, offsets, n_robots
+
+    @classmethod
+    def _wrap(cls, nodes: IntArray, offsets: OffsetArray, n_robots: int) -> Self:
+        """Take over arrays that a kernel has just made; nothing is checked or copied."""
+        batch = cls.__new__(cls)
+        batch._adopt(nodes, offsets, n_robots)
+        return batch
+
+    @classmethod
+    def from_plans(cls, plans: Iterable[TrailPlan] | ObjectArray, n_robots: int) -> Self:
+        """Pack plans, for example ``result.X``, into one batch.
+
+        Parameters
+        ----------
+        plans
+            Trail plans: any iterable, or an object array of shape (n,) or (n, 1).
+        n_robots
+            Trails that every plan must have (known also when there are no plans).
+
+        Raises
+        ------
+        TypeError
+            If something in ``plans`` is no TrailPlan.
+        ValueError
+            If a plan has another number of trails.
+        """
+        if isinstance(plans, TrailPlan):
+            raise TypeError("Expected a sequence of TrailPlans, got one TrailPlan: put it in [ ].")
+        listed = list(plans.ravel()) if isinstance(plans, np.ndarray) else list(plans)
+        for i, plan in enumerate(listed):
+            if not isinstance(plan, TrailPlan):
+                raise TypeError(
+                    f"Plan {i}: expected a TrailPlan, got {plan!r}; "
+                    "mission.plan(trails) makes one from node labels."
+                )
+            if plan.n_robots != n_robots:
+                raise ValueError(f"Plan {i}: expected {n_robots} trails, got {plan.n_robots}.")
+        if not listed:
+            return cls._wrap(np.empty(0, np.int32), np.zeros(1, np.int64), n_robots)
+        offsets = np.zeros(len(listed) * n_robots + 1, np.int64)
+        np.cumsum(np.concatenate([np.diff(plan.offsets) for plan in listed]), out=offsets[1:])
+        return cls._wrap(np.concatenate([plan.nodes for plan in listed]), offsets, n_robots)
+
+    def __len__(self) -> int:
+        return (len(self.offsets) - 1) // self.n_robots
+
+    def __getitem__(self, index: int) -> TrailPlan:
+        n_plans = len(self)
+        if not -n_plans <= index < n_plans:
+            raise IndexError(f"Expected a plan index below {n_plans}, got {index}.")
+        cut = (index % n_plans) * self.n_robots
+        offsets = self.offsets[cut : cut + self.n_robots + 1]
+        return TrailPlan._wrap(
+            self.nodes[offsets[0] : offsets[-1]].copy(), np.asarray(offsets - offsets[0])
+        )
+
+    def __iter__(self) -> Iterator[TrailPlan]:
+        return (self[i] for i in range(len(self)))
+
+    def to_array(self) -> ObjectArray:
+        """Unpack into an object array of shape (n_plans, 1), as pymoo holds it in ``X``."""
+        array = np.empty((len(self), 1), dtype=object)
+        for i, plan in enumerate(self):
+            array[i, 0] = plan
+        return array
+
+    def __repr__(self) -> str:
+        return f"<PlanBatch of {len(self)} plans, {self.n_robots} robots, {len(self.nodes)} nodes>"

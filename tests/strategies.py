@@ -1,0 +1,75 @@
+"""Hypothesis strategies for missions and for valid trail plans on them."""
+
+from __future__ import annotations
+
+import networkx as nx
+from hypothesis import strategies as st
+
+from botohe_moo.mission import Mission
+
+survivals = st.one_of(st.just(1.0), st.floats(0.01, 1.0))
+rewards = st.one_of(st.just(0.0), st.floats(0.0, 10.0))
+
+
+@st.composite
+def missions(draw, min_nodes=2, max_nodes=7, max_robots=3, one_way=None):
+    """Strongly connected missions; one-way ones have nodes with more arcs in than out."""
+    n_nodes = draw(st.integers(min_nodes, max_nodes))
+    one_way = draw(st.booleans()) if one_way is None else one_way
+    graph = nx.DiGraph()
+    graph.add_node(0, reward=draw(rewards))
+    for node in range(1, n_nodes):
+        graph.add_node(node, reward=draw(rewards))
+        before = st.integers(0, node - 1)
+        entry = draw(before)
+        graph.add_edge(entry, node)
+        graph.add_edge(node, draw(before) if one_way else entry)
+    if n_nodes > 1:
+        for tail, offset in draw(
+            st.lists(
+                st.tuples(st.integers(0, n_nodes - 1), st.integers(1, n_nodes - 1)), max_size=6
+            )
+        ):
+            head = (tail + offset) % n_nodes
+            graph.add_edge(tail, head)
+            if not one_way:
+                graph.add_edge(head, tail)
+    for tail, head in graph.edges:
+        graph.edges[tail, head]["survival"] = draw(survivals)
+    return Mission(graph, base=0, robots=draw(st.integers(1, max_robots)), name="drawn")
+
+
+@st.composite
+def trails(draw, mission, max_hops=12):
+    """A valid trail as node indices; it may visit nodes and the base several times."""
+    arrays = mission.arrays
+    residual = nx.DiGraph(zip(arrays.tail.tolist(), arrays.head.tolist(), strict=True))
+    residual.add_node(arrays.base)
+    here, trail = arrays.base, [arrays.base]
+    for _ in range(draw(st.integers(0, max_hops))):
+        hops = [head for head in residual[here] if _leads_home(residual, here, head, arrays.base)]
+        if not hops:
+            break
+        head = draw(st.sampled_from(hops))
+        residual.remove_edge(here, head)
+        trail.append(head)
+        here = head
+    return trail + nx.shortest_path(residual, here, arrays.base)[1:]
+
+
+def _leads_home(residual, tail, head, base):
+    rest = residual.copy()
+    rest.remove_edge(tail, head)
+    return nx.has_path(rest, head, base)
+
+
+@st.composite
+def plans(draw, mission):
+    """A valid plan, as a list of one trail of node indices per robot."""
+    return [draw(trails(mission)) for _ in range(mission.robots)]
+
+
+@st.composite
+def missions_with_plans(draw, **options):
+    mission = draw(missions(**options))
+    return mission, mission.plan(draw(plans(mission)))  # the nodes' labels are their indices
