@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass
 from operator import index
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import networkx as nx
 import numpy as np
 
-from botohe_moo._types import FloatArray, IntArray, ObjectArray, OffsetArray
 from botohe_moo.kernels import evaluate as kernels
 from botohe_moo.mission.validation import MissionError, mission_faults, team_size_fault
 from botohe_moo.trails import PlanBatch, TrailPlan
+
+if TYPE_CHECKING:
+    from botohe_moo._types import FloatArray, IntArray, ObjectArray, OffsetArray
 
 __all__ = ["Mission", "MissionArrays", "PlanError"]
 
@@ -130,7 +132,7 @@ class Mission:
 
     @property
     def balanced(self) -> bool:
-        """Whether as many arcs enter every node as leave it; no trail can then run into a dead end."""
+        """Whether as many arcs enter every node as leave it, so that no trail meets a dead end."""
         arrays = self.arrays
         entering = np.bincount(arrays.head, minlength=arrays.n_nodes)
         return bool(np.array_equal(entering, np.diff(arrays.first)))
@@ -272,9 +274,7 @@ class Mission:
         except ValueError as error:
             raise PlanError(f"{error} Mission {self.name!r} has {self.robots} robots.") from None
 
-    def _describe(
-        self, batch: PlanBatch, kind: int, plan: int, robot: int, position: int
-    ) -> str:
+    def _describe(self, batch: PlanBatch, kind: int, plan: int, robot: int, position: int) -> str:
         where = f"Robot {robot}" if len(batch) == 1 else f"Plan {plan}, robot {robot}"
         if kind == kernels.EMPTY_TRAIL:
             return f"{where}: {_FAULTS[kind]}."
@@ -327,7 +327,8 @@ _FAULTS = {
 
 
 def _compile(graph: nx.DiGraph[Any], index: dict[Any, int], base: Hashable) -> MissionArrays:
-    arcs = sorted((index[u], index[v], s) for u, v, s in graph.edges(data="survival"))
+    labelled: Iterable[tuple[Any, Any, float]] = graph.edges(data="survival")
+    arcs = sorted((index[u], index[v], s) for u, v, s in labelled)
     tail = np.array([u for u, _, _ in arcs], np.int32)
     head = np.array([v for _, v, _ in arcs], np.int32)
     survival = np.array([s for _, _, s in arcs], np.float64)

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Iterator
-from numbers import Real
+from numbers import Integral, Real
 from operator import index
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import networkx as nx
 import numpy as np
 
-__all__ = ["MissionError", "mission_faults", "team_size_fault"]
+if TYPE_CHECKING:
+    from collections.abc import Hashable, Iterator
+
+__all__ = ["MissionError", "checked_integer", "mission_faults", "team_size_fault"]
 
 
 class MissionError(ValueError):
@@ -36,14 +38,32 @@ class MissionError(ValueError):
         return type(self), (list(self.faults), self.source)
 
 
-def mission_faults(graph: Any, base: Hashable, robots: object) -> list[str]:
-    """List all that keeps ``graph`` from being a mission; empty if nothing does."""
+def mission_faults(graph: Any, base: Hashable, robots: object, *, ways: bool = True) -> list[str]:
+    """List all that keeps ``graph`` from being a mission; empty if nothing does.
+
+    Parameters
+    ----------
+    graph, base, robots
+        What the mission is to be made of; None stands for a base or a team size that is not given.
+    ways
+        Whether to look for nodes without a way from or to the base; no use where arcs are known to
+        be missing, because a file could only be read in part.
+    """
     if not isinstance(graph, nx.DiGraph) or graph.is_multigraph():
         return [_not_a_digraph(graph)]
-    faults = [fault for fault in [team_size_fault(robots)] if fault]
+    faults = []
+    if robots is None:
+        faults.append("expected robots to be an integer >= 1, found no graph attribute 'robots'")
+    elif fault := team_size_fault(robots):
+        faults.append(fault)
     faults += _reward_faults(graph)
     faults += _arc_faults(graph)
-    faults += _way_faults(graph, base)
+    if base is None:
+        faults.append("expected the label of the base, found no graph attribute 'base'")
+    elif not _contains(graph, base):
+        faults.append(f"base {base!r}: there is no such node")
+    elif ways:
+        faults += _way_faults(graph, base)
     return faults
 
 
@@ -69,8 +89,14 @@ def _not_a_digraph(graph: Any) -> str:
     return f"expected an nx.DiGraph, got {graph!r}"
 
 
-def _is_number(value: object) -> bool:
-    return isinstance(value, Real) and not isinstance(value, bool | np.bool_)
+def _number(value: object) -> float:
+    """Give the number that kernels would compute with, NaN if ``value`` is none."""
+    if not isinstance(value, Real) or isinstance(value, bool | np.bool_):
+        return math.nan
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf
 
 
 def _found(attributes: dict[str, Any], key: str) -> str:
@@ -79,19 +105,15 @@ def _found(attributes: dict[str, Any], key: str) -> str:
 
 def _reward_faults(graph: nx.DiGraph[Any]) -> Iterator[str]:
     for node, attributes in graph.nodes(data=True):
-        reward = attributes.get("reward")
-        if not _is_number(reward) or not 0 <= reward < math.inf:
-            yield (
-                f"node {node!r}: expected a finite reward >= 0, {_found(attributes, 'reward')}"
-            )
+        if not 0 <= _number(attributes.get("reward")) < math.inf:
+            yield (f"node {node!r}: expected a finite reward >= 0, {_found(attributes, 'reward')}")
 
 
 def _arc_faults(graph: nx.DiGraph[Any]) -> Iterator[str]:
     for tail, head, attributes in graph.edges(data=True):
         if tail == head:
             yield f"arc {tail!r} -> {head!r}: a node must not have an arc to itself"
-        survival = attributes.get("survival")
-        if not _is_number(survival) or not 0 < survival <= 1:
+        if not 0 < _number(attributes.get("survival")) <= 1:
             yield (
                 f"arc {tail!r} -> {head!r}: expected survival in (0, 1], "
                 f"{_found(attributes, 'survival')}"
@@ -99,9 +121,6 @@ def _arc_faults(graph: nx.DiGraph[Any]) -> Iterator[str]:
 
 
 def _way_faults(graph: nx.DiGraph[Any], base: Hashable) -> Iterator[str]:
-    if not _contains(graph, base):
-        yield f"base {base!r}: there is no such node"
-        return
     reachable = nx.descendants(graph, base) | {base}
     returning = nx.ancestors(graph, base) | {base}
     for node in graph:
@@ -116,3 +135,18 @@ def _contains(graph: nx.DiGraph[Any], node: object) -> bool:
         return node in graph
     except TypeError:  # unhashable
         return False
+
+
+def checked_integer(name: str, value: object, least: int) -> int:
+    """Give the integer that the parameter ``name`` holds.
+
+    Raises
+    ------
+    ValueError
+        If ``value`` is no integer or less than ``least``.
+    """
+    if isinstance(value, bool | np.bool_) or not isinstance(value, Integral):
+        raise ValueError(f"Expected {name} to be an integer >= {least}, got {value!r}.")
+    if value < least:
+        raise ValueError(f"Expected {name} >= {least}, got {value}.")
+    return int(value)

@@ -1,0 +1,289 @@
+"""The ant colony proper: arrays and kernels, no pymoo."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import networkx as nx
+import numpy as np
+
+from botohe_moo._types import FloatArray, IntArray, OffsetArray
+from botohe_moo.kernels.construct import BLOCK, construct
+from botohe_moo.kernels.pheromone import learn, log_weights
+from botohe_moo.kernels.rng import seed_states
+from botohe_moo.mission.model import Mission
+from botohe_moo.trails import PlanBatch
+
+__all__ = ["Colony", "ColonyRule", "WalkGraph"]
+
+
+@dataclass(frozen=True, eq=False)
+class WalkGraph:
+    """A mission's arcs with the base's self-loop among them, as ants walk them.
+
+    Attributes
+    ----------
+    first
+        The arcs that leave node v are ``first[v]`` to ``first[v + 1]`` (n_nodes + 1); the
+        self-loop is the base's last.
+    tail, head, survival
+        Per arc; the self-loop has survival 1.
+    entering_first, entering, entering_tail
+        The arcs that enter node v, the self-loop not among them: offsets, arcs and their tails.
+    homeward
+        Of each node but the base, its arc on some shortest way home.
+    base, loop
+        Index of the base and of its self-loop.
+    balanced
+        Whether as many arcs enter every node as leave it.
+    """
+
+    first: OffsetArray
+    tail: IntArray
+    head: IntArray
+    survival: FloatArray
+    entering_first: OffsetArray
+    entering: IntArray
+    entering_tail: IntArray
+    homeward: IntArray
+    base: int
+    loop: int
+    balanced: bool
+
+    @classmethod
+    def of(cls, mission: Mission) -> WalkGraph:
+        """Prepare a mission."""
+        arrays = mission.arrays
+        n_nodes, base = arrays.n_nodes, arrays.base
+        loop = int(arrays.first[base + 1])
+        first = arrays.first.copy()
+        first[base + 1 :] += 1
+        tail = np.insert(arrays.tail, loop, base).astype(np.int32)
+        head = np.insert(arrays.head, loop, base).astype(np.int32)
+        by_head = np.argsort(head, kind="stable").astype(np.int32)
+        entering = by_head[by_head != loop]
+        entering_first = np.zeros(n_nodes + 1, np.int64)
+        np.cumsum(np.bincount(head[entering], minlength=n_nodes), out=entering_first[1:])
+        homeward = np.full(n_nodes, -1, np.int32)
+        arc_of = {arc: i for i, arc in enumerate(zip(tail.tolist(), head.tolist(), strict=True))}
+        backwards = mission.graph.reverse(copy=False)
+        for nearer, farther in nx.bfs_edges(backwards, mission.base):
+            u, v = mission.index(farther), mission.index(nearer)
+            homeward[u] = arc_of[u, v]
+        return cls(
+            first=first,
+            tail=tail,
+            head=head,
+            survival=np.insert(arrays.survival, loop, 1.0),
+            entering_first=entering_first,
+            entering=entering,
+            entering_tail=tail[entering],
+            homeward=homeward,
+            base=base,
+            loop=loop,
+            balanced=mission.balanced,
+        )
+
+
+@dataclass(frozen=True)
+class ColonyRule:
+    """How ants weigh arcs and how pheromone changes; :class:`BOACO` documents the parameters."""
+
+    n_ants: int
+    evaporation: float
+    heuristic: bool
+    pheromone: bool
+    pheromone_per_robot: bool
+    initial_reward_pheromone: float
+    initial_survival_pheromone: float
+    reward_epsilon: float
+    survival_epsilon: float
+    unvisited_bonus: float
+    exploration: float
+    pooled_deposit: bool
+
+
+class Colony:
+    """Ants that build plans, and the pheromone they leave.
+
+    Parameters
+    ----------
+    mission
+        What to plan for.
+    rule
+        How ants choose and deposit.
+    n_threads
+        Threads that build plans; results do not depend on it.
+    random_state
+        Where each ant's own generator takes its seed from.
+    """
+
+    def __init__(
+        self,
+        mission: Mission,
+        rule: ColonyRule,
+        *,
+        n_threads: int,
+        random_state: np.random.Generator,
+    ) -> None:
+        self.rule = rule
+        self.n_robots = mission.robots
+        self.n_threads = n_threads
+        self.walk = walk = WalkGraph.of(mission)
+        self._states = seed_states(random_state, rule.n_ants)
+        n_maps = mission.robots if rule.pheromone_per_robot else 1
+        shape = (n_maps, len(walk.head))
+        self.pheromone: FloatArray = np.empty((*shape, 2))
+        self.pheromone[..., 0] = rule.initial_reward_pheromone if rule.pheromone else 1.0
+        self.pheromone[..., 1] = rule.initial_survival_pheromone if rule.pheromone else 1.0
+        self._deposits = np.zeros((2, *shape, 2))
+
+        value = rule.unvisited_bonus + walk.survival * mission.arrays.reward[walk.head]
+        if rule.heuristic:
+            self._gain = value / rule.reward_epsilon
+            self._log_eta_reward = float(np.log(rule.reward_epsilon))
+            self._log_eta_survival = np.log(rule.survival_epsilon + walk.survival)
+        else:
+            self._gain = np.zeros(shape[1])
+            self._log_eta_reward = 0.0
+            self._log_eta_survival = np.zeros(shape[1])
+        self._log_fresh = np.log1p(self._gain)
+        self._log_reward, self._log_survival = np.empty(shape), np.empty(shape)
+        self._weigh()
+        self._buffers: dict[int, tuple[IntArray, IntArray]] = {}
+        self._pool: ThreadPoolExecutor | None = None
+
+    def _weigh(self) -> None:
+        log_weights(
+            self.pheromone,
+            self._log_eta_reward,
+            self._log_eta_survival,
+            self._log_reward,
+            self._log_survival,
+        )
+
+    def construct(self, n_ants: int) -> tuple[PlanBatch, IntArray]:
+        """Let ants build one plan each.
+
+        Parameters
+        ----------
+        n_ants
+            How many, at most the colony's size; their weights on the objectives are spread evenly.
+
+        Returns
+        -------
+        tuple
+            The plans, robots in the order in which they were planned, and the arc that leaves
+            each of their nodes, every trail ending with the base's self-loop.
+        """
+        lengths = np.empty(n_ants * self.n_robots, np.int64)
+        n_blocks = -(-n_ants // BLOCK)
+        n_threads = min(self.n_threads, n_blocks)
+        cuts = [BLOCK * (n_blocks * i // n_threads) for i in range(n_threads)] + [n_ants]
+        spans = list(zip(cuts, cuts[1:], strict=False))
+        if n_threads == 1:
+            parts = [self._construct_span(0, 0, n_ants, n_ants, lengths)]
+        else:
+            waiting = [
+                self._submit(self._construct_span, part, *span, n_ants, lengths)
+                for part, span in enumerate(spans[1:], start=1)
+            ]
+            parts = [self._construct_span(0, *spans[0], n_ants, lengths)]
+            parts += [future.result() for future in waiting]
+        offsets = np.zeros(len(lengths) + 1, np.int64)
+        np.cumsum(lengths, out=offsets[1:])
+        if n_threads == 1:
+            nodes, arcs = parts[0][0].copy(), parts[0][1].copy()
+        else:
+            nodes = np.concatenate([nodes for nodes, _ in parts])
+            arcs = np.concatenate([arcs for _, arcs in parts])
+        return PlanBatch._wrap(nodes, offsets, self.n_robots), arcs
+
+    def _submit(self, job: Callable[..., Any], *args: Any) -> Any:
+        if self._pool is None:
+            self._pool = ThreadPoolExecutor(self.n_threads - 1, "botohe-ants")
+        return self._pool.submit(job, *args)
+
+    def _construct_span(
+        self, part: int, begin: int, end: int, n_ants: int, lengths: OffsetArray
+    ) -> tuple[IntArray, IntArray]:
+        nodes, arcs = self._buffers.get(part) or (np.empty(4096, np.int32), np.empty(4096, np.int32))
+        walk, rule = self.walk, self.rule
+        nodes, arcs, size = construct(
+            walk.first,
+            walk.head,
+            walk.survival,
+            walk.entering_first,
+            walk.entering,
+            walk.entering_tail,
+            walk.homeward,
+            walk.base,
+            walk.balanced,
+            self._log_reward,
+            self._log_survival,
+            self._gain,
+            self._log_fresh,
+            rule.exploration,
+            self.n_robots,
+            n_ants,
+            begin,
+            end,
+            self._states,
+            nodes,
+            arcs,
+            lengths,
+        )
+        self._buffers[part] = nodes, arcs
+        return nodes[:size], arcs[:size]
+
+    def learn(
+        self,
+        batch: PlanBatch,
+        arcs: IntArray,
+        objectives: FloatArray,
+        members: OffsetArray,
+        archived: tuple[FloatArray, IntArray, OffsetArray],
+        archive_changed: bool,
+    ) -> None:
+        """Evaporate and deposit pheromone, unless the colony does without.
+
+        Parameters
+        ----------
+        batch, arcs, objectives
+            The iteration's plans, their arcs, and their E[R] and E[S].
+        members
+            Indices of the iteration's Pareto set.
+        archived
+            Objectives, arcs and offsets of the global Pareto set.
+        archive_changed
+            Whether that set is another than at the last call.
+        """
+        if not self.rule.pheromone:
+            return
+        learn(
+            self.pheromone,
+            self.rule.evaporation,
+            self.rule.pooled_deposit,
+            objectives,
+            members,
+            arcs,
+            batch.offsets,
+            *archived,
+            archive_changed,
+            self.n_robots,
+            self._deposits[0],
+            self._deposits[1],
+        )
+        self._weigh()
+
+    def close(self) -> None:
+        """End the threads; the next construction starts new ones."""
+        if self._pool is not None:
+            self._pool.shutdown()
+            self._pool = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_pool": None, "_buffers": {}}

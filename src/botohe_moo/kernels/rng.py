@@ -1,0 +1,32 @@
+"""Random numbers inside kernels: one xoroshiro128+ state per ant.
+
+Blackman and Vigna, "Scrambled linear pseudorandom number generators", ACM Transactions on
+Mathematical Software 47(4), 2021. A state is two 64-bit words, not both zero.
+"""
+
+import numpy as np
+
+from botohe_moo._types import SeedArray
+from botohe_moo.kernels.compile import inline
+
+_A, _B, _C = np.uint64(24), np.uint64(16), np.uint64(37)
+_WORD = np.uint64(64)
+_DROP = np.uint64(11)
+_SCALE = 2.0**-53
+
+
+def seed_states(random_state: np.random.Generator, n: int) -> SeedArray:
+    """Draw ``n`` states, shape (n, 2), from numpy's generator."""
+    states = random_state.integers(1, 2**64, size=(n, 2), dtype=np.uint64)
+    return np.asarray(states, np.uint64)
+
+
+@inline
+def uniform(states: SeedArray, which: int) -> float:
+    """Draw a float in [0, 1) and advance state ``which``."""
+    low, high = states[which, 0], states[which, 1]
+    drawn = low + high
+    high ^= low
+    states[which, 0] = ((low << _A) | (low >> (_WORD - _A))) ^ high ^ (high << _B)
+    states[which, 1] = (high << _C) | (high >> (_WORD - _C))
+    return (drawn >> _DROP) * _SCALE

@@ -1,0 +1,207 @@
+"""Mission files: which format a file is in, reading it and writing it."""
+
+from __future__ import annotations
+
+import contextlib
+import inspect
+import os
+import secrets
+from collections.abc import Callable, Iterable, Mapping
+from difflib import SequenceMatcher
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from botohe_moo.mission.benchmark import read_benchmark
+from botohe_moo.mission.graphml import read_graphml, write_graphml
+from botohe_moo.mission.model import Mission
+from botohe_moo.mission.nodelink import mission_content, read_node_link, write_node_link
+from botohe_moo.mission.validation import MissionError, mission_faults
+
+if TYPE_CHECKING:
+    import networkx as nx
+
+__all__ = [
+    "SUFFIXES",
+    "check_parameters",
+    "keyword_names",
+    "nearest_first",
+    "read_mission",
+    "save_mission",
+]
+
+# A reader takes the file's bytes and its own keyword-only options; it gives the graph and the
+# faults for which parts of the file had to be left out of it.
+_Reader = Callable[..., tuple[Any, list[str]]]
+_READERS: dict[str, _Reader] = {
+    ".json": read_node_link,
+    ".graphml": read_graphml,
+    ".txt": read_benchmark,
+}
+_WRITERS = {".json": write_node_link, ".graphml": write_graphml}
+
+SUFFIXES = tuple(_READERS)
+
+
+def read_mission(
+    path: str | os.PathLike[str], *, robots: int | None = None, **options: Any
+) -> Mission:
+    """Read a mission file; its suffix, in any case, says its format.
+
+    Parameters
+    ----------
+    path
+        - ``.json``: networkx node-link JSON (``nx.node_link_data(graph, edges="edges")``) in UTF-8,
+          with the graph attributes ``base`` and ``robots``, optionally ``name`` and ``title``, the
+          node attribute ``reward`` and the arc attribute ``survival``. Lists that stand for labels
+          are read as tuples.
+        - ``.graphml``: the same attributes; node labels are strings, and the node attributes ``x``
+          and ``y`` become ``pos`` [x, y].
+        - ``.txt``: the team-orienteering benchmark of Chao, Golden and Wasil, which becomes a
+          nearest-neighbours mission; see ``options``.
+    robots
+        Team size; default: the file's.
+    options
+        For ``.txt`` only: ``neighbours`` (at least 1, default 8), the number of nearest points that
+        each point has arcs to, and ``scale`` (above 0, default: the file's tmax) in the survival
+        exp(−distance / scale).
+
+    Raises
+    ------
+    MissionError
+        If there is no such file, it is not in its format, or it does not hold a valid mission;
+        every fault is listed.
+    ValueError
+        If an option is unknown or out of its range.
+    """
+    path = Path(path)
+    reader = _READERS.get(path.suffix.lower())
+    if reader is None:
+        raise MissionError(_unknown_suffix(path, SUFFIXES), str(path))
+    check_parameters(f"Mission file {path}", options, keyword_names(reader), also=("robots",))
+    try:
+        graph: nx.DiGraph[Any]
+        graph, faults = reader(_content(path), **options)
+        team = graph.graph.get("robots") if robots is None else robots
+        if faults:
+            faults += mission_faults(graph, graph.graph.get("base"), team, ways=False)
+            raise MissionError(faults)
+        return Mission(graph, robots=team, name=graph.graph.get("name") or path.stem)
+    except MissionError as error:
+        raise MissionError(list(error.faults), str(path)) from None
+    except RecursionError:
+        raise MissionError("expected a mission, found lists nested too deeply", str(path)) from None
+
+
+def save_mission(mission: Mission, path: str | os.PathLike[str]) -> None:
+    """Write a mission file from which `read_mission` gives an equal mission back.
+
+    The file holds all that the mission's graph does, its node labels, and the attributes of graph,
+    nodes and arcs, with numpy's numbers as plain ones, and tuples and arrays among the attributes
+    as lists. It appears at ``path`` complete or not at all.
+
+    Parameters
+    ----------
+    mission
+        What to write.
+    path
+        Ends in ``.json`` or ``.graphml``, in any case. GraphML holds strings as labels; numbers,
+        booleans and strings as attributes; and ``pos`` as ``x`` and ``y``.
+
+    Raises
+    ------
+    ValueError
+        If the suffix is another, or the format cannot hold a label or an attribute: names it.
+    OSError
+        If the file cannot be written.
+    """
+    path = Path(path)
+    writer = _WRITERS.get(path.suffix.lower())
+    if writer is None:
+        raise ValueError(f"{path}: {_unknown_suffix(path, _WRITERS)}.")
+    try:
+        data = writer(mission_content(mission))
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    _replace(path, data)
+
+
+def check_parameters(
+    owner: str, given: Iterable[str], accepted: Iterable[str] | None, *, also: Iterable[str] = ()
+) -> None:
+    """Refuse parameters that are not known.
+
+    Parameters
+    ----------
+    owner
+        Whom the parameters are for, as the message calls it.
+    given
+        Names of the parameters.
+    accepted
+        Names of those that are known; None for a function that takes any.
+    also
+        Further names that are known.
+
+    Raises
+    ------
+    ValueError
+        Names every unknown parameter, and the known ones, nearest first.
+    """
+    if accepted is None:
+        return
+    known = sorted({*accepted, *also})
+    unknown = [name for name in given if name not in known]
+    if unknown:
+        named = " and ".join(repr(name) for name in unknown)
+        among = ", ".join(nearest_first(unknown[0], known)) or "none"
+        raise ValueError(f"{owner}: expected only the parameters {among}; got {named}.")
+
+
+def keyword_names(function: Callable[..., object]) -> tuple[str, ...] | None:
+    """Give the names that ``function`` takes as keywords, or None if it takes any."""
+    try:
+        parameters = inspect.signature(function).parameters.values()
+    except (TypeError, ValueError):  # some compiled callables do not tell
+        return None
+    if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters):
+        return None
+    named = (inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+    return tuple(parameter.name for parameter in parameters if parameter.kind in named)
+
+
+def nearest_first(word: str, words: Iterable[str]) -> list[str]:
+    """Sort ``words`` by how much they look like ``word``, those alike by name."""
+    word = word.lower()
+    return sorted(words, key=lambda w: (-SequenceMatcher(None, word, w.lower()).ratio(), w))
+
+
+def _unknown_suffix(path: Path, known: Mapping[str, object] | Iterable[str]) -> str:
+    found = f"the suffix {path.suffix!r}" if path.suffix else "no suffix"
+    return f"expected a file name that ends in {' or '.join(known)}, found {found}"
+
+
+def _content(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise MissionError("there is no such file") from None
+    except IsADirectoryError:
+        raise MissionError("expected a file, found a directory") from None
+    except (OSError, ValueError) as error:  # ValueError: a path with a null character
+        reason = getattr(error, "strerror", None) or error
+        raise MissionError(f"the file cannot be read: {reason}") from None
+
+
+def _replace(path: Path, data: bytes) -> None:
+    """Write a file in one step, so that nobody ever finds half of it."""
+    temporary = path.with_name(f".{secrets.token_hex(8)}.tmp")
+    try:
+        with temporary.open("xb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.replace(path)
+    except OSError as error:  # which would name the temporary file
+        raise OSError(error.errno, error.strerror, str(path)) from None
+    finally:
+        with contextlib.suppress(OSError):
+            temporary.unlink()

@@ -1,0 +1,287 @@
+"""Seeded random missions: the same arguments give the same mission.
+
+Numbers have a few decimal places only, so that the last bits in which platforms differ never show,
+and mission files stay readable. Passages lead both ways. The base, node 0 unless said otherwise,
+has no reward.
+"""
+
+from __future__ import annotations
+
+import math
+from numbers import Real
+from typing import TYPE_CHECKING, Any
+
+import networkx as nx
+import numpy as np
+
+from botohe_moo.mission.benchmark import near_pairs, spanning_pairs
+from botohe_moo.mission.model import Mission
+from botohe_moo.mission.validation import checked_integer
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
+
+    from botohe_moo._types import FloatArray, OffsetArray
+
+__all__ = ["complete", "random", "terrain", "two_communities"]
+
+_DIGITS = 4
+_DRAWS = 1000
+
+# How far apart waypoints may be that have a passage, in units of 1 / √n. It gives as many arcs a
+# waypoint as terrain_200 has.
+_REACH = 1.51
+
+
+def two_communities(*, seed: int = 0, robots: int = 2) -> Mission:
+    """Draw a poor community of 12 nodes and a rich one of 8, hardly connected, beside the base.
+
+    Passages have probability 0.4 and 0.3 within the communities, and 0.025 between them. Rewards
+    are normal(1, 0.5) and normal(5, 2), truncated to at least 0; survivals, the same both ways, are
+    normal(0.9, 0.3), truncated to (0, 1]. What is out of range is drawn again, not moved to the
+    bound. The first node of each community is tied to the base by a passage of survival 1. Passages
+    are drawn again until they connect all nodes.
+
+    Parameters
+    ----------
+    seed
+        Seed of the random numbers, at least 0.
+    robots
+        Team size, at least 1.
+
+    Returns
+    -------
+    Mission
+        21 nodes, about 80 arcs; the node attribute ``zone`` tells the communities.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is out of its range.
+
+    References
+    ----------
+    The third case of Simon, Richley, Overbey and Perez-Lavin, "Bi-objective trail-planning for a
+    robot team orienteering in a hazardous environment", 2025: a stochastic block model.
+    """
+    rng, robots = _rng(seed), checked_integer("robots", robots, 1)
+    poor, rich = 12, 8
+    block = np.repeat([0, 1, 2], [1, poor, rich])
+    probability = np.array([[0, 0, 0], [0, 0.4, 0.025], [0, 0.025, 0.3]])[block[:, None], block]
+    probability[0, [1, 1 + poor]] = 1
+    pairs = _connected_pairs(rng, probability)
+    rewards = [_truncated(rng, 1, 0.5, poor, _is_reward), _truncated(rng, 5, 2, rich, _is_reward)]
+    survivals = _truncated(rng, 0.9, 0.3, len(pairs), _is_survival)
+    survivals[pairs[:, 0] == 0] = 1
+    return _mission(
+        "two_communities",
+        f"Two communities, seed {seed}",
+        robots,
+        np.concatenate([[0], *rewards]),
+        np.concatenate([[[0.5, 0]], _circle(poor, 0.2, 0.2), _circle(rich, 0.8, 0.2)]),
+        pairs,
+        np.column_stack([survivals, survivals]),
+        zones=np.array(["base", "community 1", "community 2"])[block].tolist(),
+    )
+
+
+def random(
+    *, nodes: int = 20, arc_probability: float = 0.3, robots: int = 3, seed: int = 0
+) -> Mission:
+    """Draw an Erdős–Rényi graph, again until it is connected.
+
+    Survivals are uniform in (0, 1), each way its own, and rewards 0.1 + uniform in [0, 1).
+
+    Parameters
+    ----------
+    nodes
+        Number of nodes, at least 2.
+    arc_probability
+        Probability, in (0, 1], that there is a passage between two nodes.
+    robots
+        Team size, at least 1.
+    seed
+        Seed of the random numbers, at least 0.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is out of its range, or ``arc_probability`` so small that none of 1000 graphs
+        is connected.
+    """
+    rng, robots = _rng(seed), checked_integer("robots", robots, 1)
+    nodes = checked_integer("nodes", nodes, 2)
+    if isinstance(arc_probability, bool) or not isinstance(arc_probability, Real):
+        raise ValueError(f"Expected arc_probability to be a number, got {arc_probability!r}.")
+    if not 0 < arc_probability <= 1:
+        raise ValueError(f"Expected arc_probability in (0, 1], got {arc_probability}.")
+    pairs = _connected_pairs(rng, np.full((nodes, nodes), float(arc_probability)))
+    if not len(pairs):
+        raise ValueError(
+            f"Expected an arc_probability that connects {nodes} nodes, got {arc_probability}: none "
+            f"of {_DRAWS} graphs was connected; most are above {1.5 * math.log(nodes) / nodes:.2g}."
+        )
+    steps = 10**_DIGITS
+    return _mission(
+        "random",
+        f"Random graph of {nodes} nodes, arc probability {arc_probability:g}, seed {seed}",
+        robots,
+        np.round(0.1 + rng.integers(0, steps, nodes) / steps, _DIGITS),
+        _circle(nodes, 0.5, 0.5),
+        pairs,
+        rng.integers(1, steps, (len(pairs), 2)) / steps,
+    )
+
+
+def complete(*, nodes: int = 25, robots: int = 2, seed: int = 0) -> Mission:
+    """Draw rewards and survivals for a graph with all arcs.
+
+    Rewards are normal(1, 1), truncated to at least 0, and survivals, each way its own,
+    normal(0.75, 0.2), truncated to (0, 1]; what is out of range is drawn again.
+
+    Parameters
+    ----------
+    nodes
+        Number of nodes, at least 2.
+    robots
+        Team size, at least 1.
+    seed
+        Seed of the random numbers, at least 0.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is out of its range.
+    """
+    rng, robots = _rng(seed), checked_integer("robots", robots, 1)
+    nodes = checked_integer("nodes", nodes, 2)
+    pairs = np.column_stack(np.triu_indices(nodes, 1))
+    return _mission(
+        "complete",
+        f"Complete graph of {nodes} nodes, seed {seed}",
+        robots,
+        _truncated(rng, 1, 1, nodes, _is_reward),
+        _circle(nodes, 0.5, 0.5),
+        pairs,
+        _truncated(rng, 0.75, 0.2, 2 * len(pairs), _is_survival).reshape(-1, 2),
+    )
+
+
+def terrain(*, nodes: int = 200, robots: int = 5, seed: int = 0) -> Mission:
+    """Draw waypoints in the unit square, with passages between near ones, like ``terrain_200``.
+
+    A random geometric graph whose waypoints have about 6.7 neighbours, whatever their number; where
+    it falls apart, passages between the nearest waypoints of its parts join them. Survivals are
+    uniform in [0.9, 0.995], each way its own, and rewards uniform in [0, 1). The base is the
+    waypoint nearest to the centre.
+
+    Parameters
+    ----------
+    nodes
+        Number of waypoints, at least 2.
+    robots
+        Team size, at least 1.
+    seed
+        Seed of the random numbers, at least 0.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is out of its range.
+    """
+    rng, robots = _rng(seed), checked_integer("robots", robots, 1)
+    nodes = checked_integer("nodes", nodes, 2)
+    positions = np.round(rng.random((nodes, 2)), 6)
+    # The spanning tree's long edges are the ones that join the parts, shortest first.
+    near = near_pairs(positions, _REACH / math.sqrt(nodes))
+    pairs = np.array(sorted({*near, *spanning_pairs(positions)}))
+    return _mission(
+        "terrain",
+        f"Rolling terrain: {nodes} waypoints, random geometric graph, seed {seed}",
+        robots,
+        np.round(rng.random(nodes), 3),
+        positions,
+        pairs,
+        np.round(0.9 + 0.095 * rng.random((len(pairs), 2)), _DIGITS),
+        base=int(((positions - 0.5) ** 2).sum(axis=1).argmin()),
+    )
+
+
+def _rng(seed: int) -> np.random.Generator:
+    return np.random.default_rng(checked_integer("seed", seed, 0))
+
+
+def _connected_pairs(rng: np.random.Generator, probability: FloatArray) -> OffsetArray:
+    """Draw pairs of nodes, each with its probability (n, n), until they connect all nodes.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (n_pairs, 2), the lower node first; no pairs if no draw was connected.
+    """
+    every = np.triu_indices(len(probability), 1)
+    tails, heads = every
+    for _ in range(_DRAWS):
+        drawn = rng.random(len(tails)) < probability[every]
+        pairs = np.column_stack([tails[drawn], heads[drawn]])
+        if len(np.unique(pairs)) == len(probability) and nx.is_connected(nx.Graph(pairs.tolist())):
+            return pairs
+    return np.empty((0, 2), np.int64)
+
+
+def _is_reward(values: FloatArray) -> NDArray[np.bool_]:
+    return values >= 0
+
+
+def _is_survival(values: FloatArray) -> NDArray[np.bool_]:
+    return (values > 0) & (values <= 1)
+
+
+def _truncated(
+    rng: np.random.Generator,
+    mean: float,
+    deviation: float,
+    size: int,
+    accepted: Callable[[FloatArray], NDArray[np.bool_]],
+) -> FloatArray:
+    """Draw ``size`` normal numbers, and those that are not accepted again."""
+    values = np.empty(0)
+    while len(values) < size:
+        drawn = np.round(mean + deviation * rng.standard_normal(size - len(values)), _DIGITS)
+        values = np.concatenate([values, drawn[accepted(drawn)]])
+    return values
+
+
+def _circle(nodes: int, x: float, radius: float) -> FloatArray:
+    """Spread nodes evenly on a circle around (x, 0.5): their positions (nodes, 2)."""
+    angles = 2 * np.pi * np.arange(nodes) / nodes
+    circle = np.column_stack([x + radius * np.cos(angles), 0.5 + radius * np.sin(angles)])
+    return np.round(circle, _DIGITS)
+
+
+def _mission(
+    name: str,
+    title: str,
+    robots: int,
+    rewards: FloatArray,
+    positions: FloatArray,
+    pairs: OffsetArray,
+    survivals: FloatArray,
+    *,
+    base: int = 0,
+    zones: Sequence[str] | None = None,
+) -> Mission:
+    """Make a mission of rewards (n), positions (n, 2), pairs and survivals both ways (m, 2)."""
+    graph: nx.DiGraph[Any] = nx.DiGraph(name=name, title=title, base=base, robots=robots)
+    for node, (reward, position) in enumerate(
+        zip(rewards.tolist(), positions.tolist(), strict=True)
+    ):
+        graph.add_node(node, reward=0.0 if node == base else reward, pos=position)
+        if zones is not None:
+            graph.nodes[node]["zone"] = zones[node]
+    for (tail, head), (there, back) in zip(pairs.tolist(), survivals.tolist(), strict=True):
+        graph.add_edge(tail, head, survival=there)
+        graph.add_edge(head, tail, survival=back)
+    return Mission(graph)

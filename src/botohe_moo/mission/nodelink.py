@@ -1,0 +1,263 @@
+"""Node-link JSON, the mission format; GraphML goes through its nodes and edges too."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+from numbers import Integral, Real
+from reprlib import Repr
+from typing import TYPE_CHECKING, Any
+
+import networkx as nx
+import numpy as np
+
+from botohe_moo.mission.validation import MissionError
+
+if TYPE_CHECKING:
+    from collections.abc import Hashable
+
+    from botohe_moo.mission.model import Mission
+
+__all__ = ["decode", "graph_from", "mission_content", "read_node_link", "write_node_link"]
+
+_REPR = Repr()
+_REPR.maxlevel, _REPR.maxstring, _REPR.maxother = 2, 60, 60
+_brief = _REPR.repr
+
+
+def read_node_link(data: bytes) -> tuple[nx.Graph[Any], list[str]]:
+    """Read node-link JSON; see `graph_from`.
+
+    Raises
+    ------
+    MissionError
+        If ``data`` is not UTF-8 or not JSON, or has not the form of node-link data.
+    """
+    text = decode(data)
+    try:
+        content = json.loads(text)
+    except json.JSONDecodeError as error:
+        where = f"line {error.lineno}, column {error.colno}"
+        raise MissionError(f"{where}: expected JSON, found: {error.msg}") from None
+    except ValueError as error:  # an integer of thousands of digits
+        raise MissionError(f"expected JSON of numbers in range, found: {error}") from None
+    return graph_from(content)
+
+
+def decode(data: bytes) -> str:
+    """Decode UTF-8, with or without a byte order mark.
+
+    Raises
+    ------
+    MissionError
+        If ``data`` is something else.
+    """
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        found = f"the byte {data[error.start]:#04x} at position {error.start}"
+        raise MissionError(f"expected text in UTF-8, found {found}") from None
+
+
+def graph_from(content: object) -> tuple[nx.Graph[Any], list[str]]:
+    """Make a graph from node-link data.
+
+    networkx' own ``node_link_graph`` would make up nodes that only arcs name, let the last of
+    several equal nodes or arcs win, and let the base's label stay a list.
+
+    Returns
+    -------
+    graph
+        Directed and simple only where ``content`` says so, and otherwise empty.
+    faults
+        The nodes and arcs that had to be left out.
+
+    Raises
+    ------
+    MissionError
+        If a key is missing or of a wrong type.
+    """
+    if not isinstance(content, dict):
+        raise MissionError(f"expected node-link data, a JSON object, got {_brief(content)}")
+    content = {"directed": False, "multigraph": False, "graph": {}, **content}
+    if faults := _key_faults(content):
+        raise MissionError(faults)
+    if not content["directed"] or content["multigraph"]:
+        return nx.Graph() if not content["multigraph"] else nx.MultiDiGraph(), []
+    graph: nx.DiGraph[Any] = nx.DiGraph()
+    graph.graph.update(content["graph"])
+    if "base" in graph.graph:
+        with contextlib.suppress(ValueError):  # no label: then there is no such node either
+            graph.graph["base"] = _label(graph.graph["base"])
+    for position, entry in enumerate(content["nodes"]):
+        faults += _add_node(graph, f"nodes[{position}]", entry)
+    for position, entry in enumerate(content["edges"]):
+        faults += _add_arc(graph, f"edges[{position}]", entry)
+    return graph, faults
+
+
+def _key_faults(content: dict[str, Any]) -> list[str]:
+    faults = []
+    for key, kind, words in (
+        ("directed", bool, "true or false"),
+        ("multigraph", bool, "true or false"),
+        ("graph", dict, "an object"),
+        ("nodes", list, "a list"),
+        ("edges", list, "a list"),
+    ):
+        if key not in content:
+            hint = ""
+            if key == "edges" and "links" in content:
+                hint = ', but "links": nx.node_link_data(graph, edges="edges") writes "edges"'
+            faults.append(f'expected the key "{key}", {words}; found no such key{hint}')
+        elif not isinstance(content[key], kind):
+            faults.append(f'expected the key "{key}" to hold {words}, got {_brief(content[key])}')
+    return faults
+
+
+def _label(value: object) -> Hashable:
+    """Give the node label that a JSON value stands for."""
+    if value is None or isinstance(value, dict) or value != value:
+        expected = "a string, a number, a boolean or a list of them"
+        raise ValueError(f"expected a label, {expected}, got {_brief(value)}")
+    if isinstance(value, list):
+        return tuple(None if item is None else _label(item) for item in value)
+    return value
+
+
+def _add_node(graph: nx.DiGraph[Any], where: str, entry: object) -> list[str]:
+    try:
+        (label,), attributes = _labels(entry, "id")
+    except ValueError as error:
+        return [f"{where}: {error}"]
+    if label in graph:
+        return [f"node {label!r}: is listed more than once, again as {where}"]
+    graph.add_node(label)
+    graph.nodes[label].update(attributes)
+    return []
+
+
+def _add_arc(graph: nx.DiGraph[Any], where: str, entry: object) -> list[str]:
+    try:
+        (tail, head), attributes = _labels(entry, "source", "target")
+    except ValueError as error:
+        return [f"{where}: {error}"]
+    unknown = [label for label in dict.fromkeys((tail, head)) if label not in graph]
+    if unknown:
+        return [f"arc {tail!r} -> {head!r}: there is no node {label!r}" for label in unknown]
+    if graph.has_edge(tail, head):
+        return [f"arc {tail!r} -> {head!r}: is listed more than once, again as {where}"]
+    graph.add_edge(tail, head)
+    graph.edges[tail, head].update(attributes)
+    return []
+
+
+def _labels(entry: object, *keys: str) -> tuple[list[Hashable], dict[str, Any]]:
+    """Split an entry into the labels that ``keys`` hold and its attributes."""
+    if not isinstance(entry, dict):
+        raise ValueError(f"expected an object, got {_brief(entry)}")
+    if missing := [key for key in keys if key not in entry]:
+        raise ValueError(f'found no key "{missing[0]}" in {_brief(entry)}')
+    labels = []
+    for key in keys:
+        try:
+            labels.append(_label(entry[key]))
+        except ValueError as error:
+            raise ValueError(f'"{key}": {error}') from None
+    return labels, {key: value for key, value in entry.items() if key not in keys}
+
+
+def mission_content(mission: Mission) -> dict[str, Any]:
+    """Give the node-link data of ``mission``, of nothing but JSON's own types.
+
+    Raises
+    ------
+    ValueError
+        If JSON cannot hold a label or an attribute, or would change the label.
+    """
+    graph = mission.graph
+    own = {"name": None, **graph.graph, "base": None}
+    own.update(name=mission.name, robots=mission.robots)  # not the graph's, which may differ
+    own = _attributes("the graph", own) | {"base": _plain_label(mission.base)}
+    nodes = []
+    for node, attributes in graph.nodes(data=True):
+        label = _plain_label(node)
+        nodes.append({"id": label, **_attributes(f"node {node!r}", attributes, "id")})
+    arcs = []
+    for tail, head, attributes in graph.edges(data=True):
+        arc = f"arc {tail!r} -> {head!r}"
+        ends = {"source": _plain_label(tail), "target": _plain_label(head)}
+        arcs.append({**ends, **_attributes(arc, attributes, "source", "target")})
+    return {"directed": True, "multigraph": False, "graph": own, "nodes": nodes, "edges": arcs}
+
+
+def write_node_link(content: dict[str, Any]) -> bytes:
+    """Write node-link data as JSON, a node or an arc a line."""
+    lines = [
+        f" {json.dumps(key)}: {json.dumps(content[key], ensure_ascii=False, allow_nan=False)}"
+        for key in ("directed", "multigraph", "graph")
+    ]
+    for key in ("nodes", "edges"):
+        entries = [
+            f"\n  {json.dumps(entry, ensure_ascii=False, allow_nan=False)}"
+            for entry in content[key]
+        ]
+        lines.append(f" {json.dumps(key)}: [{','.join(entries)}\n ]")
+    return "{{\n{}\n}}\n".format(",\n".join(lines)).encode()
+
+
+def _plain_label(label: Hashable) -> object:
+    """Give the JSON value that is read as a label equal to ``label``."""
+    try:
+        plain = _plain(label)
+        if label == _label(plain):
+            return plain
+        reason = f"it would come back as {_brief(plain)}"
+    except ValueError as error:
+        reason = str(error)
+    raise ValueError(f"Node {label!r} cannot be saved under its label: {reason}.")
+
+
+def _attributes(owner: str, attributes: dict[Any, Any], *reserved: str) -> dict[str, Any]:
+    plain = {}
+    for key, value in attributes.items():
+        if not isinstance(key, str) or key in reserved:
+            expected = f"a string other than {' and '.join(reserved)}" if reserved else "a string"
+            raise ValueError(f"{owner}: expected {expected} as an attribute's name, got {key!r}.")
+        try:
+            plain[key] = _plain(value)
+        except ValueError as error:
+            raise ValueError(
+                f"{owner}: attribute {key!r}, {_brief(value)}, cannot be saved: {error}."
+            ) from None
+    return plain
+
+
+def _plain(value: Any) -> Any:
+    """Give ``value`` in JSON's own types."""
+    if isinstance(value, np.generic | np.ndarray):
+        value = value.tolist()
+    if value is None or isinstance(value, bool):
+        return value
+    if isinstance(value, str):
+        return _encodable(value)
+    if isinstance(value, Integral):
+        return int(value)
+    if isinstance(value, Real):
+        if not math.isfinite(value):
+            raise ValueError("JSON has no infinite numbers and no NaN")
+        return float(value)
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, dict) and all(isinstance(key, str) for key in value):
+        return {_encodable(key): _plain(item) for key, item in value.items()}
+    raise ValueError(f"JSON has no {type(value).__name__}")
+
+
+def _encodable(text: str) -> str:
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        raise ValueError(f"{text!r} is no valid Unicode text") from None
+    return text

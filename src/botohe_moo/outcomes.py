@@ -1,0 +1,505 @@
+"""What may happen to a trail plan: distributions of reward and survivors, risk, simulation."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import reduce
+from itertools import pairwise
+from operator import index
+from typing import NamedTuple, overload
+
+import networkx as nx
+import numpy as np
+import pandas as pd
+
+from botohe_moo._types import FloatArray, IntArray, OffsetArray, SeedArray
+from botohe_moo.kernels import simulate as kernels
+from botohe_moo.mission import Mission
+from botohe_moo.trails import TrailPlan
+
+__all__ = [
+    "Distribution",
+    "Outcomes",
+    "outcomes",
+    "reward_distribution",
+    "simulate",
+    "survivors_distribution",
+]
+
+_ROUNDING = 1e-12  # relative; values and shares closer than this are the same
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Distribution:
+    """A discrete distribution of the team reward or of the number of survivors.
+
+    Attributes
+    ----------
+    values
+        What may come out, ascending (n_values, read-only): rewards or robots.
+    probabilities
+        Probability of each value, above 0 (n_values, read-only).
+    n_samples
+        Number of simulated missions that the probabilities are shares of; None when they are exact.
+
+    Raises
+    ------
+    ValueError
+        If the values do not ascend, or the probabilities are not above 0 with the sum 1.
+
+    Examples
+    --------
+    >>> reward = Distribution(np.array([0.0, 4.0, 9.0]), np.array([0.125, 0.375, 0.5]))
+    >>> reward
+    <Distribution: 3 values from 0 to 9, mean 6, exact>
+    >>> reward.at_least(4), reward.quantile(0.5), reward.cvar(0.25)
+    (0.875, 4.0, 2.0)
+    """
+
+    values: FloatArray
+    probabilities: FloatArray
+    n_samples: int | None = None
+
+    def __post_init__(self) -> None:
+        values, probabilities = np.array(self.values, float), np.array(self.probabilities, float)
+        if values.ndim != 1 or values.size == 0 or values.shape != probabilities.shape:
+            raise ValueError(
+                f"Expected as many probabilities as values, at least one, got the shapes "
+                f"{probabilities.shape} and {values.shape}."
+            )
+        if not (np.isfinite(values).all() and (np.diff(values) > 0).all()):
+            raise ValueError(f"Expected finite values that ascend, got {values}.")
+        if not ((probabilities > 0).all() and abs(probabilities.sum() - 1) < 1e-9):
+            raise ValueError(f"Expected probabilities above 0 that sum to 1, got {probabilities}.")
+        for name, array in (("values", values), ("probabilities", probabilities)):
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+
+    @property
+    def exact(self) -> bool:
+        """Whether the probabilities are computed rather than simulated."""
+        return self.n_samples is None
+
+    @property
+    def mean(self) -> float:
+        """Expected value."""
+        return float(self.probabilities @ self.values)
+
+    @property
+    def variance(self) -> float:
+        """Variance of these values with these probabilities (simulated: the divisor is n)."""
+        return float(self.probabilities @ (self.values - self.mean) ** 2)
+
+    @property
+    def std(self) -> float:
+        """Standard deviation."""
+        return float(np.sqrt(self.variance))
+
+    @property
+    def standard_error(self) -> float:
+        """Standard error of the mean: 0 when exact, nan for a single simulated mission."""
+        if self.n_samples is None:
+            return 0.0
+        return self.std / float(np.sqrt(self.n_samples - 1)) if self.n_samples > 1 else float("nan")
+
+    @overload
+    def quantile(self, q: float) -> float: ...
+    @overload
+    def quantile(self, q: Sequence[float] | FloatArray) -> FloatArray: ...
+    def quantile(self, q: float | Sequence[float] | FloatArray) -> float | FloatArray:
+        """Give the smallest value that is not exceeded with a probability of at least ``q``.
+
+        Parameters
+        ----------
+        q
+            Probability in [0, 1], or any number of them; 0 gives the smallest value.
+
+        Raises
+        ------
+        ValueError
+            If ``q`` is outside [0, 1].
+        """
+        wanted = np.asarray(q, float)
+        if not np.all((wanted >= 0) & (wanted <= 1)):
+            raise ValueError(f"Expected q in [0, 1], got {q}.")
+        cumulative = np.cumsum(self.probabilities)
+        cumulative[-1] = 1.0
+        # At 1 no slack: the largest value is possible, however small its probability.
+        slack = np.where(wanted < 1, 1 - _ROUNDING, 1)
+        found = self.values[np.searchsorted(cumulative, wanted * slack)]
+        return float(found) if wanted.ndim == 0 else found
+
+    @overload
+    def at_least(self, x: float) -> float: ...
+    @overload
+    def at_least(self, x: Sequence[float] | FloatArray) -> FloatArray: ...
+    def at_least(self, x: float | Sequence[float] | FloatArray) -> float | FloatArray:
+        """Give the probability that the outcome is ``x`` or more.
+
+        Parameters
+        ----------
+        x
+            Reward or number of robots, or any number of them. Values that fall short of it by
+            1e-12 of its size count as reaching it, since sums of rewards are rounded.
+
+        Raises
+        ------
+        ValueError
+            If ``x`` is nan.
+        """
+        wanted = np.asarray(x, float)
+        if np.isnan(wanted).any():
+            raise ValueError(f"Expected x to be a number, got {x}.")
+        tail = np.append(np.cumsum(self.probabilities[::-1])[::-1], 0.0)
+        tail[0] = 1.0
+        lowered = np.minimum(wanted * (1 - _ROUNDING), wanted * (1 + _ROUNDING))
+        found = np.minimum(tail[np.searchsorted(self.values, lowered)], 1.0)
+        return float(found) if wanted.ndim == 0 else found
+
+    def cvar(self, alpha: float) -> float:
+        """Conditional value at risk: the mean of the worst (lowest) share ``alpha`` of outcomes.
+
+        Where the share ends inside the probability of one value, only the part inside counts:
+        Rockafellar and Uryasev, "Conditional value-at-risk for general loss distributions",
+        Journal of Banking & Finance 26, 2002; Acerbi and Tasche, "On the coherence of expected
+        shortfall", same volume.
+
+        Parameters
+        ----------
+        alpha
+            Share in (0, 1]; 1 gives the mean.
+
+        Raises
+        ------
+        ValueError
+            If ``alpha`` is outside (0, 1].
+        """
+        if not 0 < alpha <= 1:
+            raise ValueError(f"Expected alpha in (0, 1], got {alpha}.")
+        before = np.append(0.0, np.cumsum(self.probabilities)[:-1])
+        inside = np.clip(alpha - before, 0.0, self.probabilities)
+        return float(inside @ self.values / inside.sum())
+
+    def to_frame(self) -> pd.DataFrame:
+        """Give the distribution as a table with the columns ``value`` and ``probability``."""
+        return pd.DataFrame({"value": self.values, "probability": self.probabilities})
+
+    def __repr__(self) -> str:
+        source = "exact" if self.n_samples is None else f"from {self.n_samples} samples"
+        low, high = self.values[0], self.values[-1]
+        return (
+            f"<Distribution: {len(self.values)} values from {low:g} to {high:g}, "
+            f"mean {self.mean:g}, {source}>"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Outcomes:
+    """Both outcomes of a plan: the team reward R and the number of surviving robots S.
+
+    Attributes
+    ----------
+    reward, survivors
+        Their distributions; what the two have in common is seen in ``simulate``.
+    """
+
+    reward: Distribution
+    survivors: Distribution
+
+    def summary(self, alpha: float = 0.05) -> pd.DataFrame:
+        """Give a table with the rows ``reward`` and ``survivors``.
+
+        Its columns are mean, std, q05, median, q95, cvar (mean of the worst share ``alpha``) and
+        exact.
+
+        Raises
+        ------
+        ValueError
+            If ``alpha`` is outside (0, 1].
+        """
+        rows = {}
+        for name, found in (("reward", self.reward), ("survivors", self.survivors)):
+            q05, median, q95 = found.quantile([0.05, 0.5, 0.95])
+            rows[name] = (found.mean, found.std, q05, median, q95, found.cvar(alpha), found.exact)
+        columns = ["mean", "std", "q05", "median", "q95", "cvar", "exact"]
+        return pd.DataFrame(list(rows.values()), index=pd.Index(rows), columns=columns)
+
+
+def outcomes(
+    mission: Mission,
+    plan: TrailPlan,
+    *,
+    max_outcomes: int = 1_000_000,
+    n_samples: int = 100_000,
+    random_state: int | np.random.Generator | None = None,
+) -> Outcomes:
+    """Give both distributions; the options are those of ``reward_distribution``."""
+    reward = reward_distribution(
+        mission, plan, max_outcomes=max_outcomes, n_samples=n_samples, random_state=random_state
+    )
+    return Outcomes(reward, survivors_distribution(mission, plan))
+
+
+def survivors_distribution(mission: Mission, plan: TrailPlan) -> Distribution:
+    """Compute the distribution of the number of surviving robots, always exactly.
+
+    Robots survive independently, so it is Poisson-binomial; the robots' own distributions are
+    convolved one after another: Barlow and Heidmann, "Computing k-out-of-n system reliability",
+    IEEE Transactions on Reliability R-33, 1984.
+
+    Raises
+    ------
+    PlanError
+        If the mission does not allow the plan.
+    TypeError
+        If ``plan`` is no TrailPlan.
+    """
+    mission.evaluate([plan])
+    returns = np.sort(_follow(mission, plan).alive[plan.offsets[1:] - 1])
+    shares = reduce(np.convolve, [np.array([1 - p, p]) for p in returns])
+    values = np.arange(len(shares), dtype=float)
+    return Distribution(values[shares > 0], shares[shares > 0])
+
+
+def reward_distribution(
+    mission: Mission,
+    plan: TrailPlan,
+    *,
+    max_outcomes: int = 1_000_000,
+    n_samples: int = 100_000,
+    random_state: int | np.random.Generator | None = None,
+) -> Distribution:
+    """Compute the distribution of the team reward, or simulate it where that is too much work.
+
+    Parameters
+    ----------
+    mission, plan
+        A mission and one of its plans.
+    max_outcomes
+        Joint outcomes that the exact computation may look at in all its steps together, at least
+        1; a plan that needs more is simulated, and the distribution's ``exact`` is then False.
+    n_samples
+        Missions to simulate in that case, at least 1.
+    random_state
+        Seed or generator of the simulation; None takes fresh entropy, as in numpy.
+
+    Raises
+    ------
+    PlanError
+        If the mission does not allow the plan.
+    TypeError
+        If ``plan`` is no TrailPlan.
+    ValueError
+        If ``max_outcomes`` or ``n_samples`` is no integer of at least 1.
+
+    Notes
+    -----
+    A robot's fate is how many of its rewarding nodes it reaches, in the order of its trail. Robots
+    join one after another; the outcomes so far that have the same reward (up to rounding) and
+    agree on the nodes that robots still to come may reach are one outcome. Robots that share no
+    node, also not through others, are joined apart, and their rewards convolved.
+
+    Examples
+    --------
+    >>> graph = nx.DiGraph(base="dock", robots=2)
+    >>> graph.add_nodes_from([("dock", {"reward": 1}), ("reef", {"reward": 5})])
+    >>> graph.add_edge("dock", "reef", survival=0.5)
+    >>> graph.add_edge("reef", "dock", survival=0.8)
+    >>> mission = Mission(graph)
+    >>> plan = mission.plan([["dock", "reef", "dock"], ["dock", "reef", "dock"]])
+    >>> reward_distribution(mission, plan).to_frame()
+       value  probability
+    0    1.0         0.25
+    1    6.0         0.75
+    """
+    max_outcomes, n_samples = _count("max_outcomes", max_outcomes), _count("n_samples", n_samples)
+    mission.evaluate([plan])
+    # Robots are identical, so the order of their trails must not show in the result.
+    ordered = TrailPlan(sorted(plan.trails))
+    try:
+        found = _join_robots(mission.arrays.reward, _follow(mission, ordered), max_outcomes)
+    except _TooManyOutcomesError:
+        rewards, _ = _play(mission, ordered, n_samples, random_state)
+        found = _merged(rewards, np.full(n_samples, 1 / n_samples))
+        return Distribution(found.values, found.probabilities, n_samples)
+    return Distribution(found.values, found.probabilities)
+
+
+def simulate(
+    mission: Mission,
+    plan: TrailPlan,
+    n_missions: int,
+    *,
+    random_state: int | np.random.Generator | None = None,
+) -> pd.DataFrame:
+    """Play the mission many times.
+
+    Parameters
+    ----------
+    mission, plan
+        A mission and one of its plans.
+    n_missions
+        How many times, at least 1.
+    random_state
+        Seed or generator: the same seed gives the same table, and more missions only add rows;
+        None takes fresh entropy, as in numpy.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per mission: ``reward`` (team reward), ``survivors`` (number of robots), and for
+        robot k, from 0 in the order of the plan, ``hops_k``: the arcs it survived, all those of
+        its trail where it returned for good.
+
+    Raises
+    ------
+    PlanError
+        If the mission does not allow the plan.
+    TypeError
+        If ``plan`` is no TrailPlan.
+    ValueError
+        If ``n_missions`` is no integer of at least 1.
+
+    Examples
+    --------
+    >>> graph = nx.DiGraph([("dock", "reef"), ("reef", "dock")], base="dock", robots=2)
+    >>> nx.set_node_attributes(graph, {"dock": 0, "reef": 5}, "reward")
+    >>> nx.set_edge_attributes(graph, 0.5, "survival")
+    >>> mission = Mission(graph)
+    >>> simulate(mission, mission.plan([["dock", "reef", "dock"], ["dock"]]), 3, random_state=1)
+       reward  survivors  hops_0  hops_1
+    0     0.0          1       0       0
+    1     5.0          2       2       0
+    2     5.0          1       1       0
+    """
+    n_missions = _count("n_missions", n_missions)
+    mission.evaluate([plan])
+    rewards, hops = _play(mission, plan, n_missions, random_state)
+    frame = pd.DataFrame(hops, columns=[f"hops_{k}" for k in range(plan.n_robots)])
+    frame.insert(0, "reward", rewards)
+    frame.insert(1, "survivors", (hops == np.diff(plan.offsets) - 1).sum(axis=1))
+    return frame
+
+
+class _Followed(NamedTuple):
+    """A valid plan's trails, ragged, with what ``kernels.follow`` says of each position."""
+
+    nodes: IntArray
+    offsets: OffsetArray
+    alive: FloatArray
+    pays: FloatArray
+
+
+def _follow(mission: Mission, plan: TrailPlan) -> _Followed:
+    arrays, n_positions = mission.arrays, len(plan.nodes)
+    followed = _Followed(plan.nodes, plan.offsets, np.empty(n_positions), np.empty(n_positions))
+    kernels.follow(arrays.first, arrays.head, arrays.survival, arrays.reward, *followed)
+    return followed
+
+
+def _play(
+    mission: Mission,
+    plan: TrailPlan,
+    n_missions: int,
+    random_state: int | np.random.Generator | None,
+) -> tuple[FloatArray, OffsetArray]:
+    """Give the reward (n_missions) and the hops of each robot (n_missions, n_robots)."""
+    nodes, offsets, alive, _ = _follow(mission, plan)
+    draws = np.random.default_rng(random_state).random((n_missions, plan.n_robots))
+    hops, rewards = np.empty(draws.shape, np.int64), np.empty(n_missions)
+    kernels.play(mission.arrays.reward, nodes, offsets, alive, draws, hops, rewards)
+    return rewards, hops
+
+
+class _TooManyOutcomesError(Exception):
+    """The exact computation would look at more outcomes than it may."""
+
+
+class _States(NamedTuple):
+    """Outcomes of some robots: reward, probability, and the nodes reached, as bits (n, n_words)."""
+
+    values: FloatArray
+    probabilities: FloatArray
+    reached: SeedArray
+
+
+def _merged(
+    values: FloatArray, probabilities: FloatArray, reached: SeedArray | None = None
+) -> _States:
+    """Make outcomes one that agree in reward, up to rounding, and in the nodes reached."""
+    if reached is None:
+        reached = np.empty((len(values), 0), np.uint64)
+    order = np.lexsort((values, *reached.T))
+    values, reached = values[order], reached[order]
+    differs = np.diff(values) > _ROUNDING * values[1:]
+    differs |= (reached[1:] != reached[:-1]).any(axis=1)
+    starts = np.append(0, 1 + np.flatnonzero(differs))
+    probabilities = np.add.reduceat(probabilities[order], starts)
+    kept = probabilities > 0  # a product of many small ones may underflow
+    starts = starts[kept]
+    return _States(values[starts], probabilities[kept], reached[starts])
+
+
+def _join_robots(reward: FloatArray, followed: _Followed, max_outcomes: int) -> _States:
+    """Give the exact outcomes of all robots together."""
+    nodes, offsets, alive, pays = followed
+    certain = np.unique(nodes[(alive == 1) & (pays > 0)])
+    uncertain = (pays > 0) & (alive > 0) & ~np.isin(nodes, certain)
+    sharing: nx.Graph[int] = nx.Graph()
+    chains = []
+    for robot, (start, stop) in enumerate(pairwise(offsets.tolist())):
+        chains.append(start + np.flatnonzero(uncertain[start:stop]))
+        # Robots are the vertices from 0, nodes those below 0.
+        sharing.add_edges_from((robot, ~node) for node in nodes[chains[robot]].tolist())
+
+    parts = []
+    for component in nx.connected_components(sharing):
+        group = [chains[robot] for robot in sorted(component) if robot >= 0]
+        part, max_outcomes = _join_group(reward, followed, group, max_outcomes)
+        parts.append(part)
+    total = parts[0] if parts else _merged(np.zeros(1), np.ones(1))
+    for part in parts[1:]:
+        max_outcomes = _spend(max_outcomes, len(total.values) * len(part.values))
+        values = np.add.outer(total.values, part.values).ravel()
+        total = _merged(values, np.outer(total.probabilities, part.probabilities).ravel())
+    values, probabilities, _ = total
+    return _merged(values + reward[certain].sum(), probabilities)
+
+
+def _join_group(
+    reward: FloatArray, followed: _Followed, chains: list[OffsetArray], max_outcomes: int
+) -> tuple[_States, int]:
+    """Join robots that share nodes, given the positions on their trails that count for each.
+
+    The second result is what is left of ``max_outcomes``.
+    """
+    table = np.unique(followed.nodes[np.concatenate(chains)])
+    masks = np.zeros((len(chains) + 1, (len(table) + 63) // 64), np.uint64)
+    bits = [np.searchsorted(table, followed.nodes[chain]) for chain in chains]
+    for mask, bit in zip(masks, bits, strict=False):
+        np.bitwise_or.at(mask, bit // 64, np.uint64(1) << (bit % 64).astype(np.uint64))
+    later = np.bitwise_or.accumulate(masks[::-1])[::-1]
+
+    states = _States(np.zeros(1), np.ones(1), np.zeros((1, masks.shape[1]), np.uint64))
+    for robot, chain in enumerate(chains):
+        chances = -np.diff(np.concatenate([[1.0], followed.alive[chain], [0.0]]))
+        max_outcomes = _spend(max_outcomes, len(states.values) * int((chances > 0).sum()))
+        gains = reward[followed.nodes[chain]]
+        values, probabilities, reached = kernels.join(*states, bits[robot], gains, chances)
+        states = _merged(values, probabilities, reached & later[robot + 1])
+    return states, max_outcomes
+
+
+def _spend(max_outcomes: int, n_joint: int) -> int:
+    if n_joint > max_outcomes:
+        raise _TooManyOutcomesError
+    return max_outcomes - n_joint
+
+
+def _count(name: str, number: int) -> int:
+    try:
+        found = 0 if isinstance(number, bool | np.bool_) else index(number)
+    except TypeError:
+        found = 0
+    if found < 1:
+        raise ValueError(f"Expected {name} to be an integer of at least 1, got {number!r}.")
+    return found

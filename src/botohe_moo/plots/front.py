@@ -1,0 +1,211 @@
+"""The picture of a front: what plans are expected to bring, and the area they dominate."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.ticker import MaxNLocator
+
+from botohe_moo.plots.style import INK, MARKERS, colours, new_axes, theme, tint
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.axes import Axes
+    from numpy.typing import ArrayLike, NDArray
+
+    from botohe_moo._types import FloatArray
+    from botohe_moo.mission import Mission
+
+__all__ = ["plot_front", "staircase"]
+
+
+def plot_front(
+    objectives: ArrayLike,
+    mission: Mission | None = None,
+    *,
+    highlight: int | Sequence[int] | None = None,
+    label: str | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw plans in objective space and shade the area that they dominate.
+
+    Call it again with the same ``ax`` and another ``label`` to lay fronts over each other.
+
+    Parameters
+    ----------
+    objectives
+        Shape (n_plans, 2): expected team reward E[R] and expected number of survivors E[S], both
+        to be maximised, in any order. Dominated plans are drawn paler and bound no area.
+    mission
+        Mission of the plans. With it the axes reach to the total reward and to the number of
+        robots, and the area is the normalised one, in [0, 1]; without it, it is E[R] times E[S].
+    highlight
+        Rows of ``objectives``, counted from 0, to ring and to name.
+    label
+        Name of the front. Area and number of plans are then in the legend instead of the title.
+    ax
+        Axes to draw on. One will be created if not given.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes drawn on.
+
+    Raises
+    ------
+    ValueError
+        If ``objectives`` has another shape or is not finite, or ``highlight`` names no row of it.
+    """
+    points = _checked(objectives)
+    chosen = _rows(highlight, len(points))
+    corners = staircase(points)
+    summary = _summary(points, corners, mission)
+    with theme():
+        if ax is None:
+            ax = new_axes(7.0, 5.0)
+        drawn = sum(line.get_gid() == "front" for line in ax.lines)
+        _draw(ax, points, corners, drawn, f"{label}: {summary}" if label else None)
+        for row in chosen:
+            _ring(ax, row, points[row])
+        if label:
+            ax.legend(loc="upper right", framealpha=0.9)
+        if mission is not None:
+            summary = mission.title if label else f"{mission.title}\n{summary}"
+        elif label:
+            summary = ax.get_title()
+        ax.set_title(summary)
+        _dress(ax, mission)
+    return ax
+
+
+def staircase(objectives: FloatArray) -> FloatArray:
+    """Corners of the area between the origin and what at least one of the plans reaches.
+
+    Parameters
+    ----------
+    objectives
+        Shape (n_plans, 2), both columns to be maximised.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (2 n + 2, 2) for n distinct non-dominated plans, from the highest on the vertical
+        axis down to the farthest on the horizontal one and back to the origin; (0, 2) for none.
+
+    Examples
+    --------
+    >>> staircase(np.array([[1.0, 2.0], [3.0, 1.0], [1.0, 1.0]])).tolist()
+    [[0.0, 2.0], [1.0, 2.0], [1.0, 1.0], [3.0, 1.0], [3.0, 0.0], [0.0, 0.0]]
+    """
+    front = np.unique(objectives[~_dominated(objectives)], axis=0)
+    if not len(front):
+        return np.empty((0, 2))
+    reward, survivors = front.T
+    right = np.concatenate([[0.0], np.repeat(reward, 2), [0.0]])
+    up = np.concatenate([np.repeat(survivors, 2), [0.0, 0.0]])
+    return np.column_stack([right, up])
+
+
+def _checked(objectives: ArrayLike) -> FloatArray:
+    points = np.asarray(objectives, dtype=float)
+    if points.shape == (0,):
+        return np.empty((0, 2))
+    if points.ndim != 2 or points.shape[1] != 2:
+        raise ValueError(f"Expected objectives of shape (n, 2), got {points.shape}.")
+    if not np.isfinite(points).all():
+        row = int(np.argmin(np.isfinite(points).all(axis=1)))
+        raise ValueError(f"Expected finite objectives, got {points[row].tolist()} in row {row}.")
+    return points
+
+
+def _rows(highlight: int | Sequence[int] | None, n_plans: int) -> list[int]:
+    rows = [] if highlight is None else np.atleast_1d(highlight).tolist()
+    for row in rows:
+        if type(row) is not int or not 0 <= row < n_plans:
+            raise ValueError(f"Expected highlight among the {n_plans} rows from 0, got {row!r}.")
+    return rows
+
+
+def _dominated(points: FloatArray) -> NDArray[np.bool_]:
+    """Tell which rows another one exceeds in one objective and matches in the other."""
+    order = np.lexsort((-points[:, 1], -points[:, 0]))
+    dominated = np.zeros(len(points), dtype=bool)
+    best = (np.inf, -np.inf)
+    for i in order:
+        reward, survivors = points[i]
+        if survivors > best[1]:
+            best = (reward, survivors)
+        else:
+            dominated[i] = (reward, survivors) != best
+    return dominated
+
+
+def _summary(points: FloatArray, corners: FloatArray, mission: Mission | None) -> str:
+    plans = "1 plan" if len(points) == 1 else f"{len(points)} plans"
+    if mission is None:
+        widths = np.diff(corners[1:-1:2, 0], prepend=0.0)
+        return f"area {float(widths @ corners[1:-1:2, 1]):.3g}, {plans}"
+    # Late, because drawing needs none of what measuring imports.
+    from botohe_moo.indicators import area_indicator
+
+    return f"area {area_indicator(points, mission):.4f}, {plans}"
+
+
+def _draw(ax: Axes, points: FloatArray, corners: FloatArray, drawn: int, label: str | None) -> None:
+    colour, marker = colours(drawn + 1)[-1], MARKERS[drawn % len(MARKERS)]
+    ax.fill(*corners.T, facecolor=colour, alpha=0.16, linewidth=0, zorder=1, gid="area")
+    ax.plot(*corners[:-1].T, color=colour, linewidth=1.0, zorder=2, gid="stairs")
+    dominated = _dominated(points)
+    style: dict[str, Any] = {
+        "marker": marker,
+        "linestyle": "none",
+        "markersize": 5.0,
+        "markeredgecolor": "white",
+        "markeredgewidth": 0.5,
+        "clip_on": False,
+    }
+    pale = tint(colour, 0.55)
+    ax.plot(*points[dominated].T, **style, color=pale, zorder=2.5, gid="dominated")
+    ax.plot(*points[~dominated].T, **style, color=colour, zorder=3, label=label, gid="front")
+
+
+def _ring(ax: Axes, row: int, point: FloatArray) -> None:
+    ax.plot(
+        *point[:, None],
+        marker="o",
+        markersize=11,
+        markerfacecolor="none",
+        markeredgecolor=INK,
+        markeredgewidth=1.6,
+        clip_on=False,
+        zorder=4,
+        gid="highlight",
+    )
+    ax.annotate(
+        f"plan {row}",
+        (point[0], point[1]),
+        (7, 7),
+        textcoords="offset points",
+        fontweight="bold",
+        fontsize=9.5,
+    )
+
+
+def _dress(ax: Axes, mission: Mission | None) -> None:
+    ax.set_xlabel("expected team reward E[R]")
+    ax.set_ylabel("expected number of survivors E[S]")
+    ax.grid(color="0.92", linewidth=0.8)
+    ax.set_axisbelow(True)
+    ax.spines[["top", "right"]].set_visible(False)
+    if mission is not None:
+        ax.set_xlim(0, mission.total_reward or 1.0)
+        ax.set_ylim(0, mission.robots)
+        ax.yaxis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 5, 10]))
+        return
+    # The front is one of several, perhaps: all of them must stay in view.
+    lines = [line.get_xydata() for line in ax.lines if line.get_gid() in ("front", "dominated")]
+    reach = np.concatenate([np.asarray(line) for line in lines]).max(axis=0, initial=0.0)
+    ax.set_xlim(0, 1.05 * reach[0] or 1.0)
+    ax.set_ylim(0, 1.05 * reach[1] or 1.0)

@@ -1,0 +1,105 @@
+"""The picture of a colony's memory: how much pheromone lies on every arc."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal, get_args
+
+import numpy as np
+
+from botohe_moo.plots.canvas import Canvas, add_colour_bar, node_positions, open_axes
+from botohe_moo.plots.style import colour_range, pheromone_palette, theme
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+    from botohe_moo._types import FloatArray
+    from botohe_moo.mission import Mission
+
+__all__ = ["plot_pheromone"]
+
+Kind = Literal["reward", "survival"]
+
+_WIDEST = 5.0
+
+
+def plot_pheromone(
+    mission: Mission, pheromone: pd.DataFrame, *, kind: Kind = "reward", ax: Axes | None = None
+) -> Axes:
+    """Draw every arc as wide and as dark as its pheromone.
+
+    Parameters
+    ----------
+    mission
+        Mission that the pheromone lies on.
+    pheromone
+        One row per arc: node labels ``tail`` and ``head``, and ``reward`` and ``survival``, the
+        pheromone of either kind (finite, at least 0). The base's self-loop is not drawn.
+    kind
+        Which of the two to draw.
+    ax
+        Axes to draw on, colour bar included. One will be created if not given.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes drawn on.
+
+    Raises
+    ------
+    ValueError
+        If ``kind`` is unknown, a column or an arc of the mission is missing or an arc is there
+        twice, an arc is not the mission's, or a value is out of range.
+    """
+    if kind not in get_args(Kind):
+        raise ValueError(f"Expected kind to be one of {', '.join(get_args(Kind))}, got {kind!r}.")
+    values = _arc_values(mission, pheromone, kind)
+    xy = node_positions(mission)
+    with theme():
+        ax = open_axes(xy, ax)
+        ax.set_title(f"{mission.title}\npheromone for {kind}")
+        palette = pheromone_palette()
+        norm = colour_range(values, low=0.0) if len(values) else None
+        if norm is not None:
+            symbol = "R" if kind == "reward" else "S"
+            add_colour_bar(ax, palette, norm, rf"pheromone $\tau_{symbol}$", slot=0)
+        canvas = Canvas.measure(ax, xy)
+        if norm is not None:
+            # What is darkest is drawn last, on top.
+            order = np.argsort(values, kind="stable")
+            share = values[order] / (values.max() or 1.0)
+            canvas.draw_arrows(
+                mission.arrays.tail[order],
+                mission.arrays.head[order],
+                colours=np.asarray(palette(norm(values[order]))),
+                widths=0.3 + share * min(_WIDEST, 0.5 * canvas.radius),
+                zorder=1,
+            )
+        canvas.draw_nodes(mission, ["white"] * len(xy))
+    return ax
+
+
+def _arc_values(mission: Mission, pheromone: pd.DataFrame, kind: Kind) -> FloatArray:
+    """Pheromone of the mission's arcs, in the order of its arrays."""
+    needed = ("tail", "head", kind)
+    if missing := [column for column in needed if column not in pheromone.columns]:
+        raise ValueError(f"Expected pheromone with columns {needed}, it lacks {missing}.")
+    found: dict[tuple[object, object], float] = {}
+    rows = zip(*(pheromone[column].tolist() for column in needed), strict=True)
+    for tail, head, amount in rows:
+        if tail == head == mission.base:
+            continue
+        if not mission.graph.has_edge(tail, head):
+            raise ValueError(f"Mission {mission.name!r} has no arc {tail!r} -> {head!r}.")
+        if (tail, head) in found:
+            raise ValueError(f"Expected one row per arc, got {tail!r} -> {head!r} twice.")
+        if not (np.isfinite(amount) and amount >= 0):
+            raise ValueError(
+                f"Expected finite pheromone of at least 0 on {tail!r} -> {head!r}, got {amount!r}."
+            )
+        found[tail, head] = float(amount)
+    arrays, nodes = mission.arrays, mission.nodes
+    arcs = [(nodes[u], nodes[v]) for u, v in zip(arrays.tail, arrays.head, strict=True)]
+    if absent := [f"{tail!r} -> {head!r}" for tail, head in arcs if (tail, head) not in found]:
+        raise ValueError(f"Expected a row for every arc, missing: {', '.join(absent)}.")
+    return np.array([found[arc] for arc in arcs])

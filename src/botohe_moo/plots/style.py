@@ -1,0 +1,150 @@
+"""Palettes, the theme and the saving of pictures, shared by all plots."""
+
+from __future__ import annotations
+
+import tempfile
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+import seaborn as sns
+from matplotlib.colors import Colormap, Normalize, to_rgb
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Iterator
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from botohe_moo._types import FloatArray
+
+__all__ = [
+    "DPI",
+    "INK",
+    "MARKERS",
+    "MUTED",
+    "Colour",
+    "colour_range",
+    "colours",
+    "new_axes",
+    "pheromone_palette",
+    "readable_on",
+    "reward_palette",
+    "save_figure",
+    "survival_palette",
+    "theme",
+    "tint",
+]
+
+Colour = tuple[float, float, float]
+
+DPI = 160
+INK = "#262626"
+MUTED = "#8c8c8c"
+MARKERS = ("o", "s", "^", "D", "v", "P", "X")  # so that fronts differ in a grey print too
+
+
+def reward_palette() -> Colormap:
+    """Sequential green to blue: the darker, the more reward."""
+    return _palette("crest")
+
+
+def survival_palette() -> Colormap:
+    """Sequential purple to orange: the darker, the more dangerous."""
+    return _palette("flare_r")
+
+
+def pheromone_palette() -> Colormap:
+    """Sequential cream to purple: the darker, the more pheromone."""
+    return _palette("flare")
+
+
+def _palette(name: str) -> Colormap:
+    palette: Colormap = sns.color_palette(name, as_cmap=True)
+    return palette
+
+
+def colours(n: int) -> list[Colour]:
+    """Give ``n`` colours that colour-blind readers can tell apart; after ten they repeat."""
+    # Seaborn puts two reddish colours side by side; the first few should differ the most.
+    palette = sns.color_palette("colorblind")
+    order = (0, 1, 2, 4, 3, 9, 5, 6, 8, 7)
+    return [tuple(palette[order[i % len(order)]]) for i in range(n)]
+
+
+def tint(colour: Colour, strength: float) -> Colour:
+    """Mix a colour into white; ``strength`` 0 is white and 1 the colour itself."""
+    red, green, blue = (1 - strength * (1 - part) for part in colour)
+    return red, green, blue
+
+
+def readable_on(colour: object) -> str:
+    """Give the text colour, light or dark, that is legible on ``colour``."""
+    red, green, blue = (part**2.2 for part in to_rgb(colour))  # type: ignore[arg-type]
+    # At this luminance either text has the same contrast (WCAG).
+    return "white" if 0.2126 * red + 0.7152 * green + 0.0722 * blue < 0.2 else INK
+
+
+def colour_range(values: FloatArray, *, low: float | None = None) -> Normalize:
+    """Span the colours over ``values``, from ``low`` if given; one value alone gets a range too."""
+    bottom = float(values.min()) if low is None else low
+    top = float(values.max())
+    if top <= bottom:
+        bottom, top = bottom - 0.05 * (abs(bottom) or 1.0), bottom + 0.05 * (abs(bottom) or 1.0)
+    return Normalize(bottom, top)
+
+
+@contextmanager
+def theme() -> Iterator[None]:
+    """Draw in the project's style; what matplotlib is set to outside stays as it is."""
+    settings = {
+        **sns.axes_style("ticks"),
+        **sns.plotting_context("notebook", font_scale=0.9),
+        # The one font that matplotlib brings along: pictures are the same on every machine.
+        "font.family": ["sans-serif"],
+        "font.sans-serif": ["DejaVu Sans"],
+        "axes.edgecolor": INK,
+        "axes.titlesize": 12,
+        "legend.fontsize": 9.5,
+        "text.color": INK,
+    }
+    with mpl.rc_context(settings):
+        yield
+
+
+def new_axes(width: float, height: float) -> Axes:
+    """Open a figure of ``width`` x ``height`` inches with one plot in it."""
+    with theme():
+        _, ax = plt.subplots(figsize=(width, height), layout="constrained")
+    return ax
+
+
+def save_figure(fig: Figure, path: str | os.PathLike[str], *, dpi: int = DPI) -> None:
+    """Write a figure as PNG, whole or not at all, and the same bytes every time.
+
+    Parameters
+    ----------
+    fig
+        Figure to write; it stays open.
+    path
+        File to write or to replace; its folder exists already.
+    dpi
+        Pixels an inch.
+
+    Raises
+    ------
+    ValueError
+        If ``path`` does not end in ``.png``.
+    """
+    target = Path(path)
+    if target.suffix.lower() != ".png":
+        raise ValueError(f"Expected a path that ends in '.png', got {str(path)!r}.")
+    with tempfile.TemporaryDirectory(dir=target.parent, prefix=".figure-") as folder, theme():
+        draft = Path(folder) / target.name
+        fig.savefig(
+            draft, format="png", dpi=dpi, bbox_inches="tight", metadata={"Software": "botohe_moo"}
+        )
+        draft.replace(target)

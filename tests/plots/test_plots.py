@@ -1,0 +1,634 @@
+"""What the pictures show; all of them are really rendered."""
+
+import json
+import math
+import subprocess
+import sys
+from itertools import combinations
+from pathlib import Path
+
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+import networkx as nx
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+
+import botohe_moo
+from botohe_moo.mission import Mission, PlanError
+from botohe_moo.plots import plot_front, plot_mission, plot_pheromone, save_figure
+from botohe_moo.plots.canvas import node_positions
+from botohe_moo.plots.front import staircase
+from botohe_moo.plots.lanes import lanes
+from tests.strategies import missions_with_plans
+
+DATA = Path(botohe_moo.__file__).parent / "mission" / "data"
+MUSEUM_TRAILS = [[1, 2, 3, 5, 4, 2, 1], [1, 2, 21, 2, 1], [1]]
+
+
+@pytest.fixture(autouse=True)
+def _close_figures():
+    mpl.use("Agg")
+    yield
+    plt.close("all")
+
+
+def load(name):
+    text = (DATA / f"{name}.json").read_text()
+    return Mission(nx.node_link_graph(json.loads(text), edges="edges"))
+
+
+def make(nodes, arcs, *, robots=1, base="dock"):
+    graph = nx.DiGraph(name="made")
+    for node, attributes in nodes.items():
+        graph.add_node(node, **attributes)
+    for tail, head, survival in arcs:
+        graph.add_edge(tail, head, survival=survival)
+    return Mission(graph, base=base, robots=robots)
+
+
+def lagoon():
+    """One-way arcs, one pair of unequal arcs (cave, atoll), one pair of equal ones (dock, reef)."""
+    return make(
+        {n: {"reward": r} for n, r in {"dock": 0, "reef": 5, "cave": 0, "atoll": 8}.items()},
+        [
+            ("dock", "reef", 0.9),
+            ("reef", "dock", 0.9),
+            ("reef", "cave", 0.7),
+            ("cave", "atoll", 0.6),
+            ("atoll", "cave", 0.85),
+            ("atoll", "dock", 0.95),
+        ],
+        robots=2,
+    )
+
+
+def alone(reward=2.0):
+    return make({"dock": {"reward": reward}}, [])
+
+
+def drawn(ax, gid):
+    return [artist for artist in ax.get_children() if artist.get_gid() == gid]
+
+
+def only(ax, gid):
+    (artist,) = drawn(ax, gid)
+    return artist
+
+
+def n_segments(ax, gid):
+    return sum(len(artist.get_segments()) for artist in drawn(ax, gid))
+
+
+def legend_texts(ax):
+    return [t.get_text() for t in ax.get_legend().get_texts() if t.get_text().strip()]
+
+
+def bar_labels(ax):
+    return [bar.get_ylabel() for bar in ax.child_axes]
+
+
+def luminance(colours):
+    return np.asarray(colours)[:, :3] @ [0.2126, 0.7152, 0.0722]
+
+
+def rendered(ax, path):
+    """The pixels of the saved picture."""
+    save_figure(ax.figure, path)
+    return plt.imread(path)[:, :, :3]
+
+
+# Missions
+
+
+@pytest.mark.parametrize(
+    ("name", "n_nodes", "n_lines", "n_arrows"),
+    [
+        ("art_museum", 27, 37, 0),
+        ("power_plant", 73, 72, 0),
+        ("terrain_200", 200, 0, 1348),
+        ("toy", 5, 6, 0),
+    ],
+)
+def test_mission_shows_every_node_and_arc(tmp_path, name, n_nodes, n_lines, n_arrows):
+    ax = plot_mission(load(name))
+    assert len(only(ax, "nodes").get_offsets()) == n_nodes - 1
+    assert len(only(ax, "base").get_offsets()) == 1
+    assert n_segments(ax, "lines") == n_lines
+    assert n_segments(ax, "arrows") == n_arrows
+    assert len(only(ax, "heads").get_offsets()) == n_arrows
+    assert bar_labels(ax) == ["reward", "survival"]
+    pixels = rendered(ax, tmp_path / "mission.png")
+    assert 900 < pixels.shape[1] < 1500
+    assert 0.03 < (pixels.min(axis=2) < 0.9).mean() < 0.6
+
+
+def test_museum_names_title_team_and_floors():
+    mission = load("art_museum")
+    ax = plot_mission(mission)
+    assert ax.get_title() == "San Diego Museum of Art"
+    assert legend_texts(ax) == ["3 robots at base 1", "no reward", "floor 1", "floor 2"]
+    floors = drawn(ax, "zone")
+    # The arc of the stairs, 2 - 21, is on neither floor.
+    assert [len(floor.get_segments()) for floor in floors] == [56, 16]
+    assert len({tuple(floor.get_color()[0]) for floor in floors}) == 2
+
+
+def test_one_zone_alone_is_not_shaded():
+    nodes = {n: {"reward": 1, "zone": "cellar"} for n in ("dock", "reef")}
+    ax = plot_mission(make(nodes, [("dock", "reef", 0.9), ("reef", "dock", 0.9)]))
+    assert not drawn(ax, "zone")
+    assert legend_texts(ax) == ["1 robot at base dock"]
+
+
+def test_museum_labels_lie_in_their_nodes_and_apart(tmp_path):
+    mission = load("art_museum")
+    ax = plot_mission(mission)
+    rendered(ax, tmp_path / "museum.png")
+    labels = {t.get_text(): t.get_window_extent() for t in ax.texts}
+    assert sorted(labels, key=int) == [str(i) for i in range(1, 28)]
+    assert not any(a.overlaps(b) for a, b in combinations(labels.values(), 2))
+    radius = math.sqrt(only(ax, "nodes").get_sizes()[0]) / 2 * ax.figure.dpi / 72
+    centres = ax.transData.transform(node_positions(mission))
+    for node, (x, y) in zip(mission.nodes, centres, strict=True):
+        box = labels[str(node)]
+        assert math.hypot((box.x0 + box.x1) / 2 - x, (box.y0 + box.y1) / 2 - y) < radius / 3
+        assert box.width < 2 * radius
+
+
+def test_museum_nodes_do_not_overlap(tmp_path):
+    ax = plot_mission(load("art_museum"))
+    rendered(ax, tmp_path / "museum.png")
+    places = ax.transData.transform(node_positions(load("art_museum")))
+    nearest = min(math.dist(a, b) for a, b in combinations(places, 2))
+    assert nearest > math.sqrt(only(ax, "nodes").get_sizes()[0]) * ax.figure.dpi / 72
+
+
+def test_labels_stop_at_forty_nodes():
+    def ring(n):
+        nodes = {i: {"reward": 1, "pos": [math.cos(i), math.sin(i)]} for i in range(n)}
+        return make(nodes, [(i, (i + 1) % n, 0.9) for i in range(n)], base=0)
+
+    assert len(plot_mission(ring(40)).texts) == 40
+    assert not plot_mission(ring(41)).texts
+
+
+def test_long_labels_stand_beside_their_nodes(tmp_path):
+    ax = plot_mission(lagoon())
+    rendered(ax, tmp_path / "lagoon.png")
+    assert {t.get_text() for t in ax.texts} == {"dock", "reef", "cave", "atoll"}
+    for label, place in zip(ax.texts, node_positions(lagoon()), strict=True):
+        x, y = ax.transData.transform(place)
+        assert not label.get_window_extent().contains(x, y)
+
+
+def test_nodes_are_darker_for_more_reward_and_hollow_for_none():
+    mission = load("art_museum")
+    ax = plot_mission(mission)
+    fills = only(ax, "nodes").get_facecolors()
+    reward = np.delete(mission.arrays.reward, mission.arrays.base)
+    white = (fills[:, :3] == 1).all(axis=1)
+    assert white.sum() == 3
+    assert np.array_equal(white, reward == 0)
+    shades = luminance(fills[~white])
+    by_reward = [set(shades[np.isclose(reward[~white], r)]) for r in (0.1, 1 / 3, 2 / 3, 1.0)]
+    assert [len(group) for group in by_reward] == [1, 1, 1, 1]
+    assert sorted(by_reward, key=max, reverse=True) == by_reward
+
+
+def test_arcs_are_darker_for_more_danger():
+    mission = load("art_museum")
+    lines = only(plot_mission(mission), "lines")
+    shades = luminance(lines.get_colors())
+    arrays = mission.arrays
+    survival = arrays.survival[arrays.tail < arrays.head]
+    assert len(np.unique(survival)) == 4
+    for a, b in combinations(range(len(shades)), 2):
+        assert np.sign(shades[a] - shades[b]) == np.sign(survival[a] - survival[b])
+    stairs = lines.get_segments()[int(np.argmin(shades))]
+    xy = dict(zip(mission.nodes, node_positions(mission), strict=True))
+    assert np.allclose(stairs[[0, -1]], [xy[2], xy[21]])
+
+
+def test_unequal_and_one_way_arcs_are_arrows_bowed_to_their_right():
+    mission = lagoon()
+    ax = plot_mission(mission)
+    assert n_segments(ax, "lines") == 1
+    arrows = only(ax, "arrows").get_segments()
+    xy = dict(zip(mission.nodes, node_positions(mission), strict=True))
+    ends = [("reef", "cave"), ("cave", "atoll"), ("atoll", "cave"), ("atoll", "dock")]
+    assert len(arrows) == len(ends)
+    for tail, head in ends:
+        (arrow,) = [a for a in arrows if np.allclose(a[[0, -1]], [xy[tail], xy[head]], atol=1e-9)]
+        along, out = xy[head] - xy[tail], arrow[len(arrow) // 2] - (xy[head] + xy[tail]) / 2
+        assert along[0] * out[1] - along[1] * out[0] < 0
+        assert 0.03 < np.hypot(*out) / np.hypot(*along) < 0.12
+
+
+def test_single_node(tmp_path):
+    ax = plot_mission(alone())
+    assert len(only(ax, "nodes").get_offsets()) == 0
+    assert len(only(ax, "base").get_offsets()) == 1
+    assert bar_labels(ax) == ["reward"]
+    assert [t.get_text() for t in ax.texts] == ["dock"]
+    assert (rendered(ax, tmp_path / "alone.png") < 0.9).any()
+    assert bar_labels(plot_mission(alone(reward=0.0))) == []
+
+
+def test_nodes_lie_where_their_pos_says():
+    mission = load("toy")
+    assert node_positions(mission).tolist() == [
+        [0.0, 0.5],
+        [0.5, 1.0],
+        [0.5, 0.0],
+        [1.0, 0.5],
+        [1.6, 0.5],
+    ]
+    ax = plot_mission(mission)
+    assert only(ax, "base").get_offsets().tolist() == [[0.0, 0.5]]
+    assert only(ax, "nodes").get_offsets()[-1].tolist() == [1.6, 0.5]
+    (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
+    assert left < 0 < 1.6 < right
+    assert low < 0 < 1 < high
+
+
+def test_layout_is_reproducible_and_used_when_one_pos_is_missing():
+    graph = nx.DiGraph(load("toy").graph)
+    del graph.nodes[3]["pos"]
+    first, again = (node_positions(Mission(graph)) for _ in range(2))
+    assert np.array_equal(first, again)
+    assert not np.allclose(first[4], [1.6, 0.5])
+    assert min(math.dist(a, b) for a, b in combinations(first, 2)) > 0.1
+    big = nx.DiGraph(nx.cycle_graph(61))
+    nx.set_node_attributes(big, 1.0, "reward")
+    nx.set_edge_attributes(big, 0.9, "survival")
+    first, again = (node_positions(Mission(big, base=0, robots=1)) for _ in range(2))
+    assert np.array_equal(first, again)
+    assert first.shape == (61, 2)
+
+
+@pytest.mark.parametrize("pos", [[1.0], [1.0, 2.0, 3.0], [0.0, math.nan], "here", 3])
+def test_malformed_pos_is_named(pos):
+    nodes = {"dock": {"reward": 0, "pos": [0, 0]}, "reef": {"reward": 1, "pos": pos}}
+    mission = make(nodes, [("dock", "reef", 0.9), ("reef", "dock", 0.9)])
+    with pytest.raises(ValueError, match=r"Node 'reef': expected pos \[x, y\]"):
+        plot_mission(mission)
+
+
+# Plans
+
+
+def test_plan_gives_every_robot_a_trail_and_a_legend_entry(tmp_path):
+    mission = load("art_museum")
+    ax = plot_mission(mission, mission.plan(MUSEUM_TRAILS))
+    # Survivals along the trails: 0.9² · 0.97⁴ and 0.9² · 0.8², the last robot stays.
+    xi = 0.9**2 * math.prod(mission.graph.edges[a]["survival"] for a in [(2, 3), (3, 5), (5, 4)])
+    xi *= mission.graph.edges[4, 2]["survival"]
+    texts = legend_texts(ax)
+    assert f"robot 1: survives with {xi:.2f}" in texts
+    assert "robot 2: survives with 0.52" in texts
+    assert "robot 3: stays at base" in texts
+    assert n_segments(ax, "trails") == 6 + 4
+    assert len({tuple(c) for c in only(ax, "trails").get_colors()}) == 2
+    reward, survivors = mission.evaluate([mission.plan(MUSEUM_TRAILS)])[0]
+    assert f"E[R] = {reward:.2f},  E[S] = {survivors:.2f}" in ax.get_title()
+    plain = rendered(plot_mission(mission), tmp_path / "plain.png")
+    assert rendered(ax, tmp_path / "plan.png").shape != plain.shape
+
+
+def test_trail_colours_are_those_of_the_legend():
+    mission = load("art_museum")
+    ax = plot_mission(mission, mission.plan(MUSEUM_TRAILS))
+    shown = {
+        text.get_text()[:7]: to_rgb(handle.get_color())
+        for handle, text in zip(
+            ax.get_legend().legend_handles, ax.get_legend().get_texts(), strict=True
+        )
+        if text.get_text().startswith("robot")
+    }
+    assert len(set(shown.values())) == 3
+    colours = [tuple(c[:3]) for c in only(ax, "trails").get_colors()]
+    assert colours == [shown["robot 1"]] * 6 + [shown["robot 2"]] * 4
+
+
+def test_passages_of_one_arc_lie_side_by_side():
+    mission = load("toy")
+    ax = plot_mission(mission, mission.plan([[1, 3, 4, 3, 1], [1, 3, 4, 3, 1]]))
+    middles = np.array([s[len(s) // 2] for s in only(ax, "trails").get_segments()])
+    assert len(middles) == 8
+    assert min(math.dist(a, b) for a, b in combinations(middles, 2)) > 0.005
+    # 1 -> 3 runs down to the right, so its right-hand side is below the line through both nodes.
+    for k, sign in [(0, -1), (3, 1), (4, -1), (7, 1)]:
+        assert np.sign(middles[k] @ [1, 1] - 0.5) == sign
+
+
+def test_opposite_arrowheads_point_ahead():
+    mission = load("toy")
+    ax = plot_mission(mission, mission.plan([[1, 2, 1], [1]]))
+    out, back = only(ax, "trail heads").get_offsets()
+    assert out[0] > 0.25 > back[0]
+    tip = only(ax, "trail heads").get_paths()[0].vertices[0]
+    assert tip[0] > 0
+    assert tip[1] > 0
+
+
+def test_trails_follow_bowed_arcs():
+    mission = lagoon()
+    trail = ["dock", "reef", "cave", "atoll", "dock"]
+    ax = plot_mission(mission, mission.plan([trail, ["dock"]]))
+    arrows = only(ax, "arrows").get_segments()
+    first, *rest = only(ax, "trails").get_segments()
+    assert not any(np.allclose(first, arrow) for arrow in arrows)
+    for segment in rest:
+        assert any(np.allclose(segment, arrow) for arrow in arrows)
+
+
+def test_lanes_count_the_robots_on_an_arc():
+    plan = load("toy").plan([[1, 2, 1], [1, 2, 3, 1]])
+    assert lanes(plan) == [
+        (0, 0, 1, 0),
+        (0, 1, 0, 0),
+        (1, 0, 1, 1),
+        (1, 1, 2, 0),
+        (1, 2, 0, 0),
+    ]
+
+
+def test_robots_that_all_stay_draw_no_trail():
+    mission = load("toy")
+    ax = plot_mission(mission, mission.plan([[1], [1]]))
+    assert not drawn(ax, "trails")
+    assert [t for t in legend_texts(ax) if "stays at base" in t] == [
+        "robot 1: stays at base",
+        "robot 2: stays at base",
+    ]
+
+
+def test_plan_of_another_mission_is_refused():
+    with pytest.raises(PlanError, match="expected 3 trails, got 2"):
+        plot_mission(load("art_museum"), load("toy").plan([[1], [1]]))
+
+
+def test_legend_is_no_wider_than_the_figure():
+    mission = load("terrain_200")
+    ax = plot_mission(mission, mission.plan([[34]] * 5))
+    ax.figure.draw_without_rendering()
+    assert ax.get_legend().get_window_extent().width <= ax.figure.bbox.width
+    assert ax.get_window_extent().width > 0.6 * ax.figure.bbox.width
+
+
+@settings(max_examples=12)
+@given(missions_with_plans())
+def test_any_mission_is_drawn_whole(case):
+    mission, plan = case
+    ax = plot_mission(mission, plan, ax=Figure().subplots())
+    twins = sum(
+        mission.graph.has_edge(v, u) and mission.graph.edges[v, u]["survival"] == s
+        for u, v, s in mission.graph.edges(data="survival")
+    )
+    assert n_segments(ax, "lines") == twins / 2
+    assert n_segments(ax, "arrows") == mission.arrays.n_arcs - twins
+    assert n_segments(ax, "trails") == sum(len(trail) - 1 for trail in plan.trails)
+
+
+# Fronts
+
+
+def test_staircase_by_hand():
+    # (4, 1) and (2, 2) are dominated, (4, 1.5) is there twice.
+    points = np.array([[8, 1], [4, 1], [4, 1.5], [0, 2], [4, 1.5], [8, 0.5]])
+    corners = [[0, 2], [0, 2], [0, 1.5], [4, 1.5], [4, 1], [8, 1], [8, 0], [0, 0]]
+    assert staircase(points).tolist() == corners
+    (area,) = drawn(plot_front(points), "area")
+    assert area.get_xy()[:-1].tolist() == corners
+
+
+@given(st.lists(st.tuples(st.integers(0, 6), st.integers(0, 6)), max_size=8))
+def test_staircase_bounds_the_cells_that_some_plan_reaches(points):
+    corners = staircase(np.array(points, dtype=float).reshape(-1, 2))
+    x, y = corners.T
+    area = abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
+    cells = {(i, j) for a, b in points for i in range(a) for j in range(b)}
+    assert area == len(cells)
+
+
+def test_front_with_mission_gives_normalised_area_and_fixed_limits(tmp_path):
+    # 4 · 1.5 + 4 · 1 = 10 of 10 rewards x 2 robots.
+    ax = plot_front([[8, 1], [4, 1.5], [4, 1]], load("toy"))
+    assert ax.get_title().splitlines()[-1] == "area 0.5000, 3 plans"
+    assert ax.get_xlim() == (0, 10)
+    assert ax.get_ylim() == (0, 2)
+    assert ax.get_xlabel() == "expected team reward E[R]"
+    assert ax.get_ylabel() == "expected number of survivors E[S]"
+    assert only(ax, "front").get_xydata().tolist() == [[8, 1], [4, 1.5]]
+    assert only(ax, "dominated").get_xydata().tolist() == [[4, 1]]
+    assert ax.get_legend() is None
+    assert (rendered(ax, tmp_path / "front.png") < 0.9).any()
+
+
+def test_front_without_mission_gives_plain_area():
+    ax = plot_front([[8, 1], [4, 1.5]])
+    assert ax.get_title() == "area 10, 2 plans"
+    assert ax.get_xlim() == (0, 8.4)
+    assert ax.get_ylim() == pytest.approx((0, 1.575))
+
+
+def test_equal_plans_are_all_on_the_front():
+    ax = plot_front([[4, 1], [4, 1], [8, 0.5]])
+    assert len(only(ax, "front").get_xydata()) == 3
+
+
+def test_fronts_overlay():
+    mission = load("toy")
+    ax = plot_front([[8, 1], [4, 1.5]], mission, label="bo-aco")
+    assert plot_front([[5, 1]], mission, label="random", ax=ax) is ax
+    assert legend_texts(ax) == [
+        "bo-aco: area 0.5000, 2 plans",
+        "random: area 0.2500, 1 plan",
+    ]
+    assert ax.get_title() == mission.title
+    fronts = drawn(ax, "front")
+    assert len(fronts) == len(drawn(ax, "area")) == 2
+    assert fronts[0].get_color() != fronts[1].get_color()
+    assert fronts[0].get_marker() != fronts[1].get_marker()
+
+
+def test_overlaid_fronts_without_mission_all_stay_in_view():
+    ax = plot_front([[8, 1]], label="first")
+    plot_front([[2, 3]], label="second", ax=ax)
+    assert ax.get_xlim()[1] > 8
+    assert ax.get_ylim()[1] > 3
+
+
+@pytest.mark.parametrize("empty", [np.empty((0, 2)), []])
+def test_empty_front(tmp_path, empty):
+    ax = plot_front(empty, load("toy"))
+    assert ax.get_title().splitlines()[-1] == "area 0.0000, 0 plans"
+    assert ax.get_xlim() == (0, 10)
+    rendered(ax, tmp_path / "empty.png")
+    bare = plot_front(empty, label="none")
+    assert legend_texts(bare) == ["none: area 0, 0 plans"]
+    assert bare.get_xlim() == (0, 1)
+
+
+def test_highlighted_plans_are_ringed_and_named():
+    ax = plot_front([[8, 1], [4, 1.5], [2, 1.7]], highlight=[2, 0])
+    assert [ring.get_xydata().tolist() for ring in drawn(ax, "highlight")] == [[[2, 1.7]], [[8, 1]]]
+    assert [t.get_text() for t in ax.texts] == ["plan 2", "plan 0"]
+    assert [t.get_text() for t in plot_front([[8, 1]], highlight=0).texts] == ["plan 0"]
+
+
+@pytest.mark.parametrize("shape", [(3,), (2, 3), (1, 2, 2), (0, 3)])
+def test_front_of_bad_shape_is_refused(shape):
+    message = rf"Expected objectives of shape \(n, 2\), got \({', '.join(map(str, shape))}"
+    with pytest.raises(ValueError, match=message):
+        plot_front(np.zeros(shape))
+
+
+def test_front_of_bad_values_is_refused():
+    with pytest.raises(ValueError, match=r"finite objectives, got \[nan, 1.0\] in row 1"):
+        plot_front([[1, 1], [math.nan, 1]])
+    for row in (1, -1, 0.5):
+        with pytest.raises(ValueError, match="highlight among the 1 rows"):
+            plot_front([[1, 1]], highlight=row)
+
+
+# Pheromone
+
+
+def pheromone_of(mission):
+    rows = [(u, v, float(i), 1.0) for i, (u, v) in enumerate(mission.graph.edges)]
+    rows.append((mission.base, mission.base, 1e6, 1e6))
+    return pd.DataFrame(rows, columns=["tail", "head", "reward", "survival"])
+
+
+def test_pheromone_widens_and_darkens_arcs(tmp_path):
+    mission = load("art_museum")
+    pheromone = pheromone_of(mission)
+    ax = plot_pheromone(mission, pheromone)
+    arrows = only(ax, "arrows")
+    assert len(arrows.get_segments()) == 74
+    assert np.all(np.diff(arrows.get_linewidths()) > 0)
+    assert np.all(np.diff(luminance(arrows.get_colors())) < 0)
+    last = pheromone.iloc[-2]
+    places = dict(zip(mission.nodes, node_positions(mission), strict=True))
+    ends = arrows.get_segments()[-1][[0, -1]]
+    assert np.allclose(ends, [places[last["tail"]], places[last["head"]]])
+    # The self-loop's million is not on the scale.
+    assert ax.child_axes[0].get_ylim() == (0, 73)
+    assert bar_labels(ax) == [r"pheromone $\tau_R$"]
+    assert (rendered(ax, tmp_path / "pheromone.png") < 0.9).any()
+
+
+def test_pheromone_for_survival_is_the_other_column():
+    mission = load("toy")
+    ax = plot_pheromone(mission, pheromone_of(mission), kind="survival")
+    assert len(set(only(ax, "arrows").get_linewidths())) == 1
+    assert bar_labels(ax) == [r"pheromone $\tau_S$"]
+
+
+def test_pheromone_of_a_single_node():
+    mission = alone()
+    ax = plot_pheromone(mission, pheromone_of(mission))
+    assert not drawn(ax, "arrows")
+    assert len(only(ax, "base").get_offsets()) == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda table: table.drop(columns="head"), r"it lacks \['head'\]"),
+        (lambda table: table.assign(tail=99), "has no arc 99 -> 2"),
+        (lambda table: table.iloc[1:], "a row for every arc, missing: 1 -> 2"),
+        (lambda table: pd.concat([table, table.iloc[:1]]), "one row per arc, got 1 -> 2 twice"),
+        (lambda table: table.assign(reward=-1.0), "at least 0 on 1 -> 2, got -1.0"),
+        (lambda table: table.assign(reward=math.nan), "at least 0 on 1 -> 2, got nan"),
+    ],
+)
+def test_malformed_pheromone_is_refused(change, message):
+    mission = load("toy")
+    with pytest.raises(ValueError, match=message):
+        plot_pheromone(mission, change(pheromone_of(mission)))
+
+
+def test_unknown_kind_is_refused():
+    mission = load("toy")
+    with pytest.raises(ValueError, match="one of reward, survival, got 'danger'"):
+        plot_pheromone(mission, pheromone_of(mission), kind="danger")
+
+
+# Manners
+
+PICTURES = {
+    "mission": lambda ax: plot_mission(load("toy"), load("toy").plan([[1, 3, 1], [1]]), ax=ax),
+    "front": lambda ax: plot_front([[8, 1]], load("toy"), label="one", ax=ax),
+    "pheromone": lambda ax: plot_pheromone(load("toy"), pheromone_of(load("toy")), ax=ax),
+}
+
+
+@pytest.mark.parametrize("picture", PICTURES)
+def test_own_axes_are_the_only_ones_drawn_on(picture):
+    fig, (mine, other) = plt.subplots(1, 2)
+    before = len(other.get_children())
+    assert PICTURES[picture](mine) is mine
+    assert plt.get_fignums() == [fig.number]
+    assert fig.axes == [mine, other]
+    assert len(other.get_children()) == before
+    assert other.get_xlim() == (0, 1)
+    assert mine.get_title()
+
+
+@pytest.mark.parametrize("picture", PICTURES)
+def test_matplotlib_settings_stay_as_they_are(tmp_path, picture):
+    before = dict(mpl.rcParams)
+    save_figure(PICTURES[picture](None).figure, tmp_path / "picture.png")
+    assert dict(mpl.rcParams) == before
+
+
+def test_importing_sets_neither_backend_nor_style():
+    code = (
+        "import matplotlib as mpl; get = lambda: {k: dict.__getitem__(mpl.rcParams, k)"
+        " for k in dict.keys(mpl.rcParams)}; before = get(); import botohe_moo.plots;"
+        " assert get() == before, {k: v for k, v in get().items() if v != before[k]}"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
+
+
+@pytest.mark.parametrize("picture", PICTURES)
+def test_pictures_are_the_same_byte_for_byte(tmp_path, picture):
+    paths = [tmp_path / "first.png", tmp_path / "again.png"]
+    for path in paths:
+        save_figure(PICTURES[picture](None).figure, path)
+    first, again = (path.read_bytes() for path in paths)
+    assert first == again
+    assert first.startswith(b"\x89PNG")
+    assert mpl.__version__.encode() not in first
+
+
+def test_save_figure_replaces_whole_files_or_nothing(tmp_path, monkeypatch):
+    path = tmp_path / "front.png"
+    ax = plot_front([[1, 1]])
+    path.write_text("old")
+    with monkeypatch.context() as patch:
+
+        def fail_half_way(target, **_):
+            Path(target).write_text("half")
+            raise OSError("disk full")
+
+        patch.setattr(ax.figure, "savefig", fail_half_way)
+        with pytest.raises(OSError, match="disk full"):
+            save_figure(ax.figure, path)
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+    save_figure(ax.figure, str(path), dpi=50)
+    assert plt.imread(path).shape[1] < 400
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_save_figure_writes_png_only(tmp_path):
+    with pytest.raises(ValueError, match=r"ends in '\.png', got .*front\.pdf"):
+        save_figure(plot_front([[1, 1]]).figure, tmp_path / "front.pdf")
