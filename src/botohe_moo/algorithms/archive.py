@@ -44,7 +44,7 @@ class PlanArchive:
 
     @property
     def objectives(self) -> FloatArray:
-        """E[R] and E[S] of each plan, to be maximised (n, 2)."""
+        """E[R] and E[S] of each plan, to be maximised (n, 2); read-only."""
         view = self._objectives.view()
         view.flags.writeable = False
         return view
@@ -54,9 +54,19 @@ class PlanArchive:
         """The plans, in the order of ``objectives``."""
         return PlanBatch._wrap(self._nodes, self._offsets, self.n_robots)
 
+    @property
+    def arcs(self) -> IntArray:
+        """The arc that leaves each of ``plans.nodes``, trails ending with the self-loop."""
+        return self._arcs
+
+    @property
+    def version(self) -> int:
+        """Changes whenever the archive does: the number of plans that ever entered."""
+        return self._next_id
+
     def absorb(
         self, batch: PlanBatch, arcs: IntArray, objectives: FloatArray
-    ) -> tuple[OffsetArray, bool]:
+    ) -> OffsetArray:
         """Take in what the archive does not dominate.
 
         Parameters
@@ -70,8 +80,8 @@ class PlanArchive:
 
         Returns
         -------
-        tuple
-            Indices of the batch's own Pareto set, and whether anything entered the archive.
+        numpy.ndarray
+            Indices of the batch's own Pareto set.
         """
         (
             members,
@@ -99,7 +109,7 @@ class PlanArchive:
         if n_entered:
             self._next_id += n_entered
             self._population = None
-        return members, n_entered > 0
+        return members
 
     def population(self) -> Population:
         """Give the plans as pymoo knows them.

@@ -11,7 +11,9 @@ import networkx as nx
 import numpy as np
 
 from botohe_moo._types import FloatArray, IntArray, OffsetArray
-from botohe_moo.kernels.construct import BLOCK, construct
+from botohe_moo.algorithms.archive import PlanArchive
+from botohe_moo.kernels.construct import construct
+from botohe_moo.kernels.evaluate import trail_arcs
 from botohe_moo.kernels.pheromone import learn, log_weights
 from botohe_moo.kernels.rng import seed_states
 from botohe_moo.mission.model import Mission
@@ -31,8 +33,6 @@ class WalkGraph:
         self-loop is the base's last.
     tail, head, survival
         Per arc; the self-loop has survival 1.
-    entering_first, entering, entering_tail
-        The arcs that enter node v, the self-loop not among them: offsets, arcs and their tails.
     homeward
         Of each node but the base, its arc on some shortest way home.
     base, loop
@@ -45,9 +45,6 @@ class WalkGraph:
     tail: IntArray
     head: IntArray
     survival: FloatArray
-    entering_first: OffsetArray
-    entering: IntArray
-    entering_tail: IntArray
     homeward: IntArray
     base: int
     loop: int
@@ -63,10 +60,6 @@ class WalkGraph:
         first[base + 1 :] += 1
         tail = np.insert(arrays.tail, loop, base).astype(np.int32)
         head = np.insert(arrays.head, loop, base).astype(np.int32)
-        by_head = np.argsort(head, kind="stable").astype(np.int32)
-        entering = by_head[by_head != loop]
-        entering_first = np.zeros(n_nodes + 1, np.int64)
-        np.cumsum(np.bincount(head[entering], minlength=n_nodes), out=entering_first[1:])
         homeward = np.full(n_nodes, -1, np.int32)
         arc_of = {arc: i for i, arc in enumerate(zip(tail.tolist(), head.tolist(), strict=True))}
         backwards = mission.graph.reverse(copy=False)
@@ -78,9 +71,6 @@ class WalkGraph:
             tail=tail,
             head=head,
             survival=np.insert(arrays.survival, loop, 1.0),
-            entering_first=entering_first,
-            entering=entering,
-            entering_tail=tail[entering],
             homeward=homeward,
             base=base,
             loop=loop,
@@ -92,7 +82,6 @@ class WalkGraph:
 class ColonyRule:
     """How ants weigh arcs and how pheromone changes; :class:`BOACO` documents the parameters."""
 
-    n_ants: int
     evaporation: float
     heuristic: bool
     pheromone: bool
@@ -115,6 +104,8 @@ class Colony:
         What to plan for.
     rule
         How ants choose and deposit.
+    n_ants
+        Size of the colony.
     n_threads
         Threads that build plans; results do not depend on it.
     random_state
@@ -126,6 +117,7 @@ class Colony:
         mission: Mission,
         rule: ColonyRule,
         *,
+        n_ants: int,
         n_threads: int,
         random_state: np.random.Generator,
     ) -> None:
@@ -133,13 +125,14 @@ class Colony:
         self.n_robots = mission.robots
         self.n_threads = n_threads
         self.walk = walk = WalkGraph.of(mission)
-        self._states = seed_states(random_state, rule.n_ants)
+        self._states = seed_states(random_state, n_ants)
         n_maps = mission.robots if rule.pheromone_per_robot else 1
         shape = (n_maps, len(walk.head))
         self.pheromone: FloatArray = np.empty((*shape, 2))
         self.pheromone[..., 0] = rule.initial_reward_pheromone if rule.pheromone else 1.0
         self.pheromone[..., 1] = rule.initial_survival_pheromone if rule.pheromone else 1.0
         self._deposits = np.zeros((2, *shape, 2))
+        self._deposited_version = -1  # of the archive, when its deposit was last summed up
 
         value = rule.unvisited_bonus + walk.survival * mission.arrays.reward[walk.head]
         if rule.heuristic:
@@ -180,9 +173,8 @@ class Colony:
             each of their nodes, every trail ending with the base's self-loop.
         """
         lengths = np.empty(n_ants * self.n_robots, np.int64)
-        n_blocks = -(-n_ants // BLOCK)
-        n_threads = min(self.n_threads, n_blocks)
-        cuts = [BLOCK * (n_blocks * i // n_threads) for i in range(n_threads)] + [n_ants]
+        n_threads = min(self.n_threads, n_ants)
+        cuts = [n_ants * i // n_threads for i in range(n_threads + 1)]
         spans = list(zip(cuts, cuts[1:], strict=False))
         if n_threads == 1:
             parts = [self._construct_span(0, 0, n_ants, n_ants, lengths)]
@@ -216,9 +208,6 @@ class Colony:
             walk.first,
             walk.head,
             walk.survival,
-            walk.entering_first,
-            walk.entering,
-            walk.entering_tail,
             walk.homeward,
             walk.base,
             walk.balanced,
@@ -239,14 +228,20 @@ class Colony:
         self._buffers[part] = nodes, arcs
         return nodes[:size], arcs[:size]
 
+    def arcs_of(self, batch: PlanBatch) -> IntArray:
+        """Give the arc that leaves each node of valid plans, trails ending with the self-loop."""
+        walk = self.walk
+        arcs = np.empty_like(batch.nodes)
+        trail_arcs(walk.first, walk.head, walk.loop, batch.nodes, batch.offsets, arcs)
+        return arcs
+
     def learn(
         self,
         batch: PlanBatch,
         arcs: IntArray,
         objectives: FloatArray,
         members: OffsetArray,
-        archived: tuple[FloatArray, IntArray, OffsetArray],
-        archive_changed: bool,
+        archive: PlanArchive,
     ) -> None:
         """Evaporate and deposit pheromone, unless the colony does without.
 
@@ -256,12 +251,10 @@ class Colony:
             The iteration's plans, their arcs, and their E[R] and E[S].
         members
             Indices of the iteration's Pareto set.
-        archived
-            Objectives, arcs and offsets of the global Pareto set.
-        archive_changed
-            Whether that set is another than at the last call.
+        archive
+            The global Pareto set.
         """
-        if not self.rule.pheromone:
+        if not self.rule.pheromone or len(archive) == 0:
             return
         learn(
             self.pheromone,
@@ -271,12 +264,15 @@ class Colony:
             members,
             arcs,
             batch.offsets,
-            *archived,
-            archive_changed,
+            archive.objectives,
+            archive.arcs,
+            archive.plans.offsets,
+            archive.version != self._deposited_version,
             self.n_robots,
             self._deposits[0],
             self._deposits[1],
         )
+        self._deposited_version = archive.version
         self._weigh()
 
     def close(self) -> None:

@@ -1,7 +1,7 @@
 """Ants that build trail plans hop by hop.
 
-All kernels here see the walk graph: the mission's arcs grouped by tail node, and the base's
-self-loop as the last arc that leaves the base.
+The kernels here see the walk graph: the mission's arcs grouped by tail node, and the base's
+self-loop, which ends a trail, as the last arc that leaves the base.
 """
 
 import math
@@ -13,35 +13,46 @@ from botohe_moo.kernels.compile import kernel
 from botohe_moo.kernels.rng import uniform
 
 # Ants whose weights are tabulated together: enough to share the exponentials, few enough that
-# the tables of a small mission stay in the fastest cache. Threads share out whole blocks.
-BLOCK = 25
+# the tables of a small mission stay in the fastest caches.
+BLOCK = 50
+
+# Up to this many arcs a scan that stops early beats one without branches (measured).
+_SHORT_SCAN = 5
 
 
 @kernel
-def _leads_home(
+def leads_home(
     first: OffsetArray,
     head: IntArray,
     homeward: IntArray,
     base: int,
     node: int,
-    opened: OffsetArray,
-    opening: int,
-    current: FloatArray,
+    used: OffsetArray,
+    trail: int,
     met: OffsetArray,
     search: int,
     stack: IntArray,
 ) -> bool:
-    """Tell whether arcs that this trail has not used lead from ``node`` to the base.
+    """Tell whether arcs that a trail has not used lead from ``node`` to the base.
 
-    First along ``homeward``, from each node its arc on a shortest way home: cheap, and nearly
-    always enough. Then by depth-first search; ``met`` holds the last search that met a node.
+    First along ``homeward``: cheap, and nearly always enough. Then by depth-first search.
+
+    Parameters
+    ----------
+    first, head, homeward, base
+        The walk graph; ``homeward`` is each node's arc on some shortest way home.
+    node
+        Where the way home begins.
+    used, trail
+        Arc a is used where ``used[a] == trail``.
+    met, search
+        Scratch (n_nodes): the last search that met a node; the number of this search.
+    stack
+        Scratch (n_nodes).
     """
     here = node
-    while here != base:
-        arc = homeward[here]
-        if opened[here] == opening and current[arc] == 0.0:
-            break
-        here = head[arc]
+    while here != base and used[homeward[here]] != trail:
+        here = head[homeward[here]]
     if here == base:
         return True
     stack[0] = node
@@ -52,7 +63,7 @@ def _leads_home(
         here = stack[height]
         for arc in range(first[here], first[here + 1]):
             there = head[arc]
-            if met[there] == search or (opened[here] == opening and current[arc] == 0.0):
+            if used[arc] == trail or met[there] == search:
                 continue
             if there == base:
                 return True
@@ -69,66 +80,27 @@ def _tabulate(
     log_fresh: FloatArray,
     low: int,
     high: int,
-    weight: float,
-    step: float,
+    lambda_first: float,
+    lambda_step: float,
     seen: FloatArray,
     fresh: FloatArray,
 ) -> None:
     """Fill in the weights of the arcs ``low`` to ``high`` for every ant of a block.
 
-    Ants' weights on survival are evenly spaced, so that an arc's weight is a geometric
-    progression over the ants: a few exponentials serve the whole block.
+    The ants' λ are evenly spaced, so that an arc's weight is a geometric progression over the
+    ants: a few exponentials serve the whole block.
     """
     for arc in range(low, high):
         slope = log_survival[arc] - log_reward[arc]
-        value = math.exp(log_reward[arc] + weight * slope)
-        ratio = math.exp(step * slope)
-        factor = math.exp((1.0 - weight) * log_fresh[arc])
-        factor_ratio = math.exp(-step * log_fresh[arc])
+        weight = math.exp(log_reward[arc] + lambda_first * slope)
+        ratio = math.exp(lambda_step * slope)
+        factor = math.exp((1.0 - lambda_first) * log_fresh[arc])
+        factor_ratio = math.exp(-lambda_step * log_fresh[arc])
         for i in range(seen.shape[0]):
-            seen[i, arc] = value
-            fresh[i, arc] = value * factor
-            value *= ratio
+            seen[i, arc] = weight
+            fresh[i, arc] = weight * factor
+            weight *= ratio
             factor *= factor_ratio
-
-
-@kernel
-def _choose(
-    current: FloatArray,
-    low: int,
-    high: int,
-    exploration: float,
-    states: SeedArray,
-    ant: int,
-    cumulated: FloatArray,
-) -> int:
-    """Draw one of the arcs ``low`` to ``high`` by weight, those of weight 0 never.
-
-    With probability (exploration / n) / (1 + exploration / n), n the number of candidates, all
-    candidates are equally likely: the floor of exploration · (mean weight) / n on every weight.
-    """
-    total = 0.0
-    for arc in range(low, high):
-        total += current[arc]
-        cumulated[arc - low] = total
-    drawn = uniform(states, ant)
-    if exploration > 0.0:
-        n = 0
-        for arc in range(low, high):
-            n += current[arc] > 0.0
-        drawn *= 1.0 + exploration / n
-        if drawn >= 1.0:
-            skip = min(n - 1, int((drawn - 1.0) / exploration * n * n))
-            arc = low
-            while current[arc] == 0.0 or skip > 0:
-                skip -= current[arc] > 0.0
-                arc += 1
-            return arc
-    drawn *= total
-    arc = low
-    for i in range(high - low - 1):
-        arc += cumulated[i] <= drawn
-    return arc
 
 
 @kernel
@@ -136,9 +108,6 @@ def construct(
     first: OffsetArray,
     head: IntArray,
     survival: FloatArray,
-    entering_first: OffsetArray,
-    entering: IntArray,
-    entering_tail: IntArray,
     homeward: IntArray,
     base: int,
     balanced: bool,
@@ -155,142 +124,162 @@ def construct(
     nodes: IntArray,
     arcs: IntArray,
     lengths: OffsetArray,
-):
-    """x."""
-    n_nodes = first.shape[0] - 1
-    n_arcs = head.shape[0]
-    n_maps = log_reward.shape[0]
+) -> tuple[IntArray, IntArray, int]:
+    """Let the ants ``begin`` to ``end`` build one plan each, robot after robot.
+
+    An ant at a node weighs each arc a that this trail has not used yet with
+    (τ_R η_R)^(1 − λ) (τ_S η_S)^λ, where η_R is ``1 + gain[a] · (probability that no earlier robot
+    reaches its head)`` times that of a head already in this trail.
+
+    Where some node has more arcs in than out (not ``balanced``), an arc from which no unused arcs
+    lead home is drawn again: the walk never enters a dead end.
+
+    Parameters
+    ----------
+    first, head, survival, homeward, base, balanced
+        The walk graph (see ``WalkGraph``).
+    log_reward, log_survival
+        log(τ_R η_R), with η_R that of a head already in this trail, and log(τ_S η_S)
+        (n_maps, n_arcs); one map a robot, or one that all robots share.
+    gain, log_fresh
+        What a head that no robot reaches yet adds to η_R, relative, and log(1 + gain) (n_arcs).
+    exploration
+        Every weight is raised by exploration · (mean weight) / (number of candidates).
+    n_robots
+        Trails per plan.
+    n_ants
+        Size of the colony: ant i has λ = i / (n_ants − 1), a single ant λ = 1/2.
+    begin, end
+        Which ants build now. What an ant builds depends on its own random numbers only.
+    states
+        State of each ant's random numbers (n_ants, 2), advanced.
+    nodes, arcs
+        Where to write; larger arrays take their place when they are full.
+    lengths
+        Output: nodes of each trail (n_ants · n_robots).
+
+    Returns
+    -------
+    tuple
+        The nodes of the trails one after another, the arc that leaves each (at the end of a trail
+        the self-loop), and how many there are; the arrays may be longer.
+    """
+    n_nodes, n_arcs, n_maps = first.shape[0] - 1, head.shape[0], log_reward.shape[0]
     loop = first[base + 1] - 1
-    step = 1.0 / (n_ants - 1) if n_ants > 1 else 0.0
+    lambda_step = 1.0 / (n_ants - 1) if n_ants > 1 else 0.0
 
     seen_weight = np.empty((n_maps, BLOCK, n_arcs))
     fresh_weight = np.empty((n_maps, BLOCK, n_arcs))
     tabulated = np.full((n_maps, n_nodes), -1, np.int64)
-    opened = np.full(n_nodes, -1, np.int64)
-    current = np.empty(n_arcs)
+    used = np.full(n_arcs, -1, np.int64)
     visited = np.full(n_nodes, -1, np.int64)
-    visits = np.empty(n_nodes, np.int32)
     unreached = np.ones(n_nodes)
     touched = np.empty(n_nodes, np.int32)
-    n_touched = 0
     cumulated = np.empty(n_arcs)
     met = np.full(n_nodes, -1, np.int64)
-    search = 0
     stack = np.empty(n_nodes, np.int32)
     rejected = np.empty(n_arcs, np.int32)
-    rejected_weight = np.empty(n_arcs)
+    n_touched = n_rejected = search = size = 0
 
-    size = 0
-    trail = 0
-    for block in range(begin, end, BLOCK):
-        for i in range(min(BLOCK, end - block)):
-            ant = block + i
-            power = 1.0 - ant * step if n_ants > 1 else 0.5
-            for t in range(n_touched):
-                unreached[touched[t]] = 1.0
-            n_touched = 0
-            for robot in range(n_robots):
-                which = robot if n_maps > 1 else 0
-                opening = ant * n_maps + which
-                seen = seen_weight[which, i]
-                fresh = fresh_weight[which, i]
-                trail += 1
-                start = size
-                here = base
-                alive = 1.0
-                visited[base] = trail
-                n_visits = 0
-                while True:
-                    if size >= nodes.shape[0]:
-                        larger = np.empty(2 * size, np.int32)
-                        larger[:size] = nodes
-                        nodes = larger
-                        larger = np.empty(2 * size, np.int32)
-                        larger[:size] = arcs
-                        arcs = larger
-                    low, high = first[here], first[here + 1]
-                    if opened[here] != opening:
-                        opened[here] = opening
-                        if tabulated[which, here] != block:
-                            tabulated[which, here] = block
-                            _tabulate(
-                                log_reward[which],
-                                log_survival[which],
-                                log_fresh,
-                                low,
-                                high,
-                                block * step if n_ants > 1 else 0.5,
-                                step,
-                                seen_weight[which],
-                                fresh_weight[which],
-                            )
-                        for arc in range(low, high):
-                            there = head[arc]
-                            if visited[there] == trail:
-                                current[arc] = seen[arc]
-                            elif unreached[there] == 1.0:
-                                current[arc] = fresh[arc]
+    for ant in range(begin, end):
+        block = ant // BLOCK
+        lambda_first = block * BLOCK * lambda_step if n_ants > 1 else 0.5
+        power = 1.0 - (ant * lambda_step if n_ants > 1 else 0.5)
+        for i in range(n_touched):
+            unreached[touched[i]] = 1.0
+        n_touched = 0
+        for robot in range(n_robots):
+            trail = ant * n_robots + robot
+            which = robot if n_maps > 1 else 0
+            seen = seen_weight[which, ant - block * BLOCK]
+            fresh = fresh_weight[which, ant - block * BLOCK]
+            here, alive, start = base, 1.0, size
+            visited[base] = trail
+            while True:
+                low, high = first[here], first[here + 1]
+                if tabulated[which, here] != block:
+                    tabulated[which, here] = block
+                    _tabulate(
+                        log_reward[which],
+                        log_survival[which],
+                        log_fresh,
+                        low,
+                        high,
+                        lambda_first,
+                        lambda_step,
+                        seen_weight[which],
+                        fresh_weight[which],
+                    )
+                n = 0
+                total = 0.0
+                arc = low
+                for a in range(low, high):
+                    weight = 0.0
+                    if used[a] != trail:
+                        n += 1
+                        arc = a
+                        weight = seen[a]
+                        if visited[head[a]] != trail:
+                            left = unreached[head[a]]
+                            if left == 1.0:
+                                weight = fresh[a]
                             else:
-                                current[arc] = seen[arc] * math.exp(
-                                    power * math.log(1.0 + gain[arc] * unreached[there])
-                                )
-                    arc = _choose(current, low, high, exploration, states, ant, cumulated)
-                    if not balanced and arc != loop:
-                        n_rejected = 0
-                        while arc != loop:
-                            kept = current[arc]
-                            current[arc] = 0.0
-                            search += 1
-                            if _leads_home(
-                                first,
-                                head,
-                                homeward,
-                                base,
-                                head[arc],
-                                opened,
-                                opening,
-                                current,
-                                met,
-                                search,
-                                stack,
-                            ):
-                                break
+                                weight *= math.exp(power * math.log(1.0 + gain[a] * left))
+                    total += weight
+                    cumulated[a - low] = total
+                # Drawing stands here and not in a function of its own: that costs a sixth more time.
+                if n > 1:
+                    drawn = uniform(states, ant) * (1.0 + exploration / n)
+                    if drawn < 1.0:
+                        drawn *= total
+                        arc = low
+                        if high - low > _SHORT_SCAN:
+                            for c in range(high - low - 1):
+                                arc += cumulated[c] <= drawn
+                        else:
+                            while cumulated[arc - low] <= drawn:
+                                arc += 1
+                    else:
+                        skip = min(n - 1, int((drawn - 1.0) / exploration * n * n))
+                        arc = low
+                        while used[arc] == trail or skip > 0:
+                            skip -= used[arc] != trail
+                            arc += 1
+                used[arc] = trail
+                if not balanced:
+                    if n > 1 and arc != loop:
+                        search += 1
+                        if not leads_home(
+                            first, head, homeward, base, head[arc], used, trail, met, search, stack
+                        ):
                             rejected[n_rejected] = arc
-                            rejected_weight[n_rejected] = kept
                             n_rejected += 1
-                            arc = _choose(current, low, high, exploration, states, ant, cumulated)
-                        for r in range(n_rejected):
-                            current[rejected[r]] = rejected_weight[r]
-                    nodes[size] = here
-                    arcs[size] = arc
-                    size += 1
-                    if arc == loop:
-                        break
-                    alive *= survival[arc]
-                    here = head[arc]
-                    if visited[here] != trail:
-                        visited[here] = trail
-                        for e in range(entering_first[here], entering_first[here + 1]):
-                            current[entering[e]] = seen[entering[e]]
-                        visits[n_visits] = here
-                        n_visits += 1
-                        before = unreached[here]
-                        unreached[here] = before * (1.0 - alive)
-                        if before == 1.0 and unreached[here] < 1.0:
-                            touched[n_touched] = here
-                            n_touched += 1
-                    current[arc] = 0.0
-                lengths[ant * n_robots + robot] = size - start
-                if n_maps == 1 and robot < n_robots - 1:
-                    for e in range(entering_first[base], entering_first[base + 1]):
-                        current[entering[e]] = seen[entering[e]]
-                    for v in range(n_visits):
-                        node = visits[v]
-                        left = unreached[node]
-                        for e in range(entering_first[node], entering_first[node + 1]):
-                            if opened[entering_tail[e]] == opening:
-                                arc = entering[e]
-                                current[arc] = seen[arc] * math.exp(
-                                    power * math.log(1.0 + gain[arc] * left)
-                                )
+                            continue
+                    for i in range(n_rejected):
+                        used[rejected[i]] = -1
+                    n_rejected = 0
+                if size == nodes.shape[0]:
+                    nodes, arcs = _doubled(nodes), _doubled(arcs)
+                nodes[size] = here
+                arcs[size] = arc
+                size += 1
+                if arc == loop:
+                    break
+                alive *= survival[arc]
+                here = head[arc]
+                if visited[here] != trail:
+                    visited[here] = trail
+                    before = unreached[here]
+                    unreached[here] = before * (1.0 - alive)
+                    if before == 1.0 and unreached[here] < 1.0:
+                        touched[n_touched] = here
+                        n_touched += 1
+            lengths[trail] = size - start
     return nodes, arcs, size
+
+
+@kernel
+def _doubled(array: IntArray) -> IntArray:
+    larger = np.empty(2 * array.shape[0], np.int32)
+    larger[: array.shape[0]] = array
+    return larger

@@ -148,3 +148,20 @@ def evaluate(
         objectives[plan, 0] = expected_reward
         objectives[plan, 1] = survivors
     return VALID, 0, 0, 0
+
+
+@kernel
+def trail_arcs(
+    first: OffsetArray,
+    head: IntArray,
+    loop: int,
+    nodes: IntArray,
+    offsets: OffsetArray,
+    arcs: IntArray,
+) -> None:
+    """Write the arc that leaves each node of valid trails, for the last one ``loop``."""
+    for trail in range(len(offsets) - 1):
+        last = offsets[trail + 1] - 1
+        for i in range(offsets[trail], last):
+            arcs[i] = find_arc(first, head, nodes[i], nodes[i + 1])
+        arcs[last] = loop

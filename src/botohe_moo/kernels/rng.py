@@ -16,9 +16,9 @@ _SCALE = 2.0**-53
 
 
 def seed_states(random_state: np.random.Generator, n: int) -> SeedArray:
-    """Draw ``n`` states, shape (n, 2), from numpy's generator."""
-    states = random_state.integers(1, 2**64, size=(n, 2), dtype=np.uint64)
-    return np.asarray(states, np.uint64)
+    """Derive ``n`` states, shape (n, 2), from one draw of numpy's generator."""
+    entropy = int(random_state.integers(2**63))
+    return np.random.SeedSequence(entropy).generate_state(2 * n, np.uint64).reshape(n, 2)
 
 
 @inline

@@ -77,6 +77,11 @@ def read_benchmark(
     graph: nx.DiGraph[Any] = nx.DiGraph(base=0, robots=robots, title=title)
     for node, (point, score) in enumerate(zip(points.tolist(), scores, strict=True)):
         graph.add_node(node, reward=score, pos=point)
+    _add_arcs(graph, points, neighbours, scale)
+    return graph, []
+
+
+def _add_arcs(graph: nx.DiGraph[Any], points: FloatArray, neighbours: int, scale: float) -> None:
     faults = []
     for tail, head in sorted({*_nearest_pairs(points, neighbours), *spanning_pairs(points)}):
         distance = math.dist(points[tail], points[head])
@@ -90,7 +95,6 @@ def read_benchmark(
         graph.add_edge(head, tail, survival=survival)
     if faults:
         raise MissionError(faults)
-    return graph, faults
 
 
 def _parse(text: str) -> tuple[int, float, FloatArray, list[float]]:

@@ -122,6 +122,8 @@ def save_mission(mission: Mission, path: str | os.PathLike[str]) -> None:
         data = writer(mission_content(mission))
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
+    except RecursionError:
+        raise ValueError(f"{path}: a label or an attribute is nested too deeply.") from None
     _replace(path, data)
 
 
@@ -151,9 +153,9 @@ def check_parameters(
     known = sorted({*accepted, *also})
     unknown = [name for name in given if name not in known]
     if unknown:
-        named = " and ".join(repr(name) for name in unknown)
-        among = ", ".join(nearest_first(unknown[0], known)) or "none"
-        raise ValueError(f"{owner}: expected only the parameters {among}; got {named}.")
+        named = " or ".join(repr(name) for name in unknown)
+        among = ", ".join(nearest_first(unknown[0], known))
+        raise ValueError(f"{owner}: there is no parameter {named}; known are {among}.")
 
 
 def keyword_names(function: Callable[..., object]) -> tuple[str, ...] | None:
@@ -176,7 +178,7 @@ def nearest_first(word: str, words: Iterable[str]) -> list[str]:
 
 def _unknown_suffix(path: Path, known: Mapping[str, object] | Iterable[str]) -> str:
     found = f"the suffix {path.suffix!r}" if path.suffix else "no suffix"
-    return f"expected a file name that ends in {' or '.join(known)}, found {found}"
+    return f"expected a file name that ends in one of {', '.join(known)}; found {found}"
 
 
 def _content(path: Path) -> bytes:

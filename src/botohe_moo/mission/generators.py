@@ -54,7 +54,7 @@ def two_communities(*, seed: int = 0, robots: int = 2) -> Mission:
     Returns
     -------
     Mission
-        21 nodes, about 80 arcs; the node attribute ``zone`` tells the communities.
+        21 nodes, about 82 arcs; the node attribute ``zone`` tells the communities.
 
     Raises
     ------

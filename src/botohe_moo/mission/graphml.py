@@ -39,7 +39,7 @@ class _Key(NamedTuple):
     default: str | None
 
 
-def read_graphml(data: bytes) -> tuple[nx.Graph[Any], list[str]]:
+def read_graphml(data: bytes, /) -> tuple[nx.Graph[Any], list[str]]:
     """Read GraphML; see `botohe_moo.mission.nodelink.graph_from`.
 
     Node labels are the nodes' ids, and the base is named by such an id, hence a string, whatever
@@ -107,7 +107,7 @@ def _keys(root: ET.Element) -> dict[str, _Key | None]:
     keys: dict[str, _Key | None] = {}
     for element in root.findall("{*}key"):
         keys[element.get("id", "")] = None
-        if name := element.get("attr.name"):
+        if (name := element.get("attr.name")) is not None:
             type_, scope = element.get("attr.type", "string"), element.get("for", "all")
             default = element.findtext("{*}default")
             keys[element.get("id", "")] = _Key(name, type_, scope, default)

@@ -87,7 +87,8 @@ def toy(*, robots: int | None = None) -> Mission:
 
 def _packaged(name: str, robots: int | None) -> Mission:
     with as_file(files("botohe_moo.mission").joinpath("data", f"{name}.json")) as path:
-        return read_mission(path, robots=robots)
+        mission = read_mission(path)
+    return mission if robots is None else mission.with_robots(robots)
 
 
 def load_mission(
@@ -117,6 +118,13 @@ def load_mission(
     -----
     Packages register missions in the entry-point group ``botohe_moo.missions``: callables that take
     keywords and return a `Mission`.
+
+    Examples
+    --------
+    >>> load_mission("art_museum", robots=4)
+    <Mission 'art_museum': 27 nodes, 74 arcs, 4 robots at base 1, total reward 13.0667>
+    >>> len(load_mission("terrain", nodes=50, seed=1).nodes)
+    50
     """
     if isinstance(name_or_path, os.PathLike):
         return read_mission(name_or_path, robots=robots, **parameters)
@@ -215,4 +223,5 @@ def _unknown(name: str, known: Iterable[str]) -> str:
     names = ", ".join(nearest_first(name, known))
     if not names:
         return f"no missions are registered; is the package {_OURS} installed?"
-    return f"there is no such mission or file; known are {names}"
+    suffixes = ", ".join(SUFFIXES)
+    return f"there is no such mission; known are {names}; mission files end in one of {suffixes}"

@@ -304,6 +304,13 @@ class Mission:
     def __hash__(self) -> int:
         return hash((self.nodes, self.base, self.robots, self.arrays.survival.tobytes()))
 
+    def __getstate__(self) -> dict[str, Any]:
+        return {key: value for key, value in self.__dict__.items() if key != "arrays"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self.arrays = _compile(self.graph, self._index, self.base)  # read-only again
+
     def __copy__(self) -> Self:
         return self
 

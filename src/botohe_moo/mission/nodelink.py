@@ -26,7 +26,7 @@ _REPR.maxlevel, _REPR.maxstring, _REPR.maxother = 2, 60, 60
 _brief = _REPR.repr
 
 
-def read_node_link(data: bytes) -> tuple[nx.Graph[Any], list[str]]:
+def read_node_link(data: bytes, /) -> tuple[nx.Graph[Any], list[str]]:
     """Read node-link JSON; see `graph_from`.
 
     Raises

@@ -60,7 +60,7 @@ def mission_faults(graph: Any, base: Hashable, robots: object, *, ways: bool = T
     faults += _arc_faults(graph)
     if base is None:
         faults.append("expected the label of the base, found no graph attribute 'base'")
-    elif not _contains(graph, base):
+    elif base not in graph:
         faults.append(f"base {base!r}: there is no such node")
     elif ways:
         faults += _way_faults(graph, base)
@@ -110,9 +110,9 @@ def _reward_faults(graph: nx.DiGraph[Any]) -> Iterator[str]:
 
 
 def _arc_faults(graph: nx.DiGraph[Any]) -> Iterator[str]:
+    for node in nx.nodes_with_selfloops(graph):
+        yield f"arc {node!r} -> {node!r}: a node must not have an arc to itself"
     for tail, head, attributes in graph.edges(data=True):
-        if tail == head:
-            yield f"arc {tail!r} -> {head!r}: a node must not have an arc to itself"
         if not 0 < _number(attributes.get("survival")) <= 1:
             yield (
                 f"arc {tail!r} -> {head!r}: expected survival in (0, 1], "
@@ -128,13 +128,6 @@ def _way_faults(graph: nx.DiGraph[Any], base: Hashable) -> Iterator[str]:
             yield f"node {node!r}: cannot be reached from base {base!r}"
         if node not in returning:
             yield f"node {node!r}: has no way back to base {base!r}"
-
-
-def _contains(graph: nx.DiGraph[Any], node: object) -> bool:
-    try:
-        return node in graph
-    except TypeError:  # unhashable
-        return False
 
 
 def checked_integer(name: str, value: object, least: int) -> int:

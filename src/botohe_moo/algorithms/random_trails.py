@@ -1,0 +1,52 @@
+"""Random trail plans, the least a search must beat."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from botohe_moo._types import ObjectArray
+from botohe_moo.algorithms.bo_aco import BOACO
+from botohe_moo.trails import TrailPlan
+
+__all__ = ["RandomTrails"]
+
+
+class RandomTrails(BOACO):
+    """Ants without heuristics and pheromone: every unused arc is equally likely.
+
+    Parameters
+    ----------
+    n_ants
+        Plans per iteration, at least 1.
+    n_threads
+        Threads that build plans, at least 1; the result does not depend on it.
+    sampling
+        Trail plans to start from, as for :class:`BOACO`.
+    **options
+        pymoo's own, as for :class:`BOACO`.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is out of its range.
+    TypeError
+        If an option is unknown, or the problem is not a :class:`BOTOHE`.
+    """
+
+    def __init__(
+        self,
+        *,
+        n_ants: int = 100,
+        n_threads: int = 1,
+        sampling: Iterable[TrailPlan] | ObjectArray | None = None,
+        **options: Any,
+    ) -> None:
+        super().__init__(
+            n_ants=n_ants,
+            heuristic=False,
+            pheromone=False,
+            n_threads=n_threads,
+            sampling=sampling,
+            **options,
+        )
