@@ -1,0 +1,224 @@
+import math
+import re
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from botohe_moo.mission import generators, read_mission, save_mission
+
+ALL = [generators.two_communities, generators.random, generators.complete, generators.terrain]
+SIZED = [generators.random, generators.complete, generators.terrain]
+seeds = st.integers(0, 2**64)
+
+
+def survivals(mission):
+    """Survivals there and back of every passage (n_passages, 2)."""
+    edges = mission.graph.edges
+    return np.array([(edges[u, v]["survival"], edges[v, u]["survival"]) for u, v in edges if u < v])
+
+
+@pytest.mark.parametrize("generate", ALL)
+class TestEvery:
+    def test_same_seed_same_mission(self, generate, tmp_path):
+        for number in "12":
+            save_mission(generate(seed=7), tmp_path / f"{number}.json")
+        assert (tmp_path / "1.json").read_bytes() == (tmp_path / "2.json").read_bytes()
+        assert generate(seed=7) != generate(seed=8)
+        assert generate() == generate(seed=0)
+
+    @given(seed=seeds, robots=st.integers(1, 9))
+    def test_valid_named_and_laid_out(self, generate, seed, robots):
+        mission = generate(seed=seed, robots=robots)
+        assert mission.robots == robots
+        assert mission.name == generate.__name__
+        assert str(seed) in mission.title
+        assert mission.balanced
+        assert all(mission.graph.has_edge(v, u) for u, v in mission.graph.edges)
+        assert mission.graph.nodes[mission.base]["reward"] == 0
+        assert len({tuple(pos) for _, pos in mission.graph.nodes(data="pos")}) == len(mission.nodes)
+
+    def test_global_generators_are_left_alone(self, generate):
+        before = np.random.get_state()[1].tolist()  # noqa: NPY002
+        generate()
+        assert np.random.get_state()[1].tolist() == before  # noqa: NPY002
+
+    def test_files_hold_it(self, generate, tmp_path):
+        mission = generate()
+        save_mission(mission, tmp_path / "x.json")
+        assert read_mission(tmp_path / "x.json") == mission
+
+    @pytest.mark.parametrize(
+        ("parameters", "message"),
+        [
+            ({"seed": -1}, "Expected seed >= 0, got -1."),
+            ({"seed": 1.0}, "Expected seed to be an integer >= 0, got 1.0."),
+            ({"seed": None}, "Expected seed to be an integer >= 0, got None."),
+            ({"robots": 0}, "Expected robots >= 1, got 0."),
+            ({"robots": True}, "Expected robots to be an integer >= 1, got True."),
+        ],
+    )
+    def test_parameters_out_of_range(self, generate, parameters, message):
+        with pytest.raises(ValueError, match=re.escape(message)):
+            generate(**parameters)
+
+
+# What seed 0 gives on any platform: robots, nodes, arcs, base, total reward, sum of the survivals.
+@pytest.mark.parametrize(
+    ("generate", "expected"),
+    [
+        (generators.two_communities, (2, 21, 74, 0, 46.4059, 54.8892)),
+        (generators.random, (3, 20, 100, 0, 11.7952, 51.6377)),
+        (generators.complete, (2, 25, 600, 0, 25.3035, 424.4402)),
+        (generators.terrain, (5, 200, 1310, 160, 102.315, 1239.9792)),
+    ],
+)
+def test_seed_zero(generate, expected):
+    mission = generate()
+    total, survival = mission.total_reward, float(mission.arrays.survival.sum())
+    found = (mission.robots, len(mission.nodes), mission.arrays.n_arcs, mission.base)
+    assert (*found, round(total, 4), round(survival, 4)) == expected
+
+
+@pytest.mark.parametrize("generate", SIZED)
+class TestSized:
+    @pytest.mark.parametrize("nodes", [2, 3, 40])
+    def test_sizes(self, generate, nodes):
+        assert generate(nodes=nodes, seed=1).nodes == tuple(range(nodes))
+        assert generate(nodes=np.int64(nodes), seed=1) == generate(nodes=nodes, seed=1)
+
+    @pytest.mark.parametrize(
+        ("nodes", "message"),
+        [
+            (1, "Expected nodes >= 2, got 1."),
+            (2.0, "Expected nodes to be an integer >= 2, got 2.0."),
+            ("9", "Expected nodes to be an integer >= 2, got '9'."),
+        ],
+    )
+    def test_nodes_out_of_range(self, generate, nodes, message):
+        with pytest.raises(ValueError, match=re.escape(message)):
+            generate(nodes=nodes)
+
+
+class TestTwoCommunities:
+    @given(seeds)
+    def test_shape(self, seed):
+        mission = generators.two_communities(seed=seed)
+        zones = [zone for _, zone in mission.graph.nodes(data="zone")]
+        assert zones == ["base"] + ["community 1"] * 12 + ["community 2"] * 8
+        assert sorted(mission.graph[0]) == [1, 13]
+        found = survivals(mission)
+        assert (found[:, 0] == found[:, 1]).all()
+        tied = [mission.graph.edges[arc]["survival"] for arc in [(0, 1), (1, 0), (0, 13), (13, 0)]]
+        assert tied == [1, 1, 1, 1]
+
+    def test_numbers_over_many_seeds(self):
+        missions = [generators.two_communities(seed=seed) for seed in range(200)]
+        zone = missions[0].arrays.reward, slice(1, 13), slice(13, 21)
+        rewards = np.array([mission.arrays.reward for mission in missions])
+        assert rewards[:, zone[1]].mean() == pytest.approx(1.03, abs=0.05)  # truncated: above 1
+        assert rewards[:, zone[2]].mean() == pytest.approx(5.04, abs=0.2)
+        assert (rewards[:, 1:] == 0).mean() < 0.002  # clipped would be 0.014
+        assert np.mean([m.arrays.n_arcs for m in missions]) == pytest.approx(82, abs=2)
+        between = [sum((u < 13) != (v < 13) for u, v in m.graph.edges if u * v) for m in missions]
+        assert np.mean(between) == pytest.approx(2 * 0.025 * 96, abs=0.7)
+        drawn = np.concatenate([survivals(m)[2:, 0] for m in missions])
+        assert (drawn == 1).mean() < 0.005  # clipped would be 0.37
+        assert drawn.mean() == pytest.approx(0.727, abs=0.01)
+
+
+class TestRandom:
+    def test_numbers(self):
+        mission = generators.random(nodes=150, arc_probability=0.3)
+        assert mission.arrays.n_arcs == pytest.approx(0.3 * 150 * 149, rel=0.05)
+        found = survivals(mission)
+        assert 0 < found.min() < 0.01
+        assert 0.99 < found.max() < 1
+        assert found.mean() == pytest.approx(0.5, abs=0.02)
+        assert (found[:, 0] != found[:, 1]).mean() > 0.99
+        rewards = mission.arrays.reward[1:]
+        assert 0.1 <= rewards.min() < 0.15
+        assert 1.05 < rewards.max() < 1.1
+
+    @given(seeds, st.integers(2, 9), st.floats(0.4, 1))
+    def test_always_connected(self, seed, nodes, probability):
+        mission = generators.random(nodes=nodes, arc_probability=probability, seed=seed)
+        assert nx.is_strongly_connected(mission.graph)
+
+    def test_all_arcs(self):
+        assert generators.random(nodes=9, arc_probability=1).arrays.n_arcs == 9 * 8
+
+    def test_arc_probability_out_of_range(self):
+        for probability in (0, -0.1, 1.1, math.nan):
+            message = re.escape(f"Expected arc_probability in (0, 1], got {probability}.")
+            with pytest.raises(ValueError, match=message):
+                generators.random(arc_probability=probability)
+        with pytest.raises(ValueError, match=r"Expected arc_probability to be a number, got '1'\."):
+            generators.random(arc_probability="1")
+
+    def test_too_few_arcs_to_connect(self):
+        with pytest.raises(
+            ValueError, match=r"that connects 30 nodes, got 0\.01: none of 1000 gra"
+        ):
+            generators.random(nodes=30, arc_probability=0.01)
+
+
+def test_complete():
+    missions = [generators.complete(seed=seed) for seed in range(20)]
+    assert {mission.arrays.n_arcs for mission in missions} == {25 * 24}
+    found = np.concatenate([survivals(mission) for mission in missions])
+    assert (found[:, 0] != found[:, 1]).mean() > 0.99
+    assert found.mean() == pytest.approx(0.707, abs=0.01)  # truncated: below 0.75
+    assert (found == 1).mean() < 0.005  # clipped would be 0.11
+    assert found.min() > 0
+    rewards = np.concatenate([mission.arrays.reward[1:] for mission in missions])
+    assert rewards.mean() == pytest.approx(1.288, abs=0.1)
+    assert (rewards == 0).mean() < 0.01  # clipped would be 0.16
+
+
+class TestTerrain:
+    def test_like_terrain_200(self):
+        arcs = [generators.terrain(seed=seed).arrays.n_arcs for seed in range(30)]
+        assert min(arcs) < 1348 < max(arcs)
+        assert np.mean(arcs) == pytest.approx(1300, abs=50)
+
+    @pytest.mark.parametrize("nodes", [500, 3000])
+    def test_as_many_arcs_a_node_at_every_size(self, nodes):
+        mission = generators.terrain(nodes=nodes)
+        assert 6.5 < mission.arrays.n_arcs / nodes < 7.3
+        assert 0.9 <= mission.arrays.survival.min() < 0.901
+        assert 0.994 < mission.arrays.survival.max() <= 0.995
+        found = survivals(mission)
+        assert (found[:, 0] != found[:, 1]).mean() > 0.99
+        rewards = mission.arrays.reward
+        assert rewards.min() >= 0
+        assert rewards.max() <= 1
+        assert rewards.mean() == pytest.approx(0.5, abs=0.05)
+
+    @given(seeds, st.integers(2, 60))
+    def test_near_waypoints_have_passages_and_the_nearest_parts_are_joined(self, seed, nodes):
+        mission = generators.terrain(nodes=nodes, seed=seed)
+        pos = dict(mission.graph.nodes(data="pos"))
+        reach = 1.51 / math.sqrt(nodes)
+        near = nx.Graph()
+        near.add_nodes_from(pos)
+        for u in pos:
+            near.add_edges_from((u, v) for v in range(u) if math.dist(pos[u], pos[v]) <= reach)
+        passages = mission.graph.to_undirected()
+        parts = list(nx.connected_components(near))
+        joints = [arc for arc in passages.edges if not near.has_edge(*arc)]
+        assert all(passages.has_edge(*arc) for arc in near.edges)
+        assert len(joints) == len(parts) - 1
+        for u, v in joints:  # no shorter passage from one side of the joint to the other
+            rest = passages.copy()
+            rest.remove_edge(u, v)
+            side = nx.node_connected_component(rest, u)
+            across = [math.dist(pos[a], pos[b]) for a in side for b in pos.keys() - side]
+            assert math.dist(pos[u], pos[v]) == pytest.approx(min(across))
+
+    def test_base_is_in_the_centre(self):
+        mission = generators.terrain()
+        pos = dict(mission.graph.nodes(data="pos"))
+        assert mission.base == min(pos, key=lambda node: math.dist(pos[node], (0.5, 0.5)))

@@ -1,0 +1,254 @@
+import shutil
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import pytest
+
+from botohe_moo.mission import (
+    Mission,
+    MissionError,
+    library,
+    load_mission,
+    mission_names,
+    save_mission,
+)
+from botohe_moo.mission.files import nearest_first
+
+DATA = Path(__file__).parents[1] / "data"
+
+# name, nodes, arcs, robots, total reward: case-studies/README.md
+SIZES = [
+    ("art_museum", 27, 74, 3, 13.0667),
+    ("power_plant", 73, 144, 2, 8.70),
+    ("terrain_200", 200, 1348, 5, 103.949),
+    ("toy", 5, 12, 2, 10),
+]
+GENERATORS = ["complete", "random", "terrain", "two_communities"]
+
+
+@pytest.fixture
+def install(tmp_path, monkeypatch):
+    """Install a package with entry points, as pip would."""
+    monkeypatch.syspath_prepend(str(tmp_path))
+
+    def install(package, code, **entries):
+        module = package.replace("-", "_")
+        (tmp_path / f"{module}.py").write_text(textwrap.dedent(code))
+        info = tmp_path / f"{module}-1.0.dist-info"
+        info.mkdir()
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n")
+        lines = [f"{name} = {module}:{target}" for name, target in entries.items()]
+        (info / "entry_points.txt").write_text("\n".join(["[botohe_moo.missions]", *lines]))
+        monkeypatch.delitem(sys.modules, module, raising=False)
+
+    return install
+
+
+REEF = """
+    import networkx as nx
+    from botohe_moo.mission import Mission
+
+    def reef(*, danger=0.1, width):
+        graph = nx.DiGraph(name="reef", base=0, robots=1)
+        graph.add_nodes_from(range(width), reward=1)
+        for node in range(1, width):
+            graph.add_edge(0, node, survival=1 - danger)
+            graph.add_edge(node, 0, survival=1)
+        return Mission(graph)
+
+    def shoal(**anything):
+        return reef(width=anything.get("depth", 2))
+
+    def lagoon():
+        return 3
+
+    nothing = dict  # whose signature Python cannot tell
+"""
+
+
+@pytest.mark.parametrize(("name", "nodes", "arcs", "robots", "total"), SIZES)
+def test_case_studies(name, nodes, arcs, robots, total):
+    mission = load_mission(name)
+    assert (len(mission.nodes), mission.arrays.n_arcs, mission.robots) == (nodes, arcs, robots)
+    assert mission.total_reward == pytest.approx(total, abs=5e-5)
+    assert mission.name == name
+    assert mission.balanced
+    assert mission.title != name
+    assert all("pos" in values for _, values in mission.graph.nodes(data=True))
+    assert mission == getattr(library, name)()
+    assert load_mission(name, robots=6) == mission.with_robots(6)
+
+
+@pytest.mark.parametrize("name", GENERATORS)
+def test_generators(name):
+    mission = load_mission(name, seed=3, robots=6)
+    assert mission.name == name
+    assert mission.robots == 6
+    assert mission == load_mission(name, seed=3).with_robots(6)
+
+
+def test_names():
+    names = mission_names()
+    assert set(names) >= {name for name, *_ in SIZES} | set(GENERATORS)
+    assert list(names) == sorted(names)
+
+
+def test_saved_case_studies_are_what_the_package_holds(tmp_path):
+    for name in ("art_museum", "power_plant", "terrain_200"):
+        save_mission(load_mission(name), tmp_path / "x.json")
+        data = Path(library.__file__).parent / "data" / f"{name}.json"
+        assert (tmp_path / "x.json").read_text() == data.read_text()
+
+
+class TestPaths:
+    def test_files(self, tmp_path, monkeypatch):
+        monkeypatch.chdir(tmp_path)
+        shutil.copy(DATA / "pier.json", "Pier.JSON")
+        pier = load_mission(DATA / "pier.json")
+        assert pier.name == "pier"
+        for path in ("Pier.JSON", str(tmp_path / "Pier.JSON"), tmp_path / "Pier.JSON"):
+            assert load_mission(path) == pier
+        assert load_mission("Pier.JSON", robots=5) == pier.with_robots(5)
+        assert load_mission(DATA / "points.txt", neighbours=1).arrays.n_arcs == 8
+
+    @pytest.mark.parametrize("path", ["lost.json", "lost/toy", "./toy", Path("toy")])
+    def test_what_looks_like_a_path_is_one(self, path):
+        with pytest.raises(
+            MissionError, match=r"toy: expected a file name|lost\.json: there is no"
+        ):
+            load_mission(path)
+
+    def test_names_come_before_files_of_that_name(self, tmp_path, monkeypatch):
+        monkeypatch.chdir(tmp_path)
+        for name in ("toy", "boy"):
+            Path(name).write_text("{}")
+        assert len(load_mission("toy").nodes) == 5
+        with pytest.raises(MissionError, match="boy: expected a file name that ends in one of"):
+            load_mission("boy")
+
+
+class TestRefusals:
+    def test_unknown_name_lists_the_nearest_first(self):
+        with pytest.raises(MissionError) as caught:
+            load_mission("power-plants")
+        message = str(caught.value)
+        assert message.startswith(
+            "Mission 'power-plants': there is no such mission; known are powe"
+        )
+        assert all(name in message for name in mission_names())
+        assert message.endswith("mission files end in one of .json, .graphml, .txt")
+
+    def test_nothing_registered(self, monkeypatch):
+        monkeypatch.setattr(library, "entry_points", lambda group: [])
+        assert mission_names() == ()
+        with pytest.raises(MissionError, match="is the package botohe-moo installed"):
+            load_mission("toy")
+
+    @pytest.mark.parametrize("name", [3, None, b"toy"])
+    def test_no_name(self, name):
+        with pytest.raises(ValueError, match="Expected the name of a mission or a path, got"):
+            load_mission(name)
+
+    @pytest.mark.parametrize(
+        ("name", "parameters", "message"),
+        [
+            ("terrain", {"node": 3}, r"there is no parameter 'node'; known are nodes, .*robots"),
+            ("toy", {"seed": 3, "nodes": 2}, r"no parameter 'seed' or 'nodes'; known are robots\."),
+            ("random", {"arc_probabilty": 1}, r"known are arc_probability, "),
+            ("terrain", {"nodes": 1}, r"Expected nodes >= 2, got 1\."),
+            ("toy", {"robots": 0}, r"Mission 'toy': expected robots to be an integer >= 1, got 0"),
+        ],
+    )
+    def test_parameters(self, name, parameters, message):
+        with pytest.raises(ValueError, match=message):
+            load_mission(name, **parameters)
+
+    def test_nearest_first(self):
+        assert nearest_first("B", ["c", "a", "bb", "b"]) == ["b", "bb", "a", "c"]
+
+
+class TestOtherPackages:
+    def test_missions_of_another_package(self, install):
+        install("reef-missions", REEF, reef="reef", shoal="shoal")
+        assert {"reef", "shoal", "toy"} <= set(mission_names())
+        mission = load_mission("reef", width=4, danger=0.5)
+        assert isinstance(mission, Mission)
+        assert mission.arrays.survival.tolist() == [0.5, 0.5, 0.5, 1, 1, 1]
+        assert load_mission("reef", width=4, robots=3).robots == 3
+        assert len(load_mission("shoal", depth=5, robots=2).nodes) == 5
+
+    def test_their_parameters_are_checked(self, install):
+        install("reef-missions", REEF, reef="reef")
+        with pytest.raises(ValueError, match="no parameter 'dangers'; known are danger, "):
+            load_mission("reef", dangers=1)
+        with pytest.raises(ValueError, match=r"Mission 'reef': missing a required .*'width'"):
+            load_mission("reef")
+
+    def test_something_else_than_a_mission(self, install):
+        install("reef-missions", REEF, lagoon="lagoon", nothing="nothing")
+        with pytest.raises(MissionError, match=r"'lagoon': expected its function .* got 3"):
+            load_mission("lagoon")
+        with pytest.raises(MissionError, match=r"got \{'depth': 3, 'robots': 2\}"):
+            load_mission("nothing", depth=3, robots=2)
+
+    @pytest.mark.parametrize(
+        ("code", "found"),
+        [
+            ("import no_such_module", "ModuleNotFoundError: No module named 'no_such_module'"),
+            ("def (", "SyntaxError"),
+            ("1 / 0", "ZeroDivisionError"),
+            ("", "AttributeError"),
+            ("broken = 3", "expected bad_missions:broken of package bad-missions to be a function"),
+        ],
+    )
+    def test_broken_ones_are_left_out_with_a_warning(self, install, code, found):
+        install("bad-missions", code, broken="broken")
+        with pytest.warns(UserWarning, match="left out") as warned:
+            names = mission_names()
+        assert "toy" in names
+        assert "broken" not in names
+        (message,) = [str(warning.message) for warning in warned]
+        assert "Mission 'broken'" in message
+        assert "bad_missions:broken of package bad-missions" in message
+        assert found in message
+        with pytest.raises(MissionError) as caught:
+            load_mission("broken")
+        assert found in str(caught.value)
+
+    @pytest.mark.filterwarnings("error")
+    def test_broken_ones_fail_only_what_uses_them(self, install):
+        install("bad-missions", "1 / 0", broken="broken")
+        assert load_mission("toy").name == "toy"
+        with pytest.raises(MissionError, match="there is no such mission"):
+            load_mission("unknown")
+
+    def test_two_packages_claim_one_name(self, install):
+        install("reef-missions", REEF, reef="reef")
+        install("Rival_Missions", REEF, reef="shoal")
+        with pytest.warns(UserWarning, match="'reef': the packages .* both register this name"):
+            assert "reef" not in mission_names()
+        with pytest.raises(MissionError) as caught:
+            load_mission("reef", width=2)
+        assert "reef-missions" in str(caught.value)
+        assert "rival-missions" in str(caught.value)
+
+    def test_a_package_claims_one_of_ours(self, install):
+        install("reef-missions", REEF, toy="reef")
+        warning = "Mission 'toy' of package reef-missions is left out: botohe-moo has it"
+        with pytest.warns(UserWarning, match=warning):
+            assert len(load_mission("toy").nodes) == 5
+        with pytest.warns(UserWarning, match=warning):
+            assert "toy" in mission_names()
+
+
+def test_import_looks_at_no_entry_point():
+    code = """
+        import importlib.metadata, sys
+        import networkx  # which looks at its own
+        importlib.metadata.entry_points = lambda **_: 1 / 0
+        import botohe_moo.mission
+        assert "botohe_moo.mission.generators" not in sys.modules
+    """
+    subprocess.run([sys.executable, "-c", textwrap.dedent(code)], check=True)

@@ -1,0 +1,414 @@
+import copy
+import math
+import pickle
+import re
+from decimal import Decimal
+from fractions import Fraction
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from botohe_moo.mission import Mission, MissionError, PlanError, load_mission
+from botohe_moo.trails import PlanBatch, TrailPlan
+from tests.strategies import missions, missions_with_plans
+from tests.twins import evaluate
+
+
+def harbour():
+    """Three nodes in a ring, both ways, but for the arc from the buoy to the dock."""
+    graph = nx.DiGraph(title="A small harbour")
+    graph.add_node("dock", reward=1)
+    graph.add_node("reef", reward=5, pos=[0, 1])
+    graph.add_node(("buoy", 2), reward=0.5)
+    graph.add_edge("dock", "reef", survival=0.9)
+    graph.add_edge("reef", "dock", survival=0.8)
+    graph.add_edge("reef", ("buoy", 2), survival=0.5)
+    graph.add_edge(("buoy", 2), "reef", survival=1)
+    graph.add_edge("dock", ("buoy", 2), survival=0.25)
+    return graph
+
+
+@pytest.fixture
+def graph():
+    return harbour()
+
+
+@pytest.fixture
+def mission():
+    return Mission(harbour(), base="dock", robots=2, name="harbour")
+
+
+def faults(graph, **options):
+    with pytest.raises(MissionError) as caught:
+        Mission(graph, **options)
+    return list(caught.value.faults)
+
+
+class TestConstruction:
+    def test_attributes(self, mission):
+        assert (mission.name, mission.title) == ("harbour", "A small harbour")
+        assert (mission.base, mission.robots) == ("dock", 2)
+        assert mission.nodes == ("dock", "reef", ("buoy", 2))
+        assert [mission.index(node) for node in mission.nodes] == [0, 1, 2]
+        assert mission.total_reward == 6.5
+        assert repr(mission) == (
+            "<Mission 'harbour': 3 nodes, 5 arcs, 2 robots at base 'dock', total reward 6.5>"
+        )
+        with pytest.raises(KeyError):
+            mission.index("buoy")
+
+    def test_arrays(self, mission):
+        arrays = mission.arrays
+        assert (arrays.n_nodes, arrays.n_arcs, arrays.base) == (3, 5, 0)
+        assert arrays.first.tolist() == [0, 2, 4, 5]
+        assert arrays.tail.tolist() == [0, 0, 1, 1, 2]
+        assert arrays.head.tolist() == [1, 2, 0, 2, 1]
+        assert arrays.survival.tolist() == [0.9, 0.25, 0.8, 0.5, 1]
+        assert arrays.reward.tolist() == [1, 5, 0.5]
+        assert arrays.tail.dtype == arrays.head.dtype == np.int32
+        assert arrays.first.dtype == np.int64
+
+    def test_graphs_own_attributes_and_overrides(self, graph):
+        graph.graph.update(base="reef", robots=4, name="own", title=None)
+        mission = Mission(graph)
+        assert (mission.base, mission.robots, mission.name) == ("reef", 4, "own")
+        assert mission.title == "own"
+        mission = Mission(graph, base="dock", robots=np.int16(1), name="given")
+        assert (mission.base, mission.robots, mission.name) == ("dock", 1, "given")
+        assert type(mission.robots) is int
+
+    def test_name_of_a_nameless_mission(self, graph):
+        assert Mission(graph, base="dock", robots=1).name == "mission"
+
+    def test_labels_that_are_false_can_be_the_base(self):
+        graph = nx.DiGraph([(0, ""), ("", 0)])
+        nx.set_node_attributes(graph, 1, "reward")
+        nx.set_edge_attributes(graph, 1, "survival")
+        graph.graph["base"] = ""
+        assert Mission(graph, robots=1).base == ""
+        assert Mission(graph, base=0, robots=1).base == 0
+
+    def test_single_node(self):
+        graph = nx.DiGraph()
+        graph.add_node("home", reward=2)
+        mission = Mission(graph, base="home", robots=3)
+        assert mission.evaluate([mission.plan([["home"]] * 3)]).tolist() == [[2, 3]]
+
+    def test_label_types_that_do_not_compare(self):
+        graph = nx.DiGraph([(np.int64(1), ("a", "b")), (("a", "b"), np.int64(1))])
+        nx.set_node_attributes(graph, 1, "reward")
+        nx.set_edge_attributes(graph, 1, "survival")
+        assert Mission(graph, base=1, robots=1).nodes == (1, ("a", "b"))
+
+
+class TestImmutability:
+    def test_later_changes_of_the_graph_change_nothing(self, graph):
+        mission = Mission(graph, base="dock", robots=2)
+        graph.nodes["reef"]["reward"] = 99
+        graph.edges["dock", "reef"]["survival"] = 0.1
+        graph.remove_node(("buoy", 2))
+        assert mission == Mission(harbour(), base="dock", robots=2)
+        assert mission.graph.nodes["reef"]["reward"] == 5
+        assert mission.graph.edges["dock", "reef"]["survival"] == 0.9
+
+    def test_graph_is_frozen_and_arrays_are_read_only(self, mission):
+        with pytest.raises(nx.NetworkXError):
+            mission.graph.add_edge("dock", "new")
+        for key in ("first", "tail", "head", "survival", "reward"):
+            with pytest.raises(ValueError, match="read-only"):
+                getattr(mission.arrays, key)[0] = 0
+        with pytest.raises(AttributeError):
+            mission.arrays.base = 1
+
+    def test_users_graph_stays_its_own(self, graph):
+        Mission(graph, base="dock", robots=2)
+        graph.add_node("new")
+
+    def test_copies_are_the_same(self, mission):
+        assert copy.copy(mission) is mission
+        assert copy.deepcopy([mission])[0] is mission
+
+    def test_pickle(self, mission):
+        twin = pickle.loads(pickle.dumps(mission))
+        assert twin == mission
+        assert twin is not mission
+        assert (twin.name, twin.title) == (mission.name, mission.title)
+        assert nx.is_frozen(twin.graph)
+        assert not twin.arrays.reward.flags.writeable
+        plan = [["dock", "reef", "dock"], ["dock"]]
+        assert twin.plan(plan) == mission.plan(plan)
+
+
+class TestFaults:
+    @pytest.mark.parametrize("reward", [-0.1, math.inf, math.nan, "5", None, True, 1j, Decimal(1)])
+    def test_rewards(self, graph, reward):
+        graph.nodes["reef"]["reward"] = reward
+        assert faults(graph, base="dock", robots=1) == [
+            f"node 'reef': expected a finite reward >= 0, got {reward!r}"
+        ]
+
+    @pytest.mark.parametrize(
+        "survival",
+        [0, -0.5, math.nextafter(1, 2), math.nan, math.inf, "0.5", None, True, np.array([0.5])],
+    )
+    def test_survivals(self, graph, survival):
+        graph.edges["dock", "reef"]["survival"] = survival
+        assert faults(graph, base="dock", robots=1) == [
+            f"arc 'dock' -> 'reef': expected survival in (0, 1], got {survival!r}"
+        ]
+
+    def test_numbers_that_floating_point_cannot_hold(self, graph):
+        graph.nodes["reef"]["reward"] = 10**400
+        graph.edges["dock", "reef"]["survival"] = Fraction(1, 10**400)
+        reward, survival = faults(graph, base="dock", robots=1)
+        assert reward.startswith("node 'reef': expected a finite reward >= 0, got 1000")
+        assert survival.startswith("arc 'dock' -> 'reef': expected survival in (0, 1], got Fracti")
+
+    def test_numbers_of_other_kinds(self, graph):
+        graph.nodes["reef"]["reward"] = Fraction(1, 2)
+        graph.edges["dock", "reef"]["survival"] = np.float32(0.5)
+        mission = Mission(graph, base="dock", robots=1)
+        assert mission.arrays.reward[1] == mission.arrays.survival[0] == 0.5
+
+    @pytest.mark.parametrize("robots", [0, -1, 1.0, "2", True, np.True_])
+    def test_team_sizes(self, graph, mission, robots):
+        fault = f"expected robots to be an integer >= 1, got {robots!r}"
+        assert faults(graph, base="dock", robots=robots) == [fault]
+        with pytest.raises(MissionError, match=re.escape(f"Mission 'harbour': {fault}")):
+            mission.with_robots(robots)
+
+    def test_base_and_robots_not_given(self, graph):
+        assert faults(graph) == [
+            "expected robots to be an integer >= 1, found no graph attribute 'robots'",
+            "expected the label of the base, found no graph attribute 'base'",
+        ]
+
+    @pytest.mark.parametrize("base", ["deck", ["dock"], math.nan])
+    def test_unknown_base(self, graph, base):
+        assert faults(graph, base=base, robots=1) == [f"base {base!r}: there is no such node"]
+
+    def test_all_at_once(self, graph):
+        graph.add_node("wreck")
+        graph.nodes["reef"]["reward"] = -1
+        graph.add_edge("dock", "wreck")
+        graph.add_edge("reef", "reef", survival=1)
+        graph.add_edge("isle", "dock", survival=2)
+        graph.nodes["isle"]["reward"] = 0
+        with pytest.raises(MissionError) as caught:
+            Mission(graph, base="dock", robots=0, name="wild")
+        error = caught.value
+        assert error.faults == (
+            "expected robots to be an integer >= 1, got 0",
+            "node 'reef': expected a finite reward >= 0, got -1",
+            "node 'wreck': expected a finite reward >= 0, found no attribute 'reward'",
+            "arc 'reef' -> 'reef': a node must not have an arc to itself",
+            "arc 'dock' -> 'wreck': expected survival in (0, 1], found no attribute 'survival'",
+            "arc 'isle' -> 'dock': expected survival in (0, 1], got 2",
+            "node 'wreck': has no way back to base 'dock'",
+            "node 'isle': cannot be reached from base 'dock'",
+        )
+        assert str(error) == "\n  - ".join(["Mission 'wild' has 8 faults:", *error.faults])
+        twin = pickle.loads(pickle.dumps(error))
+        assert (twin.faults, str(twin)) == (error.faults, str(error))
+
+    def test_one_fault_is_one_line(self, graph):
+        with pytest.raises(MissionError, match=r"^The mission: base 'x': there is no such node$"):
+            Mission(graph, base="x", robots=1)
+
+    @pytest.mark.parametrize(
+        ("graph", "fault"),
+        [
+            (
+                nx.Graph([(0, 1)]),
+                r"expected directed arcs \(nx\.DiGraph\), got a Graph; graph",
+            ),
+            (nx.MultiDiGraph([(0, 1)]), r"expected at most one arc .* got a MultiDiGraph"),
+            (nx.MultiGraph(), r"expected at most one arc .* got a MultiGraph"),
+            ({0: [1]}, r"expected an nx\.DiGraph, got \{0: \[1\]\}"),
+        ],
+    )
+    def test_kind_of_graph(self, graph, fault):
+        with pytest.raises(MissionError, match=fault):
+            Mission(graph, base=0, robots=1)
+
+    def test_empty_graph(self):
+        assert faults(nx.DiGraph(), base=0, robots=1) == ["base 0: there is no such node"]
+
+
+class TestEquality:
+    def test_what_makes_missions_equal(self, graph, mission):
+        twin = Mission(graph, base="dock", robots=2, name="another name")
+        assert twin == mission
+        assert hash(twin) == hash(mission)
+        assert mission.with_robots(3) != mission
+        assert mission.with_robots(3).with_robots(2) == mission
+        assert mission != "harbour"
+
+    @pytest.mark.parametrize("change", ["reward", "survival", "arc", "base", "order", "label"])
+    def test_what_makes_them_differ(self, graph, mission, change):
+        base = "dock"
+        if change == "reward":
+            graph.nodes["reef"]["reward"] = 6
+        elif change == "survival":
+            graph.edges["dock", "reef"]["survival"] = 0.95
+        elif change == "arc":
+            graph.remove_edge("dock", ("buoy", 2))
+        elif change == "base":
+            base = "reef"
+        elif change == "order":
+            ordered = nx.DiGraph()
+            ordered.add_nodes_from(reversed(list(graph.nodes(data=True))))
+            ordered.add_edges_from(graph.edges(data=True))
+            graph = ordered
+        else:
+            graph = nx.relabel_nodes(graph, {"reef": "rift"})
+        assert Mission(graph, base=base, robots=2) != mission
+
+    def test_with_robots(self, mission):
+        larger = mission.with_robots(np.int64(5))
+        assert larger.robots == 5
+        assert type(larger.robots) is int
+        assert mission.robots == 2
+        assert larger.arrays is mission.arrays
+        assert larger.name == "harbour"
+
+    @given(missions())
+    def test_balanced(self, mission):
+        degrees = [mission.graph.in_degree(v) - mission.graph.out_degree(v) for v in mission.nodes]
+        assert mission.balanced == (not any(degrees))
+
+    def test_balanced_by_hand(self, graph, mission):
+        assert not mission.balanced
+        graph.remove_edge("dock", ("buoy", 2))
+        assert Mission(graph, base="dock", robots=1).balanced
+
+
+class TestPlan:
+    def test_labels_come_back(self, mission):
+        trails = [["dock", "reef", ("buoy", 2), "reef", "dock"], ("dock",)]
+        plan = mission.plan(trails)
+        assert plan.trails == ((0, 1, 2, 1, 0), (0,))
+        assert mission.labels(plan) == (tuple(trails[0]), ("dock",))
+
+    @given(missions_with_plans())
+    def test_labels_come_back_on_any_mission(self, drawn):
+        mission, plan = drawn
+        assert mission.plan(mission.labels(plan)) == plan
+
+    def test_numpy_labels(self):
+        toy = load_mission("toy")
+        assert toy.plan([np.array([1, 2, 1]), [1]]) == toy.plan([[1, 2, 1], [1]])
+
+    @pytest.mark.parametrize(
+        ("trails", "message"),
+        [
+            ([["dock"]], "Expected 2 trails for the 2 robots of mission 'harbour', got 1."),
+            ([["dock"]] * 3, "Expected 2 trails for the 2 robots of mission 'harbour', got 3."),
+            ([], "Expected 2 trails for the 2 robots of mission 'harbour', got 0."),
+            (
+                [["dock"], ["dock", "deck", "dock"]],
+                "Robot 1, position 1: mission 'harbour' has no node 'deck'.",
+            ),
+            (
+                [["dock", ["reef"], "dock"], ["dock"]],
+                "Robot 0, position 1: mission 'harbour' has no node ['reef'].",
+            ),
+            ([["dock"], "dock"], "Robot 1: expected a sequence of node labels, got 'dock'."),
+            ([["dock"], 7], "Robot 1: expected a sequence of node labels, got 7."),
+            ([["dock"], []], "Robot 1: expected a trail of at least one node, the base, got an em"),
+            (
+                [["reef", "dock"], ["dock"]],
+                "Robot 0, position 0: expected the trail to begin at base 'dock', got 'reef'.",
+            ),
+            (
+                [["dock"], ["dock", "reef"]],
+                "Robot 1, position 1: expected the trail to end at base 'dock', got 'reef'.",
+            ),
+            (
+                [["dock", ("buoy", 2), "dock"], ["dock"]],
+                "Robot 0, position 2: arc ('buoy', 2) -> 'dock' is missing in mission 'harbour'.",
+            ),
+            (
+                [["dock"], ["dock", "dock"]],
+                "Robot 1, position 1: arc 'dock' -> 'dock' is missing in mission 'harbour'.",
+            ),
+            (
+                [["dock"], ["dock", "reef", "dock", "reef", "dock"]],
+                "Robot 1, position 3: arc 'dock' -> 'reef' is used twice in this trail; a trail "
+                "uses an arc at most once, in mission 'harbour'.",
+            ),
+        ],
+    )
+    def test_faults(self, mission, trails, message):
+        with pytest.raises(PlanError, match=re.escape(message)):
+            mission.plan(trails)
+
+
+class TestEvaluate:
+    def test_by_hand(self, mission):
+        plans = [
+            mission.plan([["dock"], ["dock"]]),
+            mission.plan([["dock", "reef", "dock"], ["dock"]]),
+            mission.plan([["dock", "reef", "dock"]] * 2),
+            mission.plan([["dock", ("buoy", 2), "reef", "dock"], ["dock", "reef", "dock"]]),
+        ]
+        expected = [
+            [1, 2],
+            [1 + 5 * 0.9, 1 + 0.9 * 0.8],
+            [1 + 5 * (1 - 0.1**2), 2 * 0.9 * 0.8],
+            [1 + 0.5 * 0.25 + 5 * (1 - 0.75 * 0.1), 0.25 * 0.8 + 0.9 * 0.8],
+        ]
+        assert mission.evaluate(plans) == pytest.approx(np.array(expected))
+
+    def test_any_container_of_plans(self, mission):
+        plans = [mission.plan([["dock", "reef", "dock"], ["dock"]]), mission.plan([["dock"]] * 2)]
+        expected = mission.evaluate(plans)
+        assert expected.shape == (2, 2)
+        column = PlanBatch.from_plans(plans, 2).to_array()
+        for container in (iter(plans), tuple(plans), mission.batch(plans), column, column[:, 0]):
+            assert np.array_equal(mission.evaluate(container), expected)
+        assert mission.evaluate([]).shape == (0, 2)
+
+    @given(missions_with_plans(), st.randoms())
+    def test_formulas_and_order_of_robots(self, drawn, random):
+        mission, plan = drawn
+        (found,) = mission.evaluate([plan])
+        assert found == pytest.approx(np.array(evaluate(mission, mission.labels(plan))))
+        shuffled = list(plan.trails)
+        random.shuffle(shuffled)
+        assert mission.evaluate([TrailPlan(shuffled)]).tolist() == [found.tolist()]
+
+    @pytest.mark.parametrize(
+        ("trails", "message"),
+        [
+            ([[0, 1, 0], [0, 3, 0]], "Robot 1, position 1: node index 3 is unknown, mission 'ha"),
+            ([[0, 2, 0], [0]], "Robot 0, position 2: arc ('buoy', 2) -> 'dock' is missing in"),
+            ([[0]], "Plan 0: expected 2 trails, got 1. Mission 'harbour' has 2 robots."),
+        ],
+    )
+    def test_plans_of_other_missions(self, mission, trails, message):
+        with pytest.raises(PlanError, match=re.escape(message)):
+            mission.evaluate([TrailPlan(trails)])
+
+    def test_which_of_many_plans_is_wrong(self, mission):
+        good, bad = TrailPlan([[0], [0, 1, 0]]), TrailPlan([[0], [0, 1, 0, 1, 0]])
+        message = "Plan 2, robot 1, position 3: arc 'dock' -> 'reef' is used twice"
+        with pytest.raises(PlanError, match=message):
+            mission.evaluate([good, good, bad, good])
+        with pytest.raises(PlanError, match="Plan 1: expected 2 trails, got 1"):
+            mission.evaluate([good, TrailPlan([[0]])])
+
+    def test_batches_of_another_team_size(self, mission):
+        batch = mission.with_robots(3).batch([TrailPlan([[0], [0], [0]])])
+        message = "Expected 2 trails a plan for the 2 robots of mission 'harbour', got 3."
+        with pytest.raises(PlanError, match=re.escape(message)):
+            mission.evaluate(batch)
+
+    def test_what_is_no_plan(self, mission):
+        with pytest.raises(TypeError, match=r"Plan 1: expected a TrailPlan, got \[\[0\], \[0\]\]"):
+            mission.evaluate([TrailPlan([[0], [0]]), [[0], [0]]])
+        with pytest.raises(TypeError, match="Expected a sequence of TrailPlans, got one TrailPlan"):
+            mission.evaluate(TrailPlan([[0], [0]]))
