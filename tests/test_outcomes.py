@@ -1,7 +1,5 @@
 """Distributions against hand-computed numbers and enumeration; simulation against both."""
 
-# ruff: noqa: PD011 - the values of a Distribution are no pandas values
-
 import json
 from collections import defaultdict
 from dataclasses import FrozenInstanceError
@@ -16,9 +14,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import botohe_moo.mission
+from botohe_moo.distribution import Distribution
 from botohe_moo.mission import Mission, PlanError
 from botohe_moo.outcomes import (
-    Distribution,
     Outcomes,
     outcomes,
     reward_distribution,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import product
+from itertools import pairwise, product
 from math import prod
 
 
@@ -16,21 +16,19 @@ def evaluate(mission, trails):
         if node not in trail:
             return 0.0
         until = trail.index(node)
-        return prod(survival[arc] for arc in zip(trail[:until], trail[1 : until + 1], strict=True))
+        return prod(survival[arc] for arc in pairwise(trail[: until + 1]))
 
     expected_reward = sum(
         reward[node] * (1 - prod(1 - reaches(trail, node) for trail in trails)) for node in reward
     )
-    expected_survivors = sum(
-        prod(survival[arc] for arc in zip(trail, trail[1:], strict=False)) for trail in trails
-    )
+    expected_survivors = sum(prod(survival[arc] for arc in pairwise(trail)) for trail in trails)
     return expected_reward, expected_survivors
 
 
 def fates(mission, trail):
     """Every fate of one robot: (probability, set of nodes reached, whether it survives)."""
     alive = 1.0
-    for hop, arc in enumerate(zip(trail, trail[1:], strict=False), start=1):
+    for hop, arc in enumerate(pairwise(trail), start=1):
         survival = mission.graph.edges[arc]["survival"]
         yield alive * (1 - survival), set(trail[:hop]), False
         alive *= survival

@@ -1,1 +1,95 @@
-"""Bi-objective team orienteering in hazardous environments (BOTOHE), for pymoo."""
+"""Bi-objective team orienteering in hazardous environments (BOTOHE), for pymoo.
+
+Names are imported when they are first used, so that ``import botohe_moo`` and the command line's
+``--help`` do not wait for numba and pandas.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from botohe_moo.algorithms import BOACO, RandomTrails, algorithm_names, make_algorithm
+    from botohe_moo.distribution import Distribution
+    from botohe_moo.indicators import area_indicator
+    from botohe_moo.mission import (
+        Mission,
+        MissionError,
+        PlanError,
+        load_mission,
+        mission_names,
+        read_mission,
+        save_mission,
+    )
+    from botohe_moo.outcomes import (
+        Outcomes,
+        outcomes,
+        reward_distribution,
+        simulate,
+        survivors_distribution,
+    )
+    from botohe_moo.plots import plot_front, plot_mission
+    from botohe_moo.problem import BOTOHE, FrontOutput
+    from botohe_moo.trails import PlanBatch, TrailPlan
+
+__all__ = [
+    "BOACO",
+    "BOTOHE",
+    "Distribution",
+    "FrontOutput",
+    "Mission",
+    "MissionError",
+    "Outcomes",
+    "PlanBatch",
+    "PlanError",
+    "RandomTrails",
+    "TrailPlan",
+    "algorithm_names",
+    "area_indicator",
+    "load_mission",
+    "make_algorithm",
+    "mission_names",
+    "outcomes",
+    "plot_front",
+    "plot_mission",
+    "read_mission",
+    "reward_distribution",
+    "save_mission",
+    "simulate",
+    "survivors_distribution",
+]
+
+_HOMES = {
+    "algorithms": ("BOACO", "RandomTrails", "algorithm_names", "make_algorithm"),
+    "distribution": ("Distribution",),
+    "indicators": ("area_indicator",),
+    "mission": (
+        "Mission",
+        "MissionError",
+        "PlanError",
+        "load_mission",
+        "mission_names",
+        "read_mission",
+        "save_mission",
+    ),
+    "outcomes": (
+        "Outcomes",
+        "outcomes",
+        "reward_distribution",
+        "simulate",
+        "survivors_distribution",
+    ),
+    "plots": ("plot_front", "plot_mission"),
+    "problem": ("BOTOHE", "FrontOutput"),
+    "trails": ("PlanBatch", "TrailPlan"),
+}
+
+
+def __getattr__(name: str) -> Any:
+    for home, names in _HOMES.items():
+        if name in names:
+            return getattr(import_module(f"botohe_moo.{home}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import inspect
 import math
-from numbers import Real
-from operator import index
+from collections.abc import Callable, Iterable
+from difflib import SequenceMatcher
+from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
@@ -12,12 +14,11 @@ import numpy as np
 
 def check_integer(name: str, value: Any, *, at_least: int) -> int:
     """Give ``value`` as an int, or raise the ValueError that says what was expected."""
-    try:
-        if isinstance(value, bool | np.bool_) or index(value) < at_least:
-            raise TypeError
-    except TypeError:
-        raise ValueError(f"Expected {name} >= {at_least} (an integer), got {value!r}.") from None
-    return index(value)
+    if isinstance(value, bool | np.bool_) or not isinstance(value, Integral):
+        raise ValueError(f"Expected {name} to be an integer >= {at_least}, got {value!r}.")
+    if value < at_least:
+        raise ValueError(f"Expected {name} >= {at_least}, got {value}.")
+    return int(value)
 
 
 def check_number(
@@ -49,3 +50,52 @@ def check_flag(name: str, value: Any) -> bool:
     if not isinstance(value, bool | np.bool_):
         raise ValueError(f"Expected {name} to be true or false, got {value!r}.")
     return bool(value)
+
+
+def check_parameters(
+    owner: str, given: Iterable[str], accepted: Iterable[str] | None, *, also: Iterable[str] = ()
+) -> None:
+    """Refuse parameters that are not known.
+
+    Parameters
+    ----------
+    owner
+        Whom the parameters are for, as the message calls it.
+    given
+        Names of the parameters.
+    accepted
+        Names of those that are known; None for a function that takes any.
+    also
+        Further names that are known.
+
+    Raises
+    ------
+    ValueError
+        Names every unknown parameter, and the known ones, nearest first.
+    """
+    if accepted is None:
+        return
+    known = sorted({*accepted, *also})
+    unknown = [name for name in given if name not in known]
+    if unknown:
+        named = " or ".join(repr(name) for name in unknown)
+        among = ", ".join(nearest_first(unknown[0], known))
+        raise ValueError(f"{owner}: there is no parameter {named}; known are {among}.")
+
+
+def keyword_names(function: Callable[..., object]) -> tuple[str, ...] | None:
+    """Give the names that ``function`` takes as keywords, or None if it takes any."""
+    try:
+        parameters = inspect.signature(function).parameters.values()
+    except (TypeError, ValueError):  # some compiled callables do not tell
+        return None
+    if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters):
+        return None
+    named = (inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+    return tuple(parameter.name for parameter in parameters if parameter.kind in named)
+
+
+def nearest_first(word: str, words: Iterable[str]) -> list[str]:
+    """Sort ``words`` by how much they look like ``word``, those alike by name."""
+    word = word.lower()
+    return sorted(words, key=lambda w: (-SequenceMatcher(None, word, w.lower()).ratio(), w))

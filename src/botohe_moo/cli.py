@@ -64,7 +64,7 @@ def _bad_input() -> Iterator[None]:
 
 
 def _parameters(pairs: list[str] | None) -> dict[str, Any]:
-    """Read NAME=VALUE pairs; values as in YAML, so that 3, 0.5, true and text mean what they say."""
+    """Read NAME=VALUE pairs; values as in YAML: 3, 0.5, true and text mean what they say."""
     import yaml
 
     found: dict[str, Any] = {}
@@ -77,7 +77,9 @@ def _parameters(pairs: list[str] | None) -> dict[str, Any]:
         try:
             found[name] = yaml.safe_load(value)
         except yaml.YAMLError:
-            raise ValueError(f"Expected a number, true, false or text for {name!r}, got {value!r}.") from None
+            raise ValueError(
+                f"Expected a number, true, false or text for {name!r}, got {value!r}."
+            ) from None
     return found
 
 
@@ -105,7 +107,9 @@ def solve(
     evaluations: Annotated[
         int, typer.Option("--evaluations", "-n", min=1, help="Trail plans to evaluate, at most.")
     ] = 100_000,
-    seed: Annotated[int, typer.Option("--seed", "-s", min=0, help="Seed of the random numbers.")] = 1,
+    seed: Annotated[
+        int, typer.Option("--seed", "-s", min=0, help="Seed of the random numbers.")
+    ] = 1,
     robots: RobotsOption = None,
     mission_parameter: MissionParameterOption = None,
     out: Annotated[
@@ -174,10 +178,10 @@ def show_mission(
         loaded = _load(mission, robots, mission_parameter)
     typer.echo(_description(loaded))
     if picture is not None:
-        from botohe_moo.plots import plot_mission, save_figure
+        from botohe_moo.plots import plot_mission, save_plot
 
         with _bad_input():
-            save_figure(plot_mission(loaded).figure, picture)
+            save_plot(plot_mission(loaded), picture)
         typer.echo(f"wrote {picture}")
 
 

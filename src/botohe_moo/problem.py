@@ -89,8 +89,9 @@ class FrontOutput(Output):
         """Read the algorithm's current optimum."""
         super().update(algorithm)
         opt = algorithm.opt
-        feasible = opt[opt.get("feas")] if opt is not None and len(opt) else []
-        objectives = -feasible.get("F") if len(feasible) else np.empty((0, 2))
+        objectives = np.empty((0, 2))
+        if opt is not None and opt.get("feas").any():
+            objectives = -opt[opt.get("feas")].get("F")
         self.area.set(area_indicator(objectives, algorithm.problem.mission))
         self.reward.set(float(objectives[:, 0].max()) if len(objectives) else None)
         self.size.set(len(objectives))

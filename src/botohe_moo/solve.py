@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
 import tempfile
 import threading
@@ -128,17 +127,17 @@ class Solution:
         OSError
             If the folder cannot be written to.
         """
-        from botohe_moo.plots import plot_front, plot_mission, save_figure
+        from botohe_moo.plots import plot_front, plot_mission, save_plot
 
         names = ("front.csv", "plans.json", "front.png", "mission.png")
         with tempfile.TemporaryDirectory(prefix=".botohe-", dir=folder) as made:
             draft = Path(made)
             self.front.to_csv(draft / names[0], index=False)
             (draft / names[1]).write_text(self.to_json(), encoding="utf-8")
-            save_figure(plot_front(self.objectives, self.mission).figure, draft / names[2])
-            save_figure(plot_mission(self.mission).figure, draft / names[3])
+            save_plot(plot_front(self.objectives, self.mission), draft / names[2])
+            save_plot(plot_mission(self.mission), draft / names[3])
             for name in names:
-                os.replace(draft / name, folder / name)
+                (draft / name).replace(folder / name)
         return [folder / name for name in names]
 
 
@@ -214,7 +213,7 @@ def search(
 
 @contextmanager
 def _watch_interrupt() -> Iterator[threading.Event]:
-    """Let the first Ctrl-C set an event, so that the algorithm's step is finished; the next kills."""
+    """Let the first Ctrl-C set an event, so that a step is never left half-done; the next kills."""
     pressed = threading.Event()
     if threading.current_thread() is not threading.main_thread():
         yield pressed

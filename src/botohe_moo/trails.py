@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import pairwise
 from typing import Self
 
 import numpy as np
@@ -86,13 +87,13 @@ class TrailPlan:
     def trails(self) -> tuple[tuple[int, ...], ...]:
         """The trails as tuples of node indices, robot by robot."""
         flat, cuts = self._nodes.tolist(), self._offsets.tolist()
-        return tuple(tuple(flat[i:j]) for i, j in zip(cuts, cuts[1:], strict=False))
+        return tuple(tuple(flat[i:j]) for i, j in pairwise(cuts))
 
     def _multiset(self) -> tuple[bytes, ...]:
         if self._key is None:
             raw, size = self._nodes.tobytes(), self._nodes.itemsize
             cuts = (self._offsets * size).tolist()
-            self._key = tuple(sorted(raw[i:j] for i, j in zip(cuts, cuts[1:], strict=False)))
+            self._key = tuple(sorted(raw[i:j] for i, j in pairwise(cuts)))
         return self._key
 
     def __eq__(self, other: object) -> bool:

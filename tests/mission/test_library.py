@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from botohe_moo import _plugins
+from botohe_moo._checks import nearest_first
 from botohe_moo.mission import (
     Mission,
     MissionError,
@@ -14,7 +16,6 @@ from botohe_moo.mission import (
     mission_names,
     save_mission,
 )
-from botohe_moo.mission.files import nearest_first
 
 DATA = Path(__file__).parents[1] / "data"
 
@@ -141,7 +142,7 @@ class TestRefusals:
         assert message.endswith("mission files end in one of .json, .graphml, .txt")
 
     def test_nothing_registered(self, monkeypatch):
-        monkeypatch.setattr(library, "entry_points", lambda group: [])
+        monkeypatch.setattr(_plugins, "entry_points", lambda group: [])
         assert mission_names() == ()
         with pytest.raises(MissionError, match="is the package botohe-moo installed"):
             load_mission("toy")
@@ -200,7 +201,10 @@ class TestOtherPackages:
             ("def (", "SyntaxError"),
             ("1 / 0", "ZeroDivisionError"),
             ("", "AttributeError"),
-            ("broken = 3", "expected bad_missions:broken of package bad-missions to be a function"),
+            (
+                "broken = 3",
+                "expected bad_missions:broken of package bad-missions to be a function or class",
+            ),
         ],
     )
     def test_broken_ones_are_left_out_with_a_warning(self, install, code, found):

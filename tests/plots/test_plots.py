@@ -160,12 +160,32 @@ def test_museum_labels_lie_in_their_nodes_and_apart(tmp_path):
         assert box.width < 2 * radius
 
 
-def test_museum_nodes_do_not_overlap(tmp_path):
+@pytest.mark.parametrize(
+    ("name", "apart"), [("art_museum", 1), ("power_plant", 1), ("terrain_200", 0.7)]
+)
+def test_nodes_do_not_overlap(tmp_path, name, apart):
+    ax = plot_mission(load(name))
+    rendered(ax, tmp_path / "mission.png")
+    places = ax.transData.transform(node_positions(load(name)))
+    distances = np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1))
+    nearest = (distances + np.diag(np.full(len(places), np.inf))).min(axis=1)
+    diameter = math.sqrt(only(ax, "nodes").get_sizes()[0]) * ax.figure.dpi / 72
+    # Some of the terrain's waypoints are neighbours by a hair's breadth.
+    assert apart <= (nearest > diameter).mean()
+    assert diameter > 7 * ax.figure.dpi / 72
+
+
+def test_labels_are_legible_on_their_nodes():
+    def contrast(one, other):
+        """Contrast ratio of the Web Content Accessibility Guidelines, from 1 to 21."""
+        dark, light = sorted(np.power([to_rgb(one), to_rgb(other)], 2.2) @ [0.2126, 0.7152, 0.0722])
+        return (light + 0.05) / (dark + 0.05)
+
     ax = plot_mission(load("art_museum"))
-    rendered(ax, tmp_path / "museum.png")
-    places = ax.transData.transform(node_positions(load("art_museum")))
-    nearest = min(math.dist(a, b) for a, b in combinations(places, 2))
-    assert nearest > math.sqrt(only(ax, "nodes").get_sizes()[0]) * ax.figure.dpi / 72
+    texts = {t.get_text(): t.get_color() for t in ax.texts}
+    fills = only(ax, "nodes").get_facecolors()
+    for text, fill in zip(list(map(str, range(2, 28))), fills, strict=True):
+        assert contrast(texts[text], fill[:3]) > 4
 
 
 def test_labels_stop_at_forty_nodes():
@@ -194,6 +214,9 @@ def test_nodes_are_darker_for_more_reward_and_hollow_for_none():
     white = (fills[:, :3] == 1).all(axis=1)
     assert white.sum() == 3
     assert np.array_equal(white, reward == 0)
+    outline = to_rgb(ax.get_legend().legend_handles[1].get_markeredgecolor())
+    outlined = np.isclose(only(ax, "nodes").get_edgecolors()[:, :3], outline).all(axis=1)
+    assert np.array_equal(outlined, white)
     shades = luminance(fills[~white])
     by_reward = [set(shades[np.isclose(reward[~white], r)]) for r in (0.1, 1 / 3, 2 / 3, 1.0)]
     assert [len(group) for group in by_reward] == [1, 1, 1, 1]
@@ -331,9 +354,11 @@ def test_opposite_arrowheads_point_ahead():
     ax = plot_mission(mission, mission.plan([[1, 2, 1], [1]]))
     out, back = only(ax, "trail heads").get_offsets()
     assert out[0] > 0.25 > back[0]
-    tip = only(ax, "trail heads").get_paths()[0].vertices[0]
-    assert tip[0] > 0
-    assert tip[1] > 0
+    tip, barb, other, _ = only(ax, "trail heads").get_paths()[0].vertices
+    ahead, across = np.array([1, 1]) / 2**0.5, np.array([1, -1]) / 2**0.5
+    assert tip @ ahead > 0 > barb @ ahead == pytest.approx(other @ ahead)
+    assert tip @ across == pytest.approx(0)
+    assert barb @ across == pytest.approx(-(other @ across))
 
 
 def test_trails_follow_bowed_arcs():
@@ -375,7 +400,8 @@ def test_plan_of_another_mission_is_refused():
 
 def test_legend_is_no_wider_than_the_figure():
     mission = load("terrain_200")
-    ax = plot_mission(mission, mission.plan([[34]] * 5))
+    out_and_back = [34, next(mission.graph.successors(34)), 34]
+    ax = plot_mission(mission, mission.plan([out_and_back] * 5))
     ax.figure.draw_without_rendering()
     assert ax.get_legend().get_window_extent().width <= ax.figure.bbox.width
     assert ax.get_window_extent().width > 0.6 * ax.figure.bbox.width
@@ -399,8 +425,8 @@ def test_any_mission_is_drawn_whole(case):
 
 
 def test_staircase_by_hand():
-    # (4, 1) and (2, 2) are dominated, (4, 1.5) is there twice.
-    points = np.array([[8, 1], [4, 1], [4, 1.5], [0, 2], [4, 1.5], [8, 0.5]])
+    # (4, 1), (2, 1.5) and (8, 0.5) are dominated, (4, 1.5) is there twice.
+    points = np.array([[8, 1], [4, 1], [4, 1.5], [0, 2], [4, 1.5], [2, 1.5], [8, 0.5]])
     corners = [[0, 2], [0, 2], [0, 1.5], [4, 1.5], [4, 1], [8, 1], [8, 0], [0, 0]]
     assert staircase(points).tolist() == corners
     (area,) = drawn(plot_front(points), "area")
@@ -584,9 +610,11 @@ def test_own_axes_are_the_only_ones_drawn_on(picture):
 
 @pytest.mark.parametrize("picture", PICTURES)
 def test_matplotlib_settings_stay_as_they_are(tmp_path, picture):
-    before = dict(mpl.rcParams)
-    save_figure(PICTURES[picture](None).figure, tmp_path / "picture.png")
-    assert dict(mpl.rcParams) == before
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        before = dict(mpl.rcParams)
+        save_figure(PICTURES[picture](None).figure, tmp_path / "picture.png")
+        assert dict(mpl.rcParams) == before
 
 
 def test_importing_sets_neither_backend_nor_style():

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 from pymoo.core.individual import Individual
 from pymoo.core.population import Population
@@ -64,9 +61,7 @@ class PlanArchive:
         """Changes whenever the archive does: the number of plans that ever entered."""
         return self._next_id
 
-    def absorb(
-        self, batch: PlanBatch, arcs: IntArray, objectives: FloatArray
-    ) -> OffsetArray:
+    def absorb(self, batch: PlanBatch, arcs: IntArray, objectives: FloatArray) -> OffsetArray:
         """Take in what the archive does not dominate.
 
         Parameters

@@ -33,7 +33,7 @@ _PYMOO_OPTIONS = (
 )
 
 
-class BOACO(Algorithm):  # type: ignore[misc]
+class BOACO(Algorithm):
     """Bi-objective ant colony optimisation (BO-ACO).
 
     Every iteration (a pymoo generation) each ant builds one trail plan, robot by robot and hop by
@@ -149,8 +149,9 @@ class BOACO(Algorithm):  # type: ignore[misc]
         self.pooled_deposit = check_flag("pooled_deposit", pooled_deposit)
         self.n_threads = check_integer("n_threads", n_threads, at_least=1)
         self.sampling = sampling
-        self.archive: PlanArchive | None = None
+        self.archive = PlanArchive(1)
         super().__init__(**{"output": FrontOutput(), **options})
+        self.archive = PlanArchive(1)  # pymoo has set its own, which only sees its individuals
 
     @classmethod
     def journal(
@@ -254,16 +255,16 @@ class BOACO(Algorithm):  # type: ignore[misc]
         )
         self.archive = PlanArchive(mission.robots)
 
-    def _initialize_advance(self, infills: Population | None = None, **_: Any) -> None:
+    def _initialize_advance(self, **_: Any) -> None:
         if self.sampling is not None:
-            given = self.sampling.get("X") if isinstance(self.sampling, Population) else self.sampling
-            plans = list(self.problem.mission.batch(given))[: self._n_left()]
-            batch = self.problem.mission.batch(plans)
-            objectives = self._evaluate(batch)
-            self.archive.absorb(batch, self.colony.arcs_of(batch), objectives)
+            mission = self.problem.mission
+            given = self.sampling
+            given = given.get("X") if isinstance(given, Population) else given
+            batch = mission.batch(list(mission.batch(given))[: self._n_left()])
+            self.archive.absorb(batch, self.colony.arcs_of(batch), self._evaluate(batch))
         self._advance()
 
-    def _advance(self, infills: Population | None = None, **_: Any) -> None:
+    def _advance(self, **_: Any) -> None:
         n_ants = min(self.n_ants, self._n_left())
         if n_ants == 0:
             return
@@ -301,15 +302,15 @@ class BOACO(Algorithm):  # type: ignore[misc]
 
     @property
     def opt(self) -> Population | None:
-        """The archive as a pymoo population; None before the first iteration."""
-        return self.archive.population() if self.archive else None
+        """The archive as a pymoo population; None as long as it is empty."""
+        return self.archive.population() if len(self.archive) else None
 
     @opt.setter
     def opt(self, value: Population | None) -> None: ...
 
     @property
     def pop(self) -> Population | None:
-        """The archive as a pymoo population; None before the first iteration."""
+        """The same as ``opt``."""
         return self.opt
 
     @pop.setter

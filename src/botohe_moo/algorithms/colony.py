@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import networkx as nx
@@ -175,7 +176,7 @@ class Colony:
         lengths = np.empty(n_ants * self.n_robots, np.int64)
         n_threads = min(self.n_threads, n_ants)
         cuts = [n_ants * i // n_threads for i in range(n_threads + 1)]
-        spans = list(zip(cuts, cuts[1:], strict=False))
+        spans = list(pairwise(cuts))
         if n_threads == 1:
             parts = [self._construct_span(0, 0, n_ants, n_ants, lengths)]
         else:
@@ -202,7 +203,10 @@ class Colony:
     def _construct_span(
         self, part: int, begin: int, end: int, n_ants: int, lengths: OffsetArray
     ) -> tuple[IntArray, IntArray]:
-        nodes, arcs = self._buffers.get(part) or (np.empty(4096, np.int32), np.empty(4096, np.int32))
+        nodes, arcs = self._buffers.get(part) or (
+            np.empty(4096, np.int32),
+            np.empty(4096, np.int32),
+        )
         walk, rule = self.walk, self.rule
         nodes, arcs, size = construct(
             walk.first,

@@ -212,9 +212,7 @@ def absorb(
     archived_arcs: IntArray,
     archived_offsets: OffsetArray,
     next_id: int,
-) -> tuple[
-    OffsetArray, int, FloatArray, SeedArray, OffsetArray, IntArray, IntArray, OffsetArray
-]:
+) -> tuple[OffsetArray, int, FloatArray, SeedArray, OffsetArray, IntArray, IntArray, OffsetArray]:
     """Find a batch's Pareto set and take into the archive what belongs there.
 
     Returns

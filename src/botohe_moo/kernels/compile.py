@@ -1,7 +1,7 @@
 """How every kernel is compiled."""
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 from numba import njit
 
@@ -14,11 +14,10 @@ def kernel(function: Function) -> Function:
     Kernels hold no lock (``nogil``), so that threads can share the work, and follow IEEE
     arithmetic (a division by zero is inf, not an exception that a hot loop has to test for).
     """
-    compiled: Function = njit(cache=True, nogil=True, error_model="numpy")(function)
-    return compiled
+    return cast("Function", njit(cache=True, nogil=True, error_model="numpy")(function))
 
 
 def inline(function: Function) -> Function:
     """Compile a small helper that kernels call in their hottest loops, into those loops."""
-    compiled: Function = njit(cache=True, nogil=True, error_model="numpy", inline="always")(function)
-    return compiled
+    compiled = njit(cache=True, nogil=True, error_model="numpy", inline="always")(function)
+    return cast("Function", compiled)

@@ -227,7 +227,7 @@ def construct(
                                 weight *= math.exp(power * math.log(1.0 + gain[a] * left))
                     total += weight
                     cumulated[a - low] = total
-                # Drawing stands here and not in a function of its own: that costs a sixth more time.
+                # Drawing in a function of its own would cost a sixth more time.
                 if n > 1:
                     drawn = uniform(states, ant) * (1.0 + exploration / n)
                     if drawn < 1.0:

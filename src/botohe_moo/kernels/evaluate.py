@@ -45,8 +45,8 @@ def _precedes(nodes: IntArray, offsets: OffsetArray, one: int, other: int) -> bo
     for i in range(min(stop - start, other_stop - other_start)):
         difference = nodes[start + i] - nodes[other_start + i]
         if difference != 0:
-            return difference < 0
-    return stop - start < other_stop - other_start
+            return bool(difference < 0)
+    return bool(stop - start < other_stop - other_start)
 
 
 @kernel

@@ -18,7 +18,8 @@ _SCALE = 2.0**-53
 def seed_states(random_state: np.random.Generator, n: int) -> SeedArray:
     """Derive ``n`` states, shape (n, 2), from one draw of numpy's generator."""
     entropy = int(random_state.integers(2**63))
-    return np.random.SeedSequence(entropy).generate_state(2 * n, np.uint64).reshape(n, 2)
+    words = np.random.SeedSequence(entropy).generate_state(2 * n, np.uint64)
+    return words.astype(np.uint64).reshape(n, 2)
 
 
 @inline
@@ -29,4 +30,4 @@ def uniform(states: SeedArray, which: int) -> float:
     high ^= low
     states[which, 0] = ((low << _A) | (low >> (_WORD - _A))) ^ high ^ (high << _B)
     states[which, 1] = (high << _C) | (high >> (_WORD - _C))
-    return (drawn >> _DROP) * _SCALE
+    return float(drawn >> _DROP) * _SCALE

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 import networkx as nx
 import numpy as np
 
+from botohe_moo._checks import check_integer
 from botohe_moo.mission.nodelink import decode
-from botohe_moo.mission.validation import MissionError, checked_integer
+from botohe_moo.mission.validation import MissionError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -63,7 +64,7 @@ def read_benchmark(
     Chao, Golden and Wasil, "The team orienteering problem", European Journal of Operational
     Research 88 (1996) 464-474.
     """
-    neighbours = checked_integer("neighbours", neighbours, 1)
+    neighbours = check_integer("neighbours", neighbours, at_least=1)
     if scale is not None and (
         isinstance(scale, bool) or not isinstance(scale, Real) or not 0 < scale < math.inf
     ):

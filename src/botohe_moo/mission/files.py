@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
-import inspect
 import os
-import secrets
 from collections.abc import Callable, Iterable, Mapping
-from difflib import SequenceMatcher
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from botohe_moo._checks import check_parameters, keyword_names
+from botohe_moo._files import replace_file
 from botohe_moo.mission.benchmark import read_benchmark
 from botohe_moo.mission.graphml import read_graphml, write_graphml
 from botohe_moo.mission.model import Mission
@@ -22,9 +20,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "SUFFIXES",
-    "check_parameters",
-    "keyword_names",
-    "nearest_first",
     "read_mission",
     "save_mission",
 ]
@@ -124,56 +119,7 @@ def save_mission(mission: Mission, path: str | os.PathLike[str]) -> None:
         raise ValueError(f"{path}: {error}") from None
     except RecursionError:
         raise ValueError(f"{path}: a label or an attribute is nested too deeply.") from None
-    _replace(path, data)
-
-
-def check_parameters(
-    owner: str, given: Iterable[str], accepted: Iterable[str] | None, *, also: Iterable[str] = ()
-) -> None:
-    """Refuse parameters that are not known.
-
-    Parameters
-    ----------
-    owner
-        Whom the parameters are for, as the message calls it.
-    given
-        Names of the parameters.
-    accepted
-        Names of those that are known; None for a function that takes any.
-    also
-        Further names that are known.
-
-    Raises
-    ------
-    ValueError
-        Names every unknown parameter, and the known ones, nearest first.
-    """
-    if accepted is None:
-        return
-    known = sorted({*accepted, *also})
-    unknown = [name for name in given if name not in known]
-    if unknown:
-        named = " or ".join(repr(name) for name in unknown)
-        among = ", ".join(nearest_first(unknown[0], known))
-        raise ValueError(f"{owner}: there is no parameter {named}; known are {among}.")
-
-
-def keyword_names(function: Callable[..., object]) -> tuple[str, ...] | None:
-    """Give the names that ``function`` takes as keywords, or None if it takes any."""
-    try:
-        parameters = inspect.signature(function).parameters.values()
-    except (TypeError, ValueError):  # some compiled callables do not tell
-        return None
-    if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters):
-        return None
-    named = (inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
-    return tuple(parameter.name for parameter in parameters if parameter.kind in named)
-
-
-def nearest_first(word: str, words: Iterable[str]) -> list[str]:
-    """Sort ``words`` by how much they look like ``word``, those alike by name."""
-    word = word.lower()
-    return sorted(words, key=lambda w: (-SequenceMatcher(None, word, w.lower()).ratio(), w))
+    replace_file(path, data)
 
 
 def _unknown_suffix(path: Path, known: Mapping[str, object] | Iterable[str]) -> str:
@@ -191,19 +137,3 @@ def _content(path: Path) -> bytes:
     except (OSError, ValueError) as error:  # ValueError: a path with a null character
         reason = getattr(error, "strerror", None) or error
         raise MissionError(f"the file cannot be read: {reason}") from None
-
-
-def _replace(path: Path, data: bytes) -> None:
-    """Write a file in one step, so that nobody ever finds half of it."""
-    temporary = path.with_name(f".{secrets.token_hex(8)}.tmp")
-    try:
-        with temporary.open("xb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        temporary.replace(path)
-    except OSError as error:  # which would name the temporary file
-        raise OSError(error.errno, error.strerror, str(path)) from None
-    finally:
-        with contextlib.suppress(OSError):
-            temporary.unlink()

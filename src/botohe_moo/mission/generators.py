@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 import networkx as nx
 import numpy as np
 
+from botohe_moo._checks import check_integer
 from botohe_moo.mission.benchmark import near_pairs, spanning_pairs
 from botohe_moo.mission.model import Mission
-from botohe_moo.mission.validation import checked_integer
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -66,7 +66,7 @@ def two_communities(*, seed: int = 0, robots: int = 2) -> Mission:
     The third case of Simon, Richley, Overbey and Perez-Lavin, "Bi-objective trail-planning for a
     robot team orienteering in a hazardous environment", 2025: a stochastic block model.
     """
-    rng, robots = _rng(seed), checked_integer("robots", robots, 1)
+    rng, robots = _rng(seed), check_integer("robots", robots, at_least=1)
     poor, rich = 12, 8
     block = np.repeat([0, 1, 2], [1, poor, rich])
     probability = np.array([[0, 0, 0], [0, 0.4, 0.025], [0, 0.025, 0.3]])[block[:, None], block]
@@ -111,8 +111,8 @@ def random(
         If a parameter is out of its range, or ``arc_probability`` so small that none of 1000 graphs
         is connected.
     """
-    rng, robots = _rng(seed), checked_integer("robots", robots, 1)
-    nodes = checked_integer("nodes", nodes, 2)
+    rng, robots = _rng(seed), check_integer("robots", robots, at_least=1)
+    nodes = check_integer("nodes", nodes, at_least=2)
     if isinstance(arc_probability, bool) or not isinstance(arc_probability, Real):
         raise ValueError(f"Expected arc_probability to be a number, got {arc_probability!r}.")
     if not 0 < arc_probability <= 1:
@@ -155,8 +155,8 @@ def complete(*, nodes: int = 25, robots: int = 2, seed: int = 0) -> Mission:
     ValueError
         If a parameter is out of its range.
     """
-    rng, robots = _rng(seed), checked_integer("robots", robots, 1)
-    nodes = checked_integer("nodes", nodes, 2)
+    rng, robots = _rng(seed), check_integer("robots", robots, at_least=1)
+    nodes = check_integer("nodes", nodes, at_least=2)
     pairs = np.column_stack(np.triu_indices(nodes, 1))
     return _mission(
         "complete",
@@ -191,8 +191,8 @@ def terrain(*, nodes: int = 200, robots: int = 5, seed: int = 0) -> Mission:
     ValueError
         If a parameter is out of its range.
     """
-    rng, robots = _rng(seed), checked_integer("robots", robots, 1)
-    nodes = checked_integer("nodes", nodes, 2)
+    rng, robots = _rng(seed), check_integer("robots", robots, at_least=1)
+    nodes = check_integer("nodes", nodes, at_least=2)
     positions = np.round(rng.random((nodes, 2)), 6)
     # The spanning tree's long edges are the ones that join the parts, shortest first.
     near = near_pairs(positions, _REACH / math.sqrt(nodes))
@@ -210,7 +210,7 @@ def terrain(*, nodes: int = 200, robots: int = 5, seed: int = 0) -> Mission:
 
 
 def _rng(seed: int) -> np.random.Generator:
-    return np.random.default_rng(checked_integer("seed", seed, 0))
+    return np.random.default_rng(check_integer("seed", seed, at_least=0))
 
 
 def _connected_pairs(rng: np.random.Generator, probability: FloatArray) -> OffsetArray:

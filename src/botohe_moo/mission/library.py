@@ -2,32 +2,32 @@
 
 from __future__ import annotations
 
+import inspect
 import os
-import re
-import warnings
-from importlib.metadata import EntryPoint, entry_points
 from importlib.resources import as_file, files
-from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from botohe_moo.mission.files import (
-    SUFFIXES,
-    check_parameters,
-    keyword_names,
-    nearest_first,
-    read_mission,
-)
+from botohe_moo._checks import check_parameters, keyword_names
+from botohe_moo._plugins import PluginError, PluginGroup
+from botohe_moo.mission.files import SUFFIXES, read_mission
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.validation import MissionError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable
 
-__all__ = ["art_museum", "load_mission", "mission_names", "power_plant", "terrain_200", "toy"]
+__all__ = [
+    "art_museum",
+    "describe_mission",
+    "load_mission",
+    "mission_names",
+    "power_plant",
+    "terrain_200",
+    "toy",
+]
 
-_GROUP = "botohe_moo.missions"
-_OURS = "botohe-moo"
+_PLUGINS = PluginGroup("botohe_moo.missions", "mission")
 
 
 def art_museum(*, robots: int | None = None) -> Mission:
@@ -134,13 +134,15 @@ def load_mission(
     separators = {os.sep, os.altsep or os.sep}
     if Path(name).suffix.lower() in SUFFIXES or not separators.isdisjoint(name):
         return read_mission(name, robots=robots, **parameters)
-    claims = _claims()
-    if name not in claims and Path(name).is_file():
+    known = name in _PLUGINS.claims()
+    if not known and Path(name).is_file():
         return read_mission(name, robots=robots, **parameters)
-    source = f"Mission {name!r}"
-    if name not in claims:
-        raise MissionError(_unknown(name, claims), source)
-    function = _load(_entry(claims[name], source), source)
+    source = _PLUGINS.source(name)
+    try:
+        function = _PLUGINS.load(name)
+    except PluginError as error:
+        hint = "" if known else f"; mission files end in one of {', '.join(SUFFIXES)}"
+        raise MissionError(f"{error}{hint}", source) from error
     return _make(function, source, robots, parameters)
 
 
@@ -150,53 +152,12 @@ def mission_names() -> tuple[str, ...]:
     What cannot be imported, or has the name of another package's mission, is left out with a
     warning that names it.
     """
-    names = []
-    for name, claimants in sorted(_claims().items()):
-        source = f"Mission {name!r}"
-        try:
-            _load(_entry(claimants, source), source)
-        except MissionError as error:
-            warnings.warn(f"{error}; it is left out.", stacklevel=2)
-        else:
-            names.append(name)
-    return tuple(names)
+    return _PLUGINS.names()
 
 
-def _claims() -> dict[str, list[EntryPoint]]:
-    """Find out, without importing anything, who registers a mission of which name."""
-    claims: dict[str, list[EntryPoint]] = {}
-    for entry in entry_points(group=_GROUP):
-        claims.setdefault(entry.name, []).append(entry)
-    return claims
-
-
-def _entry(claimants: list[EntryPoint], source: str) -> EntryPoint:
-    """Choose who the name belongs to: this package, or else the only one that claims it."""
-    ours = [entry for entry in claimants if _package(entry) == _OURS]
-    others = [entry for entry in claimants if _package(entry) != _OURS]
-    if ours and others:
-        named = " and ".join(map(_package, others))
-        warnings.warn(f"{source} of package {named} is left out: {_OURS} has it.", stacklevel=3)
-    elif len({entry.value for entry in others}) > 1:
-        named = " and ".join(map(_package, others))
-        raise MissionError(f"the packages {named} both register this name", source)
-    return (ours or others)[0]
-
-
-def _package(entry: EntryPoint) -> str:
-    return re.sub(r"[-_.]+", "-", entry.dist.name).lower() if entry.dist else "(unknown)"
-
-
-def _load(entry: EntryPoint, source: str) -> Callable[..., Any]:
-    origin = f"{entry.value} of package {_package(entry)}"
-    try:
-        function = entry.load()
-    except Exception as error:  # whatever another package's code may raise
-        found = f"{type(error).__name__}: {error}"
-        raise MissionError(f"{origin} cannot be imported ({found})", source) from error
-    if not callable(function):
-        raise MissionError(f"expected {origin} to be a function, got {function!r}", source)
-    return function  # type: ignore[no-any-return]
+def describe_mission(name: str) -> str:
+    """Give the first line of what a named mission says of itself."""
+    return (inspect.getdoc(_PLUGINS.load(name)) or "").partition("\n")[0]
 
 
 def _make(
@@ -208,7 +169,7 @@ def _make(
         parameters = {**parameters, "robots": robots}
     if accepted is not None:
         try:
-            signature(function).bind(**parameters)
+            inspect.signature(function).bind(**parameters)
         except TypeError as error:
             raise ValueError(f"{source}: {error}.") from None
     mission = function(**parameters)
@@ -217,11 +178,3 @@ def _make(
     if robots is not None and robots != mission.robots:
         return mission.with_robots(robots)
     return mission
-
-
-def _unknown(name: str, known: Iterable[str]) -> str:
-    names = ", ".join(nearest_first(name, known))
-    if not names:
-        return f"no missions are registered; is the package {_OURS} installed?"
-    suffixes = ", ".join(SUFFIXES)
-    return f"there is no such mission; known are {names}; mission files end in one of {suffixes}"

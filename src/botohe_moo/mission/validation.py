@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from numbers import Integral, Real
+from numbers import Real
 from operator import index
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Hashable, Iterator
 
-__all__ = ["MissionError", "checked_integer", "mission_faults", "team_size_fault"]
+__all__ = ["MissionError", "mission_faults", "team_size_fault"]
 
 
 class MissionError(ValueError):
@@ -128,18 +128,3 @@ def _way_faults(graph: nx.DiGraph[Any], base: Hashable) -> Iterator[str]:
             yield f"node {node!r}: cannot be reached from base {base!r}"
         if node not in returning:
             yield f"node {node!r}: has no way back to base {base!r}"
-
-
-def checked_integer(name: str, value: object, least: int) -> int:
-    """Give the integer that the parameter ``name`` holds.
-
-    Raises
-    ------
-    ValueError
-        If ``value`` is no integer or less than ``least``.
-    """
-    if isinstance(value, bool | np.bool_) or not isinstance(value, Integral):
-        raise ValueError(f"Expected {name} to be an integer >= {least}, got {value!r}.")
-    if value < least:
-        raise ValueError(f"Expected {name} >= {least}, got {value}.")
-    return int(value)

@@ -1,0 +1,110 @@
+"""What other packages register, found through entry points; nothing is imported before its use."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from dataclasses import dataclass
+from importlib.metadata import EntryPoint, entry_points
+from typing import TYPE_CHECKING, Any
+
+from botohe_moo._checks import nearest_first
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+__all__ = ["PluginError", "PluginGroup"]
+
+_OURS = "botohe-moo"
+
+
+class PluginError(ValueError):
+    """A name that nobody registers, or what is registered cannot be used; says why."""
+
+
+@dataclass(frozen=True)
+class PluginGroup:
+    """One entry-point group; the built-in entries are found in it like everybody's.
+
+    Attributes
+    ----------
+    group
+        Name of the entry-point group.
+    kind
+        What its entries are, for messages: "mission", "algorithm".
+    """
+
+    group: str
+    kind: str
+
+    def source(self, name: str) -> str:
+        """Say what is spoken of, to begin a message with."""
+        return f"{self.kind.capitalize()} {name!r}"
+
+    def claims(self) -> dict[str, list[EntryPoint]]:
+        """Find out, without importing anything, who registers which name."""
+        claims: dict[str, list[EntryPoint]] = {}
+        for entry in entry_points(group=self.group):
+            claims.setdefault(entry.name, []).append(entry)
+        return claims
+
+    def names(self) -> tuple[str, ...]:
+        """Give the names that can be loaded, sorted.
+
+        What cannot be imported, or has the name of another package's entry, is left out with a
+        warning that names it.
+        """
+        names = []
+        for name in sorted(self.claims()):
+            try:
+                self.load(name)
+            except PluginError as error:
+                warnings.warn(f"{self.source(name)}: {error}; it is left out.", stacklevel=3)
+            else:
+                names.append(name)
+        return tuple(names)
+
+    def load(self, name: str) -> Callable[..., Any]:
+        """Import the entry of that name.
+
+        Raises
+        ------
+        PluginError
+            If there is none (lists the known names, nearest first), two packages claim the name,
+            or it cannot be imported or called.
+        """
+        claims = self.claims()
+        if name not in claims:
+            known = ", ".join(nearest_first(name, claims))
+            raise PluginError(
+                f"there is no such {self.kind}; known are {known}"
+                if known
+                else f"no {self.kind}s are registered; is the package {_OURS} installed?"
+            )
+        entry = self._choose(name, claims[name])
+        origin = f"{entry.value} of package {_package(entry)}"
+        try:
+            function = entry.load()
+        except Exception as error:  # whatever another package's code may raise
+            found = f"{type(error).__name__}: {error}"
+            raise PluginError(f"{origin} cannot be imported ({found})") from error
+        if not callable(function):
+            raise PluginError(f"expected {origin} to be a function or class, got {function!r}")
+        return function  # type: ignore[no-any-return]
+
+    def _choose(self, name: str, claimants: list[EntryPoint]) -> EntryPoint:
+        """Choose who a name belongs to: this package, or else the only one that claims it."""
+        ours = [entry for entry in claimants if _package(entry) == _OURS]
+        others = [entry for entry in claimants if _package(entry) != _OURS]
+        named = " and ".join(map(_package, others))
+        if ours and others:
+            warnings.warn(
+                f"{self.source(name)} of package {named} is left out: {_OURS} has it.", stacklevel=4
+            )
+        elif len({entry.value for entry in others}) > 1:
+            raise PluginError(f"the packages {named} both register this name")
+        return (ours or others)[0]
+
+
+def _package(entry: EntryPoint) -> str:
+    return re.sub(r"[-_.]+", "-", entry.dist.name).lower() if entry.dist else "(unknown)"
