@@ -113,7 +113,8 @@ def evaluate(
             if start == stop:
                 return EMPTY_TRAIL, plan, robot, 0
             if nodes[start] != base:
-                return NOT_FROM_BASE, plan, robot, 0
+                known = 0 <= nodes[start] < n_nodes
+                return NOT_FROM_BASE if known else UNKNOWN_NODE, plan, robot, 0
             alive = 1.0
             here = base
             for position in range(start, stop):

@@ -284,7 +284,7 @@ class Mission:
         if kind == kernels.UNKNOWN_NODE:
             known = f"{len(self.nodes)} nodes"
             return f"{where}: node index {node} is unknown, mission {self.name!r} has {known}."
-        label = self.nodes[node] if 0 <= node < len(self.nodes) else f"node index {node}"
+        label = self.nodes[node]
         if kind in (kernels.NOT_FROM_BASE, kernels.NOT_BACK_AT_BASE):
             return f"{where}: {_FAULTS[kind]} {self.base!r}, got {label!r}."
         tail = self.nodes[int(batch.nodes[start + position - 1])]

@@ -34,6 +34,7 @@ __all__ = [
     "readable_on",
     "reward_palette",
     "save_figure",
+    "save_plot",
     "survival_palette",
     "theme",
     "tint",
@@ -148,3 +149,18 @@ def save_figure(fig: Figure, path: str | os.PathLike[str], *, dpi: int = DPI) ->
             draft, format="png", dpi=dpi, bbox_inches="tight", metadata={"Software": "botohe_moo"}
         )
         draft.replace(target)
+
+
+def save_plot(ax: Axes, path: str | os.PathLike[str]) -> None:
+    """Write the figure that ``ax`` is in, as ``save_figure`` does, and close it.
+
+    Raises
+    ------
+    ValueError
+        If ``path`` does not end in ``.png``.
+    """
+    figure = ax.get_figure(root=True)
+    if figure is None:
+        raise ValueError("Expected axes in a figure, got axes that were removed from theirs.")
+    save_figure(figure, path)
+    plt.close(figure)

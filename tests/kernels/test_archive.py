@@ -1,0 +1,130 @@
+"""The archive against a readable twin that remembers every plan it was ever shown."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from botohe_moo.algorithms.archive import PlanArchive
+from botohe_moo.kernels.archive import pareto_set, plan_hash
+from botohe_moo.trails import PlanBatch, TrailPlan
+
+# Plans whose objectives are small integers, so that ties and repetitions abound; the last two
+# are one plan with its robots in two orders, the two before are {A, A, B} and {A, B, B}.
+A, B, C = (0, 1, 0), (0, 2, 0), (0, 1, 2, 0)
+TRAILS = [
+    [A, A, A],
+    [B, B, B],
+    [C, C, C],
+    [(0,), A, C],
+    [(0,), (0,), (0,)],
+    [A, A, B],
+    [A, B, B],
+    [A, B, C],
+    [C, A, B],
+]
+PLANS = [TrailPlan(trails) for trails in TRAILS]
+
+
+def dominates(one, other):
+    return all(one >= other) and any(one > other)
+
+
+def front(shown):
+    """The twin: plans (each once) that nothing shown dominates."""
+    return {
+        plan
+        for plan, objectives in shown.items()
+        if not any(dominates(other, objectives) for other in shown.values())
+    }
+
+
+def draw_objectives(data):
+    values = data.draw(
+        st.lists(
+            st.tuples(st.integers(0, 4), st.integers(0, 4)),
+            min_size=len(PLANS) - 1,
+            max_size=len(PLANS) - 1,
+        )
+    )
+    return np.array([*values, values[-1]], float)  # equal plans have equal objectives
+
+
+def fake_arcs(batch):
+    return batch.nodes + 100
+
+
+@settings(max_examples=500)
+@given(st.data())
+def test_archive_is_the_front_of_all_it_was_shown(data):
+    objectives = draw_objectives(data)
+    archive, shown = PlanArchive(3), {}
+    for _ in range(data.draw(st.integers(1, 5))):
+        drawn = data.draw(st.lists(st.integers(0, len(PLANS) - 1), min_size=1, max_size=8))
+        batch = PlanBatch.from_plans([PLANS[i] for i in drawn], 3)
+        version, before = archive.version, set(archive.plans)
+        members = archive.absorb(batch, fake_arcs(batch), objectives[drawn])
+
+        iteration = {PLANS[i]: objectives[i] for i in drawn}
+        assert {PLANS[drawn[i]] for i in members} == front(iteration)
+        assert len(members) == len(front(iteration))
+        shown.update(iteration)
+        assert set(archive.plans) == front(shown)
+        assert len(archive) == len(archive.plans) == len(front(shown))
+        assert (archive.version != version) == (set(archive.plans) != before)
+        for plan, found in zip(archive.plans, archive.objectives, strict=True):
+            assert found.tolist() == shown[plan].tolist()
+        assert np.array_equal(archive.arcs, archive.plans.nodes + 100)
+        order = archive.objectives[:, 0]
+        assert (np.diff(order) <= 0).all()
+        assert (np.diff(archive.objectives[:, 1]) >= 0).all()
+
+
+@given(st.data())
+def test_individuals_stay_the_same_as_long_as_their_plans_do(data):
+    objectives = draw_objectives(data)
+    archive, made = PlanArchive(3), {}
+    for _ in range(4):
+        drawn = data.draw(st.lists(st.integers(0, len(PLANS) - 1), min_size=1, max_size=4))
+        batch = PlanBatch.from_plans([PLANS[i] for i in drawn], 3)
+        archive.absorb(batch, fake_arcs(batch), objectives[drawn])
+        population = archive.population()
+        assert population is archive.population()
+        assert [ind.X[0] for ind in population] == list(archive.plans)
+        assert np.array_equal(-population.get("F"), archive.objectives)
+        now = {ind.X[0]: ind for ind in population}
+        assert all(made[plan] is now[plan] for plan in now if plan in made)
+        made = now
+
+
+def test_hash_knows_multisets():
+    batch = PlanBatch.from_plans(PLANS, 3)
+    hashes = [plan_hash(batch.nodes, batch.offsets, 3, i) for i in range(len(PLANS))]
+    assert hashes[-1] == hashes[-2]
+    assert len(set(hashes)) == len(PLANS) - 1
+
+
+def test_hashes_of_many_short_plans_differ():
+    rng = np.random.default_rng(0)
+    plans = {
+        TrailPlan([[0, *rng.integers(1, 40, rng.integers(0, 4)), 0] for _ in range(2)])
+        for _ in range(20_000)
+    }
+    batch = PlanBatch.from_plans(plans, 2)
+    hashes = {int(plan_hash(batch.nodes, batch.offsets, 2, i)) for i in range(len(batch))}
+    assert len(hashes) == len(plans)
+
+
+def test_plans_with_nan_objectives_are_left_out():
+    objectives = np.array([[1.0, 1.0], [np.nan, 5.0], [0.5, 2.0]])
+    batch = PlanBatch.from_plans(PLANS[:3], 3)
+    members, _ = pareto_set(objectives, batch.nodes, batch.offsets, 3)
+    assert members.tolist() == [0, 2]
+
+
+@pytest.mark.parametrize("n", [1, 2, 300])
+def test_many_equal_plans_are_one(n):
+    batch = PlanBatch.from_plans([PLANS[0]] * n, 3)
+    archive = PlanArchive(3)
+    members = archive.absorb(batch, fake_arcs(batch), np.ones((n, 2)))
+    assert len(members) == len(archive) == 1

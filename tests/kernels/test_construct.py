@@ -1,0 +1,267 @@
+"""Ants keep the rules of trails everywhere, and choose with the probabilities of the paper."""
+
+from collections import Counter
+from itertools import pairwise
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from botohe_moo.algorithms.colony import Colony, ColonyRule, WalkGraph
+from botohe_moo.kernels.construct import leads_home
+from botohe_moo.mission import Mission, load_mission
+from tests.strategies import missions, trails
+
+
+def rule(**changes):
+    settings = {
+        "evaporation": 0.1,
+        "heuristic": True,
+        "pheromone": True,
+        "pheromone_per_robot": False,
+        "initial_reward_pheromone": 1.0,
+        "initial_survival_pheromone": 1.0,
+        "reward_epsilon": 0.05,
+        "survival_epsilon": 0.01,
+        "unvisited_bonus": 0.0,
+        "exploration": 0.0,
+        "pooled_deposit": True,
+    }
+    return ColonyRule(**{**settings, **changes})
+
+
+def colony(mission, *, n_ants, seed=0, n_threads=1, **changes):
+    random_state = np.random.default_rng(seed)
+    return Colony(
+        mission, rule(**changes), n_ants=n_ants, n_threads=n_threads, random_state=random_state
+    )
+
+
+rules = st.fixed_dictionaries(
+    {
+        "heuristic": st.booleans(),
+        "pheromone": st.booleans(),
+        "pheromone_per_robot": st.booleans(),
+        "unvisited_bonus": st.sampled_from([0.0, 0.05]),
+        "exploration": st.sampled_from([0.0, 0.01, 2.0]),
+    }
+)
+
+
+@settings(max_examples=300)
+@given(missions(max_nodes=9, one_way=True), rules, st.integers(0, 2**32))
+def test_no_dead_ends_on_one_way_missions(mission, changes, seed):
+    ants = colony(mission, n_ants=7, seed=seed, **changes)
+    for _ in range(5):
+        batch, arcs = ants.construct(7)
+        objectives = mission.evaluate(batch)  # raises PlanError for any trail that is not valid
+        assert len(batch) == 7
+        assert np.array_equal(arcs, ants.arcs_of(batch))
+        ants.pheromone[...] = np.random.default_rng(seed).uniform(1e-250, 9, ants.pheromone.shape)
+        ants._weigh()
+        assert (objectives <= [mission.total_reward + 1e-9, mission.robots]).all()
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_no_dead_ends_on_larger_one_way_missions(seed):
+    mission = one_way_mission(60, 150, seed)
+    assert not mission.balanced
+    ants = colony(mission, n_ants=60, seed=seed, heuristic=False, pheromone=False)
+    batch, _ = ants.construct(60)
+    mission.evaluate(batch)
+    # Walks must run into places where a careless ant is lost, or this test shows nothing.
+    assert lost_walks(mission, seed) > 10
+
+
+def one_way_mission(n_nodes, n_arcs, seed):
+    rng = np.random.default_rng(seed)
+    graph = nx.DiGraph(base=0, robots=2)
+    graph.add_nodes_from(range(n_nodes), reward=1.0)
+    nx.add_cycle(graph, rng.permutation(n_nodes).tolist())
+    while graph.number_of_edges() < n_arcs:
+        tail, head = rng.integers(n_nodes, size=2).tolist()
+        if tail != head:
+            graph.add_edge(tail, head)
+    nx.set_edge_attributes(graph, 0.9, "survival")
+    return Mission(graph)
+
+
+def lost_walks(mission, seed):
+    """Of 100 walks over unused arcs, how many end away from the base."""
+    rng, lost = np.random.default_rng(seed), 0
+    for _ in range(100):
+        here, used = mission.base, set()
+        while hops := [(here, v) for v in mission.graph[here] if (here, v) not in used]:
+            arc = hops[rng.integers(len(hops))]
+            used.add(arc)
+            here = arc[1]
+        lost += here != mission.base
+    return lost
+
+
+@settings(max_examples=200)
+@given(missions(max_nodes=8), st.data())
+def test_leads_home_is_reachability_over_unused_arcs(mission, data):
+    walk = WalkGraph.of(mission)
+    arcs = list(zip(walk.tail.tolist(), walk.head.tolist(), strict=True))
+    used_arcs = data.draw(st.sets(st.sampled_from(range(len(arcs)))))
+    used = np.full(len(arcs), -1, np.int64)
+    used[sorted(used_arcs)] = 3
+    left = nx.DiGraph(arc for i, arc in enumerate(arcs) if i not in used_arcs)
+    left.add_nodes_from(range(len(mission.nodes)))
+    met, stack = np.full(len(mission.nodes), -1, np.int64), np.empty(len(mission.nodes), np.int32)
+    for search, node in enumerate(left):
+        found = leads_home(
+            walk.first, walk.head, walk.homeward, walk.base, node, used, 3, met, search, stack
+        )
+        assert found == nx.has_path(left, node, walk.base)
+
+
+def plan_probabilities(mission, settings, pheromone, weight):
+    """The readable twin: probability of every plan that an ant with this λ may build.
+
+    ``pheromone`` maps arcs (and the base's self-loop) to (τ_R, τ_S), one dict a robot.
+    """
+    graph, base = mission.graph, mission.base
+    reward = dict(graph.nodes(data="reward"))
+
+    def candidates(trail):
+        used = set(pairwise(trail))
+        free = [(trail[-1], head) for head in graph[trail[-1]] if (trail[-1], head) not in used]
+        home = [arc for arc in free if leads_back(used | {arc}, arc[1])]
+        loop = [(base, base)] if trail[-1] == base else []
+        return free + loop, home + loop
+
+    def leads_back(used, node):
+        left = nx.DiGraph(arc for arc in graph.edges if arc not in used)
+        left.add_nodes_from(graph)
+        return nx.has_path(left, node, base)
+
+    def attraction(arc, trail, unreached, robot):
+        survival = 1.0 if arc == (base, base) else graph.edges[arc]["survival"]
+        eta_reward = settings.reward_epsilon
+        if arc[1] not in trail:
+            gained = settings.unvisited_bonus + survival * reward[arc[1]]
+            eta_reward += gained * unreached[arc[1]]
+        eta_survival = settings.survival_epsilon + survival
+        if not settings.heuristic:
+            eta_reward = eta_survival = 1.0
+        tau_reward, tau_survival = pheromone[robot][arc]
+        return (tau_reward * eta_reward) ** (1 - weight) * (tau_survival * eta_survival) ** weight
+
+    def robot_trails(trail, unreached, robot):
+        """Every way to complete a trail: (probability, trail)."""
+        free, home = candidates(trail)
+        weights = {arc: attraction(arc, trail, unreached, robot) for arc in free}
+        floor = settings.exploration * sum(weights.values()) / len(free) ** 2
+        total = sum(weights[arc] + floor for arc in home)
+        for arc in home:
+            probability = (weights[arc] + floor) / total
+            if arc == (base, base):
+                yield probability, trail
+            else:
+                for rest, done in robot_trails([*trail, arc[1]], unreached, robot):
+                    yield probability * rest, done
+
+    def robots(robot, unreached):
+        if robot == mission.robots:
+            yield 1.0, ()
+            return
+        for probability, trail in robot_trails([base], unreached, robot):
+            after, alive = dict(unreached), 1.0
+            for position, node in enumerate(trail):
+                if position:
+                    alive *= graph.edges[trail[position - 1], node]["survival"]
+                if node not in trail[:position]:
+                    after[node] *= 1 - alive
+            for rest, others in robots(robot + 1, after):
+                yield probability * rest, (tuple(trail), *others)
+
+    found = Counter()
+    for probability, plan in robots(0, dict.fromkeys(graph, 1.0)):
+        found[plan] += probability
+    return found
+
+
+def crossing(robots):
+    """Base 0, a loop 0-1-2, a spur 1-3, and a node 2 with more arcs in than out."""
+    graph = nx.DiGraph(base=0, robots=robots)
+    for node, value in enumerate([0.0, 1.0, 3.0, 0.5]):
+        graph.add_node(node, reward=value)
+    arcs = [(0, 1, 0.9), (1, 2, 0.7), (2, 0, 0.8), (1, 3, 0.6), (3, 1, 0.95), (0, 2, 0.5)]
+    graph.add_weighted_edges_from([*arcs, (3, 2, 0.85)], "survival")
+    return Mission(graph)
+
+
+@pytest.mark.parametrize("robots", [1, 2])
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"exploration": 0.5, "unvisited_bonus": 0.05},
+        {"heuristic": False, "exploration": 0.01},
+        {"pheromone_per_robot": True},
+    ],
+    ids=["paper", "journal", "no heuristic", "per robot"],
+)
+def test_ants_choose_as_the_paper_says(robots, changes):
+    """Frequencies of whole plans, for λ = 0, 1/2 and 1, against their exact probabilities."""
+    mission = crossing(robots)
+    assert not mission.balanced
+    ants = colony(mission, n_ants=3, seed=5, **changes)
+    ants.pheromone[...] = np.random.default_rng(2).uniform(0.3, 3, ants.pheromone.shape)
+    ants._weigh()
+    walk = ants.walk
+    arcs = list(zip(walk.tail.tolist(), walk.head.tolist(), strict=True))
+    levels = [dict(zip(arcs, map(tuple, one.tolist()), strict=True)) for one in ants.pheromone]
+    pheromone = levels * robots if len(levels) == 1 else levels
+
+    n_times = 20_000
+    seen = [Counter(), Counter(), Counter()]
+    for _ in range(n_times):
+        for ant, plan in enumerate(ants.construct(3)[0]):
+            seen[ant][plan.trails] += 1
+    for weight, counted in zip((0.0, 0.5, 1.0), seen, strict=True):
+        expected = plan_probabilities(mission, ants.rule, pheromone, weight)
+        assert sum(expected.values()) == pytest.approx(1.0, abs=1e-12)
+        assert set(counted) <= set(expected)
+        for plan, probability in expected.items():
+            spread = (n_times * probability * (1 - probability)) ** 0.5
+            assert abs(counted[plan] - n_times * probability) <= 5 * spread + 1, plan
+
+
+@pytest.mark.parametrize("n_ants", [1, 2, 49, 50, 51, 130])
+def test_spans_do_not_change_what_ants_build(n_ants):
+    mission = load_mission("art_museum")
+    built = []
+    for n_threads in (1, 2, 3, 7):
+        ants = colony(mission, n_ants=n_ants, seed=1, n_threads=n_threads)
+        batches = [ants.construct(n_ants) for _ in range(3)]
+        ants.close()
+        built.append([(b.nodes.tobytes(), b.offsets.tobytes(), a.tobytes()) for b, a in batches])
+    assert built[0] == built[1] == built[2] == built[3]
+    assert built[0][0] != built[0][1]
+
+
+def test_long_trails_outgrow_the_first_buffers():
+    mission = load_mission("terrain", nodes=300, seed=1)
+    ants = colony(mission, n_ants=20, heuristic=False, pheromone=False)
+    batch, arcs = ants.construct(20)
+    assert len(batch.nodes) > 2 * 4096
+    mission.evaluate(batch)
+    assert np.array_equal(arcs, ants.arcs_of(batch))
+
+
+@given(missions(max_nodes=6), st.data())
+def test_homeward_arcs_lead_home(mission, data):
+    walk = WalkGraph.of(mission)
+    trail = data.draw(trails(mission))
+    for node in trail:
+        hops = 0
+        while node != walk.base:
+            assert walk.tail[walk.homeward[node]] == node
+            node = walk.head[walk.homeward[node]]
+            hops += 1
+            assert hops < len(mission.nodes)

@@ -1,0 +1,56 @@
+"""Random numbers of the kernels: xoroshiro128+ by the book, evenly spread, seeded by numpy."""
+
+import numpy as np
+
+from botohe_moo.kernels.compile import kernel
+from botohe_moo.kernels.rng import seed_states, uniform
+
+MASK = 2**64 - 1
+
+
+def twin(low, high, n):
+    """The authors' reference algorithm in Python's unbounded integers."""
+
+    def rotated(word, by):
+        return ((word << by) | (word >> (64 - by))) & MASK
+
+    for _ in range(n):
+        yield (((low + high) & MASK) >> 11) * 2.0**-53
+        high ^= low
+        low = rotated(low, 24) ^ high ^ ((high << 16) & MASK)
+        high = rotated(high, 37)
+
+
+@kernel
+def draw(states, which, n):
+    drawn = np.empty(n)
+    for i in range(n):
+        drawn[i] = uniform(states, which)
+    return drawn
+
+
+def test_twin():
+    states = seed_states(np.random.default_rng(3), 4)
+    words = states.tolist()
+    drawn = draw(states, 2, 1000)
+    assert drawn.tolist() == list(twin(*words[2], 1000))
+    assert states[[0, 1, 3]].tolist() == [words[0], words[1], words[3]]
+    assert states[2].tolist() != words[2]
+
+
+def test_even_spread():
+    drawn = draw(seed_states(np.random.default_rng(0), 1), 0, 1_000_000)
+    assert drawn.min() >= 0
+    assert drawn.max() < 1
+    counts = np.histogram(drawn, bins=100, range=(0, 1))[0]
+    chi_squared = ((counts - 10_000) ** 2 / 10_000).sum()
+    assert 99 - 5 * 198**0.5 < chi_squared < 99 + 5 * 198**0.5
+
+
+def test_states_differ_and_repeat_with_the_seed():
+    states = seed_states(np.random.default_rng(1), 10_000)
+    assert len({tuple(state) for state in states.tolist()}) == 10_000
+    assert (states.any(axis=1)).all()
+    assert np.array_equal(states, seed_states(np.random.default_rng(1), 10_000))
+    assert not np.array_equal(states, seed_states(np.random.default_rng(2), 10_000))
+    assert np.array_equal(states[:7], seed_states(np.random.default_rng(1), 7))
