@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable
 from typing import Any, Literal, Self
 
@@ -277,8 +278,8 @@ class BOACO(Algorithm):
         """Count the evaluations that the budget still allows."""
         limit = getattr(self.termination, "n_max_evals", None)
         if not isinstance(self.termination, MaximumFunctionCallTermination) or limit is None:
-            return self.n_ants
-        return int(min(max(0, limit - self.evaluator.n_eval), np.iinfo(np.int64).max))
+            return sys.maxsize
+        return int(min(max(0, limit - self.evaluator.n_eval), sys.maxsize))
 
     def _evaluate(self, batch: PlanBatch) -> FloatArray:
         self.evaluator.n_eval += len(batch)
