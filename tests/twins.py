@@ -5,6 +5,8 @@ from __future__ import annotations
 from itertools import pairwise, product
 from math import prod
 
+import networkx as nx
+
 
 def evaluate(mission, trails):
     """E[R] and E[S] of one plan, given as label trails, straight from the formulas."""
@@ -45,3 +47,97 @@ def enumerate_outcomes(mission, trails):
             sum(reward[node] for node in reached),
             sum(survives for _, _, survives in joint),
         )
+
+
+class Ant:
+    """An ant of the colony, one rule a line.
+
+    ``rule`` is a ColonyRule, ``pheromone`` holds one dict a robot from arcs (the base's self-loop
+    among them) to (τ_R, τ_S), and ``weight`` is the ant's λ.
+    """
+
+    def __init__(self, mission, rule, pheromone, weight):
+        self.mission, self.rule, self.pheromone, self.weight = mission, rule, pheromone, weight
+        self.survival = {(u, v): s for u, v, s in mission.graph.edges(data="survival")}
+        self.reward = dict(mission.graph.nodes(data="reward"))
+        self.loop = (mission.base, mission.base)
+
+    def leads_back(self, used, node):
+        left = nx.DiGraph(arc for arc in self.mission.graph.edges if arc not in used)
+        left.add_nodes_from(self.mission.graph)
+        return nx.has_path(left, node, self.mission.base)
+
+    def attraction(self, arc, trail, unreached, robot):
+        survival = self.survival.get(arc, 1.0)
+        eta_reward, eta_survival = self.rule.reward_epsilon, self.rule.survival_epsilon + survival
+        if arc[1] not in trail:
+            gained = self.rule.unvisited_bonus + survival * self.reward[arc[1]]
+            eta_reward += gained * unreached[arc[1]]
+        if not self.rule.heuristic:
+            eta_reward = eta_survival = 1.0
+        tau_reward, tau_survival = self.pheromone[robot][arc]
+        reward, survivors = tau_reward * eta_reward, tau_survival * eta_survival
+        return reward ** (1 - self.weight) * survivors**self.weight
+
+    def hops(self, trail, unreached, robot):
+        """Every hop that may extend the trail, with its probability."""
+        here, used = trail[-1], set(pairwise(trail))
+        free = [(here, head) for head in self.mission.graph[here] if (here, head) not in used]
+        loop = [self.loop] if here == self.mission.base else []
+        attractions = [self.attraction(arc, trail, unreached, robot) for arc in free + loop]
+        floor = self.rule.exploration * sum(attractions) / len(attractions) ** 2
+        weights = dict(zip(free + loop, [a + floor for a in attractions], strict=True))
+        if not self.mission.balanced:
+            home = [arc for arc in free if self.leads_back(used | {arc}, arc[1])]
+            weights = {arc: weights[arc] for arc in home + loop}
+        total = sum(weights.values())
+        return {arc: weight / total for arc, weight in weights.items()}
+
+    def after(self, trail, unreached):
+        """For each node the probability that no robot so far reaches it, this trail included."""
+        after, alive = dict(unreached), 1.0
+        for position, node in enumerate(trail):
+            if position:
+                alive *= self.survival[trail[position - 1], node]
+            if node not in trail[:position]:
+                after[node] *= 1 - alive
+        return after
+
+    def build(self, rng):
+        """Build one plan; ``rng`` is a random.Random."""
+        trails, unreached = [], dict.fromkeys(self.mission.graph, 1.0)
+        for robot in range(self.mission.robots):
+            trail = [self.mission.base]
+            while True:
+                hops = self.hops(trail, unreached, robot)
+                (arc,) = rng.choices(list(hops), list(hops.values()))
+                if arc == self.loop:
+                    break
+                trail.append(arc[1])
+            trails.append(trail)
+            unreached = self.after(trail, unreached)
+        return trails
+
+    def plan_probabilities(self):
+        """Every plan the ant may build, with its probability."""
+
+        def complete(trail, unreached, robot):
+            for arc, probability in self.hops(trail, unreached, robot).items():
+                if arc == self.loop:
+                    yield probability, trail
+                else:
+                    for rest, done in complete([*trail, arc[1]], unreached, robot):
+                        yield probability * rest, done
+
+        def robots(robot, unreached):
+            if robot == self.mission.robots:
+                yield 1.0, ()
+                return
+            for probability, trail in complete([self.mission.base], unreached, robot):
+                for rest, others in robots(robot + 1, self.after(trail, unreached)):
+                    yield probability * rest, (tuple(trail), *others)
+
+        found = {}
+        for probability, plan in robots(0, dict.fromkeys(self.mission.graph, 1.0)):
+            found[plan] = found.get(plan, 0.0) + probability
+        return found

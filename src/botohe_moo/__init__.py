@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     )
     from botohe_moo.outcomes import (
         Outcomes,
-        outcomes,
         reward_distribution,
         simulate,
         survivors_distribution,
@@ -48,7 +47,6 @@ __all__ = [
     "load_mission",
     "make_algorithm",
     "mission_names",
-    "outcomes",
     "plot_front",
     "plot_mission",
     "read_mission",
@@ -71,13 +69,7 @@ _HOMES = {
         "read_mission",
         "save_mission",
     ),
-    "outcomes": (
-        "Outcomes",
-        "outcomes",
-        "reward_distribution",
-        "simulate",
-        "survivors_distribution",
-    ),
+    "outcomes": ("Outcomes", "reward_distribution", "simulate", "survivors_distribution"),
     "plots": ("plot_front", "plot_mission"),
     "problem": ("BOTOHE", "FrontOutput"),
     "trails": ("PlanBatch", "TrailPlan"),

@@ -31,18 +31,29 @@ def check_number(
     other: str = "",
 ) -> float:
     """Give ``value`` as a finite float, or raise the ValueError that says what was expected."""
+    number = _as_float(value)
+    if math.isfinite(number) and above < number < below and number >= at_least:
+        return number
+    open_low = above >= at_least
+    low = above if open_low else at_least
+    if below < math.inf:
+        expected = f"{name} in {'(' if open_low else '['}{low:g}, {below:g})"
+    elif low == -math.inf:
+        expected = f"{name} to be a finite number"
+    else:
+        expected = f"{name} {'>' if open_low else '>='} {low:g}"
+        if number == math.inf:
+            expected += " and finite"
+    raise ValueError(f"Expected {expected}{f' or {other}' if other else ''}, got {value!r}.")
+
+
+def _as_float(value: Any) -> float:
+    """Convert a number; NaN for what is none."""
     number = isinstance(value, Real) and not isinstance(value, bool | np.bool_)
-    if not number or not (above < value < below and value >= at_least and math.isfinite(value)):
-        low = f"({above:g}" if above > at_least else f"[{at_least:g}"
-        expected = (
-            f"{name} in {low}, {below:g})"
-            if below < math.inf
-            else f"{name} > {above:g}"
-            if above > at_least
-            else f"{name} >= {at_least:g}"
-        )
-        raise ValueError(f"Expected {expected}{f' or {other}' if other else ''}, got {value!r}.")
-    return float(value)
+    try:
+        return float(value) if number else math.nan
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
 
 
 def check_flag(name: str, value: Any) -> bool:
@@ -80,7 +91,8 @@ def check_parameters(
     if unknown:
         named = " or ".join(repr(name) for name in unknown)
         among = ", ".join(nearest_first(unknown[0], known))
-        raise ValueError(f"{owner}: there is no parameter {named}; known are {among}.")
+        remedy = f"known are {among}" if known else "it takes none"
+        raise ValueError(f"{owner}: there is no parameter {named}; {remedy}.")
 
 
 def keyword_names(function: Callable[..., object]) -> tuple[str, ...] | None:

@@ -10,6 +10,8 @@ from botohe_moo.mission.model import Mission
 
 __all__ = ["area_indicator"]
 
+_ROUNDING = 1e-9
+
 
 def area_indicator(objectives: ArrayLike, mission: Mission) -> float:
     """Give the share of the objective space that a front dominates.
@@ -33,7 +35,8 @@ def area_indicator(objectives: ArrayLike, mission: Mission) -> float:
     Raises
     ------
     ValueError
-        If ``objectives`` is not of shape (n, 2) or holds NaN.
+        If ``objectives`` is not of shape (n, 2), holds NaN or infinity, or is ``result.F``, which
+        holds the negatives.
 
     Notes
     -----
@@ -42,13 +45,20 @@ def area_indicator(objectives: ArrayLike, mission: Mission) -> float:
     hypervolume indicator", CEC 2006).
     """
     values = np.asarray(objectives, np.float64)
-    if values.size == 0:
+    if values.shape == (0,):
         return 0.0
     if values.ndim != 2 or values.shape[1] != 2:
         raise ValueError(f"Expected objectives of shape (n, 2), got {values.shape}.")
-    if np.isnan(values).any():
-        raise ValueError(f"Expected objectives without NaN, got {values}.")
+    if not (values < np.inf).all():
+        raise ValueError(f"Expected objectives without NaN and infinity, got {values}.")
+    if np.isfinite(values).all() and (values <= 0).all() and (values < 0).any():
+        raise ValueError(
+            f"Expected E[R] and E[S], which are at least 0, got {values}; pymoo's F holds their "
+            "negatives: give -result.F."
+        )
     whole = mission.total_reward * mission.robots
-    if whole == 0:
+    if whole == 0 or len(values) == 0:
         return 0.0
-    return float(moocore.hypervolume(values, ref=[0.0, 0.0], maximise=True)) / whole
+    area = float(moocore.hypervolume(values, ref=[0.0, 0.0], maximise=True)) / whole
+    # E[R] and the total reward are sums in different orders: the whole can be 1 + 4e-16.
+    return 1.0 if 1.0 < area < 1.0 + _ROUNDING else area

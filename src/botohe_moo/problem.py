@@ -86,7 +86,13 @@ class FrontOutput(Output):
         self.columns += [self.area, self.reward, self.size]
 
     def update(self, algorithm: Any) -> None:
-        """Read the algorithm's current optimum."""
+        """Read the algorithm's current optimum.
+
+        Parameters
+        ----------
+        algorithm
+            A pymoo algorithm that solves a :class:`BOTOHE`.
+        """
         super().update(algorithm)
         opt = algorithm.opt
         objectives = np.empty((0, 2))

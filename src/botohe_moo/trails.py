@@ -4,13 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
-from typing import Self
+from operator import index as as_index
+from typing import Any, Self, overload
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
+from botohe_moo._checks import check_integer
 from botohe_moo._types import IntArray, ObjectArray, OffsetArray
 
 __all__ = ["PlanBatch", "TrailPlan"]
+
+_MAX_INDEX = np.iinfo(np.int32).max
 
 
 class TrailPlan:
@@ -28,7 +33,10 @@ class TrailPlan:
     Raises
     ------
     ValueError
-        If there is no trail, a trail is empty, or a node index is not an integer of at least 0.
+        If there is no trail, a trail is empty, or a node index is not an integer of at least 0;
+        names the robot.
+    TypeError
+        If ``trails`` is nothing that holds trails.
 
     Examples
     --------
@@ -48,6 +56,8 @@ class TrailPlan:
     _hash: int | None
 
     def __init__(self, trails: Iterable[Sequence[int]]) -> None:
+        if not isinstance(trails, Iterable):
+            raise TypeError(f"Expected one trail of node indices per robot, got {trails!r}.")
         arrays = [_indices(trail, robot) for robot, trail in enumerate(trails)]
         if not arrays:
             raise ValueError("Expected at least one trail, got none.")
@@ -58,7 +68,8 @@ class TrailPlan:
     def _adopt(self, nodes: IntArray, offsets: OffsetArray) -> None:
         nodes.setflags(write=False)
         offsets.setflags(write=False)
-        self._nodes, self._offsets = nodes, offsets
+        # Views of what is read-only: unlike owners of their data, they cannot be made writable.
+        self._nodes, self._offsets = nodes.view(), offsets.view()
         self._key = self._hash = None
 
     @classmethod
@@ -107,7 +118,7 @@ class TrailPlan:
         return self._hash
 
     def __reduce__(self) -> tuple[object, ...]:
-        return _unpickle_plan, (self._nodes, self._offsets)
+        return type(self)._wrap, (self._nodes, self._offsets)
 
     def __copy__(self) -> Self:
         return self
@@ -119,29 +130,44 @@ class TrailPlan:
         return f"TrailPlan({[list(trail) for trail in self.trails]})"
 
 
-def _unpickle_plan(nodes: IntArray, offsets: OffsetArray) -> TrailPlan:
-    return TrailPlan._wrap(nodes, offsets)
-
-
 def _indices(trail: Sequence[int], robot: int) -> IntArray:
-    array = np.asarray(trail)
+    try:
+        array = np.asarray(trail)
+    except ValueError:  # sequences of several lengths inside the trail
+        array = np.empty((0, 0))
     if array.ndim != 1 or array.size == 0:
         raise ValueError(
             f"Robot {robot}: expected a trail of at least one node, got {trail!r}; "
             "a robot that stays at base has the trail (base,)."
         )
-    if array.dtype.kind not in "iu" or array.min() < 0 or array.max() > np.iinfo(np.int32).max:
+    # Among integers in a list, numpy takes True for 1.
+    truths = not isinstance(trail, np.ndarray) and not {bool, np.bool_}.isdisjoint(map(type, trail))
+    if truths or array.dtype.kind not in "iu" or array.min() < 0 or array.max() > _MAX_INDEX:
         raise ValueError(f"Robot {robot}: expected node indices (integers from 0), got {trail!r}.")
     return array.astype(np.int32)
+
+
+def _integers(name: str, values: ArrayLike, dtype: type[np.integer[Any]]) -> NDArray[Any]:
+    """Convert to ``dtype`` what loses nothing by it."""
+    found = np.asarray(values)
+    limits = np.iinfo(dtype)
+    if found.ndim != 1 or not (found.size == 0 or found.dtype.kind in "iu"):
+        raise ValueError(f"Expected {name} to be one-dimensional and of integers, got {values!r}.")
+    if found.size and not limits.min <= found.min() <= found.max() <= limits.max:
+        raise ValueError(f"Expected {name} that fit into {dtype.__name__}, got {values!r}.")
+    return np.ascontiguousarray(found, dtype)
 
 
 class PlanBatch:
     """Many trail plans of one team size in one pair of ragged arrays.
 
+    A sequence: ``batch[i]`` is a plan, ``batch[i:j]`` a batch.
+
     Parameters
     ----------
     nodes
-        Node indices of all trails of all plans, one after another (int32).
+        Node indices of all trails of all plans, one after another (int32). Whether a mission has
+        such nodes is found out when it evaluates the plans.
     offsets
         Where each trail begins in ``nodes``, and their length at the end
         (n_plans · n_robots + 1, int64).
@@ -151,7 +177,8 @@ class PlanBatch:
     Raises
     ------
     ValueError
-        If the offsets do not cut ``nodes`` into plans of ``n_robots`` trails.
+        If something is not of integers, or the offsets do not cut ``nodes`` into plans of
+        ``n_robots`` trails.
     """
 
     __slots__ = ("n_robots", "nodes", "offsets")
@@ -161,12 +188,11 @@ class PlanBatch:
     n_robots: int
 
     def __init__(self, nodes: IntArray, offsets: OffsetArray, n_robots: int) -> None:
-        nodes = np.ascontiguousarray(nodes, np.int32)
-        offsets = np.ascontiguousarray(offsets, np.int64)
-        if n_robots < 1:
-            raise ValueError(f"Expected n_robots >= 1, got {n_robots}.")
-        if nodes.ndim != 1 or offsets.ndim != 1 or len(offsets) < 1:
-            raise ValueError("Expected nodes and offsets to be one-dimensional, offsets not empty.")
+        n_robots = check_integer("n_robots", n_robots, at_least=1)
+        nodes = _integers("nodes", nodes, np.int32)
+        offsets = _integers("offsets", offsets, np.int64)
+        if len(offsets) == 0:
+            raise ValueError("Expected at least one of offsets, got none.")
         if offsets[0] != 0 or offsets[-1] != len(nodes) or np.any(np.diff(offsets) < 0):
             raise ValueError(
                 f"Expected offsets that ascend from 0 to the number of nodes ({len(nodes)}), "
@@ -204,10 +230,13 @@ class PlanBatch:
         TypeError
             If something in ``plans`` is no TrailPlan.
         ValueError
-            If a plan has another number of trails.
+            If a plan has another number of trails, or ``n_robots`` is no integer of at least 1.
         """
+        n_robots = check_integer("n_robots", n_robots, at_least=1)
         if isinstance(plans, TrailPlan):
             raise TypeError("Expected a sequence of TrailPlans, got one TrailPlan: put it in [ ].")
+        if not isinstance(plans, Iterable):
+            raise TypeError(f"Expected a sequence of TrailPlans, got {plans!r}.")
         listed = list(plans.ravel()) if isinstance(plans, np.ndarray) else list(plans)
         for i, plan in enumerate(listed):
             if not isinstance(plan, TrailPlan):
@@ -226,15 +255,34 @@ class PlanBatch:
     def __len__(self) -> int:
         return (len(self.offsets) - 1) // self.n_robots
 
-    def __getitem__(self, index: int) -> TrailPlan:
+    @overload
+    def __getitem__(self, index: int) -> TrailPlan: ...
+    @overload
+    def __getitem__(self, index: slice) -> Self: ...
+    def __getitem__(self, index: int | slice) -> TrailPlan | Self:
+        if isinstance(index, slice):
+            return self._slice(index)
+        try:
+            i = as_index(index)
+        except TypeError:
+            raise TypeError(f"Expected a plan index or a slice, got {index!r}.") from None
         n_plans = len(self)
-        if not -n_plans <= index < n_plans:
-            raise IndexError(f"Expected a plan index below {n_plans}, got {index}.")
-        cut = (index % n_plans) * self.n_robots
+        if not -n_plans <= i < n_plans:
+            raise IndexError(f"Expected a plan index below {n_plans}, got {i}.")
+        cut = (i % n_plans) * self.n_robots
         offsets = self.offsets[cut : cut + self.n_robots + 1]
         return TrailPlan._wrap(
             self.nodes[offsets[0] : offsets[-1]].copy(), np.asarray(offsets - offsets[0])
         )
+
+    def _slice(self, cut: slice) -> Self:
+        plans = np.arange(len(self))[cut]
+        trails = (plans[:, np.newaxis] * self.n_robots + np.arange(self.n_robots)).ravel()
+        lengths = np.diff(self.offsets)[trails]
+        offsets = np.zeros(len(trails) + 1, np.int64)
+        np.cumsum(lengths, out=offsets[1:])
+        shift = np.repeat(self.offsets[trails] - offsets[:-1], lengths)
+        return self._wrap(self.nodes[np.arange(len(shift)) + shift], offsets, self.n_robots)
 
     def __iter__(self) -> Iterator[TrailPlan]:
         return (self[i] for i in range(len(self)))
@@ -245,6 +293,9 @@ class PlanBatch:
         for i, plan in enumerate(self):
             array[i, 0] = plan
         return array
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return type(self)._wrap, (self.nodes, self.offsets, self.n_robots)
 
     def __repr__(self) -> str:
         return f"<PlanBatch of {len(self)} plans, {self.n_robots} robots, {len(self.nodes)} nodes>"

@@ -1,7 +1,7 @@
 """Ants keep the rules of trails everywhere, and choose with the probabilities of the paper."""
 
+import random
 from collections import Counter
-from itertools import pairwise
 
 import networkx as nx
 import numpy as np
@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from botohe_moo.algorithms.colony import Colony, ColonyRule, WalkGraph
 from botohe_moo.kernels.construct import leads_home
 from botohe_moo.mission import Mission, load_mission
+from tests import twins
 from tests.strategies import missions, trails
 
 
@@ -119,72 +120,6 @@ def test_leads_home_is_reachability_over_unused_arcs(mission, data):
         assert found == nx.has_path(left, node, walk.base)
 
 
-def plan_probabilities(mission, settings, pheromone, weight):
-    """The readable twin: probability of every plan that an ant with this λ may build.
-
-    ``pheromone`` maps arcs (and the base's self-loop) to (τ_R, τ_S), one dict a robot.
-    """
-    graph, base = mission.graph, mission.base
-    reward = dict(graph.nodes(data="reward"))
-
-    def candidates(trail):
-        used = set(pairwise(trail))
-        free = [(trail[-1], head) for head in graph[trail[-1]] if (trail[-1], head) not in used]
-        home = [arc for arc in free if leads_back(used | {arc}, arc[1])]
-        loop = [(base, base)] if trail[-1] == base else []
-        return free + loop, home + loop
-
-    def leads_back(used, node):
-        left = nx.DiGraph(arc for arc in graph.edges if arc not in used)
-        left.add_nodes_from(graph)
-        return nx.has_path(left, node, base)
-
-    def attraction(arc, trail, unreached, robot):
-        survival = 1.0 if arc == (base, base) else graph.edges[arc]["survival"]
-        eta_reward = settings.reward_epsilon
-        if arc[1] not in trail:
-            gained = settings.unvisited_bonus + survival * reward[arc[1]]
-            eta_reward += gained * unreached[arc[1]]
-        eta_survival = settings.survival_epsilon + survival
-        if not settings.heuristic:
-            eta_reward = eta_survival = 1.0
-        tau_reward, tau_survival = pheromone[robot][arc]
-        return (tau_reward * eta_reward) ** (1 - weight) * (tau_survival * eta_survival) ** weight
-
-    def robot_trails(trail, unreached, robot):
-        """Every way to complete a trail: (probability, trail)."""
-        free, home = candidates(trail)
-        weights = {arc: attraction(arc, trail, unreached, robot) for arc in free}
-        floor = settings.exploration * sum(weights.values()) / len(free) ** 2
-        total = sum(weights[arc] + floor for arc in home)
-        for arc in home:
-            probability = (weights[arc] + floor) / total
-            if arc == (base, base):
-                yield probability, trail
-            else:
-                for rest, done in robot_trails([*trail, arc[1]], unreached, robot):
-                    yield probability * rest, done
-
-    def robots(robot, unreached):
-        if robot == mission.robots:
-            yield 1.0, ()
-            return
-        for probability, trail in robot_trails([base], unreached, robot):
-            after, alive = dict(unreached), 1.0
-            for position, node in enumerate(trail):
-                if position:
-                    alive *= graph.edges[trail[position - 1], node]["survival"]
-                if node not in trail[:position]:
-                    after[node] *= 1 - alive
-            for rest, others in robots(robot + 1, after):
-                yield probability * rest, (tuple(trail), *others)
-
-    found = Counter()
-    for probability, plan in robots(0, dict.fromkeys(graph, 1.0)):
-        found[plan] += probability
-    return found
-
-
 def crossing(robots):
     """Base 0, a loop 0-1-2, a spur 1-3, and a node 2 with more arcs in than out."""
     graph = nx.DiGraph(base=0, robots=robots)
@@ -224,7 +159,7 @@ def test_ants_choose_as_the_paper_says(robots, changes):
         for ant, plan in enumerate(ants.construct(3)[0]):
             seen[ant][plan.trails] += 1
     for weight, counted in zip((0.0, 0.5, 1.0), seen, strict=True):
-        expected = plan_probabilities(mission, ants.rule, pheromone, weight)
+        expected = twins.Ant(mission, ants.rule, pheromone, weight).plan_probabilities()
         assert sum(expected.values()) == pytest.approx(1.0, abs=1e-12)
         assert set(counted) <= set(expected)
         for plan, probability in expected.items():
@@ -265,3 +200,16 @@ def test_homeward_arcs_lead_home(mission, data):
             node = walk.head[walk.homeward[node]]
             hops += 1
             assert hops < len(mission.nodes)
+
+
+def test_the_twin_builds_with_the_probabilities_it_states():
+    """It is what `make bench` measures the compiled ants against."""
+    mission = crossing(2)
+    ant = twins.Ant(
+        mission, rule(), [dict.fromkeys([*mission.graph.edges, (0, 0)], (1.0, 1.0))] * 2, 0.5
+    )
+    rng, n_times, expected = random.Random(1), 2000, ant.plan_probabilities()
+    counted = Counter(tuple(map(tuple, ant.build(rng))) for _ in range(n_times))
+    for plan, probability in expected.items():
+        spread = (n_times * probability * (1 - probability)) ** 0.5
+        assert abs(counted[plan] - n_times * probability) <= 5 * spread + 1

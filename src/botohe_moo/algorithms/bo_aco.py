@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from pymoo.core.algorithm import Algorithm
 from pymoo.core.population import Population
+from pymoo.core.result import Result
 from pymoo.termination.max_eval import MaximumFunctionCallTermination
 
 from botohe_moo._checks import check_flag, check_integer, check_number
@@ -255,6 +256,24 @@ class BOACO(Algorithm):
             random_state=self.random_state,
         )
         self.archive = PlanArchive(mission.robots)
+
+    def advance(self, infills: Population | None = None, **_: Any) -> Result | None:  # noqa: ARG002
+        """Run one iteration; pymoo's ``next`` calls this.
+
+        As pymoo's own, but for what it returns before the end: not the current optimum, which
+        would then be made into a population in every iteration, whether somebody looks or not.
+        """
+        if self.is_initialized:
+            self._advance()
+        else:
+            self.n_iter = 1
+            self._initialize_advance()
+            self.is_initialized = True
+        self._post_advance()
+        if not self.termination.has_terminated():
+            return None
+        self.finalize()
+        return self.result()
 
     def _initialize_advance(self, **_: Any) -> None:
         if self.sampling is not None:

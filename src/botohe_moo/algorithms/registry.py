@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import inspect
 import re
 from collections.abc import Callable
@@ -22,6 +23,7 @@ __all__ = [
 ]
 
 _PLUGINS = PluginGroup("botohe_moo.algorithms", "algorithm")
+_BY_KEYWORD = (inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
 
 
 @dataclass(frozen=True)
@@ -30,9 +32,10 @@ class AlgorithmParameter:
 
     Attributes
     ----------
-    name, default, annotation
-        From the signature; ``default`` is ``inspect.Parameter.empty`` where one must be given,
-        ``annotation`` is text.
+    name, default
+        From the signature; ``default`` is ``inspect.Parameter.empty`` where one must be given.
+    annotation
+        From the signature, as text; empty where there is none.
     description
         From the docstring; may be empty.
     """
@@ -42,8 +45,19 @@ class AlgorithmParameter:
     annotation: str
     description: str
 
+    @property
+    def required(self) -> bool:
+        """Whether there is no default."""
+        return self.default is inspect.Parameter.empty
 
-def make_algorithm(name: str, **parameters: Any) -> Algorithm:
+    @property
+    def plain(self) -> bool:
+        """Whether numbers, flags or texts can be its value, as far as the annotation tells."""
+        words = r"\b(int|float|bool|str|Any|object|Literal|Real|Integral)\b"
+        return not self.annotation or re.search(words, self.annotation) is not None
+
+
+def make_algorithm(name: str, /, **parameters: Any) -> Algorithm:
     """Make the algorithm of that name.
 
     Parameters
@@ -51,7 +65,8 @@ def make_algorithm(name: str, **parameters: Any) -> Algorithm:
     name
         One of :func:`algorithm_names`.
     **parameters
-        Its parameters; :func:`algorithm_parameters` lists them.
+        Its parameters; :func:`algorithm_parameters` lists them. pymoo's own options, such as
+        ``callback`` and ``verbose``, are for ``minimize``.
 
     Returns
     -------
@@ -67,7 +82,8 @@ def make_algorithm(name: str, **parameters: Any) -> Algorithm:
     Notes
     -----
     Packages register algorithms in the entry-point group ``botohe_moo.algorithms``: callables
-    that take keyword parameters and return a pymoo algorithm.
+    that return a pymoo algorithm. Only parameters that a signature states can be given: what
+    pymoo's algorithms take as ``**kwargs`` would swallow every misspelt name.
 
     Examples
     --------
@@ -77,13 +93,14 @@ def make_algorithm(name: str, **parameters: Any) -> Algorithm:
     factory = _load(name)
     source = _PLUGINS.source(name)
     check_parameters(source, parameters, [known.name for known in algorithm_parameters(name)])
-    try:
-        inspect.signature(factory).bind(**parameters)
-    except TypeError as error:
-        raise ValueError(f"{source}: {error}.") from None
+    if signature := _signature(factory):
+        try:
+            signature.bind(**parameters)
+        except TypeError as error:
+            raise ValueError(f"{source}: {error}.") from None
     try:
         algorithm = factory(**parameters)
-    except ValueError as error:
+    except (TypeError, ValueError) as error:  # whatever a package says to a value of another type
         raise ValueError(f"{source}: {error}") from error
     if not isinstance(algorithm, Algorithm):
         raise ValueError(f"{source}: expected a pymoo Algorithm, got {algorithm!r}.")
@@ -100,7 +117,9 @@ def algorithm_names() -> tuple[str, ...]:
 
 
 def algorithm_parameters(name: str) -> tuple[AlgorithmParameter, ...]:
-    """List the parameters that an algorithm states.
+    """List the parameters that an algorithm states, in the order of its signature.
+
+    A factory such as :meth:`BOACO.journal` states what it changes, and its class the rest.
 
     Raises
     ------
@@ -108,33 +127,38 @@ def algorithm_parameters(name: str) -> tuple[AlgorithmParameter, ...]:
         If there is no such algorithm, or it cannot be imported.
     """
     factory = _load(name)
+    functions = [factory]
+    signature = _signature(factory)
+    owner = getattr(factory, "__self__", None)
+    if isinstance(owner, type) and signature and _takes_any(signature):
+        functions.append(owner)
     stated: dict[str, AlgorithmParameter] = {}
-    # A factory such as BOACO.journal states what it changes and hands the rest to its class.
-    for function in (factory, getattr(factory, "__self__", None)):
-        if callable(function):
-            described = _described(function)
-            for parameter in inspect.signature(function).parameters.values():
-                if parameter.kind in (parameter.VAR_KEYWORD, parameter.VAR_POSITIONAL):
-                    continue
-                known = AlgorithmParameter(
-                    parameter.name,
-                    parameter.default,
-                    str(parameter.annotation),
-                    described.get(parameter.name, ""),
-                )
-                stated.setdefault(parameter.name, known)
+    for function in functions:
+        described = _described(function)
+        for parameter in (_signature(function) or inspect.Signature()).parameters.values():
+            if parameter.kind not in _BY_KEYWORD:
+                continue
+            known = stated.get(parameter.name)
+            stated[parameter.name] = AlgorithmParameter(
+                parameter.name,
+                known.default if known else parameter.default,
+                known.annotation if known else _annotation(parameter),
+                # A factory often only refers to its class, which tells the meaning and the range.
+                described.get(parameter.name, known.description if known else ""),
+            )
     return tuple(stated.values())
 
 
 def describe_algorithm(name: str) -> str:
-    """Give the first line of what an algorithm says of itself.
+    """Give the summary that an algorithm's docstring begins with; may be empty.
 
     Raises
     ------
     ValueError
         If there is no such algorithm, or it cannot be imported.
     """
-    return (inspect.getdoc(_load(name)) or "").partition("\n")[0]
+    summary = _docstring(_load(name)).partition("\n\n")[0]
+    return " ".join(summary.split())
 
 
 def _load(name: str) -> Callable[..., Any]:
@@ -144,10 +168,35 @@ def _load(name: str) -> Callable[..., Any]:
         raise ValueError(f"{_PLUGINS.source(name)}: {error}.") from error
 
 
+def _signature(function: Callable[..., Any]) -> inspect.Signature | None:
+    try:
+        return inspect.signature(function)
+    except (TypeError, ValueError):  # some compiled callables do not tell
+        return None
+
+
+def _takes_any(signature: inspect.Signature) -> bool:
+    return any(p.kind is p.VAR_KEYWORD for p in signature.parameters.values())
+
+
+def _annotation(parameter: inspect.Parameter) -> str:
+    if parameter.annotation is parameter.empty:
+        return ""
+    if isinstance(parameter.annotation, str):
+        return parameter.annotation
+    return inspect.formatannotation(parameter.annotation)
+
+
+def _docstring(function: Callable[..., Any]) -> str:
+    # A partial would answer with what partials are.
+    documented = function.func if isinstance(function, functools.partial) else function
+    return inspect.getdoc(documented) or ""
+
+
 def _described(function: Callable[..., Any]) -> dict[str, str]:
     """Read the Parameters section of a numpydoc docstring."""
     section = re.search(
-        r"^Parameters\n-+\n(.*?)(?=^\S[^\n]*\n-+\n|\Z)", inspect.getdoc(function) or "", re.M | re.S
+        r"^Parameters\n-+\n(.*?)(?=^\S[^\n]*\n-+\n|\Z)", _docstring(function), re.M | re.S
     )
     described: dict[str, str] = {}
     names: list[str] = []

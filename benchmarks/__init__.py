@@ -1,0 +1,1 @@
+"""The numbers this project claims, measured: ``make bench``."""

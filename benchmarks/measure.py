@@ -1,0 +1,76 @@
+"""How the benchmarks measure: time inside kernels, and memory of a process of its own."""
+
+import resource
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from botohe_moo import BOACO
+from botohe_moo.algorithms import archive as archive_module
+from botohe_moo.algorithms import colony as colony_module
+from botohe_moo.kernels import evaluate as evaluate_module
+
+KERNELS = {
+    "construct": (colony_module, "construct"),
+    "evaluate": (evaluate_module, "evaluate"),
+    "archive": (archive_module.kernels, "absorb"),
+    "learn": (colony_module, "learn"),
+    "weigh": (colony_module, "log_weights"),
+}
+
+
+@contextmanager
+def kernel_seconds() -> Iterator[dict[str, float]]:
+    """Sum up the time spent in each kernel while the context lasts."""
+    seconds = dict.fromkeys(KERNELS, 0.0)
+
+    def timed(name: str, kernel: Callable[..., Any]) -> Callable[..., Any]:
+        def call(*arguments: Any) -> Any:
+            started = time.perf_counter()
+            result = kernel(*arguments)
+            seconds[name] += time.perf_counter() - started
+            return result
+
+        return call
+
+    usual = {name: getattr(module, attribute) for name, (module, attribute) in KERNELS.items()}
+    try:
+        for name, (module, attribute) in KERNELS.items():
+            setattr(module, attribute, timed(name, usual[name]))
+        yield seconds
+    finally:
+        for name, (module, attribute) in KERNELS.items():
+            setattr(module, attribute, usual[name])
+
+
+class CountedBOACO(BOACO):
+    """Counts the hops of all plans: what construction and evaluation are measured by."""
+
+    n_hops = 0
+
+    def _evaluate(self, batch: Any) -> Any:
+        # A trail of n nodes takes n hops, the last along the base's self-loop.
+        self.n_hops += len(batch.nodes)
+        return super()._evaluate(batch)
+
+
+def in_process(module: str, *arguments: object) -> list[str]:
+    """Run a module's main part in a fresh process; give the fields of its last line."""
+    command = [sys.executable, "-m", module, *map(str, arguments)]
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    return done.stdout.splitlines()[-1].split()
+
+
+def peak_memory() -> float:
+    """Give the peak resident memory of this process in MiB."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+def best(values: list[float]) -> float:
+    """Give the least of repeated measurements: what disturbs a machine only ever adds time."""
+    return float(np.min(values))

@@ -1,0 +1,87 @@
+"""What a plan costs in a whole run, kernel by kernel, beside the readable Python twin."""
+
+import random
+import sys
+import time
+from pathlib import Path
+
+import pandas as pd
+from pymoo.optimize import minimize
+
+from benchmarks.measure import CountedBOACO, in_process, kernel_seconds, peak_memory
+from botohe_moo import BOACO, BOTOHE, load_mission
+from tests import twins
+
+MISSIONS = ("art_museum", "power_plant")
+ITERATIONS = 10_000
+REPETITIONS = 3
+TWIN_PLANS = 300
+
+
+def run(out: Path) -> bool:
+    """Print and keep what a plan costs."""
+    table = pd.DataFrame([_row(name) for name in MISSIONS]).set_index("mission").T
+    print(f"BOACO.journal(), {ITERATIONS} iterations of 100 ants, one thread, best of {REPETITIONS}")
+    print(table.to_string())
+    table.to_csv(out / "speed.csv")
+    return True
+
+
+def _row(name: str) -> dict[str, object]:
+    mission = load_mission(name)
+    problem = BOTOHE(mission)
+    minimize(problem, BOACO.journal(), ("n_gen", 3), seed=1)  # compiles
+    totals, runs = [], []
+    for _ in range(REPETITIONS):
+        started = time.perf_counter()
+        minimize(problem, BOACO.journal(), ("n_gen", ITERATIONS), seed=1)
+        totals.append(time.perf_counter() - started)
+        with kernel_seconds() as seconds:
+            result = minimize(problem, CountedBOACO.journal(), ("n_gen", ITERATIONS), seed=1)
+        runs.append((seconds["construct"] + seconds["evaluate"], sum(seconds.values()), seconds))
+    total = min(totals)
+    built, in_kernels, seconds = min(runs, key=lambda run: run[0])
+    n_plans, n_hops = result.algorithm.evaluator.n_eval, result.algorithm.n_hops
+    twin = _twin_seconds_per_plan(result.algorithm)
+    _, memory = in_process("benchmarks.speed", name)
+    return {
+        "mission": name,
+        "hops a plan": round(n_hops / n_plans, 1),
+        "construct, µs a plan": round(seconds["construct"] / n_plans * 1e6, 3),
+        "evaluate, µs a plan": round(seconds["evaluate"] / n_plans * 1e6, 3),
+        "both, µs a plan": round(built / n_plans * 1e6, 3),
+        "both, ns a hop": round(built / n_hops * 1e9, 1),
+        "both, plans a second": round(n_plans / built),
+        "Python twin, µs a plan": round(twin * 1e6, 1),
+        "times faster than the twin": round(twin / (built / n_plans)),
+        "whole run, s": round(total, 3),
+        "whole run / (construct + evaluate)": round(total / built, 3),
+        "archive, µs an iteration": round(seconds["archive"] / ITERATIONS * 1e6, 1),
+        "deposit, µs an iteration": round(
+            (seconds["learn"] + seconds["weigh"]) / ITERATIONS * 1e6, 1
+        ),
+        "share outside kernels": round(1 - in_kernels / total, 3),
+        "peak memory, MiB": round(float(memory)),
+    }
+
+
+def _twin_seconds_per_plan(algorithm: BOACO) -> float:
+    """Let the readable ants build plans where the colony stands at the end of its run."""
+    mission, rule, walk = algorithm.problem.mission, algorithm.colony.rule, algorithm.colony.walk
+    arcs = [
+        (mission.nodes[u], mission.nodes[v]) for u, v in zip(walk.tail, walk.head, strict=True)
+    ]
+    levels = dict(zip(arcs, map(tuple, algorithm.colony.pheromone[0].tolist()), strict=True))
+    rng = random.Random(1)
+    started = time.perf_counter()
+    for i in range(TWIN_PLANS):
+        ant = twins.Ant(mission, rule, [levels] * mission.robots, (i % 100) / 99)
+        twins.evaluate(mission, ant.build(rng))
+    return (time.perf_counter() - started) / TWIN_PLANS
+
+
+if __name__ == "__main__":
+    solved = minimize(
+        BOTOHE(load_mission(sys.argv[1])), BOACO.journal(), ("n_gen", ITERATIONS), seed=1
+    )
+    print(len(solved.F), peak_memory())
