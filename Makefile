@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: help demo test check format bench clean
+.PHONY: help demo test check format bench clean clean-kernels
 
 help:
 	@echo "make demo    plan the art museum with BO-ACO and write tables and pictures to results/demo/"
@@ -18,7 +18,7 @@ $(READY): pyproject.toml constraints.txt
 	@touch $@
 
 demo: $(READY)
-	$(BIN)/botohe solve art_museum --algorithm bo-aco --evaluations 200000 --seed 1 --out results/demo
+	$(BIN)/botohe solve art_museum --algorithm bo-aco --evaluations 1000000 --seed 1 --out results/demo
 
 test: $(READY)
 	$(BIN)/python -m pytest --numprocesses 2 --maxprocesses 2
@@ -34,6 +34,10 @@ format: $(READY)
 
 bench: $(READY)
 	$(BIN)/python -m benchmarks
+
+# Numba's cache does not see changes in helpers that a kernel inlines from another file.
+clean-kernels:
+	find src tests -name '*.nb[ci]' -delete
 
 clean:
 	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache results/demo results/bench

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pandas as pd
 from pymoo.optimize import minimize
+from tests import twins
 
 from benchmarks.measure import CountedBOACO, in_process, kernel_seconds, peak_memory
 from botohe_moo import BOACO, BOTOHE, load_mission
-from tests import twins
 
 MISSIONS = ("art_museum", "power_plant")
 ITERATIONS = 10_000
@@ -21,7 +21,7 @@ TWIN_PLANS = 300
 def run(out: Path) -> bool:
     """Print and keep what a plan costs."""
     table = pd.DataFrame([_row(name) for name in MISSIONS]).set_index("mission").T
-    print(f"BOACO.journal(), {ITERATIONS} iterations of 100 ants, one thread, best of {REPETITIONS}")
+    print(f"BOACO.journal(), {ITERATIONS} iterations of 100 ants, least of {REPETITIONS} runs")
     print(table.to_string())
     table.to_csv(out / "speed.csv")
     return True
@@ -68,9 +68,7 @@ def _row(name: str) -> dict[str, object]:
 def _twin_seconds_per_plan(algorithm: BOACO) -> float:
     """Let the readable ants build plans where the colony stands at the end of its run."""
     mission, rule, walk = algorithm.problem.mission, algorithm.colony.rule, algorithm.colony.walk
-    arcs = [
-        (mission.nodes[u], mission.nodes[v]) for u, v in zip(walk.tail, walk.head, strict=True)
-    ]
+    arcs = [(mission.nodes[u], mission.nodes[v]) for u, v in zip(walk.tail, walk.head, strict=True)]
     levels = dict(zip(arcs, map(tuple, algorithm.colony.pheromone[0].tolist()), strict=True))
     rng = random.Random(1)
     started = time.perf_counter()

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     )
     from botohe_moo.outcomes import (
         Outcomes,
+        plan_outcomes,
         reward_distribution,
         simulate,
         survivors_distribution,
@@ -47,6 +48,7 @@ __all__ = [
     "load_mission",
     "make_algorithm",
     "mission_names",
+    "plan_outcomes",
     "plot_front",
     "plot_mission",
     "read_mission",
@@ -69,7 +71,13 @@ _HOMES = {
         "read_mission",
         "save_mission",
     ),
-    "outcomes": ("Outcomes", "reward_distribution", "simulate", "survivors_distribution"),
+    "outcomes": (
+        "Outcomes",
+        "plan_outcomes",
+        "reward_distribution",
+        "simulate",
+        "survivors_distribution",
+    ),
     "plots": ("plot_front", "plot_mission"),
     "problem": ("BOTOHE", "FrontOutput"),
     "trails": ("PlanBatch", "TrailPlan"),

@@ -6,87 +6,81 @@ answers at once.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+try:
+    import typer
+
+    from botohe_moo._describe import (
+        brief,
+        describe,
+        listing,
+        paragraph,
+        parameter_example,
+        parameter_text,
+    )
+    from botohe_moo._options import (
+        EvaluationsOption,
+        MissionArgument,
+        MissionParameterOption,
+        ParameterOption,
+        RobotsOption,
+        SeedOption,
+        mission_source,
+        read_parameters,
+    )
+    from botohe_moo._shell import (
+        BAD_INPUT,
+        FAILED,
+        INTERRUPTED,
+        fail,
+        failing,
+        run,
+        say,
+    )
+except KeyboardInterrupt:
+    raise SystemExit(130) from None
 
 if TYPE_CHECKING:
+    from pymoo.core.algorithm import Algorithm
+
     from botohe_moo.mission.model import Mission
 
 app = typer.Typer(
     name="botohe",
-    help="Plan trails for robot teams in hazardous environments: reward against survival.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-missions_app = typer.Typer(help="List, show and check missions.", invoke_without_command=True)
+missions_app = typer.Typer(invoke_without_command=True)
 app.add_typer(missions_app, name="missions")
-
-BAD_INPUT = 2
-INTERRUPTED = 130
-
-MissionArgument = Annotated[
-    str, typer.Argument(metavar="MISSION", help="A mission's name, or a mission file.")
-]
-RobotsOption = Annotated[int | None, typer.Option("--robots", help="Another team size.")]
-MissionParameterOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--mission-parameter",
-        "-m",
-        metavar="NAME=VALUE",
-        help="A parameter of the mission, such as nodes=500 or seed=3. Repeatable.",
-    ),
-]
 
 
 def main() -> None:
-    """Run the command line."""
-    app()
+    """Run the command line and end the process."""
+    run(app)
 
 
-def _fail(message: object) -> NoReturn:
-    typer.echo(f"botohe: {message}", err=True)
-    raise typer.Exit(BAD_INPUT)
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        typer.echo(f"botohe-moo {version('botohe-moo')}")
+        raise typer.Exit
 
 
-@contextmanager
-def _bad_input() -> Iterator[None]:
-    """Turn what is wrong with the input into one message and exit status 2."""
-    try:
-        yield
-    except (ValueError, OSError) as error:
-        _fail(error)
-
-
-def _parameters(pairs: list[str] | None) -> dict[str, Any]:
-    """Read NAME=VALUE pairs; values as in YAML: 3, 0.5, true and text mean what they say."""
-    import yaml
-
-    found: dict[str, Any] = {}
-    for pair in pairs or []:
-        name, equals, value = pair.partition("=")
-        if not equals or not name.isidentifier():
-            raise ValueError(f"Expected a parameter as NAME=VALUE, got {pair!r}.")
-        if name in found:
-            raise ValueError(f"Expected each parameter once, got {name!r} twice.")
-        try:
-            found[name] = yaml.safe_load(value)
-        except yaml.YAMLError:
-            raise ValueError(
-                f"Expected a number, true, false or text for {name!r}, got {value!r}."
-            ) from None
-    return found
-
-
-def _load(mission: str, robots: int | None, pairs: list[str] | None) -> Mission:
-    from botohe_moo.mission import load_mission
-
-    return load_mission(mission, robots=robots, **_parameters(pairs))
+@app.callback()
+def botohe(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, help="Show the version and exit."
+        ),
+    ] = False,
+) -> None:
+    """Plan trails for robot teams in hazardous environments: reward against survival."""
 
 
 @app.command()
@@ -95,54 +89,85 @@ def solve(
     algorithm: Annotated[
         str, typer.Option("--algorithm", "-a", help="One of `botohe algorithms`.")
     ] = "bo-aco",
-    parameter: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--parameter",
-            "-p",
-            metavar="NAME=VALUE",
-            help="A parameter of the algorithm, such as n_ants=50. Repeatable.",
-        ),
-    ] = None,
-    evaluations: Annotated[
-        int, typer.Option("--evaluations", "-n", min=1, help="Trail plans to evaluate, at most.")
-    ] = 100_000,
-    seed: Annotated[
-        int, typer.Option("--seed", "-s", min=0, help="Seed of the random numbers.")
-    ] = 1,
+    parameter: ParameterOption = None,
+    evaluations: EvaluationsOption = 100_000,
+    seed: SeedOption = 1,
     robots: RobotsOption = None,
     mission_parameter: MissionParameterOption = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="Folder to write to.  [default: results/MISSION]"),
+        typer.Option("--out", "-o", help="Folder to write to; by default results/MISSION."),
     ] = None,
 ) -> None:
     """Search for the Pareto front of a mission; write it as tables and pictures.
 
-    Writes front.csv, plans.json, front.png and mission.png. Ctrl-C stops the search and writes
-    what was found.
-    """
-    from botohe_moo.algorithms import make_algorithm
-    from botohe_moo.solve import Solution, prepare_folder, search
+    Writes front.csv, plans.json, front.png and mission.png.
 
-    with _bad_input():
-        loaded = _load(mission, robots, mission_parameter)
-        parameters = _parameters(parameter)
+    Ctrl-C stops the search and writes what was found.
+    """
+    with failing():
+        source = mission_source(mission, robots, mission_parameter)
+        parameters = read_parameters(parameter or [])
+        from botohe_moo.algorithms import make_algorithm
+        from botohe_moo.mission import load_mission
+        from botohe_moo.solution import check_picture
+
+        loaded = load_mission(**source)
+        check_picture(loaded)
+        _check_plain(algorithm, parameters)
         built = make_algorithm(algorithm, **parameters)
-        folder = prepare_folder(out if out is not None else Path("results") / loaded.name)
-    typer.echo(
-        f"{loaded.title}: {len(loaded.nodes)} nodes, {loaded.arrays.n_arcs} arcs, "
-        f"{loaded.robots} robots, total reward {loaded.total_reward:g}"
+    _search_and_write(
+        loaded,
+        built,
+        out if out is not None else Path("results") / Path(mission).stem,
+        name=algorithm,
+        parameters=parameters,
+        source=source,
+        evaluations=evaluations,
+        seed=seed,
     )
-    solution: Solution = search(
-        loaded, built, name=algorithm, parameters=parameters, evaluations=evaluations, seed=seed
-    )
-    typer.echo(solution.describe())
-    with _bad_input():
-        for path in solution.write(folder):
-            typer.echo(f"wrote {path}")
-    if solution.interrupted:
+
+
+def _search_and_write(mission: Mission, algorithm: Algorithm, folder: Path, **how: Any) -> None:
+    from botohe_moo._console import hold_interrupt
+    from botohe_moo.solution import PictureError, check_folder
+    from botohe_moo.solve import RefusalError, search
+
+    with hold_interrupt() as stop:
+        with failing():
+            check_folder(folder)
+        typer.echo(f"{mission.title}: {brief(mission)}\n")
+        try:
+            solution = search(mission, algorithm, stop=stop, **how)
+        except RefusalError as error:
+            fail(error)
+        if not solution.plans:
+            found = f"{solution.algorithm} found no plan in {solution.evaluations} evaluations"
+            fail(f"{found}; nothing is written.", INTERRUPTED if stop.is_set() else FAILED)
+        with hold_interrupt() as late:
+            with suppress(BrokenPipeError):  # the files are wanted even if nobody reads on
+                typer.echo(solution.describe())
+            with failing(FAILED):
+                try:
+                    paths = solution.write(folder)
+                except PictureError as error:
+                    fail(f"{error} The tables are in {folder}.", FAILED)
+    for path in paths:
+        typer.echo(f"wrote {path}")
+    if stop.is_set() or late.is_set():
         raise typer.Exit(INTERRUPTED)
+
+
+def _check_plain(algorithm: str, parameters: dict[str, Any]) -> None:
+    """Refuse values for what takes Python objects, such as the plans to start from."""
+    from botohe_moo.algorithms.registry import algorithm_parameters
+
+    for parameter in algorithm_parameters(algorithm):
+        if parameter.name in parameters and not parameter.plain:
+            raise ValueError(
+                f"Algorithm {algorithm!r}: {parameter.name} can be given from Python only, "
+                f"as {parameter.annotation}."
+            )
 
 
 @missions_app.callback()
@@ -158,10 +183,14 @@ def list_missions() -> None:
     from botohe_moo.mission import mission_names
     from botohe_moo.mission.library import describe_mission
 
-    names = mission_names()
-    width = max(map(len, names), default=0)
-    for name in names:
-        typer.echo(f"{name:{width}}  {describe_mission(name)}")
+    typer.echo(listing((name, describe_mission(name)) for name in mission_names()))
+    typer.echo()
+    typer.echo(
+        paragraph(
+            "`botohe missions show NAME` tells more. Generators take parameters: "
+            "`botohe missions show terrain -m nodes=50 -m seed=3`."
+        )
+    )
 
 
 @missions_app.command("show")
@@ -174,15 +203,26 @@ def show_mission(
     ] = None,
 ) -> None:
     """Say what a mission is like; on request, draw it."""
-    with _bad_input():
-        loaded = _load(mission, robots, mission_parameter)
-    typer.echo(_description(loaded))
-    if picture is not None:
-        from botohe_moo.plots import plot_mission, save_plot
+    with failing():
+        source = mission_source(mission, robots, mission_parameter)
+        from botohe_moo.mission import load_mission
 
-        with _bad_input():
-            save_plot(plot_mission(loaded), picture)
+        loaded = load_mission(**source)
+    typer.echo(describe(loaded))
+    if picture is not None:
+        with failing():
+            _draw(loaded, picture)
         typer.echo(f"wrote {picture}")
+
+
+def _draw(mission: Mission, picture: Path) -> None:
+    from botohe_moo.plots import plot_mission, save_plot
+    from botohe_moo.solution import check_picture
+
+    if not picture.parent.is_dir():
+        raise ValueError(f"{picture.parent}: there is no such folder.")
+    check_picture(mission)
+    save_plot(plot_mission(mission), picture)
 
 
 @missions_app.command("check")
@@ -197,10 +237,10 @@ def check_missions(
         try:
             loaded = read_mission(path)
         except ValueError as error:
-            typer.echo(f"botohe: {error}", err=True)
+            say(error)
             failed = True
         else:
-            typer.echo(f"{path}: a valid mission. {loaded!r}")
+            typer.echo(f"{path}: a valid mission, {brief(loaded)}")
     if failed:
         raise typer.Exit(BAD_INPUT)
 
@@ -217,28 +257,19 @@ def algorithms(
 
     if name is None:
         names = algorithm_names()
-        width = max(map(len, names), default=0)
-        for known in names:
-            typer.echo(f"{known:{width}}  {describe_algorithm(known)}")
+        typer.echo(listing((known, describe_algorithm(known)) for known in names))
+        typer.echo(f"\n{paragraph('`botohe algorithms NAME` shows the parameters of one.')}")
         return
-    with _bad_input():
+    with failing():
         parameters = algorithm_parameters(name)
-        typer.echo(f"{name}: {describe_algorithm(name)}\n")
+        summary = describe_algorithm(name)
+    typer.echo(paragraph(f"{name}: {summary}" if summary else name))
     for parameter in parameters:
-        typer.echo(f"  {parameter.name} = {parameter.default!r}")
-        typer.echo(f"      {parameter.description}" if parameter.description else "")
+        typer.echo(f"\n{parameter_text(parameter)}")
+    if given := next((known for known in parameters if known.plain), None):
+        example = f"botohe solve MISSION -a {name} -p {parameter_example(given)}"
+        typer.echo(f"\nGive one as in `{example}`.")
 
 
-def _description(mission: Mission) -> str:
-    arrays = mission.arrays
-    rewards = arrays.reward[arrays.reward > 0]
-    lines = [
-        f"{mission.name}: {mission.title}",
-        f"  nodes         {arrays.n_nodes} ({len(rewards)} with a reward)",
-        f"  arcs          {arrays.n_arcs}{'' if mission.balanced else ', dead ends possible'}",
-        f"  robots        {mission.robots} at base {mission.base!r}",
-        f"  total reward  {mission.total_reward:g}",
-    ]
-    if arrays.n_arcs:
-        lines.append(f"  survival      {arrays.survival.min():g} to {arrays.survival.max():g}")
-    return "\n".join(lines)
+if __name__ == "__main__":
+    main()

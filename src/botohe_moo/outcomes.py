@@ -18,7 +18,7 @@ from botohe_moo.trails import TrailPlan
 
 __all__ = [
     "Outcomes",
-    "outcomes",
+    "plan_outcomes",
     "reward_distribution",
     "simulate",
     "survivors_distribution",
@@ -57,7 +57,7 @@ class Outcomes:
         return pd.DataFrame(list(rows.values()), index=pd.Index(rows), columns=columns)
 
 
-def outcomes(
+def plan_outcomes(
     mission: Mission,
     plan: TrailPlan,
     *,

@@ -1,168 +1,44 @@
-"""From a mission and an algorithm to a front, as tables and pictures: one call, one folder."""
+"""From a mission and an algorithm to a front, in one call."""
 
 from __future__ import annotations
 
-import json
-import signal
-import tempfile
+import contextlib
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
-from importlib.metadata import version
-from pathlib import Path
+from collections.abc import Mapping
 from typing import Any
 
+import moocore
 import numpy as np
-import pandas as pd
 from pymoo.core.algorithm import Algorithm
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
+from botohe_moo._checks import check_integer
+from botohe_moo._console import hold_interrupt, progress_bar
 from botohe_moo._types import FloatArray
 from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE
+from botohe_moo.solution import Solution
 from botohe_moo.trails import TrailPlan
 
-__all__ = ["Solution", "prepare_folder", "search"]
-
-_SECONDS_BETWEEN_UPDATES = 0.1
+__all__ = ["RefusalError", "search"]
 
 
-@dataclass(frozen=True, eq=False)
-class Solution:
-    """What a search found, and how.
-
-    Attributes
-    ----------
-    mission
-        What was planned for.
-    plans
-        The non-dominated plans, by descending expected reward.
-    objectives
-        Their E[R] and E[S] (n_plans, 2).
-    algorithm, parameters, seed
-        What searched: the algorithm's name, its parameters as given, and the seed.
-    evaluations
-        Trail plans that were evaluated.
-    seconds
-        How long the search took.
-    interrupted
-        Whether it was stopped before its budget was spent.
-    """
-
-    mission: Mission
-    plans: tuple[TrailPlan, ...]
-    objectives: FloatArray
-    algorithm: str
-    parameters: dict[str, Any]
-    seed: int
-    evaluations: int
-    seconds: float
-    interrupted: bool
-
-    @property
-    def area(self) -> float:
-        """The front's area indicator, in [0, 1]."""
-        return area_indicator(self.objectives, self.mission)
-
-    @property
-    def front(self) -> pd.DataFrame:
-        """The front as a table: ``plan_id``, ``reward`` (E[R]) and ``survivors`` (E[S])."""
-        return pd.DataFrame(
-            {
-                "plan_id": np.arange(len(self.plans)),
-                "reward": self.objectives[:, 0],
-                "survivors": self.objectives[:, 1],
-            }
-        )
-
-    def describe(self) -> str:
-        """Say in words and a table what was found."""
-        pace = self.evaluations / self.seconds if self.seconds > 0 else float("inf")
-        stopped = "stopped after" if self.interrupted else "spent"
-        return (
-            f"\n{self.front.to_string(index=False, float_format='{:.4f}'.format)}\n\n"
-            f"{self.algorithm}, seed {self.seed}: {stopped} {self.evaluations} evaluations in "
-            f"{self.seconds:.1f} s ({pace:,.0f} a second)\n"
-            f"area {self.area:.4f}, {len(self.plans)} plans on the front"
-        )
-
-    def to_json(self) -> str:
-        """Write everything but the pictures: how it was found, and each plan with its trails."""
-        content = {
-            "mission": self.mission.name,
-            "robots": self.mission.robots,
-            "total_reward": self.mission.total_reward,
-            "algorithm": self.algorithm,
-            "parameters": self.parameters,
-            "seed": self.seed,
-            "evaluations": self.evaluations,
-            "interrupted": self.interrupted,
-            "area": self.area,
-            "version": version("botohe-moo"),
-            "plans": [
-                {
-                    "plan_id": i,
-                    "reward": float(reward),
-                    "survivors": float(survivors),
-                    "trails": self.mission.labels(plan),
-                }
-                for i, (plan, (reward, survivors)) in enumerate(
-                    zip(self.plans, self.objectives, strict=True)
-                )
-            ],
-        }
-        return json.dumps(content, indent=1, default=repr) + "\n"
-
-    def write(self, folder: Path) -> list[Path]:
-        """Write ``front.csv``, ``plans.json``, ``front.png`` and ``mission.png``.
-
-        All four are complete before the first of them takes its place.
-
-        Raises
-        ------
-        OSError
-            If the folder cannot be written to.
-        """
-        from botohe_moo.plots import plot_front, plot_mission, save_plot
-
-        names = ("front.csv", "plans.json", "front.png", "mission.png")
-        with tempfile.TemporaryDirectory(prefix=".botohe-", dir=folder) as made:
-            draft = Path(made)
-            self.front.to_csv(draft / names[0], index=False)
-            (draft / names[1]).write_text(self.to_json(), encoding="utf-8")
-            save_plot(plot_front(self.objectives, self.mission), draft / names[2])
-            save_plot(plot_mission(self.mission), draft / names[3])
-            for name in names:
-                (draft / name).replace(folder / name)
-        return [folder / name for name in names]
-
-
-def prepare_folder(folder: Path) -> Path:
-    """Make sure that ``folder`` can be written to, before a search is spent on it.
-
-    Raises
-    ------
-    OSError
-        If it cannot be made or written to.
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".botohe-", dir=folder):
-        return folder
+class RefusalError(ValueError):
+    """An algorithm that does not take on a mission; says why."""
 
 
 def search(
     mission: Mission,
     algorithm: Algorithm,
     *,
-    name: str,
-    parameters: dict[str, Any] | None = None,
     evaluations: int = 100_000,
     seed: int = 1,
     progress: bool = True,
+    stop: threading.Event | None = None,
+    name: str | None = None,
+    parameters: Mapping[str, Any] | None = None,
+    source: Mapping[str, Any] | None = None,
 ) -> Solution:
     """Run an algorithm on a mission until its budget is spent, or Ctrl-C is pressed.
 
@@ -171,89 +47,80 @@ def search(
     mission
         What to plan for.
     algorithm
-        A pymoo algorithm for :class:`BOTOHE`, not set up yet.
-    name, parameters
-        What to call it in the solution.
+        A pymoo algorithm for :class:`BOTOHE` that has not run yet.
     evaluations
-        Budget: trail plans to evaluate.
+        Budget: trail plans to evaluate, at least 1.
     seed
-        Seed of all random numbers.
+        Seed of all random numbers, at least 0.
     progress
-        Whether to show a progress bar, with the area and the time left, on standard error.
+        Whether to show a progress bar, with the area and the time left, on standard error if that
+        is a terminal.
+    stop
+        Ends the search, after the iteration that is going on, when it is set; default: one that
+        Ctrl-C sets.
+    name, parameters
+        What to call the algorithm in the solution; default: the name of its class.
+    source
+        Where the mission is from, for the solution's record.
 
     Returns
     -------
     Solution
-        What was found so far, even if the search was interrupted.
+        What was found so far, even if the search was stopped.
+
+    Raises
+    ------
+    ValueError
+        If ``evaluations`` or ``seed`` is out of its range, or the algorithm has run before.
+    RefusalError
+        If the algorithm does not take on this mission.
     """
-    termination = ("n_eval", evaluations)
-    algorithm.setup(BOTOHE(mission), termination=termination, seed=seed)
+    evaluations = check_integer("evaluations", evaluations, at_least=1)
+    seed = check_integer("seed", seed, at_least=0)
+    name = type(algorithm).__name__ if name is None else name
+    if algorithm.is_initialized:
+        raise ValueError(f"Expected an algorithm that has not run yet, got {name!r} after a run.")
+    try:
+        algorithm.setup(BOTOHE(mission), termination=("n_eval", evaluations), seed=seed)
+    except ValueError as error:
+        raise RefusalError(f"Algorithm {name!r}: {error}") from error
     started = time.perf_counter()
-    with _watch_interrupt() as interrupt, _bar(evaluations, shown=progress) as show:
-        while algorithm.has_next() and not interrupt.is_set():
+    with contextlib.ExitStack() as stack:
+        stop = stack.enter_context(hold_interrupt()) if stop is None else stop
+        show = stack.enter_context(
+            progress_bar(
+                evaluations, lambda: area_indicator(_front(algorithm)[0], mission), shown=progress
+            )
+        )
+        going_on = True
+        while going_on:  # once at least, so that something is found however soon it is stopped
             algorithm.next()
-            show(algorithm)
+            going_on = algorithm.has_next() and not stop.is_set()
+            show(algorithm.evaluator.n_eval, last=not going_on)
     seconds = time.perf_counter() - started
-    opt = algorithm.opt
-    objectives = -opt.get("F") if opt is not None and len(opt) else np.empty((0, 2))
-    plans = [individual.X[0] for individual in opt] if len(objectives) else []
-    order = np.lexsort((objectives[:, 1], -objectives[:, 0]))
+    objectives, plans = _front(algorithm)
     return Solution(
         mission=mission,
-        plans=tuple(plans[i] for i in order),
-        objectives=objectives[order],
+        plans=plans,
+        objectives=objectives,
         algorithm=name,
-        parameters=parameters or {},
+        parameters=dict(parameters or {}),
         seed=seed,
         evaluations=algorithm.evaluator.n_eval,
         seconds=seconds,
         interrupted=algorithm.has_next(),
+        source=dict(source or {}),
     )
 
 
-@contextmanager
-def _watch_interrupt() -> Iterator[threading.Event]:
-    """Let the first Ctrl-C set an event, so that a step is never left half-done; the next kills."""
-    pressed = threading.Event()
-    if threading.current_thread() is not threading.main_thread():
-        yield pressed
-        return
-    usual = signal.getsignal(signal.SIGINT)
-
-    def stop(*_: object) -> None:
-        pressed.set()
-        signal.signal(signal.SIGINT, usual)
-
-    signal.signal(signal.SIGINT, stop)
-    try:
-        yield pressed
-    finally:
-        signal.signal(signal.SIGINT, usual)
-
-
-@contextmanager
-def _bar(evaluations: int, *, shown: bool) -> Iterator[Any]:
-    """Show evaluations, area and the time left; the area is reckoned only when it is shown."""
-    columns = (
-        BarColumn(),
-        TaskProgressColumn(),
-        TextColumn("{task.completed:,.0f} evaluations  area {task.fields[area]:.4f}"),
-        TimeRemainingColumn(),
-    )
-    console = Console(stderr=True)
-    with Progress(*columns, console=console, disable=not (shown and console.is_terminal)) as bar:
-        task = bar.add_task("", total=evaluations, area=0.0)
-        shown_at = 0.0
-
-        def show(algorithm: Algorithm) -> None:
-            nonlocal shown_at
-            now, finished = time.perf_counter(), not algorithm.has_next()
-            if bar.disable or (now - shown_at < _SECONDS_BETWEEN_UPDATES and not finished):
-                return
-            shown_at = now
-            opt = algorithm.opt
-            mission = algorithm.problem.mission
-            area = area_indicator(-opt.get("F"), mission) if opt is not None and len(opt) else 0.0
-            bar.update(task, completed=algorithm.evaluator.n_eval, area=area)
-
-        yield show
+def _front(algorithm: Algorithm) -> tuple[FloatArray, tuple[TrailPlan, ...]]:
+    """Give what an algorithm has found: feasible and non-dominated, by descending reward."""
+    opt = algorithm.opt
+    if opt is None or not len(opt) or not opt.get("feas").any():
+        return np.empty((0, 2)), ()
+    opt = opt[opt.get("feas")]
+    objectives = np.asarray(-opt.get("F"), np.float64)
+    kept = moocore.is_nondominated(objectives, maximise=True, keep_weakly=True)
+    opt, objectives = opt[kept], objectives[kept]
+    order = np.lexsort((objectives[:, 1], -objectives[:, 0]))
+    return objectives[order], tuple(opt[int(i)].X[0] for i in order)

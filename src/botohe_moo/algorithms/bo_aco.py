@@ -110,6 +110,8 @@ class BOACO(Algorithm):
     when no unused arcs lead home from the node they chose.
     """
 
+    is_initialized: bool
+
     def __init__(
         self,
         *,

@@ -16,10 +16,11 @@ _SCALE = 2.0**-53
 
 
 def seed_states(random_state: np.random.Generator, n: int) -> SeedArray:
-    """Derive ``n`` states, shape (n, 2), from one draw of numpy's generator."""
+    """Derive ``n`` independent states, shape (n, 2), from one draw of numpy's generator."""
     entropy = int(random_state.integers(2**63))
-    words = np.random.SeedSequence(entropy).generate_state(2 * n, np.uint64)
-    return words.astype(np.uint64).reshape(n, 2)
+    children = np.random.SeedSequence(entropy).spawn(n)
+    words = [child.generate_state(2, np.uint64) for child in children]
+    return np.array(words, np.uint64).reshape(n, 2)
 
 
 @inline

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Sequence
-from dataclasses import dataclass
 from operator import index
 from typing import TYPE_CHECKING, Any, Self
 
@@ -11,53 +10,18 @@ import networkx as nx
 import numpy as np
 
 from botohe_moo.kernels import evaluate as kernels
+from botohe_moo.mission.arrays import MissionArrays
 from botohe_moo.mission.validation import MissionError, mission_faults, team_size_fault
 from botohe_moo.trails import PlanBatch, TrailPlan
 
 if TYPE_CHECKING:
-    from botohe_moo._types import FloatArray, IntArray, ObjectArray, OffsetArray
+    from botohe_moo._types import FloatArray, ObjectArray
 
-__all__ = ["Mission", "MissionArrays", "PlanError"]
+__all__ = ["Mission", "PlanError"]
 
 
 class PlanError(ValueError):
     """A trail plan that the mission does not allow; names the robot, the position and the arc."""
-
-
-@dataclass(frozen=True, eq=False)
-class MissionArrays:
-    """A mission as kernels see it: nodes and arcs are indices.
-
-    Attributes
-    ----------
-    first
-        The arcs that leave node v are ``first[v]`` to ``first[v + 1]`` (n_nodes + 1).
-    tail, head
-        The nodes that each arc leaves and enters (n_arcs); heads ascend within a node's arcs.
-    survival
-        Probability to survive each arc, in (0, 1] (n_arcs).
-    reward
-        Reward of each node, at least 0 (n_nodes).
-    base
-        Index of the base.
-    """
-
-    first: OffsetArray
-    tail: IntArray
-    head: IntArray
-    survival: FloatArray
-    reward: FloatArray
-    base: int
-
-    @property
-    def n_nodes(self) -> int:
-        """Number of nodes."""
-        return len(self.reward)
-
-    @property
-    def n_arcs(self) -> int:
-        """Number of arcs, the base's self-loop not among them."""
-        return len(self.head)
 
 
 class Mission:
@@ -118,7 +82,7 @@ class Mission:
         self.name = str(name) if name else "mission"
         self.nodes: tuple[Any, ...] = tuple(self.graph)
         self._index = {node: i for i, node in enumerate(self.nodes)}
-        self.arrays = _compile(self.graph, self._index, base)
+        self.arrays = MissionArrays.of(self.graph, self._index, base)
 
     @property
     def title(self) -> str:
@@ -203,7 +167,17 @@ class Mission:
         return indices
 
     def labels(self, plan: TrailPlan) -> tuple[tuple[Any, ...], ...]:
-        """Give the trails of ``plan`` as node labels, robot by robot."""
+        """Give the trails of ``plan`` as node labels, robot by robot.
+
+        Raises
+        ------
+        PlanError
+            If the plan visits a node that the mission does not have.
+        """
+        if (last := int(plan.nodes.max())) >= len(self.nodes):
+            raise PlanError(
+                f"Node index {last} is unknown, mission {self.name!r} has {len(self.nodes)} nodes."
+            )
         return tuple(tuple(self.nodes[i] for i in trail) for trail in plan.trails)
 
     def evaluate(self, plans: PlanBatch | Iterable[TrailPlan] | ObjectArray) -> FloatArray:
@@ -304,13 +278,6 @@ class Mission:
     def __hash__(self) -> int:
         return hash((self.nodes, self.base, self.robots, self.arrays.survival.tobytes()))
 
-    def __getstate__(self) -> dict[str, Any]:
-        return {key: value for key, value in self.__dict__.items() if key != "arrays"}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        self.arrays = _compile(self.graph, self._index, self.base)  # read-only again
-
     def __copy__(self) -> Self:
         return self
 
@@ -331,17 +298,3 @@ _FAULTS = {
     kernels.MISSING_ARC: "is missing in",
     kernels.ARC_USED_TWICE: "is used twice in this trail; a trail uses an arc at most once, in",
 }
-
-
-def _compile(graph: nx.DiGraph[Any], index: dict[Any, int], base: Hashable) -> MissionArrays:
-    labelled: Iterable[tuple[Any, Any, float]] = graph.edges(data="survival")
-    arcs = sorted((index[u], index[v], s) for u, v, s in labelled)
-    tail = np.array([u for u, _, _ in arcs], np.int32)
-    head = np.array([v for _, v, _ in arcs], np.int32)
-    survival = np.array([s for _, _, s in arcs], np.float64)
-    reward = np.array([r for _, r in graph.nodes(data="reward")], np.float64)
-    first = np.zeros(len(reward) + 1, np.int64)
-    np.cumsum(np.bincount(tail, minlength=len(reward)), out=first[1:])
-    for array in (first, tail, head, survival, reward):
-        array.setflags(write=False)
-    return MissionArrays(first, tail, head, survival, reward, index[base])

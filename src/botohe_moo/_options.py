@@ -1,0 +1,133 @@
+"""What commands are told: the arguments and options that several of them take."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Annotated, Any
+
+import typer
+
+__all__ = [
+    "EvaluationsOption",
+    "MissionArgument",
+    "MissionParameterOption",
+    "ParameterOption",
+    "RobotsOption",
+    "SeedOption",
+    "integer",
+    "mission_source",
+    "read_parameters",
+]
+
+
+def integer(*, at_least: int) -> Callable[[str], int]:
+    """Give the parser of an option that is an integer; typer's own says not what it found."""
+
+    def parse(text: str) -> int:
+        try:
+            if (number := int(text)) >= at_least:
+                return number
+        except ValueError:
+            pass
+        raise typer.BadParameter(f"expected an integer >= {at_least}, got {text}.")
+
+    return parse
+
+
+MissionArgument = Annotated[
+    str, typer.Argument(metavar="MISSION", help="A mission's name, or a mission file.")
+]
+RobotsOption = Annotated[
+    int | None,
+    typer.Option(
+        "--robots", metavar="K", parser=integer(at_least=1), help="Another number of robots."
+    ),
+]
+MissionParameterOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--mission-parameter",
+        "-m",
+        metavar="NAME=VALUE",
+        help="A parameter of the mission, such as nodes=500 or seed=3. Repeatable.",
+    ),
+]
+ParameterOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--parameter",
+        "-p",
+        metavar="NAME=VALUE",
+        help="A parameter of the algorithm, such as n_ants=50. Repeatable.",
+    ),
+]
+EvaluationsOption = Annotated[
+    int,
+    typer.Option(
+        "--evaluations",
+        "-n",
+        metavar="N",
+        parser=integer(at_least=1),
+        help="Trail plans to evaluate.",
+    ),
+]
+SeedOption = Annotated[
+    int,
+    typer.Option(
+        "--seed",
+        "-s",
+        metavar="S",
+        parser=integer(at_least=0),
+        help="Seed of the random numbers.",
+    ),
+]
+
+
+def read_parameters(pairs: Iterable[str]) -> dict[str, Any]:
+    """Read NAME=VALUE pairs.
+
+    Numbers are read as in Python and everything else as in YAML: 3, 1e-2, true and text mean what
+    they say.
+
+    Raises
+    ------
+    ValueError
+        If a pair is malformed, or a name is given twice.
+    """
+    found: dict[str, Any] = {}
+    for pair in pairs:
+        name, equals, value = pair.partition("=")
+        if not equals or not name.isidentifier():
+            raise ValueError(f"Expected a parameter as NAME=VALUE, got {pair!r}.")
+        if name in found:
+            raise ValueError(f"Expected each parameter once, got {name!r} twice.")
+        found[name] = _value(name, value)
+    return found
+
+
+def _value(name: str, text: str) -> Any:
+    for number in (int, float):
+        try:
+            return number(text)
+        except ValueError:
+            pass
+    import yaml
+
+    try:
+        return yaml.safe_load(text)
+    except (yaml.YAMLError, ValueError, RecursionError):  # ValueError: the date 2026-13-32
+        raise ValueError(
+            f"Expected a number, true, false or text for {name!r}, got {text!r}."
+        ) from None
+
+
+def mission_source(mission: str, robots: int | None, pairs: list[str] | None) -> dict[str, Any]:
+    """Give the arguments with which `load_mission` makes the mission."""
+    parameters = read_parameters(pairs or [])
+    if "name_or_path" in parameters:
+        raise ValueError(f"Mission {mission!r}: there is no parameter 'name_or_path'.")
+    if robots is not None:
+        if "robots" in parameters:
+            raise ValueError("Expected each parameter once, got 'robots' twice.")
+        parameters["robots"] = robots
+    return {"name_or_path": mission, **parameters}

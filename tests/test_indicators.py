@@ -1,0 +1,195 @@
+"""The area against staircases summed by hand, and what it refuses."""
+
+import re
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from botohe_moo.indicators import area_indicator
+from botohe_moo.mission import Mission
+from tests.strategies import missions, plans
+
+
+def quay(*, reward=10, robots=2, survival=0.5):
+    """Dock (base) and reef, which alone pays."""
+    graph = nx.DiGraph()
+    graph.add_node("dock", reward=0)
+    graph.add_node("reef", reward=reward)
+    graph.add_edge("dock", "reef", survival=survival)
+    graph.add_edge("reef", "dock", survival=survival)
+    return Mission(graph, base="dock", robots=robots)
+
+
+def staircase(points, mission):
+    """The area below the points, step by step from the largest reward to the smallest."""
+    below, height = 0.0, 0.0
+    for reward, survivors in sorted(points, reverse=True):
+        if survivors > height:
+            below += reward * (survivors - height)
+            height = survivors
+    return below / (mission.total_reward * mission.robots)
+
+
+fronts = st.lists(st.tuples(st.floats(0, 10), st.floats(0, 2)), max_size=12)
+
+
+class TestByHand:
+    """The objective space of the quay is 10 × 2 = 20."""
+
+    @pytest.mark.parametrize(
+        ("points", "below"),
+        [
+            ([(4, 1)], 4),
+            ([(10, 2)], 20),
+            ([(0, 2)], 0),
+            ([(10, 0)], 0),
+            ([(0, 0)], 0),
+            ([(4, 1), (2, 2)], 4 + 2),
+            ([(8, 0.5), (4, 1), (2, 2)], 8 * 0.5 + 4 * 0.5 + 2 * 1),
+            ([(8, 0.5), (0, 2)], 4),
+        ],
+    )
+    def test_area(self, points, below):
+        assert area_indicator(points, quay()) == pytest.approx(below / 20, abs=1e-15)
+
+    def test_real_plans(self):
+        # One robot of two out and back: E[R] = 5, E[S] = 1.25. Both: 7.5 and 0.5. None: 0 and 2.
+        mission = quay()
+        trip, stay = ["dock", "reef", "dock"], ["dock"]
+        plans = [mission.plan(trails) for trails in ([trip, stay], [trip, trip], [stay, stay])]
+        below = 7.5 * 0.5 + 5 * (1.25 - 0.5)
+        assert area_indicator(mission.evaluate(plans), mission) == pytest.approx(below / 20)
+
+    def test_dominated_and_repeated_plans_add_nothing(self):
+        front = [(8, 0.5), (4, 1), (2, 2)]
+        expected = area_indicator(front, quay())
+        assert area_indicator([*front, (3, 1), (4, 0.5), (8, 0.5), (2, 2)], quay()) == expected
+
+    def test_the_order_does_not_count(self):
+        front = [(8, 0.5), (4, 1), (2, 2), (3, 1)]
+        assert area_indicator(front[::-1], quay()) == area_indicator(front, quay())
+
+    def test_what_is_below_the_origin_adds_nothing(self):
+        assert area_indicator([(4, 1), (9, -1), (-3, 2)], quay()) == 4 / 20
+        assert area_indicator([(4, 1), (-np.inf, -np.inf)], quay()) == 4 / 20
+
+    def test_the_bounds_are_those_of_the_mission(self):
+        assert area_indicator([(4, 1)], quay(reward=20)) == 4 / 40
+        assert area_indicator([(4, 1)], quay(robots=5)) == 4 / 50
+
+    def test_arrays_of_any_kind_will_do(self):
+        expected = area_indicator([(8, 1), (2, 2)], quay())
+        for kind in (np.float32, np.int64, object):
+            assert area_indicator(np.array([(8, 1), (2, 2)], kind), quay()) == expected
+        reversed_columns = np.array([(1.0, 8.0), (2.0, 2.0)])[:, ::-1]
+        assert area_indicator(reversed_columns, quay()) == expected
+
+    def test_it_is_a_python_float(self):
+        for front in ([], [(4, 1)], [(10, 2)]):
+            assert type(area_indicator(front, quay())) is float
+
+    def test_the_objectives_are_not_changed(self):
+        front = np.array([(2.0, 2.0), (4.0, 1.0), (1.0, 1.0)])
+        front.setflags(write=False)
+        area_indicator(front, quay())
+
+
+class TestNothing:
+    @pytest.mark.parametrize("nothing", [[], (), np.empty((0, 2)), np.empty(0)])
+    def test_no_plans_have_no_area(self, nothing):
+        assert area_indicator(nothing, quay()) == 0.0
+
+    def test_a_mission_without_reward_has_none_to_cover(self):
+        mission = quay(reward=0)
+        stay = mission.plan([["dock"], ["dock"]])
+        assert area_indicator(mission.evaluate([stay]), mission) == 0.0
+        assert area_indicator([], mission) == 0.0
+
+
+class TestBadObjectives:
+    @pytest.mark.parametrize(
+        ("objectives", "shape"),
+        [
+            ([4, 1], "(2,)"),
+            (4.0, "()"),
+            (None, "()"),
+            ([(4, 1, 1)], "(1, 3)"),
+            ([(4,)], "(1, 1)"),
+            ([[(4, 1)]], "(1, 1, 2)"),
+            (np.empty((0, 3)), "(0, 3)"),
+            (np.empty((3, 0)), "(3, 0)"),
+        ],
+    )
+    def test_shape(self, objectives, shape):
+        message = f"Expected objectives of shape (n, 2), got {shape}."
+        with pytest.raises(ValueError, match=re.escape(message)):
+            area_indicator(objectives, quay())
+
+    @pytest.mark.parametrize("value", [np.nan, np.inf])
+    @pytest.mark.parametrize("column", [0, 1])
+    def test_nan_and_infinity(self, value, column):
+        objectives = np.array([(4.0, 1.0), (2.0, 2.0)])
+        objectives[1, column] = value
+        for mission in (quay(), quay(reward=0)):
+            with pytest.raises(ValueError, match=r"^Expected objectives without NaN and infinity"):
+                area_indicator(objectives, mission)
+
+    @pytest.mark.parametrize("f", [[(-4, -1)], [(-4, -1), (-0.0, -2)], [(0, -2)]])
+    def test_forgotten_signs(self, f):
+        with pytest.raises(ValueError, match=r"give -result\.F\.$"):
+            area_indicator(f, quay())
+
+    def test_words(self):
+        with pytest.raises(ValueError, match="could not convert"):
+            area_indicator([("a", "b")], quay())
+
+
+class TestProperties:
+    @given(fronts)
+    def test_it_is_the_sum_of_a_staircase(self, front):
+        mission = quay()
+        assert area_indicator(front, mission) == pytest.approx(
+            staircase(front, mission), rel=0, abs=1e-12
+        )
+
+    @given(fronts, st.tuples(st.floats(0, 10), st.floats(0, 2)))
+    def test_another_plan_never_takes_area_away(self, front, point):
+        before, after = (area_indicator(points, quay()) for points in (front, [*front, point]))
+        assert after >= before - 1e-15
+        alone = point[0] * point[1] / 20
+        assert after >= alone - 1e-15
+
+    @given(fronts, st.randoms(use_true_random=False))
+    def test_the_order_does_not_count(self, front, random):
+        shuffled = random.sample(front, len(front))
+        assert area_indicator(front, quay()) == area_indicator(shuffled, quay())
+
+    @given(st.data())
+    def test_real_plans_stay_between_nothing_and_everything(self, data):
+        mission = data.draw(missions(max_nodes=12))
+        drawn = data.draw(st.lists(plans(mission), min_size=1, max_size=4))
+        objectives = mission.evaluate([mission.plan(trails) for trails in drawn])
+        assume(not 0 < mission.total_reward < 1e-300)  # where products have no digits left
+        area = area_indicator(objectives, mission)
+        assert 0.0 <= area <= 1.0
+        if mission.total_reward > 0:
+            expected = staircase(objectives.tolist(), mission)
+            assert area == pytest.approx(expected, rel=0, abs=1e-12)
+
+    @pytest.mark.parametrize("seed", range(40))
+    def test_safe_missions_give_everything_and_not_a_bit_more(self, seed):
+        # Rewards that are summed in another order than the expected reward.
+        rng = np.random.default_rng(seed)
+        graph = nx.cycle_graph(25, create_using=nx.DiGraph)
+        nx.set_edge_attributes(graph, 1.0, "survival")
+        nx.set_node_attributes(graph, dict(enumerate(10 * rng.random(25))), "reward")
+        mission = Mission(graph, base=0, robots=3)
+        plan = mission.plan([[*range(25), 0]] * 3)
+        area = area_indicator(mission.evaluate([plan]), mission)
+        assert 1 - 1e-12 < area <= 1.0
+
+    def test_more_than_everything_is_not_hidden(self):
+        assert area_indicator([(20, 2)], quay()) == 2.0

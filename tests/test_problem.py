@@ -1,0 +1,370 @@
+"""BOTOHE through pymoo's own machinery, with foreign algorithms, and what pymoo prints."""
+
+import copy
+import pickle
+import re
+
+import networkx as nx
+import numpy as np
+import pytest
+from pymoo.algorithms.moo.nsga2 import NSGA2
+from pymoo.algorithms.moo.spea2 import SPEA2
+from pymoo.core.crossover import Crossover
+from pymoo.core.duplicate import ElementwiseDuplicateElimination
+from pymoo.core.evaluator import Evaluator
+from pymoo.core.mutation import Mutation
+from pymoo.core.population import Population
+from pymoo.core.sampling import Sampling
+from pymoo.optimize import minimize
+
+from botohe_moo.indicators import area_indicator
+from botohe_moo.mission import Mission, PlanError, load_mission
+from botohe_moo.problem import BOTOHE, FrontOutput
+from botohe_moo.trails import PlanBatch, TrailPlan
+
+
+@pytest.fixture
+def toy():
+    return load_mission("toy")
+
+
+@pytest.fixture
+def plans(toy):
+    """Nobody goes, one goes to 3, one each to 2 and to 4 and 5."""
+    trails = ([[1], [1]], [[1, 3, 1], [1]], [[1, 2, 1], [1, 2, 4, 5, 4, 2, 1]])
+    return [toy.plan(trail) for trail in trails]
+
+
+@pytest.fixture
+def x(plans):
+    return PlanBatch.from_plans(plans, 2).to_array()
+
+
+# From the survivals of the toy mission; nodes 2 to 5 pay 0, 1, 4 and 5.
+REACH_4, REACH_5 = 0.81, 0.81 * 0.729
+EXPECTED = [
+    (0.0, 2.0),
+    (0.9, 0.9**2 + 1),
+    (4 * REACH_4 + 5 * REACH_5, 0.81**2 + 0.81**2 * 0.729**2),
+]
+
+
+def random_trail(mission, random_state):
+    """Walk at random, and return the way one came."""
+    trail = [mission.arrays.base]
+    for _ in range(random_state.integers(6)):
+        arcs = mission.arrays.first[trail[-1] : trail[-1] + 2]
+        head = int(mission.arrays.head[random_state.integers(*arcs)])
+        if head not in trail:
+            trail.append(head)
+    return trail + trail[-2::-1]
+
+
+class RandomPlans(Sampling):
+    def _do(self, problem, n_samples, *args, random_state=None, **kwargs):
+        mission, found = problem.mission, []
+        while len(found) < n_samples:
+            robots = range(mission.robots)
+            plan = TrailPlan([random_trail(mission, random_state) for _ in robots])
+            if plan not in found:
+                found.append(plan)
+        return mission.batch(found).to_array()
+
+
+class SwapLastTrails(Crossover):
+    # pymoo's NoCrossover hands over the parents themselves, which mutation then changes in place.
+    def __init__(self):
+        super().__init__(n_parents=2, n_offsprings=2)
+
+    def _do(self, problem, X, *args, random_state=None, **kwargs):
+        children = np.empty_like(X)
+        for i, (one, other) in enumerate(zip(*X[:, :, 0], strict=True)):
+            children[0, i, 0] = TrailPlan([*one.trails[:-1], other.trails[-1]])
+            children[1, i, 0] = TrailPlan([*other.trails[:-1], one.trails[-1]])
+        return children
+
+
+class OtherTrail(Mutation):
+    """Give one robot another trail."""
+
+    def _do(self, problem, X, *args, random_state=None, **kwargs):
+        mutated = np.empty_like(X)
+        for i, (plan,) in enumerate(X):
+            trails = list(plan.trails)
+            trails[random_state.integers(len(trails))] = random_trail(problem.mission, random_state)
+            mutated[i, 0] = TrailPlan(trails)
+        return mutated
+
+
+class NoSamePlan(ElementwiseDuplicateElimination):
+    def is_equal(self, a, b):
+        return a.X[0] == b.X[0]
+
+
+def foreign(algorithm=NSGA2, *, sampling=None, **options):
+    return algorithm(
+        pop_size=16,
+        sampling=RandomPlans() if sampling is None else sampling,
+        crossover=SwapLastTrails(),
+        mutation=OtherTrail(),
+        eliminate_duplicates=NoSamePlan(),
+        **options,
+    )
+
+
+class TestObjectives:
+    def test_they_are_the_negatives_of_the_mission_s(self, toy, plans):
+        batch = PlanBatch.from_plans(plans, 2)
+        f = BOTOHE(toy).evaluate_batch(batch)
+        assert (f.shape, f.dtype) == ((3, 2), np.float64)
+        assert np.array_equal(-f, toy.evaluate(plans))
+        assert -f == pytest.approx(np.array(EXPECTED), abs=1e-15)
+
+    def test_pymoo_evaluates_a_column_of_plans(self, toy, x):
+        f = BOTOHE(toy).evaluate(x)
+        assert f.shape == (3, 2)
+        assert -f == pytest.approx(np.array(EXPECTED), abs=1e-15)
+
+    def test_pymoo_evaluates_lists_and_rows_of_plans(self, toy, plans, x):
+        problem = BOTOHE(toy)
+        for given in (plans, x[:, 0]):
+            assert np.array_equal(problem.evaluate(given), problem.evaluate(x))
+
+    def test_pymoo_evaluates_one_individual(self, toy, x):
+        assert -BOTOHE(toy).evaluate(x[1]) == pytest.approx(np.array([EXPECTED[1]]))
+
+    def test_pymoo_evaluates_no_plans(self, toy):
+        assert BOTOHE(toy).evaluate(np.empty((0, 1), dtype=object)).shape == (0, 2)
+
+    def test_an_evaluator_fills_a_population(self, toy, x):
+        evaluator = Evaluator()
+        population = evaluator.eval(BOTOHE(toy), Population.new(X=x))
+        assert -population.get("F") == pytest.approx(np.array(EXPECTED), abs=1e-15)
+        assert population.get("feas").all()
+        assert evaluator.n_eval == 3
+        evaluator.eval(BOTOHE(toy), population)
+        assert evaluator.n_eval == 3
+
+    def test_one_plan_alone_is_refused(self, toy, plans):
+        with pytest.raises(TypeError, match=r"put it in \[ \]"):
+            BOTOHE(toy).evaluate(plans[0])
+
+    @pytest.mark.parametrize("given", [np.zeros((3, 1)), [[[1], [1]]], np.array([[None]])])
+    def test_what_is_no_plan_is_refused(self, toy, given):
+        with pytest.raises(TypeError, match=r"^Plan 0: expected a TrailPlan, got"):
+            BOTOHE(toy).evaluate(given)
+
+
+class TestInvalidPlans:
+    """The toy's node labels count from 1, its indices from 0; index 4 is node 5."""
+
+    @pytest.mark.parametrize(
+        ("trails", "message"),
+        [
+            ([[0], [0, 4, 0]], "Plan 1, robot 1, position 1: arc 1 -> 5 is missing in"),
+            (
+                [[0, 1, 0, 1, 0], [0]],
+                "Plan 1, robot 0, position 3: arc 1 -> 2 is used twice in this trail",
+            ),
+            ([[0], [0, 1]], "Plan 1, robot 1, position 1: expected the trail to end at base 1"),
+            ([[1, 0], [0]], "Plan 1, robot 0, position 0: expected the trail to begin at base 1"),
+            ([[0], [0, 9, 0]], "Plan 1, robot 1, position 1: node index 9 is unknown"),
+            ([[0]], "Plan 1: expected 2 trails, got 1"),
+        ],
+    )
+    def test_the_plan_the_robot_and_the_arc_are_named(self, toy, plans, trails, message):
+        x = np.array([[plans[1]], [TrailPlan(trails)], [plans[2]]], dtype=object)
+        problem = BOTOHE(toy)
+        with pytest.raises(PlanError, match=f"^{re.escape(message)}"):
+            problem.evaluate(x)
+        with pytest.raises(PlanError, match=f"^{re.escape(message)}"):
+            Evaluator().eval(problem, Population.new(X=x))
+
+    def test_a_batch_for_another_team(self, toy):
+        with pytest.raises(PlanError, match="Expected 2 trails a plan"):
+            BOTOHE(toy).evaluate_batch(PlanBatch.from_plans([TrailPlan([[0]])], 1))
+
+
+class TestProblem:
+    def test_it_says_what_it_is(self, toy):
+        problem = BOTOHE(toy)
+        assert problem.mission is toy
+        assert problem.name() == "BOTOHE(toy)"
+        assert (problem.n_var, problem.n_obj, problem.n_constr) == (1, 2, 0)
+        assert problem.vtype is object
+        assert not problem.has_bounds()
+        assert not problem.has_constraints()
+
+    @pytest.mark.parametrize("mission", ["toy", None, nx.DiGraph(), Mission])
+    def test_it_needs_a_mission(self, mission):
+        with pytest.raises(TypeError, match=r"^Expected a Mission, got .*; load_mission"):
+            BOTOHE(mission)
+
+    def test_a_copy_shares_the_mission(self, toy, x):
+        problem = BOTOHE(toy)
+        again = copy.deepcopy(problem)
+        assert again is not problem
+        assert again.mission is toy
+        assert np.array_equal(again.evaluate(x), problem.evaluate(x))
+
+    @pytest.mark.parametrize("protocol", range(pickle.HIGHEST_PROTOCOL + 1))
+    def test_pickle(self, toy, x, protocol):
+        problem = BOTOHE(toy)
+        again = pickle.loads(pickle.dumps(problem, protocol))
+        assert again.mission == toy
+        assert again.name() == problem.name()
+        assert np.array_equal(again.evaluate(x), problem.evaluate(x))
+
+
+class Doubled(BOTOHE):
+    """Counts the robots that survive twice."""
+
+    def evaluate_batch(self, batch):
+        assert isinstance(batch, PlanBatch)
+        return super().evaluate_batch(batch) * [1, 2]
+
+
+class ShortOfTarget(BOTOHE):
+    """Plans below an expected reward are infeasible."""
+
+    def __init__(self, mission, target):
+        super().__init__(mission)
+        self.target = target
+        self.n_ieq_constr = 1
+
+    def _evaluate(self, x, out, *args, **kwargs):
+        super()._evaluate(x, out, *args, **kwargs)
+        out["G"] = self.target + out["F"][:, :1]
+
+
+class TestSubclasses:
+    def test_pymoo_sees_an_overridden_evaluate_batch(self, toy, x):
+        expected = np.array(EXPECTED) * [1, 2]
+        problem = Doubled(toy)
+        assert -problem.evaluate(x) == pytest.approx(expected)
+        population = Evaluator().eval(problem, Population.new(X=x))
+        assert -population.get("F") == pytest.approx(expected)
+
+    def test_so_do_foreign_algorithms(self, toy):
+        result = minimize(Doubled(toy), foreign(), ("n_gen", 3), seed=1)
+        expected = toy.evaluate(result.X) * [1, 2]
+        assert pytest.approx(expected) == -result.F
+
+    def test_constraints_can_be_added(self, toy, x):
+        f, g = ShortOfTarget(toy, 0.5).evaluate(x)
+        assert -f == pytest.approx(np.array(EXPECTED), abs=1e-15)
+        assert g.tolist() == [[pytest.approx(0.5 - reward)] for reward, _ in EXPECTED]
+
+
+class TestForeignAlgorithms:
+    @pytest.mark.parametrize("algorithm", [NSGA2, SPEA2])
+    def test_they_find_plans(self, toy, algorithm):
+        result = minimize(BOTOHE(toy), foreign(algorithm), ("n_gen", 12), seed=1)
+        assert result.X.shape == (len(result.F), 1)
+        assert result.X.dtype == object
+        assert all(type(plan) is TrailPlan for plan in result.X[:, 0])
+        assert len(set(result.X[:, 0])) == len(result.X)
+        assert np.array_equal(-result.F, toy.evaluate(result.X))
+        assert result.algorithm.evaluator.n_eval == 12 * 16
+
+    def test_they_get_better(self, toy):
+        areas = []
+
+        def note(algorithm):
+            areas.append(area_indicator(-algorithm.opt.get("F"), toy))
+
+        minimize(BOTOHE(toy), foreign(), ("n_gen", 12), seed=1, callback=note)
+        assert areas[-1] > 1.1 * areas[0]
+
+    def test_the_same_seed_gives_the_same_plans(self, toy):
+        one, other = (
+            minimize(BOTOHE(toy), foreign(), ("n_gen", 6), seed=3, copy_algorithm=True)
+            for _ in range(2)
+        )
+        assert one.X.tolist() == other.X.tolist()
+        assert np.array_equal(one.F, other.F)
+
+    def test_they_start_from_given_plans(self, toy, x):
+        result = minimize(BOTOHE(toy), foreign(sampling=x), ("n_gen", 1), seed=1)
+        found = set(result.pop.get("X")[:, 0])
+        assert found == set(x[:, 0])
+
+    def test_their_history_is_kept(self, toy):
+        result = minimize(BOTOHE(toy), foreign(), ("n_gen", 3), seed=1, save_history=True)
+        assert [len(past.pop) for past in result.history] == [16, 16, 16]
+        assert {past.problem.mission.name for past in result.history} == {"toy"}
+
+
+def columns(line):
+    return [cell.strip() for cell in line.split("|")]
+
+
+def printed(captured):
+    """The header and the rows that pymoo printed."""
+    lines = captured.readouterr().out.splitlines()
+    assert set(lines[0]) == set(lines[2]) == {"="}
+    return columns(lines[1]), [columns(line) for line in lines[3:]]
+
+
+class TestFrontOutput:
+    def test_by_hand(self, toy, x, capsys):
+        # The toy pays 10 to 2 robots, so its objective space is 20. The plans are all
+        # non-dominated: a staircase with the rewards 5.2 and a bit, 0.9 and 0.
+        sampled = foreign(sampling=x, output=FrontOutput())
+        minimize(BOTOHE(toy), sampled, ("n_gen", 1), seed=1, verbose=True)
+        header, rows = printed(capsys)
+        assert header == ["n_gen", "n_eval", "area", "max E[R]", "n_front"]
+        reward, survivors = EXPECTED[2]
+        area = (reward * survivors + 0.9 * (0.9**2 + 1 - survivors)) / 20
+        assert rows == [["1", "3", f"{area:.5f}", f"{reward:.7f}", "3"]]
+
+    def test_large_rewards(self, capsys):
+        graph = nx.DiGraph([("dock", "reef", {"survival": 0.5}), ("reef", "dock", {"survival": 1})])
+        nx.set_node_attributes(graph, {"dock": 0, "reef": 5000}, "reward")
+        mission = Mission(graph, base="dock", robots=1)
+        plans = [mission.plan([["dock", "reef", "dock"]]), mission.plan([["dock"]])]
+        sampled = foreign(sampling=mission.batch(plans).to_array(), output=FrontOutput())
+        minimize(BOTOHE(mission), sampled, ("n_gen", 1), seed=1, verbose=True)
+        assert printed(capsys)[1] == [["1", "2", "0.25000", "2.500E+03", "2"]]
+
+    def test_every_row_is_the_front_of_its_generation(self, toy, capsys):
+        fronts = []
+
+        def note(algorithm):
+            fronts.append(-algorithm.opt.get("F"))
+
+        algorithm = foreign(output=FrontOutput(), callback=note)
+        minimize(BOTOHE(toy), algorithm, ("n_gen", 5), seed=1, verbose=True)
+        rows = printed(capsys)[1]
+        assert len(rows) == len(fronts) == 5
+        for generation, (row, front) in enumerate(zip(rows, fronts, strict=True), start=1):
+            assert row[:2] == [str(generation), str(16 * generation)]
+            assert float(row[2]) == pytest.approx(area_indicator(front, toy), abs=1e-5)
+            assert float(row[3]) == pytest.approx(front[:, 0].max(), abs=1e-6)
+            assert row[4] == str(len(front))
+
+    def test_without_a_feasible_plan(self, toy, x, capsys):
+        sampled = foreign(sampling=x, output=FrontOutput())
+        result = minimize(ShortOfTarget(toy, 9.5), sampled, ("n_gen", 1), seed=1, verbose=True)
+        assert result.F is None
+        assert printed(capsys)[1] == [["1", "3", "0.0E+00", "-", "0"]]
+
+    def test_infeasible_plans_do_not_count(self, toy, x, capsys):
+        sampled = foreign(sampling=x, output=FrontOutput())
+        minimize(ShortOfTarget(toy, 0.95), sampled, ("n_gen", 1), seed=1, verbose=True)
+        reward, survivors = EXPECTED[2]
+        area = f"{reward * survivors / 20:.5f}"
+        assert printed(capsys)[1] == [["1", "3", area, f"{reward:.7f}", "1"]]
+
+    def test_before_there_is_any_plan(self, toy):
+        algorithm = foreign()
+        algorithm.setup(BOTOHE(toy), ("n_gen", 1), seed=1)
+        output = FrontOutput()
+        for optimum in (None, Population()):
+            algorithm.opt = optimum
+            output.update(algorithm)
+            assert columns(output.text())[2:] == ["0.0E+00", "-", "0"]
+
+    def test_pymoo_s_own_output_works_too(self, toy, capsys):
+        minimize(BOTOHE(toy), foreign(), ("n_gen", 3), seed=1, verbose=True)
+        assert "n_nds" in printed(capsys)[0]

@@ -1,0 +1,54 @@
+"""What the README and the guides show is what happens."""
+
+import contextlib
+import io
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+
+def blocks(path, language):
+    return re.findall(rf"^```{language}\n(.*?)^```$", path.read_text("utf-8"), re.M | re.S)
+
+
+def printed_by(code):
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        exec(compile(code, "example", "exec"), {})
+    return printed.getvalue()
+
+
+def test_the_library_use_prints_what_is_shown():
+    (code,) = blocks(ROOT / "README.md", "python")
+    assert len(code.strip().splitlines()) == 10
+    shown = blocks(ROOT / "README.md", "")[1]
+    printed = printed_by(code)
+    # Another machine's libm may lead the ants elsewhere: the numbers' form and size must agree.
+    area = re.search(r"\d+ plans, area (0\.\d{3})\n", printed)
+    assert float(area[1]) == pytest.approx(float(re.search(r"area (0\.\d+)", shown)[1]), abs=0.005)
+    assert [line.split()[0] for line in printed.splitlines()[-3:]] == [
+        "mean",
+        "reward",
+        "survivors",
+    ]
+    assert len(printed.splitlines()) == len(shown.splitlines())
+
+
+def test_the_two_commands_and_pictures_are_there():
+    text = (ROOT / "README.md").read_text("utf-8")
+    makefile = (ROOT / "Makefile").read_text("utf-8")
+    for command in re.findall(r"^make (\w+)", text, re.M):
+        assert re.search(rf"^{command}:", makefile, re.M)
+    assert {"demo", "test"} <= set(re.findall(r"^make (\w+)", text, re.M))
+    for target in re.findall(r"\]\(((?!http)[^)]+)\)", text):
+        assert (ROOT / target).exists(), target
+
+
+@pytest.mark.parametrize("guide", sorted((ROOT / "docs").glob("*.md")), ids=lambda path: path.stem)
+def test_guides_run(guide, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for code in blocks(guide, "python"):
+        printed_by(code)
