@@ -11,7 +11,8 @@ ROOT = Path(__file__).parents[1]
 
 
 def blocks(path, language):
-    return re.findall(rf"^```{language}\n(.*?)^```$", path.read_text("utf-8"), re.M | re.S)
+    fenced = re.findall(r"^```(\w*)\n(.*?)^```$", path.read_text("utf-8"), re.M | re.S)
+    return [text for found, text in fenced if found == language]
 
 
 def printed_by(code):

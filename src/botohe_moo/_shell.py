@@ -21,6 +21,7 @@ __all__ = [
     "failing",
     "run",
     "say",
+    "tell",
 ]
 
 FAILED = 1
@@ -55,6 +56,14 @@ def run(app: typer.Typer) -> NoReturn:
         say(f"there is not enough memory. {error}")
         status = FAILED
     sys.exit(status)
+
+
+def tell(message: object) -> None:
+    """Print something on standard output, for as long as somebody reads it."""
+    try:
+        typer.echo(message)
+    except BrokenPipeError:  # of which `| head` is no reason to lose a search
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def say(message: object) -> None:

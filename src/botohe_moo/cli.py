@@ -6,7 +6,6 @@ answers at once.
 
 from __future__ import annotations
 
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -39,6 +38,7 @@ try:
         failing,
         run,
         say,
+        tell,
     )
 except KeyboardInterrupt:
     raise SystemExit(130) from None
@@ -67,7 +67,7 @@ def _print_version(wanted: bool) -> None:
     if wanted:
         from importlib.metadata import version
 
-        typer.echo(f"botohe-moo {version('botohe-moo')}")
+        tell(f"botohe-moo {version('botohe-moo')}")
         raise typer.Exit
 
 
@@ -136,7 +136,7 @@ def _search_and_write(mission: Mission, algorithm: Algorithm, folder: Path, **ho
     with hold_interrupt() as stop:
         with failing():
             check_folder(folder)
-        typer.echo(f"{mission.title}: {brief(mission)}\n")
+        tell(f"{mission.title}: {brief(mission)}\n")
         try:
             solution = search(mission, algorithm, stop=stop, **how)
         except RefusalError as error:
@@ -145,15 +145,14 @@ def _search_and_write(mission: Mission, algorithm: Algorithm, folder: Path, **ho
             found = f"{solution.algorithm} found no plan in {solution.evaluations} evaluations"
             fail(f"{found}; nothing is written.", INTERRUPTED if stop.is_set() else FAILED)
         with hold_interrupt() as late:
-            with suppress(BrokenPipeError):  # the files are wanted even if nobody reads on
-                typer.echo(solution.describe())
+            tell(solution.describe())
             with failing(FAILED):
                 try:
                     paths = solution.write(folder)
                 except PictureError as error:
                     fail(f"{error} The tables are in {folder}.", FAILED)
     for path in paths:
-        typer.echo(f"wrote {path}")
+        tell(f"wrote {path}")
     if stop.is_set() or late.is_set():
         raise typer.Exit(INTERRUPTED)
 
@@ -183,9 +182,9 @@ def list_missions() -> None:
     from botohe_moo.mission import mission_names
     from botohe_moo.mission.library import describe_mission
 
-    typer.echo(listing((name, describe_mission(name)) for name in mission_names()))
-    typer.echo()
-    typer.echo(
+    tell(listing((name, describe_mission(name)) for name in mission_names()))
+    tell("")
+    tell(
         paragraph(
             "`botohe missions show NAME` tells more. Generators take parameters: "
             "`botohe missions show terrain -m nodes=50 -m seed=3`."
@@ -208,11 +207,11 @@ def show_mission(
         from botohe_moo.mission import load_mission
 
         loaded = load_mission(**source)
-    typer.echo(describe(loaded))
+    tell(describe(loaded))
     if picture is not None:
         with failing():
             _draw(loaded, picture)
-        typer.echo(f"wrote {picture}")
+        tell(f"wrote {picture}")
 
 
 def _draw(mission: Mission, picture: Path) -> None:
@@ -240,7 +239,7 @@ def check_missions(
             say(error)
             failed = True
         else:
-            typer.echo(f"{path}: a valid mission, {brief(loaded)}")
+            tell(f"{path}: a valid mission, {brief(loaded)}")
     if failed:
         raise typer.Exit(BAD_INPUT)
 
@@ -257,18 +256,18 @@ def algorithms(
 
     if name is None:
         names = algorithm_names()
-        typer.echo(listing((known, describe_algorithm(known)) for known in names))
-        typer.echo(f"\n{paragraph('`botohe algorithms NAME` shows the parameters of one.')}")
+        tell(listing((known, describe_algorithm(known)) for known in names))
+        tell(f"\n{paragraph('`botohe algorithms NAME` shows the parameters of one.')}")
         return
     with failing():
         parameters = algorithm_parameters(name)
         summary = describe_algorithm(name)
-    typer.echo(paragraph(f"{name}: {summary}" if summary else name))
+    tell(paragraph(f"{name}: {summary}" if summary else name))
     for parameter in parameters:
-        typer.echo(f"\n{parameter_text(parameter)}")
+        tell(f"\n{parameter_text(parameter)}")
     if given := next((known for known in parameters if known.plain), None):
         example = f"botohe solve MISSION -a {name} -p {parameter_example(given)}"
-        typer.echo(f"\nGive one as in `{example}`.")
+        tell(f"\nGive one as in `{example}`.")
 
 
 if __name__ == "__main__":

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -18,6 +19,9 @@ from botohe_moo._types import FloatArray
 from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import TrailPlan
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = ["PictureError", "Solution", "check_folder", "check_picture"]
 
@@ -126,7 +130,7 @@ class Solution:
         }
         return json.dumps(content, indent=1, default=_plain) + "\n"
 
-    def write(self, folder: Path) -> list[Path]:
+    def write(self, folder: str | os.PathLike[str]) -> list[Path]:
         """Write ``front.csv``, ``plans.json``, ``front.png`` and ``mission.png``.
 
         Each takes its place complete, or not at all. Should a picture fail, the tables are
@@ -149,6 +153,7 @@ class Solution:
         PictureError
             If a picture cannot be drawn.
         """
+        folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".botohe-", dir=folder) as made:
             draft = Path(made)
@@ -168,19 +173,22 @@ class Solution:
         (folder / _FILES[1]).write_text(self.to_json(), encoding="utf-8")
 
     def _draft_pictures(self, folder: Path) -> None:
-        from botohe_moo.plots import plot_front, plot_mission, save_plot
+        from botohe_moo.plots import plot_front, plot_mission
 
-        for name, draw in (
-            (_FILES[2], lambda: plot_front(self.objectives, self.mission)),
-            (_FILES[3], lambda: plot_mission(self.mission)),
-        ):
-            try:
-                save_plot(draw(), folder / name)
-            except OSError:
-                raise
-            except Exception as error:  # fonts may fail on what a mission's texts hold
-                reason = f"{type(error).__name__}: {error}".partition("\n")[0]
-                raise PictureError(f"{name} cannot be drawn ({reason}).") from error
+        _draw(folder / _FILES[2], plot_front, self.objectives, self.mission)
+        _draw(folder / _FILES[3], plot_mission, self.mission)
+
+
+def _draw(path: Path, plot: Callable[..., Axes], *shown: Any) -> None:
+    from botohe_moo.plots import save_plot
+
+    try:
+        save_plot(plot(*shown), path)
+    except OSError:
+        raise
+    except Exception as error:  # fonts may fail on what a mission's texts hold
+        reason = f"{type(error).__name__}: {str(error).strip()}".partition("\n")[0]
+        raise PictureError(f"{path.name} cannot be drawn ({reason}).") from error
 
 
 def check_folder(folder: Path) -> None:

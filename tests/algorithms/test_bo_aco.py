@@ -293,8 +293,9 @@ class TestPheromone:
         ({"reward_epsilon": 0}, r"Expected reward_epsilon > 0, got 0\."),
         ({"survival_epsilon": -1}, r"Expected survival_epsilon > 0, got -1\."),
         ({"unvisited_bonus": -0.1}, r"Expected unvisited_bonus >= 0, got -0\.1\."),
-        ({"exploration": float("inf")}, r"Expected exploration >= 0, got inf\."),
+        ({"exploration": float("inf")}, r"Expected exploration >= 0 and finite, got inf\."),
         ({"pooled_deposit": None}, r"Expected pooled_deposit to be true or false, got None\."),
+        ({"max_ties": 0}, r"Expected max_ties >= 1, got 0\."),
         ({"n_threads": 0}, r"Expected n_threads >= 1, got 0\."),
     ],
 )

@@ -1,5 +1,7 @@
 """The archive against a readable twin that remembers every plan it was ever shown."""
 
+from collections import Counter
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -78,6 +80,22 @@ def test_archive_is_the_front_of_all_it_was_shown(data):
         order = archive.objectives[:, 0]
         assert (np.diff(order) <= 0).all()
         assert (np.diff(archive.objectives[:, 1]) >= 0).all()
+
+
+@settings(max_examples=200)
+@given(st.data(), st.integers(1, 3))
+def test_no_more_ties_than_asked_for(data, max_ties):
+    objectives = draw_objectives(data)
+    archive, free = PlanArchive(3, max_ties=max_ties), PlanArchive(3)
+    for _ in range(3):
+        drawn = data.draw(st.lists(st.integers(0, len(PLANS) - 1), min_size=1, max_size=8))
+        batch = PlanBatch.from_plans([PLANS[i] for i in drawn], 3)
+        for one in (archive, free):
+            one.absorb(batch, fake_arcs(batch), objectives[drawn])
+        all_ties = Counter(map(tuple, free.objectives.tolist()))
+        kept = Counter(map(tuple, archive.objectives.tolist()))
+        assert kept == {key: min(n, max_ties) for key, n in all_ties.items()}
+        assert set(archive.plans) <= set(free.plans)
 
 
 @given(st.data())

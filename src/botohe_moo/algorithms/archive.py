@@ -16,16 +16,19 @@ __all__ = ["PlanArchive"]
 class PlanArchive:
     """Non-dominated plans by descending expected reward.
 
-    Plans with equal objectives but different trails all stay; repeated plans are dropped.
+    Plans with equal objectives but different trails stay; repeated plans are dropped.
 
     Parameters
     ----------
     n_robots
         Trails per plan.
+    max_ties
+        Plans with equal objectives that are kept, the first ones found.
     """
 
-    def __init__(self, n_robots: int) -> None:
+    def __init__(self, n_robots: int, *, max_ties: int = 1_000) -> None:
         self.n_robots = n_robots
+        self.max_ties = max_ties
         self._objectives: FloatArray = np.empty((0, 2))
         self._hashes: SeedArray = np.empty(0, np.uint64)
         self._ids: OffsetArray = np.empty(0, np.int64)
@@ -100,6 +103,7 @@ class PlanArchive:
             self._arcs,
             self._offsets,
             self._next_id,
+            self.max_ties,
         )
         if n_entered:
             self._next_id += n_entered

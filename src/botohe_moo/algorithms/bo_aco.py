@@ -76,6 +76,9 @@ class BOACO(Algorithm):
     pooled_deposit
         Whether both Pareto sets deposit as one multiset, divided by its size P, or one after the
         other, each divided by its own size.
+    max_ties
+        Plans with equal objectives but different trails that the archive keeps, at least 1. The
+        journal version keeps all; where nothing is dangerous those have no end.
     n_threads
         Threads that build plans, at least 1; the result does not depend on it.
     sampling
@@ -126,6 +129,7 @@ class BOACO(Algorithm):
         unvisited_bonus: float = 0.0,
         exploration: float = 0.0,
         pooled_deposit: bool = True,
+        max_ties: int = 1_000,
         n_threads: int = 1,
         sampling: Iterable[TrailPlan] | ObjectArray | None = None,
         **options: Any,
@@ -151,6 +155,7 @@ class BOACO(Algorithm):
         self.unvisited_bonus = check_number("unvisited_bonus", unvisited_bonus, at_least=0)
         self.exploration = check_number("exploration", exploration, at_least=0)
         self.pooled_deposit = check_flag("pooled_deposit", pooled_deposit)
+        self.max_ties = check_integer("max_ties", max_ties, at_least=1)
         self.n_threads = check_integer("n_threads", n_threads, at_least=1)
         self.sampling = sampling
         self.archive = PlanArchive(1)
@@ -257,7 +262,7 @@ class BOACO(Algorithm):
             n_threads=self.n_threads,
             random_state=self.random_state,
         )
-        self.archive = PlanArchive(mission.robots)
+        self.archive = PlanArchive(mission.robots, max_ties=self.max_ties)
 
     def advance(self, infills: Population | None = None, **_: Any) -> Result | None:  # noqa: ARG002
         """Run one iteration; pymoo's ``next`` calls this.

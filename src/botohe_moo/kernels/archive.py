@@ -80,8 +80,11 @@ def newcomers(
     hashes: SeedArray,
     archived: FloatArray,
     archived_hashes: SeedArray,
+    max_ties: int,
 ) -> OffsetArray:
     """Tell which of a batch's Pareto set the archive neither dominates nor holds already.
+
+    Of plans with equal objectives those that would be more than ``max_ties`` are left out.
 
     Returns
     -------
@@ -91,9 +94,11 @@ def newcomers(
     found = np.empty(len(members), np.int64)
     n = 0
     n_archived = len(archived)
-    rank = 0
+    rank = ties = 0
     for i in range(len(members)):
         reward, survivors = objectives[members[i], 0], objectives[members[i], 1]
+        if i == 0 or reward != objectives[members[i - 1], 0]:
+            ties = 0
         while rank < n_archived and archived[rank, 0] >= reward:
             rank += 1
         if rank > 0:
@@ -107,10 +112,12 @@ def newcomers(
                 while j >= 0 and archived[j, 0] == reward:
                     known = known or archived_hashes[j] == hashes[i]
                     j -= 1
-                if known:
+                if known or ties + rank - 1 - j >= max_ties:
                     continue
-        found[n] = i
-        n += 1
+        if ties < max_ties:
+            found[n] = i
+            n += 1
+            ties += 1
     return found[:n]
 
 
@@ -212,6 +219,7 @@ def absorb(
     archived_arcs: IntArray,
     archived_offsets: OffsetArray,
     next_id: int,
+    max_ties: int,
 ) -> tuple[OffsetArray, int, FloatArray, SeedArray, OffsetArray, IntArray, IntArray, OffsetArray]:
     """Find a batch's Pareto set and take into the archive what belongs there.
 
@@ -222,7 +230,7 @@ def absorb(
         in ``merge`` (the same arrays when nothing entered).
     """
     members, hashes = pareto_set(objectives, nodes, offsets, n_robots)
-    entering = newcomers(objectives, members, hashes, archived, archived_hashes)
+    entering = newcomers(objectives, members, hashes, archived, archived_hashes, max_ties)
     if len(entering) > 0:
         (
             archived,

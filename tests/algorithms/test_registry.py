@@ -1,0 +1,332 @@
+"""Algorithms by name: those of this package and those that others register."""
+
+import inspect
+import sys
+import textwrap
+
+import pytest
+from pymoo.core.algorithm import Algorithm
+from pymoo.optimize import minimize
+
+from botohe_moo import BOACO, BOTOHE, RandomTrails, algorithm_names, load_mission, make_algorithm
+from botohe_moo import _plugins as plugins
+from botohe_moo.algorithms.registry import algorithm_parameters, describe_algorithm
+
+# Other packages may be installed beside this one; these names are its own.
+OURS = {"bo-aco": BOACO, "random": RandomTrails}
+
+# Parameters of BO-ACO and their defaults: section 6 of the design.
+BO_ACO = {
+    "n_ants": 100,
+    "evaporation": 0.04,
+    "heuristic": True,
+    "pheromone": True,
+    "pheromone_per_robot": False,
+    "initial_pheromone": 1.0,
+    "reward_epsilon": 0.05,
+    "survival_epsilon": 0.01,
+    "unvisited_bonus": 0.0,
+    "exploration": 0.0,
+    "pooled_deposit": True,
+    "n_threads": 1,
+    "sampling": None,
+}
+JOURNAL = {
+    "evaporation": 0.1,
+    "initial_pheromone": "bounds",
+    "unvisited_bonus": 0.05,
+    "exploration": 0.01,
+    "pooled_deposit": False,
+}
+
+REEF = '''
+    import functools
+    from botohe_moo import BOACO
+
+    journal = BOACO.journal
+
+    def reef(*, depth: "int" = 3, width, note: float | None = None, **others):
+        """Swim past the reef,
+        and back.
+
+        More of it.
+
+        Parameters
+        ----------
+        depth, width
+            How far
+            it reaches.
+        note
+            What one says of it.
+
+        Notes
+        -----
+        note
+            Not this.
+        """
+        if depth < 1:
+            raise ValueError(f"Expected depth >= 1, got {depth}.")
+        return BOACO(n_ants=depth + width, **others)
+
+    small = functools.partial(reef, width=2)
+
+    def bare(n_ants, /):
+        return BOACO(n_ants=n_ants)
+
+    def lagoon():
+        return 3
+
+    nothing = dict  # whose signature Python cannot tell
+'''
+
+
+@pytest.fixture
+def install(tmp_path, monkeypatch):
+    """Install a package with entry points, as pip would."""
+    monkeypatch.syspath_prepend(str(tmp_path))
+
+    def install(package, code, **entries):
+        module = package.replace("-", "_")
+        (tmp_path / f"{module}.py").write_text(textwrap.dedent(code))
+        info = tmp_path / f"{module}-1.0.dist-info"
+        info.mkdir()
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n")
+        lines = [
+            f"{name.replace('_', '-')} = {module}:{target}" for name, target in entries.items()
+        ]
+        (info / "entry_points.txt").write_text("\n".join(["[botohe_moo.algorithms]", *lines]))
+        monkeypatch.delitem(sys.modules, module, raising=False)
+
+    return install
+
+
+def defaults(parameters):
+    return {name: parameter.default for name, parameter in parameters.items()}
+
+
+def stated(name):
+    return {parameter.name: parameter for parameter in algorithm_parameters(name)}
+
+
+class TestOurs:
+    def test_names(self):
+        names = algorithm_names()
+        assert set(names) >= set(OURS)
+        assert list(names) == sorted(names)
+
+    @pytest.mark.parametrize(("name", "kind"), OURS.items())
+    def test_each_is_made(self, name, kind):
+        assert type(make_algorithm(name)) is kind
+
+    @pytest.mark.parametrize("name", algorithm_names())
+    def test_each_solves_and_says_what_it_is(self, name):
+        algorithm = make_algorithm(name)
+        assert isinstance(algorithm, Algorithm)
+        mission = load_mission("toy")
+        result = minimize(BOTOHE(mission), algorithm, ("n_eval", 200), seed=1)
+        assert mission.evaluate(result.X) == pytest.approx(-result.F)
+        assert describe_algorithm(name)
+        for parameter in algorithm_parameters(name):
+            assert parameter.description, parameter.name
+            assert parameter.annotation, parameter.name
+
+    def test_parameters_are_handed_over(self):
+        algorithm = make_algorithm("bo-aco", n_ants=7, evaporation=0.5, initial_pheromone="bounds")
+        assert algorithm.n_ants == 7
+        assert algorithm.evaporation == 0.5
+        assert algorithm.initial_pheromone == "bounds"
+        assert make_algorithm("random", n_ants=7).n_ants == 7
+
+    def test_a_parameter_may_be_called_name(self):
+        with pytest.raises(ValueError, match=r"'bo-aco': there is no parameter 'name'; known"):
+            make_algorithm("bo-aco", name=3)
+
+
+class TestParameters:
+    def test_bo_aco_states_its_own(self):
+        parameters = stated("bo-aco")
+        assert defaults(parameters).items() >= BO_ACO.items()
+        signature = inspect.signature(BOACO).parameters.values()
+        assert list(parameters) == [p.name for p in signature if p.kind is p.KEYWORD_ONLY]
+        assert parameters["evaporation"].description == (
+            "Share ρ of the pheromone that evaporates in an iteration, in (0, 1)."
+        )
+        assert parameters["initial_pheromone"].annotation == 'float | Literal["bounds"]'
+
+    def test_only_what_takes_no_python_objects_is_plain(self):
+        plain = {name: parameter.plain for name, parameter in stated("bo-aco").items()}
+        assert plain == {name: name != "sampling" for name in plain}
+
+    def test_a_factory_states_what_it_changes_and_its_class_the_rest(self, install):
+        install("reef-algorithms", REEF, journal="journal")
+        parameters = stated("journal")
+        assert defaults(parameters) == defaults(stated("bo-aco")) | JOURNAL
+        assert all(parameter.description for parameter in parameters.values())
+        assert "(0, 1)" in parameters["evaporation"].description
+        colony = make_algorithm("journal", n_ants=5)
+        assert (colony.n_ants, colony.evaporation, colony.exploration) == (5, 0.1, 0.01)
+        assert make_algorithm("journal", evaporation=0.2).evaporation == 0.2
+
+    def test_of_another_package(self, install):
+        install("reef-algorithms", REEF, reef="reef", small="small", bare="bare", nothing="nothing")
+        parameters = stated("reef")
+        assert list(parameters) == ["depth", "width", "note"]
+        depth, width, note = parameters.values()
+        assert (depth.default, depth.annotation, depth.required) == (3, "int", False)
+        assert (width.default, width.annotation) == (inspect.Parameter.empty, "")
+        assert width.required
+        assert width.plain  # for all one knows
+        assert (note.default, note.annotation, note.plain) == (None, "float | None", True)
+        assert [p.description for p in parameters.values()] == [
+            "How far it reaches.",
+            "How far it reaches.",
+            "What one says of it.",
+        ]
+        assert describe_algorithm("reef") == "Swim past the reef, and back."
+        assert stated("small")["width"].default == 2
+        assert describe_algorithm("small") == describe_algorithm("reef")
+        assert stated("bare") == stated("nothing") == {}
+        assert describe_algorithm("bare") == ""
+
+    @pytest.mark.parametrize("function", [algorithm_parameters, describe_algorithm])
+    def test_of_an_unknown_one(self, function):
+        with pytest.raises(ValueError, match=r"^Algorithm 'bo': there is no such algorithm; known"):
+            function("bo")
+
+
+class TestRefusals:
+    def test_unknown_name_lists_the_nearest_first(self):
+        for name, nearest in (("boaco", "bo-aco"), ("randon", "random")):
+            with pytest.raises(ValueError, match="no such algorithm") as caught:
+                make_algorithm(name)
+            message = str(caught.value)
+            assert message.startswith(
+                f"Algorithm {name!r}: there is no such algorithm; known are {nearest}, "
+            )
+            assert all(known in message for known in OURS)
+
+    def test_unknown_parameter_lists_the_nearest_first(self):
+        with pytest.raises(ValueError, match="no parameter") as caught:
+            make_algorithm("bo-aco", n_ant=3)
+        message = str(caught.value)
+        assert message.startswith(
+            "Algorithm 'bo-aco': there is no parameter 'n_ant'; known are n_ants, "
+        )
+        assert all(name in message for name in BO_ACO)
+        with pytest.raises(ValueError, match="no parameter 'n_ant' or 'evaporatio'; known"):
+            make_algorithm("bo-aco", n_ant=3, evaporatio=0.1)
+
+    @pytest.mark.parametrize("option", ["verbose", "callback", "termination", "seed"])
+    def test_options_of_pymoo_are_for_minimize(self, option):
+        with pytest.raises(ValueError, match=f"no parameter '{option}'"):
+            make_algorithm("bo-aco", **{option: None})
+
+    @pytest.mark.parametrize(
+        ("parameters", "message"),
+        [
+            ({"evaporation": 1.3}, "Expected evaporation in (0, 1), got 1.3."),
+            ({"evaporation": 0}, "Expected evaporation in (0, 1), got 0."),
+            ({"evaporation": "much"}, "Expected evaporation in (0, 1), got 'much'."),
+            ({"n_ants": 0}, "Expected n_ants >= 1, got 0."),
+            ({"n_ants": 2.5}, "Expected n_ants to be an integer >= 1, got 2.5."),
+            ({"heuristic": 1}, "Expected heuristic to be true or false, got 1."),
+            ({"exploration": -1}, "Expected exploration >= 0, got -1."),
+            ({"initial_pheromone": "x"}, "Expected initial_pheromone > 0 or 'bounds', got 'x'."),
+        ],
+    )
+    def test_values_out_of_their_range(self, parameters, message):
+        with pytest.raises(ValueError, match="Expected") as caught:
+            make_algorithm("bo-aco", **parameters)
+        assert str(caught.value) == f"Algorithm 'bo-aco': {message}"
+
+    def test_nothing_registered(self, monkeypatch):
+        monkeypatch.setattr(plugins, "entry_points", lambda group: [])
+        assert algorithm_names() == ()
+        with pytest.raises(ValueError, match="is the package botohe-moo installed"):
+            make_algorithm("bo-aco")
+
+
+class TestOtherPackages:
+    def test_algorithms_of_another_package(self, install):
+        install("reef-algorithms", REEF, reef="reef", deep_sea="small")
+        assert {"reef", "deep-sea", "bo-aco"} <= set(algorithm_names())
+        assert make_algorithm("reef", width=4, depth=5).n_ants == 9
+        assert make_algorithm("deep-sea", depth=5).n_ants == 7
+
+    def test_their_parameters_are_checked(self, install):
+        install("reef-algorithms", REEF, reef="reef", bare="bare")
+        with pytest.raises(ValueError, match=r"^Algorithm 'reef': missing a required .*'width'"):
+            make_algorithm("reef")
+        with pytest.raises(ValueError, match=r"^Algorithm 'bare': missing a required .*'n_ants'"):
+            make_algorithm("bare")
+        with pytest.raises(ValueError, match=r"'widht'; known are width, "):
+            make_algorithm("reef", widht=3)
+        with pytest.raises(ValueError, match=r"^Algorithm 'reef': Expected depth >= 1, got 0\.$"):
+            make_algorithm("reef", width=1, depth=0)
+        with pytest.raises(ValueError, match=r"^Algorithm 'reef': .*not supported between") as told:
+            make_algorithm("reef", width=1, depth="deep")
+        assert isinstance(told.value.__cause__, TypeError)
+
+    def test_what_is_not_stated_is_not_accepted(self, install):
+        install("reef-algorithms", REEF, reef="reef", nothing="nothing")
+        with pytest.raises(ValueError, match="no parameter 'evaporation'"):
+            make_algorithm("reef", width=3, evaporation=0.5)
+        with pytest.raises(ValueError, match="no parameter 'depth'"):
+            make_algorithm("nothing", depth=3)
+
+    def test_something_else_than_an_algorithm(self, install):
+        install("reef-algorithms", REEF, lagoon="lagoon", nothing="nothing")
+        with pytest.raises(ValueError, match=r"^Algorithm 'lagoon': expected a pymoo .* got 3\.$"):
+            make_algorithm("lagoon")
+        with pytest.raises(ValueError, match=r"expected a pymoo Algorithm, got \{\}\.$"):
+            make_algorithm("nothing")
+
+    @pytest.mark.parametrize(
+        ("code", "found"),
+        [
+            ("import no_such_module", "ModuleNotFoundError: No module named 'no_such_module'"),
+            ("def (", "SyntaxError"),
+            ("1 / 0", "ZeroDivisionError"),
+            ("", "AttributeError"),
+            ("broken = 3", "bad_algorithms:broken of package bad-algorithms to be a function"),
+        ],
+    )
+    def test_broken_ones_are_left_out_with_a_warning(self, install, code, found):
+        install("bad-algorithms", code, broken="broken")
+        with pytest.warns(UserWarning, match="left out") as warned:
+            names = algorithm_names()
+        assert "bo-aco" in names
+        assert "broken" not in names
+        (message,) = [str(warning.message) for warning in warned]
+        assert message.startswith("Algorithm 'broken': ")
+        assert "bad_algorithms:broken of package bad-algorithms" in message
+        assert found in message
+        for function in (make_algorithm, algorithm_parameters, describe_algorithm):
+            with pytest.raises(ValueError, match=r"^Algorithm 'broken': ") as caught:
+                function("broken")
+            assert found in str(caught.value)
+
+    @pytest.mark.filterwarnings("error")
+    def test_broken_ones_fail_only_what_uses_them(self, install):
+        install("bad-algorithms", "1 / 0", broken="broken")
+        assert isinstance(make_algorithm("bo-aco"), BOACO)
+        with pytest.raises(ValueError, match=r"no such algorithm; known are .*broken"):
+            make_algorithm("brokem")
+
+    def test_two_packages_claim_one_name(self, install):
+        install("reef-algorithms", REEF, reef="reef")
+        install("Rival_Algorithms", REEF, reef="small")
+        with pytest.warns(UserWarning, match="'reef': the packages .* both register this name"):
+            assert "reef" not in algorithm_names()
+        with pytest.raises(ValueError, match="both register this name") as caught:
+            make_algorithm("reef", width=2)
+        assert "reef-algorithms" in str(caught.value)
+        assert "rival-algorithms" in str(caught.value)
+
+    def test_a_package_claims_one_of_ours(self, install):
+        install("reef-algorithms", REEF, bo_aco="lagoon")
+        warning = "Algorithm 'bo-aco' of package reef-algorithms is left out: botohe-moo has it"
+        with pytest.warns(UserWarning, match=warning):
+            assert isinstance(make_algorithm("bo-aco"), BOACO)
+        with pytest.warns(UserWarning, match=warning):
+            assert "bo-aco" in algorithm_names()
