@@ -75,6 +75,7 @@ class TestByHand:
     def test_what_is_below_the_origin_adds_nothing(self):
         assert area_indicator([(4, 1), (9, -1), (-3, 2)], quay()) == 4 / 20
         assert area_indicator([(4, 1), (-np.inf, -np.inf)], quay()) == 4 / 20
+        assert area_indicator([(-np.inf, -np.inf)], quay()) == 0.0
 
     def test_the_bounds_are_those_of_the_mission(self):
         assert area_indicator([(4, 1)], quay(reward=20)) == 4 / 40

@@ -356,6 +356,15 @@ class TestFrontOutput:
         area = f"{reward * survivors / 20:.5f}"
         assert printed(capsys)[1] == [["1", "3", area, f"{reward:.7f}", "1"]]
 
+    def test_infeasible_plans_in_the_optimum_do_not_count(self, toy, x):
+        algorithm = foreign()
+        algorithm.setup(ShortOfTarget(toy, 0.95), ("n_gen", 1), seed=1)
+        algorithm.opt = Evaluator().eval(algorithm.problem, Population.new(X=x))
+        assert algorithm.opt.get("feas").tolist() == [False, False, True]
+        output = FrontOutput()
+        output.update(algorithm)
+        assert columns(output.text())[3:] == [f"{EXPECTED[2][0]:.7f}", "1"]
+
     def test_before_there_is_any_plan(self, toy):
         algorithm = foreign()
         algorithm.setup(BOTOHE(toy), ("n_gen", 1), seed=1)

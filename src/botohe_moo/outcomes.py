@@ -44,6 +44,11 @@ class Outcomes:
         Its columns are mean, std, q05, median, q95, cvar (mean of the worst share ``alpha``) and
         exact.
 
+        Parameters
+        ----------
+        alpha
+            Share in (0, 1].
+
         Raises
         ------
         ValueError
@@ -65,7 +70,24 @@ def plan_outcomes(
     n_samples: int = 100_000,
     random_state: int | np.random.Generator | None = None,
 ) -> Outcomes:
-    """Give both distributions; the options are those of ``reward_distribution``."""
+    """Give the distributions of the team reward and of the number of survivors.
+
+    Parameters
+    ----------
+    mission, plan
+        A mission and one of its plans.
+    max_outcomes, n_samples, random_state
+        As for ``reward_distribution``.
+
+    Raises
+    ------
+    PlanError
+        If the mission does not allow the plan.
+    TypeError
+        If ``plan`` is no TrailPlan.
+    ValueError
+        If ``max_outcomes`` or ``n_samples`` is no integer of at least 1.
+    """
     reward = reward_distribution(
         mission, plan, max_outcomes=max_outcomes, n_samples=n_samples, random_state=random_state
     )
@@ -78,6 +100,11 @@ def survivors_distribution(mission: Mission, plan: TrailPlan) -> Distribution:
     Robots survive independently, so it is Poisson-binomial; the robots' own distributions are
     convolved one after another: Barlow and Heidmann, "Computing k-out-of-n system reliability",
     IEEE Transactions on Reliability R-33, 1984.
+
+    Parameters
+    ----------
+    mission, plan
+        A mission and one of its plans.
 
     Raises
     ------

@@ -151,7 +151,7 @@ class TestParameters:
         assert parameters["evaporation"].description == (
             "Share ρ of the pheromone that evaporates in an iteration, in (0, 1)."
         )
-        assert parameters["initial_pheromone"].annotation == 'float | Literal["bounds"]'
+        assert parameters["initial_pheromone"].annotation == "float | Literal['bounds']"
 
     def test_only_what_takes_no_python_objects_is_plain(self):
         plain = {name: parameter.plain for name, parameter in stated("bo-aco").items()}

@@ -228,6 +228,18 @@ class BOACO(Algorithm):
 
         Without any termination the run ends after 100 000 evaluations: pymoo's default would
         look for convergence in the design space, which trail plans do not have.
+
+        Parameters
+        ----------
+        problem
+            What to solve.
+        **kwargs
+            pymoo's options, such as ``termination`` and ``seed``.
+
+        Raises
+        ------
+        TypeError
+            If ``problem`` is no :class:`BOTOHE`.
         """
         if not isinstance(problem, BOTOHE):
             raise TypeError(f"Expected a BOTOHE problem, got {type(problem).__name__}.")
@@ -269,6 +281,13 @@ class BOACO(Algorithm):
 
         As pymoo's own, but for what it returns before the end: not the current optimum, which
         would then be made into a population in every iteration, whether somebody looks or not.
+
+        Parameters
+        ----------
+        infills
+            None: ants do not ask pymoo to evaluate.
+        **_
+            Nothing else is used.
         """
         if self.is_initialized:
             self._advance()

@@ -51,7 +51,17 @@ class MissionArrays:
 
     @classmethod
     def of(cls, graph: nx.DiGraph[Any], index: dict[Any, int], base: Hashable) -> MissionArrays:
-        """Compile a valid graph; ``index`` numbers its nodes in their order."""
+        """Compile a valid graph.
+
+        Parameters
+        ----------
+        graph
+            A mission's graph.
+        index
+            The number of each node, in the graph's order.
+        base
+            Label of the base.
+        """
         labelled: Iterable[tuple[Any, Any, float]] = graph.edges(data="survival")
         arcs = sorted((index[u], index[v], s) for u, v, s in labelled)
         tail = np.array([u for u, _, _ in arcs], np.int32)

@@ -104,6 +104,11 @@ class Mission:
     def with_robots(self, robots: int) -> Mission:
         """Give the same mission for a team of another size.
 
+        Parameters
+        ----------
+        robots
+            Team size, at least 1.
+
         Raises
         ------
         MissionError
@@ -116,7 +121,12 @@ class Mission:
         return other
 
     def index(self, label: Hashable) -> int:
-        """Give the index by which kernels know the node ``label``.
+        """Give the index by which kernels know a node.
+
+        Parameters
+        ----------
+        label
+            The node's label.
 
         Raises
         ------
@@ -167,7 +177,12 @@ class Mission:
         return indices
 
     def labels(self, plan: TrailPlan) -> tuple[tuple[Any, ...], ...]:
-        """Give the trails of ``plan`` as node labels, robot by robot.
+        """Give the trails of a plan as node labels, robot by robot.
+
+        Parameters
+        ----------
+        plan
+            A plan of this mission.
 
         Raises
         ------
@@ -235,6 +250,11 @@ class Mission:
 
     def batch(self, plans: Iterable[TrailPlan] | ObjectArray) -> PlanBatch:
         """Pack plans for this mission's team.
+
+        Parameters
+        ----------
+        plans
+            Trail plans: any iterable of them, or an array such as ``result.X``.
 
         Raises
         ------

@@ -19,6 +19,13 @@ __all__ = ["MissionError", "mission_faults", "team_size_fault"]
 class MissionError(ValueError):
     """A mission that cannot be planned for.
 
+    Parameters
+    ----------
+    faults
+        Everything that is wrong, each naming a node or an arc and the value found.
+    source
+        What is spoken of, to begin the message with.
+
     Attributes
     ----------
     faults : tuple of str

@@ -154,6 +154,13 @@ def save_figure(fig: Figure, path: str | os.PathLike[str], *, dpi: int = DPI) ->
 def save_plot(ax: Axes, path: str | os.PathLike[str]) -> None:
     """Write the figure that ``ax`` is in, as ``save_figure`` does, and close it.
 
+    Parameters
+    ----------
+    ax
+        A plot, the only one in its figure or one of several.
+    path
+        PNG file to write or to replace; its folder exists already.
+
     Raises
     ------
     ValueError

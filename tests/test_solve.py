@@ -1,0 +1,428 @@
+"""Searching from Python, and what becomes of the solution."""
+
+import csv
+import json
+import signal
+import threading
+from pathlib import Path
+
+import networkx as nx
+import numpy as np
+import pandas as pd
+import pytest
+from pymoo.core.algorithm import Algorithm
+from pymoo.core.individual import Individual
+from pymoo.core.population import Population
+
+from botohe_moo import BOACO, BOTOHE, Mission, area_indicator, load_mission, make_algorithm, plots
+from botohe_moo._console import hold_interrupt
+from botohe_moo.solution import PictureError, Solution, check_folder, check_picture
+from botohe_moo.solve import RefusalError, search
+
+FILES = ["front.csv", "front.png", "mission.png", "plans.json"]
+
+
+@pytest.fixture(scope="module")
+def toy():
+    return load_mission("toy")
+
+
+@pytest.fixture(scope="module")
+def solution(toy):
+    return search(toy, make_algorithm("bo-aco"), evaluations=250, seed=3, name="bo-aco")
+
+
+@pytest.fixture
+def interruptible():
+    """Let Ctrl-C do what it usually does, even if whoever runs the tests ignores it."""
+    usual = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, usual)
+
+
+def names_in(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def pressing(*iterations):
+    """A callback that presses Ctrl-C after some iterations."""
+    return lambda algorithm: algorithm.n_iter in iterations and signal.raise_signal(signal.SIGINT)
+
+
+def solution_of(mission, plans, **changed):
+    """A solution with these plans, given as node labels."""
+    plans = tuple(mission.plan(trails) for trails in plans)
+    given = {
+        "mission": mission,
+        "plans": plans,
+        "objectives": mission.evaluate(plans),
+        "algorithm": "by hand",
+        "parameters": {},
+        "seed": 1,
+        "evaluations": len(plans),
+        "seconds": 0.0,
+        "interrupted": False,
+    }
+    return Solution(**{**given, **changed})
+
+
+def pair(base, other, **attributes):
+    """A mission of two nodes with these labels."""
+    graph = nx.DiGraph()
+    graph.add_node(base, reward=0, **attributes)
+    graph.add_node(other, reward=2)
+    graph.add_edge(base, other, survival=0.5)
+    graph.add_edge(other, base, survival=0.5)
+    return Mission(graph, base=base, robots=1)
+
+
+class TestSearch:
+    def test_front(self, toy, solution):
+        front = solution.front
+        assert isinstance(front, pd.DataFrame)
+        assert list(front.columns) == ["plan_id", "reward", "survivors"]
+        assert list(front["plan_id"]) == list(range(len(solution.plans)))
+        assert front[["reward", "survivors"]].to_numpy().tolist() == solution.objectives.tolist()
+        assert np.array_equal(toy.evaluate(solution.plans), solution.objectives)
+        assert (np.diff(front["reward"]) <= 0).all()
+        assert (np.diff(front["survivors"]) >= 0).all()
+        assert len(set(solution.plans)) == len(solution.plans) > 3
+
+    def test_record(self, toy, solution):
+        assert solution.mission is toy
+        assert (solution.algorithm, solution.seed, solution.parameters) == ("bo-aco", 3, {})
+        assert solution.seconds > 0
+        assert not solution.interrupted
+        assert solution.area == area_indicator(solution.objectives, toy) > 0.5
+        assert search(toy, BOACO(), evaluations=1).algorithm == "BOACO"
+
+    @pytest.mark.parametrize("evaluations", [1, 99, 100, 101, 250])
+    def test_the_budget_is_exact(self, toy, evaluations, monkeypatch):
+        counted = []
+        evaluate = BOTOHE.evaluate_batch
+        monkeypatch.setattr(
+            BOTOHE, "evaluate_batch", lambda self, b: counted.append(len(b)) or evaluate(self, b)
+        )
+        found = search(toy, BOACO(), evaluations=evaluations)
+        assert found.evaluations == sum(counted) == evaluations
+        assert not found.interrupted
+
+    def test_the_seed_decides(self, toy, solution):
+        again, other = (
+            search(toy, make_algorithm("bo-aco"), evaluations=250, seed=seed) for seed in (3, 4)
+        )
+        assert [p.trails for p in again.plans] == [p.trails for p in solution.plans]
+        assert again.objectives.tobytes() == solution.objectives.tobytes()
+        assert set(other.plans) != set(solution.plans)
+
+    def test_off_the_main_thread(self, toy, solution):
+        handler = signal.getsignal(signal.SIGINT)
+        found = []
+        thread = threading.Thread(
+            target=lambda: found.append(
+                search(toy, make_algorithm("bo-aco"), evaluations=250, seed=3)
+            )
+        )
+        thread.start()
+        thread.join()
+        assert found[0].objectives.tobytes() == solution.objectives.tobytes()
+        assert signal.getsignal(signal.SIGINT) is handler
+
+    def test_nothing_is_printed_where_there_is_no_terminal(self, toy, capfd, monkeypatch):
+        monkeypatch.setenv("FORCE_COLOR", "1")
+        search(toy, BOACO(), evaluations=100)
+        assert capfd.readouterr() == ("", "")
+
+    @pytest.mark.parametrize(
+        ("options", "message"),
+        [
+            ({"evaluations": 0}, r"Expected evaluations >= 1, got 0\."),
+            ({"evaluations": 2.5}, r"Expected evaluations to be an integer >= 1, got 2\.5\."),
+            ({"seed": -1}, r"Expected seed >= 0, got -1\."),
+            ({"seed": "x"}, r"Expected seed to be an integer >= 0, got 'x'\."),
+        ],
+    )
+    def test_bad_options(self, toy, options, message):
+        with pytest.raises(ValueError, match=message):
+            search(toy, BOACO(), **options)
+
+    def test_an_algorithm_runs_once(self, toy):
+        algorithm = BOACO()
+        search(toy, algorithm, evaluations=100)
+        with pytest.raises(ValueError, match="has not run yet, got 'BOACO' after a run"):
+            search(toy, algorithm, evaluations=100)
+
+    def test_an_algorithm_may_refuse_the_mission(self, toy):
+        class Picky(BOACO):
+            def _setup(self, problem, **_):
+                raise ValueError("Expected at most 3 nodes, got 5.")
+
+        with pytest.raises(RefusalError, match=r"^Algorithm 'picky': Expected at most 3 nodes"):
+            search(toy, Picky(), name="picky")
+
+
+class Given(Algorithm):
+    """Has found what it was given."""
+
+    def __init__(self, opt):
+        super().__init__()
+        self.given = opt
+
+    def _initialize_advance(self, **_):
+        self.evaluator.n_eval += 7
+
+    _advance = _initialize_advance
+
+    def _set_optimum(self):
+        self.opt = self.given
+
+
+class TestWhatOtherAlgorithmsFind:
+    def test_only_what_is_feasible_and_not_dominated(self, toy):
+        trails = [[[1, 2, 1], [1]], [[1], [1]], [[1, 2, 4, 2, 1], [1]], [[1, 2, 4, 3, 1], [1]]]
+        plans = [toy.plan(plan) for plan in trails]
+        individuals = []
+        for i, plan in enumerate(plans):
+            x = np.empty(1, dtype=object)
+            x[0] = plan
+            better, fault = (9, 1.0) if i == 3 else (0, 0.0)
+            objectives = toy.evaluate([plan])[0] + better
+            individuals.append(Individual(X=x, F=-objectives, CV=np.array([fault])))
+        population = Population.create(*individuals)
+        assert population.get("feas").tolist() == [True, True, True, False]
+        found = search(toy, Given(population), evaluations=14)
+        assert found.plans == (plans[2], plans[1])  # [1, 2, 1] brings nothing and costs robots
+        assert found.objectives.tolist() == toy.evaluate(found.plans).tolist()
+        assert found.evaluations == 14
+
+    @pytest.mark.parametrize("opt", [None, Population.empty()])
+    def test_nothing(self, toy, opt, tmp_path):
+        found = search(toy, Given(opt), evaluations=20)
+        assert found.evaluations == 21  # an overdrawn budget is not hidden
+        assert found.plans == ()
+        assert found.objectives.shape == (0, 2)
+        assert found.area == 0
+        assert len(found.front) == 0
+        assert found.describe().startswith("no plans\n")
+        assert json.loads(found.to_json())["plans"] == []
+        assert sorted(path.name for path in found.write(tmp_path)) == FILES
+        assert (tmp_path / "front.csv").read_text() == "plan_id,reward,survivors\n"
+
+
+@pytest.mark.usefixtures("interruptible")
+class TestInterrupt:
+    def test_the_search_stops_after_its_iteration(self, toy):
+        found = search(toy, BOACO(n_ants=10, callback=pressing(3)), evaluations=10**30)
+        assert found.interrupted
+        assert found.evaluations == 30
+        assert found.plans
+        assert "stopped after 30 evaluations" in found.describe()
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+    def test_at_the_end_it_comes_too_late(self, toy):
+        found = search(toy, BOACO(n_ants=10, callback=pressing(3)), evaluations=30)
+        assert not found.interrupted
+        assert "spent 30 evaluations" in found.describe()
+
+    def test_pressed_again_it_breaks_off(self, toy):
+        def press_twice(algorithm):
+            signal.raise_signal(signal.SIGINT)
+            signal.raise_signal(signal.SIGINT)
+
+        with pytest.raises(KeyboardInterrupt):
+            search(toy, BOACO(callback=press_twice))
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+    @pytest.mark.parametrize("when", [0, 3])
+    def test_by_an_event(self, toy, when):
+        stop = threading.Event()
+        if when == 0:
+            stop.set()
+        callback = lambda algorithm: algorithm.n_iter == when and stop.set()  # noqa: E731
+        found = search(toy, BOACO(n_ants=10, callback=callback), stop=stop)
+        assert found.interrupted
+        assert found.evaluations == max(when, 1) * 10
+        assert found.plans
+
+    def test_held_within_held(self):
+        with hold_interrupt() as outer:
+            with hold_interrupt() as inner:
+                signal.raise_signal(signal.SIGINT)
+                assert (outer.is_set(), inner.is_set()) == (False, True)
+            signal.raise_signal(signal.SIGINT)
+            assert outer.is_set()
+            with hold_interrupt() as late:
+                signal.raise_signal(signal.SIGINT)
+                assert late.is_set()
+            with pytest.raises(KeyboardInterrupt):
+                signal.raise_signal(signal.SIGINT)
+
+    def test_what_is_to_be_ignored_stays_ignored(self):
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        with hold_interrupt() as pressed:
+            assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+            signal.raise_signal(signal.SIGINT)
+        assert not pressed.is_set()
+
+
+class TestDescription:
+    def test_of_a_front(self, toy):
+        text = solution_of(toy, [[[1, 2, 4, 2, 1], [1]], [[1], [1]]], seconds=0.5).describe()
+        assert [line.split() for line in text.splitlines()[:3]] == [
+            ["plan_id", "reward", "survivors"],
+            ["0", "3.2400", "1.6561"],
+            ["1", "0.0000", "2.0000"],
+        ]
+        assert "by hand, seed 1: spent 2 evaluations in 0.5 s (4 a second)" in text
+        assert text.endswith("area 0.2683, 2 plans on the front")  # 3.24 · 1.6561 / 20
+        assert solution_of(toy, [[[1], [1]]]).describe().endswith("1 plan on the front")
+
+    def test_of_a_long_front(self, toy):
+        text = solution_of(toy, [[[1], [1]]] * 1000).describe()
+        assert len(text.splitlines()) < 60
+        assert " 999 " in text
+        assert " 500 " not in text
+
+
+class TestJson:
+    def test_of_a_front(self, toy, solution):
+        content = json.loads(solution.to_json())
+        assert content["mission"] == "toy"
+        assert (content["algorithm"], content["seed"], content["evaluations"]) == ("bo-aco", 3, 250)
+        assert (content["interrupted"], content["area"]) == (False, solution.area)
+        assert (content["robots"], content["total_reward"]) == (2, 10.0)
+        for i, (plan, found) in enumerate(zip(content["plans"], solution.plans, strict=True)):
+            assert plan["plan_id"] == i
+            assert toy.plan(plan["trails"]) == found
+            assert [plan["reward"], plan["survivors"]] == solution.objectives[i].tolist()
+
+    @pytest.mark.parametrize(
+        ("label", "written"),
+        [
+            (("floor", 2, None), ["floor", 2, None]),
+            ('he said "no"\n\ttwice', 'he said "no"\n\ttwice'),
+            ("漢字 \ud800", "漢字 \ud800"),
+            (1.5, 1.5),
+            (np.int64(7), 7),
+            (frozenset({3}), "frozenset({3})"),
+        ],
+    )
+    def test_of_labels(self, label, written):
+        mission = pair("base", label)
+        text = solution_of(mission, [[["base", label, "base"]]]).to_json()
+        text.encode()
+        assert json.loads(text)["plans"][0]["trails"] == [["base", written, "base"]]
+
+    def test_of_parameters_and_the_missions_source(self, toy):
+        given = {"depth": np.float64(0.5), "labels": ("a", 1), "kind": BOACO}
+        source = {"name_or_path": "toy", "robots": 2}
+        text = solution_of(toy, [[[1], [1]]], parameters=given, source=source).to_json()
+        content = json.loads(text)
+        assert content["parameters"] == {"depth": 0.5, "labels": ["a", 1], "kind": repr(BOACO)}
+        assert load_mission(**content["mission_source"]) == toy
+
+
+class TestWriting:
+    def test_all_files(self, solution, tmp_path):
+        folder = tmp_path / "some" / "where"
+        assert sorted(solution.write(folder)) == [folder / name for name in FILES]
+        assert names_in(folder) == FILES
+        with (folder / "front.csv").open(newline="") as file:
+            names, *rows = csv.reader(file)
+        assert names == ["plan_id", "reward", "survivors"]
+        assert [[float(value) for value in row] for row in rows] == solution.front.values.tolist()
+        assert (folder / "plans.json").read_text() == solution.to_json()
+        for picture in ("front.png", "mission.png"):
+            assert (folder / picture).read_bytes().startswith(b"\x89PNG")
+
+    def test_again(self, toy, solution, tmp_path):
+        (tmp_path / "notes.txt").write_text("mine")
+        solution.write(tmp_path)
+        before = {name: (tmp_path / name).read_bytes() for name in FILES}
+        solution_of(toy, [[[1], [1]]]).write(str(tmp_path))
+        after = {name: (tmp_path / name).read_bytes() for name in FILES}
+        assert [name for name in FILES if before[name] == after[name]] == ["mission.png"]
+        assert names_in(tmp_path) == sorted([*FILES, "notes.txt"])
+
+    @pytest.mark.parametrize("error", [RuntimeError("\nNo such glyph.\nMore."), OSError("full")])
+    def test_a_picture_that_fails_costs_no_table(self, solution, tmp_path, monkeypatch, error):
+        save_plot = plots.save_plot
+
+        def save(ax, path):
+            if path.name == "mission.png":
+                raise error
+            save_plot(ax, path)
+
+        monkeypatch.setattr(plots, "save_plot", save)
+        for name in FILES:
+            (tmp_path / name).write_text("of an earlier search")
+        with pytest.raises((PictureError, OSError)) as caught:
+            solution.write(tmp_path)
+        if isinstance(error, RuntimeError):
+            expected = "mission.png cannot be drawn (RuntimeError: No such glyph.)."
+            assert str(caught.value) == expected
+            assert caught.value.__cause__ is error
+        else:
+            assert caught.value is error
+        assert names_in(tmp_path) == ["front.csv", "front.png", "plans.json"]
+        assert (tmp_path / "plans.json").read_text() == solution.to_json()
+        assert (tmp_path / "front.png").read_bytes().startswith(b"\x89PNG")
+
+    def test_what_cannot_be_written_leaves_all_as_it_was(self, solution, tmp_path, monkeypatch):
+        monkeypatch.setattr(Solution, "to_json", lambda self: 1 / 0)
+        (tmp_path / "front.csv").write_text("of an earlier search")
+        with pytest.raises(ZeroDivisionError):
+            solution.write(tmp_path)
+        assert names_in(tmp_path) == ["front.csv"]
+        assert (tmp_path / "front.csv").read_text() == "of an earlier search"
+
+
+class TestFolders:
+    def test_nothing_is_left_of_the_trial(self, tmp_path):
+        check_folder(tmp_path)
+        check_folder(tmp_path / "some" / "where")
+        assert names_in(tmp_path) == []
+        (tmp_path / "front.csv").touch()
+        check_folder(tmp_path)
+        assert names_in(tmp_path) == ["front.csv"]
+
+    def test_a_relative_one(self, tmp_path, monkeypatch):
+        monkeypatch.chdir(tmp_path)
+        check_folder(Path("some/where"))
+        check_folder(Path())
+        assert names_in(tmp_path) == []
+
+    @pytest.mark.parametrize(
+        ("name", "reason"),
+        [
+            ("file", "it is a file"),
+            ("file/below", "Not a directory"),
+            ("taken", "plans.json is a folder in it"),
+            ("dangling", "File exists"),
+            ("/proc/no/such", "No such file or directory"),
+        ],
+    )
+    def test_refusals(self, tmp_path, name, reason):
+        (tmp_path / "file").touch()
+        (tmp_path / "taken" / "plans.json").mkdir(parents=True)
+        (tmp_path / "dangling").symlink_to(tmp_path / "nowhere")
+        before = sorted(tmp_path.rglob("*"))
+        with pytest.raises(OSError, match="expected a folder to write to") as caught:
+            check_folder(tmp_path / name)
+        expected = f"{tmp_path / name}: expected a folder to write to; {reason}."
+        assert str(caught.value) == expected
+        assert sorted(tmp_path.rglob("*")) == before
+
+
+class TestPictures:
+    def test_a_place_must_be_one(self):
+        graph = nx.DiGraph(pair("a", "b", pos=[0, "x"]).graph)
+        check_picture(Mission(graph, base="a", robots=1))  # b has no place: all are laid out
+        graph.nodes["b"]["pos"] = [1, 1]
+        mission = Mission(graph, base="a", robots=1, name="pier")
+        with pytest.raises(ValueError, match=r"^Mission 'pier': Node 'a': expected pos \[x, y\]"):
+            check_picture(mission)
+
+    @pytest.mark.parametrize("name", ["toy", "art_museum"])
+    def test_ours_can_be_drawn(self, name):
+        check_picture(load_mission(name))
