@@ -53,10 +53,10 @@ class CountedBOACO(BOACO):
 
     n_hops = 0
 
-    def _evaluate(self, batch: Any) -> Any:
+    def _take_in(self, batch: Any, arcs: Any = None) -> Any:
         # A trail of n nodes takes n hops, the last along the base's self-loop.
         self.n_hops += len(batch.nodes)
-        return super()._evaluate(batch)
+        return super()._take_in(batch, arcs)
 
 
 def in_process(module: str, *arguments: object) -> list[str]:

@@ -385,11 +385,6 @@ class TestSignals:
         assert plans_in(tmp_path / "out")["evaluations"] == 100
         assert names_in(tmp_path / "out") == FILES
 
-    def test_while_writing(self, botohe, tmp_path):
-        code = when_called("botohe_moo.plots", "save_plot")
-        ended = botohe("solve", "toy", "-n", 9, "-o", "out", code=code.replace("usual(", "usual("))
-        assert ended.status == 130
-
     def test_once_while_writing(self, botohe, tmp_path):
         code = when_called("botohe_moo.plots", "plot_mission")
         ended = botohe("solve", "toy", "-n", 9, "-o", "out", code=code)
@@ -412,3 +407,445 @@ class TestSignals:
     def test_sigterm_does_what_it_usually_does(self, botohe):
         code = when_called("botohe_moo.solve", "search", sent="SIGTERM")
         assert botohe("solve", "toy", "-o", "out", code=code).status == -signal.SIGTERM
+
+
+class TestBadMissions:
+    """What is wrong with a mission file, and what the message must name."""
+
+    @pytest.mark.parametrize(
+        ("content", "named"),
+        [
+            ("", ["line 1, column 1", "expected JSON"]),
+            ('{"nodes": [', ["expected JSON"]),
+            ("[1, 2]", ["expected node-link data", "[1, 2]"]),
+            ('{"graph": {}}', ['"nodes"', '"edges"']),
+            (b"\xff\xfe{}", ["UTF-8", "0xff"]),
+        ],
+    )
+    def test_malformed(self, refused, tmp_path, content, named):
+        data = content if isinstance(content, bytes) else content.encode()
+        (tmp_path / "pier.json").write_bytes(data)
+        for command in (["solve"], ["missions", "show"], ["missions", "check"]):
+            message = refused(*command, "pier.json")
+            assert message.startswith("botohe: pier.json")
+            assert all(name in message for name in named)
+
+    @pytest.mark.parametrize(
+        ("survival", "found"),
+        [(0, "0"), (1.2, "1.2"), (float("nan"), "nan"), ("0.5", "'0.5'"), (None, "None")],
+    )
+    def test_survival(self, refused, pier, survival, found):
+        message = refused("solve", pier(arcs=[("a", "b", survival), ("b", "a", 0.8)]))
+        assert message == (
+            f"botohe: pier.json: arc 'a' -> 'b': expected survival in (0, 1], got {found}\n"
+        )
+
+    @pytest.mark.parametrize(
+        ("changed", "message"),
+        [
+            ({"nodes": [("a", 0), ("b", -1)]}, "node 'b': expected a finite reward >= 0, got -1"),
+            ({"arcs": [("b", "a", 0.8)]}, "node 'b': cannot be reached from base 'a'"),
+            ({"arcs": [("a", "b", 0.8)]}, "node 'b': has no way back to base 'a'"),
+            ({"base": "dock"}, "base 'dock': there is no such node"),
+            ({"robots": 0}, "expected robots to be an integer >= 1, got 0"),
+            ({"robots": 2.5}, "expected robots to be an integer >= 1, got 2.5"),
+        ],
+    )
+    def test_one_fault(self, refused, pier, changed, message):
+        assert refused("solve", pier(**changed)) == f"botohe: pier.json: {message}\n"
+
+    def test_all_faults_at_once(self, refused, pier):
+        nodes = [*NODES, ("[bold]", "much"), ("lost", -2)]
+        arcs = [("a", "b", 0), ("b", "a", 1.2), ("a", "[bold]", "0.5"), ("lost", "a", 1)]
+        name = pier(nodes, arcs, robots=2.5)
+        for command in (["solve"], ["missions", "show"], ["missions", "check"]):
+            message = refused(*command, name)
+            assert message.startswith("botohe: pier.json has 8 faults:\n")
+            for fault in (
+                "robots to be an integer >= 1, got 2.5",
+                "node '[bold]': expected a finite reward >= 0, got 'much'",
+                "node 'lost': expected a finite reward >= 0, got -2",
+                "arc 'a' -> 'b': expected survival in (0, 1], got 0",
+                "arc 'b' -> 'a': expected survival in (0, 1], got 1.2",
+                "arc 'a' -> '[bold]': expected survival in (0, 1], got '0.5'",
+                "node '[bold]': has no way back to base 'a'",
+                "node 'lost': cannot be reached from base 'a'",
+            ):
+                assert fault in message
+
+    def test_a_place_that_is_none(self, refused, botohe, tmp_path):
+        content = node_link(NODES, ARCS)
+        for node in content["nodes"]:
+            node["pos"] = [0, "left"]
+        (tmp_path / "pier.json").write_text(json.dumps(content))
+        expected = "botohe: Mission 'pier': Node 'a': expected pos [x, y], two finite numbers"
+        assert refused("solve", "pier.json").startswith(expected)
+        ended = botohe("missions", "show", "pier.json", "--picture", "pier.png")
+        assert ended.status == 2
+        assert ended.err.startswith(expected)
+
+    @pytest.mark.parametrize(
+        ("name", "message"),
+        [
+            ("lost.json", "lost.json: there is no such file"),
+            ("[bold]lost[/bold].json", "[bold]lost[/bold].json: there is no such file"),
+            ("folder.json", "folder.json: expected a file, found a directory"),
+            ("folder.json/x.json", "folder.json/x.json: there is no such file"),
+            ("notes.pdf", "Mission 'notes.pdf': there is no such mission"),
+            ("toy ", "Mission 'toy ': there is no such mission; known are toy, "),
+            ("power-plant", "Mission 'power-plant': there is no such mission; known are power_pla"),
+            ("", "Mission '': there is no such mission"),
+        ],
+    )
+    def test_missing(self, refused, tmp_path, name, message):
+        (tmp_path / "folder.json").mkdir()
+        assert refused("solve", name).startswith(f"botohe: {message}")
+        assert refused("missions", "show", name).startswith(f"botohe: {message}")
+
+    @pytest.mark.parametrize(
+        ("given", "named"),
+        [
+            (["-m", "node=3"], ["'terrain': there is no parameter 'node'", "known are nodes, "]),
+            (["-m", "nodes=1"], ["Expected nodes >= 2, got 1."]),
+            (["-m", "nodes=many"], ["Expected nodes to be an integer >= 2, got 'many'."]),
+            (["-m", "robots=0"], ["Expected robots >= 1, got 0."]),
+            (["-m", "robots=3", "--robots", "3"], ["each parameter once, got 'robots' twice"]),
+            (["-m", "seed=1", "-m", "seed=1"], ["each parameter once, got 'seed' twice"]),
+            (["-m", "name_or_path=toy"], ["there is no parameter 'name_or_path'"]),
+        ],
+    )
+    def test_parameters(self, refused, given, named):
+        message = refused("solve", "terrain", *given)
+        assert all(name in message for name in named)
+        assert refused("missions", "show", "terrain", *given) == message
+
+
+class TestBadOptions:
+    @pytest.mark.parametrize(
+        ("given", "named"),
+        [
+            (["--evaluations", "0"], ["--evaluations", ">= 1", "0"]),
+            (["--evaluations", "-5"], ["--evaluations", ">= 1", "-5"]),
+            (["-n", "2.5"], ["--evaluations", "an integer", "2.5"]),
+            (["-n", "many"], ["--evaluations", "an integer", "many"]),
+            (["-n", ""], ["--evaluations", "an integer"]),
+            (["-n", "1" * 5000], ["--evaluations", "an integer"]),
+            (["--seed", "-1"], ["--seed", ">= 0", "-1"]),
+            (["--seed", "x"], ["--seed", "an integer", "x"]),
+            (["--robots", "0"], ["--robots", ">= 1", "0"]),
+            (["--robots", "2.5"], ["--robots", "an integer", "2.5"]),
+            (["--out"], ["--out", "requires an argument"]),
+            (["--sed", "1"], ["--sed", "--seed"]),
+            (["extra"], ["unexpected", "extra"]),
+            (["--algorithm", "boaco"], ["'boaco': there is no such algorithm; known are bo-aco, "]),
+            (["-a", "[red]"], ["Algorithm '[red]': there is no such algorithm"]),
+            (["-p", "n_ant=3"], ["'bo-aco': there is no parameter 'n_ant'; known are n_ants, "]),
+            (["-p", "name=3"], ["there is no parameter 'name'"]),
+            (["-p", "seed=3"], ["there is no parameter 'seed'"]),
+            (["-p", "evaporation=1.3"], ["'bo-aco': Expected evaporation in (0, 1), got 1.3."]),
+            (["-p", "evaporation=nan"], ["'bo-aco': Expected evaporation in (0, 1), got nan."]),
+            (["-p", "evaporation=much"], ["Expected evaporation in (0, 1), got 'much'."]),
+            (["-p", "n_ants=2.5"], ["Expected n_ants to be an integer >= 1, got 2.5."]),
+            (["-p", "n_ants="], ["Expected n_ants to be an integer >= 1, got None."]),
+            (["-p", "heuristic=maybe"], ["Expected heuristic to be true or false, got 'maybe'."]),
+            (["-p", "sampling=3"], ["sampling can be given from Python only"]),
+            (["-p", "n_ants"], ["Expected a parameter as NAME=VALUE, got 'n_ants'."]),
+            (["-p", "=3"], ["Expected a parameter as NAME=VALUE, got '=3'."]),
+            (["-p", "n ants=3"], ["Expected a parameter as NAME=VALUE, got 'n ants=3'."]),
+            (["-p", "n_ants=1", "-p", "n_ants=1"], ["each parameter once, got 'n_ants' twice"]),
+            (["-p", "n_ants=[1"], ["a number, true, false or text for 'n_ants', got '[1'"]),
+            (["-p", "n_ants=2026-13-32"], ["for 'n_ants', got '2026-13-32'"]),
+            (["-p", f"n_ants={'[' * 5000}"], ["for 'n_ants', got '[[["]),
+        ],
+    )
+    def test_of_solve(self, refused, given, named):
+        message = refused("solve", "toy", "--out", "out", *given)
+        assert all(name in message for name in named), message
+
+    @pytest.mark.parametrize(
+        ("out", "reason"),
+        [
+            ("file", "it is a file"),
+            ("file/out", "Not a directory"),
+            ("taken", "front.csv is a folder in it"),
+            ("[b]/" + "x" * 300, "File name too long"),
+        ],
+    )
+    def test_folder(self, refused, tmp_path, out, reason):
+        (tmp_path / "file").touch()
+        (tmp_path / "taken" / "front.csv").mkdir(parents=True)
+        message = refused("solve", "toy", "--out", out)
+        assert message.startswith(f"botohe: {out}: ")
+        assert reason in message
+
+    @pytest.mark.parametrize(
+        ("args", "named"),
+        [
+            (["slove"], ["'slove'", "'solve'", "`botohe --help`"]),
+            (["missions", "shwo"], ["'shwo'", "'show'", "`botohe missions --help`"]),
+            (["--loud"], ["--loud"]),
+            (["solve"], ["'MISSION'", "`botohe solve --help`"]),
+            (["missions", "check"], ["'FILE...'"]),
+            (["missions", "show", "toy", "--robots", "0"], ["--robots", ">= 1", "0"]),
+            (["algorithms", "boaco"], ["'boaco': there is no such algorithm; known are bo-aco, "]),
+        ],
+    )
+    def test_of_others(self, refused, args, named):
+        message = refused(*args)
+        assert all(name in message for name in named), message
+
+    def test_too_much_for_the_memory(self, botohe, tmp_path):
+        ended = botohe("solve", "toy", "-p", f"n_ants={10**15}", "--out", "out")
+        assert ended.status == 1
+        assert ended.err.startswith("botohe: there is not enough memory. ")
+        assert "Traceback" not in ended.err
+        assert names_in(tmp_path) == []
+
+    def test_as_users_start_it(self, tmp_path):
+        done = subprocess.run(
+            [BOTOHE, "solve", "toy", "-p", "evaporation=1.3", "--out", "out"],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+        )
+        assert done.returncode == 2
+        assert done.stdout == ""
+        assert done.stderr == (
+            "botohe: Algorithm 'bo-aco': Expected evaporation in (0, 1), got 1.3.\n"
+        )
+        assert names_in(tmp_path) == []
+
+
+ODD = """
+    from pymoo.core.algorithm import Algorithm
+
+    class Nothing(Algorithm):
+        '''Find nothing, which is hard to :class:`beat`.'''
+
+        def _initialize_advance(self, **_):
+            self.evaluator.n_eval += 10
+
+        _advance = _initialize_advance
+
+        def _set_optimum(self):
+            pass
+
+    class Picky(Nothing):
+        '''Refuse every mission.
+
+        Parameters
+        ----------
+        limit
+            How many ``nodes`` there may be at most.
+        style
+            How to refuse: rudely.
+        '''
+
+        def __init__(self, *, limit: int, style: "str | None" = None, start: list[Algorithm] = ()):
+            super().__init__()
+
+        def _setup(self, problem, **_):
+            raise ValueError(f"Expected at most 3 nodes, got {len(problem.mission.nodes)}.")
+"""
+
+
+@pytest.fixture
+def odd(tmp_path_factory):
+    """Install another package; gives the code that makes it known."""
+    site = tmp_path_factory.mktemp("site")
+    (site / "odd.py").write_text(textwrap.dedent(ODD))
+    info = site / "odd-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: odd\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text(
+        "[botohe_moo.algorithms]\nnothing = odd:Nothing\npicky = odd:Picky\nbroken = odd:Broken\n"
+        "[botohe_moo.missions]\ngone = odd:gone\n"
+    )
+    return f"import sys; sys.path.insert(0, {str(site)!r})"
+
+
+class TestOtherPackages:
+    def test_nothing_is_found(self, botohe, tmp_path, odd):
+        ended = botohe("solve", "toy", "-a", "nothing", "-n", 30, code=odd)
+        assert ended.status == 1
+        expected = "botohe: nothing found no plan in 30 evaluations; nothing is written.\n"
+        assert ended.err == expected
+        assert names_in(tmp_path) == []
+
+    def test_the_mission_is_refused(self, refused, botohe, odd):
+        args = ["solve", "toy", "-a", "picky"]
+        message = refused(*args, code=odd)
+        assert message.startswith("botohe: Algorithm 'picky': missing a required ")
+        ended = botohe(*args, "-p", "limit=3", code=odd)
+        assert ended.status == 2
+        assert ended.err == "botohe: Algorithm 'picky': Expected at most 3 nodes, got 5.\n"
+
+    def test_they_are_listed_and_what_is_broken_is_named_once(self, botohe, odd):
+        ended = botohe("algorithms", code=odd)
+        assert ended.status == 0
+        assert "nothing  Find nothing, which is hard to beat.\n" in ended.out
+        assert "broken" not in ended.out
+        assert re.fullmatch(r"botohe: Algorithm 'broken': .*it is left out\.\n", ended.err)
+        ended = botohe("missions", code=odd)
+        assert "gone" not in ended.out
+        assert re.fullmatch(r"botohe: Mission 'gone': .*it is left out\.\n", ended.err)
+
+    def test_their_parameters(self, botohe, odd):
+        out = botohe("algorithms", "picky", code=odd).out
+        assert out == (
+            "picky: Refuse every mission.\n"
+            "\n"
+            "  limit  (int)\n"
+            "      How many nodes there may be at most.\n"
+            "\n"
+            "  style = null  (str or None)\n"
+            "      How to refuse: rudely.\n"
+            "\n"
+            "  start  (from Python only)\n"
+            "\n"
+            "Give one as in `botohe solve MISSION -a picky -p limit=VALUE`.\n"
+        )
+        out = botohe("algorithms", "nothing", code=odd).out
+        assert out == "nothing: Find nothing, which is hard to beat.\n"
+
+
+class TestListings:
+    def test_missions(self, botohe):
+        ended = botohe("missions")
+        assert (ended.status, ended.err) == (0, "")
+        assert botohe("missions", "list") == ended
+        lines = ended.out.splitlines()
+        for name in ("art_museum", "power_plant", "terrain_200", "toy", "random", "complete"):
+            (line,) = [line for line in lines if line.startswith(f"{name} ")]
+            assert len(line.split()) > 5
+        assert "``" not in ended.out
+
+    def test_algorithms(self, botohe):
+        ended = botohe("algorithms")
+        assert (ended.status, ended.err) == (0, "")
+        assert re.search(r"^bo-aco +Bi-objective ant colony", ended.out, re.MULTILINE)
+        assert re.search(r"^random +\S", ended.out, re.MULTILINE)
+
+    def test_parameters(self, botohe):
+        ended = botohe("algorithms", "bo-aco")
+        assert (ended.status, ended.err) == (0, "")
+        assert "\n  n_ants = 100  (int)\n" in ended.out
+        assert "\n  evaporation = 0.04  (float)\n" in ended.out
+        assert "evaporates in an iteration, in (0, 1).\n" in ended.out
+        assert "\n  heuristic = true  (bool)\n" in ended.out
+        assert "\n  initial_pheromone = 1.0  (float or 'bounds')\n" in ended.out
+        assert "\n  sampling  (from Python only)\n" in ended.out
+        assert "-p n_ants=100`" in ended.out
+
+    @pytest.mark.parametrize("columns", [30, 80, 300])
+    def test_they_are_wrapped_to_the_terminal(self, botohe, columns):
+        for args in (["missions"], ["algorithms"], ["algorithms", "bo-aco"]):
+            wide = botohe(*args).out
+            lines = botohe(*args, COLUMNS=str(columns)).out.splitlines()
+            assert flat("\n".join(lines)) == flat(wide)
+            long = [line for line in lines if len(line) > min(columns, 100)]
+            # No more than a headline, an example, or a word that is longer than the rest of a line.
+            assert all("`" in line or len(line.split()) <= 6 for line in long), long
+            if columns < 100:
+                assert max(map(len, wide.splitlines())) > 100
+
+    def test_a_mission(self, botohe, tmp_path):
+        ended = botohe("missions", "show", "toy", "--robots", 1, "--picture", "toy.png")
+        assert (ended.status, ended.err) == (0, "")
+        assert ended.out == (
+            "toy: Five nodes, each danger on an arc destroys one robot in ten\n"
+            "  nodes         5 (3 with a reward)\n"
+            "  arcs          12\n"
+            "  team          1 robot at base 1\n"
+            "  total reward  10\n"
+            "  survival      0.729 to 1\n"
+            "wrote toy.png\n"
+        )
+        assert (tmp_path / "toy.png").read_bytes().startswith(b"\x89PNG")
+
+    def test_a_mission_with_dead_ends(self, botohe, pier):
+        arcs = [*ARCS, ("a", "c", 1), ("c", "b", 1)]
+        out = botohe("missions", "show", pier([*NODES, ("c", 1)], arcs)).out
+        assert "arcs          4, dead ends possible\n" in out
+        assert "survival" not in botohe("missions", "show", pier([("a", 0)], [])).out
+
+    @pytest.mark.parametrize(
+        ("picture", "message"),
+        [("toy.jpg", "ends in '.png', got 'toy.jpg'"), ("no/toy.png", "no: there is no such fold")],
+    )
+    def test_a_picture_that_cannot_be_written(self, botohe, tmp_path, picture, message):
+        ended = botohe("missions", "show", "toy", "--picture", picture)
+        assert ended.status == 2
+        assert message in ended.err
+        assert names_in(tmp_path) == []
+
+    def test_checks(self, botohe, pier):
+        good, bad = pier(), pier(robots=0, name="bad.json")
+        ended = botohe("missions", "check", good)
+        assert ended == (
+            0,
+            "pier.json: a valid mission, 2 nodes, 2 arcs, 2 robots, total reward 1.5\n",
+            "",
+        )
+        ended = botohe("missions", "check", bad, "lost.json", good)
+        assert ended.status == 2
+        assert ended.out.startswith("pier.json: a valid mission")
+        messages = ended.err.splitlines()
+        assert len(messages) == 2
+        assert messages[0].startswith("botohe: bad.json: expected robots")
+        assert messages[1] == "botohe: lost.json: there is no such file"
+
+
+class TestHelp:
+    def test_as_users_start_it(self):
+        done = subprocess.run([BOTOHE, "--help"], capture_output=True, text=True)
+        assert (done.returncode, done.stderr) == (0, "")
+        assert all(command in done.stdout for command in ("solve", "missions", "algorithms"))
+
+    def test_of_commands(self, botohe):
+        ended = botohe("solve", "--help")
+        assert (ended.status, ended.err) == (0, "")
+        for word in (
+            "--algorithm",
+            "--evaluations",
+            "--seed",
+            "--out",
+            "results/MISSION",
+            "Ctrl-C",
+        ):
+            assert word in ended.out
+        assert "check" in botohe("missions", "--help").out
+
+    def test_without_a_command(self, botohe):
+        ended = botohe()
+        assert ended.err == ""
+        assert "solve" in ended.out
+
+    def test_version(self, botohe):
+        assert re.fullmatch(r"botohe-moo \d+\.\d+\S*\n", botohe("--version").out)
+
+    def test_as_a_module(self):
+        done = subprocess.run(
+            [sys.executable, "-m", "botohe_moo.cli", "--version"], capture_output=True, text=True
+        )
+        assert done.stdout.startswith("botohe-moo ")
+
+    @pytest.mark.parametrize("command", [["--help"], ["solve", "--help"], ["missions", "--help"]])
+    def test_it_waits_for_nothing(self, command):
+        code = f"""
+            import sys
+            from botohe_moo import cli
+            sys.argv = ["botohe", *{command!r}]
+            try:
+                cli.main()
+            finally:
+                print(*sorted({{name.partition(".")[0] for name in sys.modules}}), file=sys.stderr)
+        """
+        done = subprocess.run(
+            [sys.executable, "-c", textwrap.dedent(code)], capture_output=True, text=True
+        )
+        assert done.returncode == 0
+        loaded = set(done.stderr.split())
+        assert {"typer", "botohe_moo"} <= loaded
+        slow = {"numpy", "numba", "pandas", "pymoo", "matplotlib", "networkx", "seaborn", "yaml"}
+        assert not loaded & slow

@@ -137,7 +137,7 @@ class TestContract:
         problem = BOTOHE(museum)
         good = minimize(problem, BOACO.journal(), ("n_gen", 200), seed=9)
         area = area_indicator(-good.F, museum)
-        for given_plans in (good.X, list(good.X[:, 0]), good.pop):
+        for given_plans in (good.X, iter(good.X[:, 0]), good.pop):
             warm = minimize(problem, make(n_ants=10, sampling=given_plans), ("n_gen", 1), seed=1)
             assert warm.algorithm.evaluator.n_eval == len(good.X) + 10
             assert area_indicator(-warm.F, museum) >= area
@@ -317,8 +317,9 @@ def test_warm_start_with_foreign_plans(museum):
         minimize(problem, BOACO(sampling=[TrailPlan([[0, 8, 0], [0], [0]])]), ("n_gen", 1))
     with pytest.raises(ValueError, match="expected 3 trails, got 2"):
         minimize(problem, BOACO(sampling=[TrailPlan([[0], [0]])]), ("n_gen", 1))
-    with pytest.raises(TypeError, match="Plan 0: expected a TrailPlan, got 'x'"):
-        minimize(problem, BOACO(sampling=["x"]), ("n_gen", 1))
+    for other in (["x"], "x", 3, problem):
+        with pytest.raises(TypeError, match="Expected sampling to hold TrailPlans, got"):
+            BOACO(sampling=other)
 
 
 # Published means of four runs, PeerJ Computer Science 2025, read off the figure, at 1, 10 and 100

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from botohe_moo.algorithms.colony import Colony, ColonyRule, WalkGraph
+from botohe_moo.algorithms.colony import Colony, ColonyRule
+from botohe_moo.algorithms.walk import WalkGraph
 from botohe_moo.kernels.construct import leads_home
 from botohe_moo.mission import Mission, load_mission
 from tests import twins
@@ -35,8 +36,14 @@ def rule(**changes):
 
 def colony(mission, *, n_ants, seed=0, n_threads=1, **changes):
     random_state = np.random.default_rng(seed)
+    walk = WalkGraph.of(mission)
     return Colony(
-        mission, rule(**changes), n_ants=n_ants, n_threads=n_threads, random_state=random_state
+        mission,
+        walk,
+        rule(**changes),
+        n_ants=n_ants,
+        n_threads=n_threads,
+        random_state=random_state,
     )
 
 
@@ -59,7 +66,7 @@ def test_no_dead_ends_on_one_way_missions(mission, changes, seed):
         batch, arcs = ants.construct(7)
         objectives = mission.evaluate(batch)  # raises PlanError for any trail that is not valid
         assert len(batch) == 7
-        assert np.array_equal(arcs, ants.arcs_of(batch))
+        assert np.array_equal(arcs, ants.walk.arcs_of(batch))
         ants.pheromone[...] = np.random.default_rng(seed).uniform(1e-250, 9, ants.pheromone.shape)
         ants._weigh()
         assert (objectives <= [mission.total_reward + 1e-9, mission.robots]).all()
@@ -186,7 +193,7 @@ def test_long_trails_outgrow_the_first_buffers():
     batch, arcs = ants.construct(20)
     assert len(batch.nodes) > 2 * 4096
     mission.evaluate(batch)
-    assert np.array_equal(arcs, ants.arcs_of(batch))
+    assert np.array_equal(arcs, ants.walk.arcs_of(batch))
 
 
 @given(missions(max_nodes=6), st.data())

@@ -2,40 +2,22 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterable
 from typing import Any, Literal, Self
 
-import numpy as np
 import pandas as pd
-from pymoo.core.algorithm import Algorithm
-from pymoo.core.population import Population
-from pymoo.core.result import Result
-from pymoo.termination.max_eval import MaximumFunctionCallTermination
 
 from botohe_moo._checks import check_flag, check_integer, check_number
-from botohe_moo._types import FloatArray, ObjectArray
-from botohe_moo.algorithms.archive import PlanArchive
+from botohe_moo._types import ObjectArray
+from botohe_moo.algorithms.base import ArchiveAlgorithm
 from botohe_moo.algorithms.colony import Colony, ColonyRule
-from botohe_moo.problem import BOTOHE, FrontOutput
-from botohe_moo.trails import PlanBatch, TrailPlan
+from botohe_moo.problem import BOTOHE
+from botohe_moo.trails import TrailPlan
 
 __all__ = ["BOACO"]
 
-_PYMOO_OPTIONS = (
-    "callback",
-    "display",
-    "evaluator",
-    "output",
-    "return_least_infeasible",
-    "save_history",
-    "seed",
-    "termination",
-    "verbose",
-)
 
-
-class BOACO(Algorithm):
+class BOACO(ArchiveAlgorithm):
     """Bi-objective ant colony optimisation (BO-ACO).
 
     Every iteration (a pymoo generation) each ant builds one trail plan, robot by robot and hop by
@@ -113,8 +95,6 @@ class BOACO(Algorithm):
     when no unused arcs lead home from the node they chose.
     """
 
-    is_initialized: bool
-
     def __init__(
         self,
         *,
@@ -134,12 +114,7 @@ class BOACO(Algorithm):
         sampling: Iterable[TrailPlan] | ObjectArray | None = None,
         **options: Any,
     ) -> None:
-        for name in options:
-            if name not in _PYMOO_OPTIONS:
-                raise TypeError(
-                    f"{type(self).__name__} has no parameter {name!r}; pymoo's options here are "
-                    f"{', '.join(_PYMOO_OPTIONS)}."
-                )
+        super().__init__(max_ties=max_ties, sampling=sampling, **options)
         self.n_ants = check_integer("n_ants", n_ants, at_least=1)
         self.evaporation = check_number("evaporation", evaporation, above=0, below=1)
         self.heuristic = check_flag("heuristic", heuristic)
@@ -155,12 +130,7 @@ class BOACO(Algorithm):
         self.unvisited_bonus = check_number("unvisited_bonus", unvisited_bonus, at_least=0)
         self.exploration = check_number("exploration", exploration, at_least=0)
         self.pooled_deposit = check_flag("pooled_deposit", pooled_deposit)
-        self.max_ties = check_integer("max_ties", max_ties, at_least=1)
         self.n_threads = check_integer("n_threads", n_threads, at_least=1)
-        self.sampling = sampling
-        self.archive = PlanArchive(1)
-        super().__init__(**{"output": FrontOutput(), **options})
-        self.archive = PlanArchive(1)  # pymoo has set its own, which only sees its individuals
 
     @classmethod
     def journal(
@@ -223,31 +193,8 @@ class BOACO(Algorithm):
             return frames[0]
         return pd.concat(frames, keys=range(len(frames)), names=["robot"]).reset_index("robot")
 
-    def setup(self, problem: Any, **kwargs: Any) -> Algorithm:
-        """Prepare to solve ``problem``; pymoo's ``minimize`` calls this.
-
-        Without any termination the run ends after 100 000 evaluations: pymoo's default would
-        look for convergence in the design space, which trail plans do not have.
-
-        Parameters
-        ----------
-        problem
-            What to solve.
-        **kwargs
-            pymoo's options, such as ``termination`` and ``seed``.
-
-        Raises
-        ------
-        TypeError
-            If ``problem`` is no :class:`BOTOHE`.
-        """
-        if not isinstance(problem, BOTOHE):
-            raise TypeError(f"Expected a BOTOHE problem, got {type(problem).__name__}.")
-        if self.termination is None and kwargs.get("termination") is None:
-            kwargs["termination"] = ("n_eval", 100_000)
-        return super().setup(problem, **kwargs)
-
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
+        super()._setup(problem)
         mission = problem.mission
         reward, survival = (
             (mission.total_reward or 1.0, float(mission.robots))
@@ -269,95 +216,20 @@ class BOACO(Algorithm):
         )
         self.colony = Colony(
             mission,
+            self.walk,
             rule,
             n_ants=self.n_ants,
             n_threads=self.n_threads,
             random_state=self.random_state,
         )
-        self.archive = PlanArchive(mission.robots, max_ties=self.max_ties)
-
-    def advance(self, infills: Population | None = None, **_: Any) -> Result | None:  # noqa: ARG002
-        """Run one iteration; pymoo's ``next`` calls this.
-
-        As pymoo's own, but for what it returns before the end: not the current optimum, which
-        would then be made into a population in every iteration, whether somebody looks or not.
-
-        Parameters
-        ----------
-        infills
-            None: ants do not ask pymoo to evaluate.
-        **_
-            Nothing else is used.
-        """
-        if self.is_initialized:
-            self._advance()
-        else:
-            self.n_iter = 1
-            self._initialize_advance()
-            self.is_initialized = True
-        self._post_advance()
-        if not self.termination.has_terminated():
-            return None
-        self.finalize()
-        return self.result()
-
-    def _initialize_advance(self, **_: Any) -> None:
-        if self.sampling is not None:
-            mission = self.problem.mission
-            given = self.sampling
-            given = given.get("X") if isinstance(given, Population) else given
-            batch = mission.batch(list(mission.batch(given))[: self._n_left()])
-            self.archive.absorb(batch, self.colony.arcs_of(batch), self._evaluate(batch))
-        self._advance()
 
     def _advance(self, **_: Any) -> None:
         n_ants = min(self.n_ants, self._n_left())
-        if n_ants == 0:
+        if n_ants == 0:  # the plans to start from have spent the budget
             return
         batch, arcs = self.colony.construct(n_ants)
-        objectives = self._evaluate(batch)
-        members = self.archive.absorb(batch, arcs, objectives)
+        objectives, members = self._take_in(batch, arcs)
         self.colony.learn(batch, arcs, objectives, members, self.archive)
-
-    def _n_left(self) -> int:
-        """Count the evaluations that the budget still allows."""
-        limit = getattr(self.termination, "n_max_evals", None)
-        if not isinstance(self.termination, MaximumFunctionCallTermination) or limit is None:
-            return sys.maxsize
-        return int(min(max(0, limit - self.evaluator.n_eval), sys.maxsize))
-
-    def _evaluate(self, batch: PlanBatch) -> FloatArray:
-        self.evaluator.n_eval += len(batch)
-        values = np.asarray(self.problem.evaluate_batch(batch), np.float64)
-        if values.shape != (len(batch), 2):
-            raise ValueError(
-                f"Expected evaluate_batch of {type(self.problem).__name__} to give F of shape "
-                f"{(len(batch), 2)}, got {values.shape}."
-            )
-        return -values
 
     def _finalize(self) -> None:
         self.colony.close()
-
-    def _set_optimum(self) -> None:
-        pass  # the archive is the optimum, at all times
-
-    # pymoo assigns pop and opt in its loop. Here both are the archive, as a population that is
-    # made when somebody looks: termination, display and callbacks see it in every iteration, and
-    # an iteration in which nobody looks does not pay for it.
-
-    @property
-    def opt(self) -> Population | None:
-        """The archive as a pymoo population; None as long as it is empty."""
-        return self.archive.population() if len(self.archive) else None
-
-    @opt.setter
-    def opt(self, value: Population | None) -> None: ...
-
-    @property
-    def pop(self) -> Population | None:
-        """The same as ``opt``."""
-        return self.opt
-
-    @pop.setter
-    def pop(self, value: Population | None) -> None: ...

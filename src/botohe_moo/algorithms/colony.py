@@ -8,75 +8,18 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
-import networkx as nx
 import numpy as np
 
 from botohe_moo._types import FloatArray, IntArray, OffsetArray
 from botohe_moo.algorithms.archive import PlanArchive
+from botohe_moo.algorithms.walk import WalkGraph
 from botohe_moo.kernels.construct import construct
-from botohe_moo.kernels.evaluate import trail_arcs
 from botohe_moo.kernels.pheromone import learn, log_weights
 from botohe_moo.kernels.rng import seed_states
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import PlanBatch
 
-__all__ = ["Colony", "ColonyRule", "WalkGraph"]
-
-
-@dataclass(frozen=True, eq=False)
-class WalkGraph:
-    """A mission's arcs with the base's self-loop among them, as ants walk them.
-
-    Attributes
-    ----------
-    first
-        The arcs that leave node v are ``first[v]`` to ``first[v + 1]`` (n_nodes + 1); the
-        self-loop is the base's last.
-    tail, head, survival
-        Per arc; the self-loop has survival 1.
-    homeward
-        Of each node but the base, its arc on some shortest way home.
-    base, loop
-        Index of the base and of its self-loop.
-    balanced
-        Whether as many arcs enter every node as leave it.
-    """
-
-    first: OffsetArray
-    tail: IntArray
-    head: IntArray
-    survival: FloatArray
-    homeward: IntArray
-    base: int
-    loop: int
-    balanced: bool
-
-    @classmethod
-    def of(cls, mission: Mission) -> WalkGraph:
-        """Prepare a mission."""
-        arrays = mission.arrays
-        n_nodes, base = arrays.n_nodes, arrays.base
-        loop = int(arrays.first[base + 1])
-        first = arrays.first.copy()
-        first[base + 1 :] += 1
-        tail = np.insert(arrays.tail, loop, base).astype(np.int32)
-        head = np.insert(arrays.head, loop, base).astype(np.int32)
-        homeward = np.full(n_nodes, -1, np.int32)
-        arc_of = {arc: i for i, arc in enumerate(zip(tail.tolist(), head.tolist(), strict=True))}
-        backwards = mission.graph.reverse(copy=False)
-        for nearer, farther in nx.bfs_edges(backwards, mission.base):
-            u, v = mission.index(farther), mission.index(nearer)
-            homeward[u] = arc_of[u, v]
-        return cls(
-            first=first,
-            tail=tail,
-            head=head,
-            survival=np.insert(arrays.survival, loop, 1.0),
-            homeward=homeward,
-            base=base,
-            loop=loop,
-            balanced=mission.balanced,
-        )
+__all__ = ["Colony", "ColonyRule"]
 
 
 @dataclass(frozen=True)
@@ -103,6 +46,8 @@ class Colony:
     ----------
     mission
         What to plan for.
+    walk
+        The same, as ants walk it.
     rule
         How ants choose and deposit.
     n_ants
@@ -116,6 +61,7 @@ class Colony:
     def __init__(
         self,
         mission: Mission,
+        walk: WalkGraph,
         rule: ColonyRule,
         *,
         n_ants: int,
@@ -125,7 +71,7 @@ class Colony:
         self.rule = rule
         self.n_robots = mission.robots
         self.n_threads = n_threads
-        self.walk = walk = WalkGraph.of(mission)
+        self.walk = walk
         self._states = seed_states(random_state, n_ants)
         n_maps = mission.robots if rule.pheromone_per_robot else 1
         shape = (n_maps, len(walk.head))
@@ -231,13 +177,6 @@ class Colony:
         )
         self._buffers[part] = nodes, arcs
         return nodes[:size], arcs[:size]
-
-    def arcs_of(self, batch: PlanBatch) -> IntArray:
-        """Give the arc that leaves each node of valid plans, trails ending with the self-loop."""
-        walk = self.walk
-        arcs = np.empty_like(batch.nodes)
-        trail_arcs(walk.first, walk.head, walk.loop, batch.nodes, batch.offsets, arcs)
-        return arcs
 
     def learn(
         self,

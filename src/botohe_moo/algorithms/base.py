@@ -1,0 +1,204 @@
+"""What algorithms have in common that build whole batches of plans and keep an archive."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from pymoo.core.algorithm import Algorithm
+from pymoo.core.population import Population
+from pymoo.core.result import Result
+from pymoo.termination.max_eval import MaximumFunctionCallTermination
+
+from botohe_moo._checks import check_integer
+from botohe_moo._types import FloatArray, IntArray, ObjectArray, OffsetArray
+from botohe_moo.algorithms.archive import PlanArchive
+from botohe_moo.algorithms.walk import WalkGraph
+from botohe_moo.problem import BOTOHE, FrontOutput
+from botohe_moo.trails import PlanBatch, TrailPlan
+
+__all__ = ["ArchiveAlgorithm"]
+
+PYMOO_OPTIONS = (
+    "callback",
+    "display",
+    "evaluator",
+    "output",
+    "return_least_infeasible",
+    "save_history",
+    "seed",
+    "termination",
+    "verbose",
+)
+
+
+class ArchiveAlgorithm(Algorithm):
+    """A pymoo algorithm whose optimum is an archive of all non-dominated plans it evaluated.
+
+    A subclass builds plans in ``_advance`` and hands them to ``_take_in``, which evaluates them,
+    counts them, and puts into the archive what belongs there. pymoo individuals are made when
+    somebody looks at ``opt`` or ``pop``.
+
+    Parameters
+    ----------
+    max_ties
+        Plans with equal objectives but different trails that the archive keeps, at least 1.
+    sampling
+        Trail plans to start from: an iterable of plans, or ``X`` of another result.
+    **options
+        pymoo's own: ``termination``, ``callback``, ``output``, ``save_history``, ``seed``, ...
+
+    Raises
+    ------
+    ValueError
+        If a parameter is out of its range.
+    TypeError
+        If an option is unknown, or ``sampling`` holds something else than plans.
+    """
+
+    is_initialized: bool
+
+    def __init__(
+        self,
+        *,
+        max_ties: int = 1_000,
+        sampling: Iterable[TrailPlan] | ObjectArray | None = None,
+        **options: Any,
+    ) -> None:
+        for name in options:
+            if name not in PYMOO_OPTIONS:
+                raise TypeError(
+                    f"{type(self).__name__} has no parameter {name!r}; pymoo's options here are "
+                    f"{', '.join(PYMOO_OPTIONS)}."
+                )
+        self.max_ties = check_integer("max_ties", max_ties, at_least=1)
+        self.sampling = _listed(sampling)
+        self.archive = PlanArchive(1)
+        super().__init__(**{"output": FrontOutput(), **options})
+        self.archive = PlanArchive(1)  # pymoo has set its own, which only sees individuals
+
+    def setup(self, problem: Any, **kwargs: Any) -> Algorithm:
+        """Prepare to solve ``problem``; pymoo's ``minimize`` calls this.
+
+        Without any termination the run ends after 100 000 evaluations: pymoo's default would
+        look for convergence in the design space, which trail plans do not have.
+
+        Parameters
+        ----------
+        problem
+            What to solve.
+        **kwargs
+            pymoo's options, such as ``termination`` and ``seed``.
+
+        Raises
+        ------
+        TypeError
+            If ``problem`` is no :class:`BOTOHE`.
+        """
+        if not isinstance(problem, BOTOHE):
+            raise TypeError(f"Expected a BOTOHE problem, got {type(problem).__name__}.")
+        if self.termination is None and kwargs.get("termination") is None:
+            kwargs["termination"] = ("n_eval", 100_000)
+        return super().setup(problem, **kwargs)
+
+    def _setup(self, problem: BOTOHE, **_: Any) -> None:
+        self.walk = WalkGraph.of(problem.mission)
+        self.archive = PlanArchive(problem.mission.robots, max_ties=self.max_ties)
+
+    def advance(self, infills: Population | None = None, **_: Any) -> Result | None:  # noqa: ARG002
+        """Run one iteration; pymoo's ``next`` calls this.
+
+        As pymoo's own, but for what it returns before the end: not the current optimum, which
+        would then be made into a population in every iteration, whether somebody looks or not.
+
+        Parameters
+        ----------
+        infills
+            None: pymoo is not asked to evaluate.
+        **_
+            Nothing else is used.
+        """
+        if self.is_initialized:
+            self._advance()
+        else:
+            self.n_iter = 1
+            self._initialize_advance()
+            self.is_initialized = True
+        self._post_advance()
+        if not self.termination.has_terminated():
+            return None
+        self.finalize()
+        return self.result()
+
+    def _initialize_advance(self, **_: Any) -> None:
+        if self.sampling:
+            batch = self.problem.mission.batch(self.sampling)
+            self._take_in(batch[: self._n_left()])
+        self._advance()
+
+    def _take_in(
+        self, batch: PlanBatch, arcs: IntArray | None = None
+    ) -> tuple[FloatArray, OffsetArray]:
+        """Evaluate new plans, within the budget, and archive what nothing dominates.
+
+        Gives their E[R] and E[S] (n, 2), and the indices of the batch's own Pareto set. ``arcs``
+        are those that leave the batch's nodes, where they are known already.
+        """
+        self.evaluator.n_eval += len(batch)
+        values = np.asarray(self.problem.evaluate_batch(batch), np.float64)
+        if values.shape != (len(batch), 2):
+            raise ValueError(
+                f"Expected evaluate_batch of {type(self.problem).__name__} to give F of shape "
+                f"{(len(batch), 2)}, got {values.shape}."
+            )
+        objectives = -values
+        arcs = self.walk.arcs_of(batch) if arcs is None else arcs
+        return objectives, self.archive.absorb(batch, arcs, objectives)
+
+    def _n_left(self) -> int:
+        """Count the evaluations that the budget still allows."""
+        limit = getattr(self.termination, "n_max_evals", None)
+        if not isinstance(self.termination, MaximumFunctionCallTermination) or limit is None:
+            return sys.maxsize
+        left = max(0, limit - self.evaluator.n_eval)
+        return math.ceil(left) if left < sys.maxsize else sys.maxsize
+
+    def _set_optimum(self) -> None:
+        pass  # the archive is the optimum, at all times
+
+    # pymoo assigns pop and opt in its loop. Here both are the archive, as a population that is
+    # made when somebody looks: termination, display and callbacks see it in every iteration, and
+    # an iteration in which nobody looks does not pay for it.
+
+    @property
+    def opt(self) -> Population | None:
+        """The archive as a pymoo population; None as long as it is empty."""
+        return self.archive.population() if len(self.archive) else None
+
+    @opt.setter
+    def opt(self, value: Population | None) -> None: ...
+
+    @property
+    def pop(self) -> Population | None:
+        """The same as ``opt``."""
+        return self.opt
+
+    @pop.setter
+    def pop(self, value: Population | None) -> None: ...
+
+
+def _listed(sampling: Iterable[TrailPlan] | ObjectArray | None) -> list[TrailPlan]:
+    if sampling is None:
+        return []
+    if isinstance(sampling, Population):
+        sampling = sampling.get("X")
+    if isinstance(sampling, np.ndarray):
+        sampling = sampling.ravel()
+    plans = list(sampling) if isinstance(sampling, Iterable) else [sampling]
+    for plan in plans:
+        if not isinstance(plan, TrailPlan):
+            raise TypeError(f"Expected sampling to hold TrailPlans, got {plan!r}.")
+    return plans
