@@ -25,9 +25,11 @@ FILES = ["front.csv", "front.png", "mission.png", "plans.json"]
 # Runs command lines, each in a process of its own that is forked where everything is imported
 # already: a start costs seconds, a fork none. Code, if any, runs before the command.
 SERVER = """
-import json, os, signal, sys, tempfile, traceback
+import gc, json, os, pydantic, signal, sys, tempfile, traceback, yaml
 signal.signal(signal.SIGINT, signal.default_int_handler)  # shells may start us with it ignored
+os.environ.pop("COLUMNS", None)  # which pytest's readline sets for those that it starts
 import botohe_moo.cli, botohe_moo.solve, botohe_moo.algorithms, botohe_moo.plots
+gc.freeze()
 for line in sys.stdin:
     given = json.loads(line)
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
@@ -206,7 +208,7 @@ class TestSolve:
             assert (tmp_path / "seed3" / name).read_bytes() == same
             assert name == "mission.png" or (tmp_path / "seed4" / name).read_bytes() != same
 
-    @pytest.mark.parametrize(("algorithm", "n"), [("random", 1), ("random", 101), ("bo-aco", 99)])
+    @pytest.mark.parametrize(("algorithm", "n"), [("random", 101), ("bo-aco", 1)])
     def test_the_budget_is_exact(self, botohe, tmp_path, algorithm, n):
         assert botohe("solve", "toy", "-a", algorithm, "-n", n, "-o", "out").status == 0
         assert plans_in(tmp_path / "out")["evaluations"] == n
@@ -236,17 +238,21 @@ class TestSolve:
         said = 'she said "no"\nand $left_{'
         name = pier(
             [(["floor", 1, None], 0), (said, 2), ("[red]漢字[/red]", 1)],
-            [(["floor", 1, None], said, 0.9), (said, ["floor", 1, None], 1)]
-            + [(said, "[red]漢字[/red]", 0.5), ("[red]漢字[/red]", said, 1)],
+            [
+                (["floor", 1, None], said, 0.9),
+                (said, ["floor", 1, None], 1),
+                (said, "[red]漢字[/red]", 0.5),
+                ("[red]漢字[/red]", said, 1),
+            ],
             base=["floor", 1, None],
-            name="odd [bold]pier[/bold] ü.json",
+            name="odd [bold]pier[red] ü.json",
             title="[link]a$b",
         )
         ended = botohe("solve", name, "-n", 300)
         assert ended.status == 0, ended
         assert ended.err == ""
         assert ended.out.startswith("[link]a$b: 3 nodes")
-        folder = tmp_path / "results" / "odd [bold]pier[/bold] ü"
+        folder = tmp_path / "results" / "odd [bold]pier[red] ü"
         assert f"wrote results/{folder.name}/front.csv" in ended.out
         mission, content = load_mission(tmp_path / name), plans_in(folder)
         plans = [
@@ -262,22 +268,22 @@ class TestSolve:
         assert botohe("solve", pier([("a", 0)], []), "-n", 5, "-o", "out").status == 0
         assert front_in(tmp_path / "out") == [(0, 0.0, 2.0)]
 
-    def test_output_that_nobody_reads_or_that_is_not_unicode(self, botohe, pier, tmp_path):
-        title = "λ 漢字 \udcff"
-        ended = botohe("solve", pier(title=title), "-n", 9, PYTHONIOENCODING="ascii", code=ASCII)
-        assert ended.status == 0, ended
-        assert ended.out.startswith(r"\u03bb \u6f22\u5b57 \udcff: 2 nodes")
-        ended = botohe("solve", "toy", "-n", 9, "-o", "unread", code=UNREAD)
-        assert ended == (0, "", "")
+    def test_output_that_holds_odd_characters(self, botohe, pier, tmp_path):
+        code = "import sys; sys.stdout.reconfigure(encoding='latin-1', errors='strict')"
+        ended = botohe("solve", pier(title="λ and more"), "-n", 9, "-o", "out\udcff", code=code)
+        assert (ended.status, ended.err) == (0, "")
+        assert ended.out.startswith(r"\u03bb and more: 2 nodes")
+        assert r"wrote out\udcff/front.csv" in ended.out
+        assert names_in(tmp_path / "out\udcff") == FILES
+
+    def test_output_that_nobody_reads(self, botohe, tmp_path):
+        assert botohe("solve", "toy", "-n", 9, "-o", "unread", code=UNREAD) == (0, "", "")
         assert names_in(tmp_path / "unread") == FILES
-        ended = botohe(
-            "solve", "toy", "-n", 9, "-o", "closed", code="import sys; sys.stdout = None"
-        )
-        assert ended == (0, "", "")
+        code = "import sys; sys.stdout = None"
+        assert botohe("solve", "toy", "-n", 9, "-o", "closed", code=code) == (0, "", "")
         assert names_in(tmp_path / "closed") == FILES
 
 
-ASCII = "import sys; sys.stdout.reconfigure(encoding='ascii', errors='strict')"
 UNREAD = """
     import os
     reader, writer = os.pipe()
@@ -595,10 +601,17 @@ class TestBadOptions:
         assert all(name in message for name in named), message
 
     def test_too_much_for_the_memory(self, botohe, tmp_path):
-        ended = botohe("solve", "toy", "-p", f"n_ants={10**15}", "--out", "out")
+        code = """
+            import botohe_moo.solve
+
+            def search(*args, **kwargs):
+                raise MemoryError("Unable to allocate 7.1 PiB.")
+
+            botohe_moo.solve.search = search
+        """
+        ended = botohe("solve", "toy", "--out", "out", code=code)
         assert ended.status == 1
-        assert ended.err.startswith("botohe: there is not enough memory. ")
-        assert "Traceback" not in ended.err
+        assert ended.err == "botohe: there is not enough memory. Unable to allocate 7.1 PiB.\n"
         assert names_in(tmp_path) == []
 
     def test_as_users_start_it(self, tmp_path):
@@ -746,8 +759,8 @@ class TestListings:
             long = [line for line in lines if len(line) > min(columns, 100)]
             # No more than a headline, an example, or a word that is longer than the rest of a line.
             assert all("`" in line or len(line.split()) <= 6 for line in long), long
-            if columns < 100:
-                assert max(map(len, wide.splitlines())) > 100
+            if columns == 30:
+                assert len(lines) > len(wide.splitlines())
 
     def test_a_mission(self, botohe, tmp_path):
         ended = botohe("missions", "show", "toy", "--robots", 1, "--picture", "toy.png")

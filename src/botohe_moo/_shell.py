@@ -45,12 +45,17 @@ def run(app: typer.Typer) -> NoReturn:
             stream.reconfigure(errors="backslashreplace")  # no λ or odd path shall end a run
     warnings.showwarning = _show_warning
     os.environ["MPLBACKEND"] = "Agg"  # pictures go to files, whatever is set for windows
-    logging.getLogger("matplotlib").setLevel(logging.ERROR)  # it talks of fonts and caches
+    # Of fonts and their caches; that a font lacks a character is seen in the picture.
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
+    warnings.filterwarnings("ignore", "Glyph .* missing from")
     try:
         status = app(standalone_mode=False)
     except _UsageError as error:
-        if message := error.format_message():  # none where the help has been shown instead
-            say(f"{message} (`{error.ctx.command_path} --help` tells more.)")
+        message = error.format_message()
+        if message and error.ctx is not None:
+            message = f"{message} (`{error.ctx.command_path} --help` tells more.)"
+        if message:  # there is none where the help has been shown instead
+            say(message)
         status = BAD_INPUT
     except MemoryError as error:
         say(f"there is not enough memory. {error}")

@@ -281,6 +281,8 @@ class TestPheromone:
     ("parameters", "message"),
     [
         ({"n_ants": 0}, r"Expected n_ants >= 1, got 0\."),
+        ({"n_ants": 10**15}, r"Expected n_ants <= 1000000, got 1000000000000000\."),
+        ({"n_threads": 10**6}, r"Expected n_threads <= 1024, got 1000000\."),
         ({"n_ants": 2.5}, r"Expected n_ants to be an integer >= 1, got 2\.5\."),
         ({"evaporation": 1.3}, r"Expected evaporation in \(0, 1\), got 1\.3\."),
         ({"evaporation": 0}, r"Expected evaporation in \(0, 1\), got 0\."),

@@ -41,6 +41,7 @@ JOURNAL = {
 
 REEF = '''
     import functools
+    from pymoo.core.algorithm import Algorithm
     from botohe_moo import BOACO
 
     journal = BOACO.journal
@@ -69,6 +70,10 @@ REEF = '''
         return BOACO(n_ants=depth + width, **others)
 
     small = functools.partial(reef, width=2)
+
+    class Atoll(Algorithm):
+        def __init__(self, *, depth=1, output=None, **options):
+            super().__init__(output=output, **options)
 
     def bare(n_ants, /):
         return BOACO(n_ants=n_ants)
@@ -187,6 +192,13 @@ class TestParameters:
         assert describe_algorithm("small") == describe_algorithm("reef")
         assert stated("bare") == stated("nothing") == {}
         assert describe_algorithm("bare") == ""
+
+    def test_options_of_pymoo_are_none(self, install):
+        install("reef-algorithms", REEF, atoll="Atoll", any="Algorithm")
+        assert list(stated("atoll")) == ["depth"]
+        assert list(stated("any")) == []
+        with pytest.raises(ValueError, match=r"no parameter 'output'; known are depth\.$"):
+            make_algorithm("atoll", output=None)
 
     @pytest.mark.parametrize("function", [algorithm_parameters, describe_algorithm])
     def test_of_an_unknown_one(self, function):

@@ -32,7 +32,8 @@ class BOACO(ArchiveAlgorithm):
     Parameters
     ----------
     n_ants
-        Ants in the colony, at least 1: evaluations per iteration. A single ant has λ = 1/2.
+        Ants in the colony, from 1 to 1 000 000: evaluations per iteration. A single ant has
+        λ = 1/2.
     evaporation
         Share ρ of the pheromone that evaporates in an iteration, in (0, 1).
     heuristic
@@ -62,7 +63,7 @@ class BOACO(ArchiveAlgorithm):
         Plans with equal objectives but different trails that the archive keeps, at least 1. The
         journal version keeps all; where nothing is dangerous those have no end.
     n_threads
-        Threads that build plans, at least 1; the result does not depend on it.
+        Threads that build plans, from 1 to 1 024; the result does not depend on it.
     sampling
         Trail plans to start from, evaluated first and put into the archive, so that they deposit
         pheromone from the first iteration on: an iterable of plans, or ``X`` of another result.
@@ -115,7 +116,7 @@ class BOACO(ArchiveAlgorithm):
         **options: Any,
     ) -> None:
         super().__init__(max_ties=max_ties, sampling=sampling, **options)
-        self.n_ants = check_integer("n_ants", n_ants, at_least=1)
+        self.n_ants = check_integer("n_ants", n_ants, at_least=1, at_most=1_000_000)
         self.evaporation = check_number("evaporation", evaporation, above=0, below=1)
         self.heuristic = check_flag("heuristic", heuristic)
         self.pheromone = check_flag("pheromone", pheromone)
@@ -130,7 +131,7 @@ class BOACO(ArchiveAlgorithm):
         self.unvisited_bonus = check_number("unvisited_bonus", unvisited_bonus, at_least=0)
         self.exploration = check_number("exploration", exploration, at_least=0)
         self.pooled_deposit = check_flag("pooled_deposit", pooled_deposit)
-        self.n_threads = check_integer("n_threads", n_threads, at_least=1)
+        self.n_threads = check_integer("n_threads", n_threads, at_least=1, at_most=1_024)
 
     @classmethod
     def journal(

@@ -18,9 +18,9 @@ class RandomTrails(BOACO):
     Parameters
     ----------
     n_ants
-        Plans per iteration, at least 1.
+        Plans per iteration, from 1 to 1 000 000.
     n_threads
-        Threads that build plans, at least 1; the result does not depend on it.
+        Threads that build plans, from 1 to 1 024; the result does not depend on it.
     sampling
         Trail plans to start from, as for :class:`BOACO`.
     **options

@@ -24,6 +24,8 @@ __all__ = [
 
 _PLUGINS = PluginGroup("botohe_moo.algorithms", "algorithm")
 _BY_KEYWORD = (inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+# Who runs an algorithm decides on these, through ``minimize``.
+_PYMOOS_OWN = frozenset(inspect.signature(Algorithm).parameters)
 
 
 @dataclass(frozen=True)
@@ -136,7 +138,7 @@ def algorithm_parameters(name: str) -> tuple[AlgorithmParameter, ...]:
     for function in functions:
         described = _described(function)
         for parameter in (_signature(function) or inspect.Signature()).parameters.values():
-            if parameter.kind not in _BY_KEYWORD:
+            if parameter.kind not in _BY_KEYWORD or parameter.name in _PYMOOS_OWN:
                 continue
             known = stated.get(parameter.name)
             stated[parameter.name] = AlgorithmParameter(
