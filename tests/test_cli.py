@@ -12,6 +12,7 @@ import subprocess
 import sys
 import termios
 import textwrap
+import threading
 from pathlib import Path
 from typing import NamedTuple
 
@@ -111,8 +112,9 @@ def solved(tmp_path_factory):
     """A search that was started as users start it, and its folder."""
     folder = tmp_path_factory.mktemp("solved")
     args = ["solve", "toy", "--algorithm", "bo-aco", "--evaluations", "250", "--seed", "3"]
-    # What makes matplotlib talk, and rich take a file for a terminal.
-    env = {**os.environ, "MPLCONFIGDIR": "/dev/null/none", "FORCE_COLOR": "1"}
+    # What makes matplotlib talk or fail, and rich take a file for a terminal.
+    disturbing = {"MPLCONFIGDIR": "/dev/null/none", "MPLBACKEND": "none", "FORCE_COLOR": "1"}
+    env = {**os.environ, **disturbing}
     done = subprocess.run(
         [BOTOHE, *args, "--out", "out"], cwd=folder, env=env, capture_output=True, text=True
     )
@@ -307,6 +309,8 @@ def test_terminal_and_interrupt(tmp_path):
     )
     os.close(theirs)
     shown, pressed = b"", False
+    alarm = threading.Timer(120, process.kill)  # should Ctrl-C do nothing
+    alarm.start()
     try:
         while True:
             try:
@@ -319,6 +323,7 @@ def test_terminal_and_interrupt(tmp_path):
                 process.send_signal(signal.SIGINT)
         out = process.communicate()[0]
     finally:
+        alarm.cancel()
         process.kill()
         os.close(ours)
     assert pressed
@@ -356,17 +361,27 @@ def when_called(module, name, *, times=1, sent="SIGINT"):
 
 
 class TestSignals:
-    @pytest.mark.parametrize("module", ["typer", "botohe_moo._options", "numpy", "pymoo"])
-    def test_at_the_start(self, tmp_path, module):
+    @pytest.mark.parametrize(
+        ("module", "swallowing"),
+        [("typer", False), ("botohe_moo._options", False), ("numpy", True), ("pymoo", False)],
+    )
+    def test_at_the_start(self, tmp_path, module, swallowing):
         code = f"""
-            import os, signal, sys
+            import os, signal, sys, weakref
             signal.signal(signal.SIGINT, signal.default_int_handler)
+
+            def press(_=None):
+                print("pressed", flush=True)
+                os.kill(os.getpid(), signal.SIGINT)
 
             class Finder:
                 def find_spec(name, path=None, target=None):
-                    if name == {module!r}:
-                        print("pressed", flush=True)
-                        os.kill(os.getpid(), signal.SIGINT)
+                    if name == {module!r} and {swallowing}:
+                        owner = type("Owner", (), {{}})()
+                        reference = weakref.ref(owner, press)
+                        del owner  # Python only prints what a callback raises
+                    elif name == {module!r}:
+                        press()
 
             sys.meta_path.insert(0, Finder)
             from botohe_moo.cli import main
@@ -386,7 +401,7 @@ class TestSignals:
 
     def test_before_the_first_iteration(self, botohe, tmp_path):
         code = when_called("botohe_moo.solve", "search")
-        ended = botohe("solve", "toy", "-n", 10**9, "-o", "out", code=code)
+        ended = botohe("solve", "toy", "-n", 10**6, "-o", "out", code=code)
         assert (ended.status, ended.err) == (130, "")
         assert plans_in(tmp_path / "out")["evaluations"] == 100
         assert names_in(tmp_path / "out") == FILES
@@ -672,6 +687,7 @@ def odd(tmp_path_factory):
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: odd\nVersion: 1.0\n")
     (info / "entry_points.txt").write_text(
         "[botohe_moo.algorithms]\nnothing = odd:Nothing\npicky = odd:Picky\nbroken = odd:Broken\n"
+        "random = odd:Nothing\n"
         "[botohe_moo.missions]\ngone = odd:gone\n"
     )
     return f"import sys; sys.path.insert(0, {str(site)!r})"
@@ -698,7 +714,11 @@ class TestOtherPackages:
         assert ended.status == 0
         assert "nothing  Find nothing, which is hard to beat.\n" in ended.out
         assert "broken" not in ended.out
-        assert re.fullmatch(r"botohe: Algorithm 'broken': .*it is left out\.\n", ended.err)
+        broken, claimed = ended.err.splitlines()
+        assert re.fullmatch(r"botohe: Algorithm 'broken': .*; it is left out\.", broken)
+        assert claimed == (
+            "botohe: Algorithm 'random' of package odd is left out: botohe-moo has it."
+        )
         ended = botohe("missions", code=odd)
         assert "gone" not in ended.out
         assert re.fullmatch(r"botohe: Mission 'gone': .*it is left out\.\n", ended.err)

@@ -16,6 +16,7 @@ from pymoo.core.population import Population
 
 from botohe_moo import BOACO, BOTOHE, Mission, area_indicator, load_mission, make_algorithm, plots
 from botohe_moo._console import hold_interrupt
+from botohe_moo.plots import canvas
 from botohe_moo.solution import PictureError, Solution, check_folder, check_picture
 from botohe_moo.solve import RefusalError, search
 
@@ -179,8 +180,8 @@ class Given(Algorithm):
 
 class TestWhatOtherAlgorithmsFind:
     def test_only_what_is_feasible_and_not_dominated(self, toy):
-        trails = [[[1, 2, 1], [1]], [[1], [1]], [[1, 2, 4, 2, 1], [1]], [[1, 2, 4, 3, 1], [1]]]
-        plans = [toy.plan(plan) for plan in trails]
+        trails = [[1, 2, 1], [1], [1, 3, 2, 4, 2, 1], [1, 2, 4, 3, 1], [1, 3, 2, 4, 2, 3, 1]]
+        plans = [toy.plan([trail, [1]]) for trail in trails]
         individuals = []
         for i, plan in enumerate(plans):
             x = np.empty(1, dtype=object)
@@ -189,9 +190,10 @@ class TestWhatOtherAlgorithmsFind:
             objectives = toy.evaluate([plan])[0] + better
             individuals.append(Individual(X=x, F=-objectives, CV=np.array([fault])))
         population = Population.create(*individuals)
-        assert population.get("feas").tolist() == [True, True, True, False]
+        assert population.get("feas").tolist() == [True, True, True, False, True]
         found = search(toy, Given(population), evaluations=14)
-        assert found.plans == (plans[2], plans[1])  # [1, 2, 1] brings nothing and costs robots
+        # Two bring the same, [1, 2, 1] brings nothing and costs robots, [1, 2, 4, 3, 1] is faulty.
+        assert found.plans == (plans[2], plans[4], plans[1])
         assert found.objectives.tolist() == toy.evaluate(found.plans).tolist()
         assert found.evaluations == 14
 
@@ -212,7 +214,7 @@ class TestWhatOtherAlgorithmsFind:
 @pytest.mark.usefixtures("interruptible")
 class TestInterrupt:
     def test_the_search_stops_after_its_iteration(self, toy):
-        found = search(toy, BOACO(n_ants=10, callback=pressing(3)), evaluations=10**30)
+        found = search(toy, BOACO(n_ants=10, callback=pressing(3)), evaluations=10**4)
         assert found.interrupted
         assert found.evaluations == 30
         assert found.plans
@@ -422,6 +424,10 @@ class TestPictures:
         mission = Mission(graph, base="a", robots=1, name="pier")
         with pytest.raises(ValueError, match=r"^Mission 'pier': Node 'a': expected pos \[x, y\]"):
             check_picture(mission)
+
+    def test_nodes_without_a_place_are_not_laid_out_twice(self, monkeypatch):
+        monkeypatch.setattr(canvas, "node_positions", None)
+        check_picture(pair("a", "b", pos=[0, 1]))
 
     @pytest.mark.parametrize("name", ["toy", "art_museum"])
     def test_ours_can_be_drawn(self, name):

@@ -8,7 +8,7 @@ import signal
 import sys
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any, NoReturn
 
 import typer
@@ -65,10 +65,8 @@ def run(app: typer.Typer) -> NoReturn:
 
 def tell(message: object) -> None:
     """Print something on standard output, for as long as somebody reads it."""
-    try:
+    with suppress(BrokenPipeError):  # `| head` is no reason to lose a search
         typer.echo(message)
-    except BrokenPipeError:  # of which `| head` is no reason to lose a search
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def say(message: object) -> None:
