@@ -345,9 +345,8 @@ def test_terminal_and_interrupt(tmp_path):
 # Sends a signal when something of a module is called.
 WHEN_CALLED = """
     import os, signal, {module}
-    usual = {module}.{name}
 
-    def {name}(*args, **kwargs):
+    def {name}(*args, usual={module}.{name}, **kwargs):
         for _ in range({times}):
             os.kill(os.getpid(), signal.{signal})
         return usual(*args, **kwargs)
@@ -412,6 +411,14 @@ class TestSignals:
         assert (ended.status, ended.err) == (130, "")
         assert names_in(tmp_path / "out") == FILES
         assert plans_in(tmp_path / "out")["interrupted"] is False
+
+    def test_once_while_searching_and_once_while_writing(self, botohe, tmp_path):
+        code = when_called("botohe_moo.solve", "search")
+        code += when_called("botohe_moo.plots", "plot_mission")
+        ended = botohe("solve", "toy", "-n", 10**6, "-o", "out", code=code)
+        assert (ended.status, ended.err) == (130, "")
+        assert names_in(tmp_path / "out") == FILES
+        assert plans_in(tmp_path / "out")["interrupted"] is True
 
     def test_twice_while_writing(self, botohe, tmp_path):
         code = when_called("botohe_moo.plots", "plot_mission", times=2)
