@@ -38,14 +38,11 @@ ORDER = [
     "algorithms",
     "decide",
     "plots",
-    "_console",
+    "console",
     "solution",
     "solve",
     "study",
     "explorer",
-    "_shell",
-    "_options",
-    "_describe",
     "cli",
 ]
 

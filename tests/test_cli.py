@@ -362,7 +362,12 @@ def when_called(module, name, *, times=1, sent="SIGINT"):
 class TestSignals:
     @pytest.mark.parametrize(
         ("module", "swallowing"),
-        [("typer", False), ("botohe_moo._options", False), ("numpy", True), ("pymoo", False)],
+        [
+            ("typer", False),
+            ("botohe_moo.console.options", False),
+            ("numpy", True),
+            ("pymoo", False),
+        ],
     )
     def test_at_the_start(self, tmp_path, module, swallowing):
         code = f"""

@@ -16,11 +16,12 @@ def check_integer(name: str, value: Any, *, at_least: int, at_most: int | None =
     """Give ``value`` as an int, or raise the ValueError that says what was expected."""
     if isinstance(value, bool | np.bool_) or not isinstance(value, Integral):
         raise ValueError(f"Expected {name} to be an integer >= {at_least}, got {value!r}.")
-    if value < at_least:
+    number = int(value)
+    if number < at_least:
         raise ValueError(f"Expected {name} >= {at_least}, got {value}.")
-    if at_most is not None and value > at_most:
+    if at_most is not None and number > at_most:
         raise ValueError(f"Expected {name} <= {at_most}, got {value}.")
-    return int(value)
+    return number
 
 
 def check_number(

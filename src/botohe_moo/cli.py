@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 try:
     import typer
 
-    from botohe_moo._describe import (
+    from botohe_moo.console.describe import (
         brief,
         describe,
         listing,
@@ -20,7 +20,7 @@ try:
         parameter_example,
         parameter_text,
     )
-    from botohe_moo._options import (
+    from botohe_moo.console.options import (
         EvaluationsOption,
         MissionArgument,
         MissionParameterOption,
@@ -30,7 +30,7 @@ try:
         mission_source,
         read_parameters,
     )
-    from botohe_moo._shell import (
+    from botohe_moo.console.shell import (
         BAD_INPUT,
         FAILED,
         INTERRUPTED,
@@ -129,7 +129,7 @@ def solve(
 
 
 def _search_and_write(mission: Mission, algorithm: Algorithm, folder: Path, **how: Any) -> None:
-    from botohe_moo._console import hold_interrupt
+    from botohe_moo.console.waiting import hold_interrupt
     from botohe_moo.solution import PictureError, check_folder
     from botohe_moo.solve import RefusalError, search
 

@@ -13,8 +13,8 @@ import numpy as np
 from pymoo.core.algorithm import Algorithm
 
 from botohe_moo._checks import check_integer
-from botohe_moo._console import hold_interrupt, progress_bar
 from botohe_moo._types import FloatArray
+from botohe_moo.console.waiting import hold_interrupt, progress_bar
 from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE
@@ -92,9 +92,10 @@ def search(
                 evaluations, lambda: area_indicator(_front(algorithm)[0], mission), shown=progress
             )
         )
-        going_on = True
+        going_on, startup_seconds = True, 0.0
         while going_on:  # once at least, so that something is found however soon it is stopped
             algorithm.next()
+            startup_seconds = startup_seconds or time.perf_counter() - started
             going_on = algorithm.has_next() and not stop.is_set()
             show(algorithm.evaluator.n_eval, last=not going_on)
     seconds = time.perf_counter() - started
@@ -109,6 +110,7 @@ def search(
         evaluations=algorithm.evaluator.n_eval,
         seconds=seconds,
         interrupted=algorithm.has_next(),
+        startup_seconds=startup_seconds,
         source=dict(source or {}),
     )
 

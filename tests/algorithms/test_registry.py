@@ -75,6 +75,10 @@ REEF = '''
         def __init__(self, *, depth=1, output=None, **options):
             super().__init__(output=output, **options)
 
+        @classmethod
+        def shallow(cls):
+            return cls(depth=0)
+
     def bare(n_ants, /):
         return BOACO(n_ants=n_ants)
 
@@ -192,6 +196,10 @@ class TestParameters:
         assert describe_algorithm("small") == describe_algorithm("reef")
         assert stated("bare") == stated("nothing") == {}
         assert describe_algorithm("bare") == ""
+
+    def test_a_factory_that_takes_nothing_else_hands_nothing_to_its_class(self, install):
+        install("reef-algorithms", REEF, shallow="Atoll.shallow")
+        assert stated("shallow") == {}
 
     def test_options_of_pymoo_are_none(self, install):
         install("reef-algorithms", REEF, atoll="Atoll", any="Algorithm")
