@@ -3,6 +3,7 @@
 import copy
 import pickle
 
+import networkx as nx
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,7 +12,7 @@ from pymoo.core.callback import Callback
 from pymoo.core.problem import Problem
 from pymoo.optimize import minimize
 
-from botohe_moo import BOACO, BOTOHE, RandomTrails, TrailPlan, area_indicator, load_mission
+from botohe_moo import BOACO, BOTOHE, Mission, RandomTrails, TrailPlan, area_indicator, load_mission
 from tests.strategies import missions
 
 
@@ -152,6 +153,33 @@ class TestContract:
         result = minimize(BOTOHE(mission), make(n_ants=5), ("n_gen", 4), seed=seed)
         assert np.array_equal(-result.F, mission.evaluate(result.X))
         assert 0 <= area_indicator(-result.F, mission) <= 1 + 1e-12
+
+
+@variants
+@pytest.mark.parametrize("reward", [5e-324, 1e-300, 1e300, 1e307])
+@pytest.mark.parametrize("survival", [5e-324, 1e-200, 1.0])
+def test_extreme_rewards_and_survivals(make, reward, survival):
+    """Weights must stay above 0 and finite: an ant that cannot draw would leave the graph."""
+    graph = nx.complete_graph(5, nx.DiGraph)
+    nx.set_node_attributes(graph, {node: 0.0 if node % 2 else reward for node in graph}, "reward")
+    nx.set_edge_attributes(graph, survival, "survival")
+    mission = Mission(graph, base=0, robots=3)
+    result = minimize(BOTOHE(mission), make(n_ants=20), ("n_gen", 100), seed=1)
+    assert np.array_equal(-result.F, mission.evaluate(result.X))
+
+
+@pytest.mark.parametrize("epsilon", [1e-320, 1e-300, 1e300])
+def test_extreme_parameters(epsilon, museum):
+    algorithm = BOACO(
+        reward_epsilon=epsilon,
+        survival_epsilon=epsilon,
+        unvisited_bonus=epsilon,
+        exploration=epsilon,
+        initial_pheromone=epsilon,
+        evaporation=0.999999,
+    )
+    result = minimize(BOTOHE(museum), algorithm, ("n_gen", 100), seed=1)
+    assert np.array_equal(-result.F, museum.evaluate(result.X))
 
 
 class TestInsidePymoo:

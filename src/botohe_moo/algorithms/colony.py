@@ -14,7 +14,7 @@ from botohe_moo._types import FloatArray, IntArray, OffsetArray
 from botohe_moo.algorithms.archive import PlanArchive
 from botohe_moo.algorithms.walk import WalkGraph
 from botohe_moo.kernels.construct import construct
-from botohe_moo.kernels.pheromone import learn, log_weights
+from botohe_moo.kernels.pheromone import LOG_HIGH, learn, log_weights
 from botohe_moo.kernels.rng import seed_states
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import PlanBatch
@@ -83,13 +83,15 @@ class Colony:
 
         value = rule.unvisited_bonus + walk.survival * mission.arrays.reward[walk.head]
         if rule.heuristic:
-            self._gain = value / rule.reward_epsilon
+            with np.errstate(over="ignore"):
+                self._gain = value / rule.reward_epsilon
             self._log_eta_reward = float(np.log(rule.reward_epsilon))
             self._log_eta_survival = np.log(rule.survival_epsilon + walk.survival)
         else:
             self._gain = np.zeros(shape[1])
             self._log_eta_reward = 0.0
             self._log_eta_survival = np.zeros(shape[1])
+        self._gain = np.minimum(self._gain, np.exp(LOG_HIGH))
         self._log_fresh = np.log1p(self._gain)
         self._log_reward, self._log_survival = np.empty(shape), np.empty(shape)
         self._weigh()

@@ -11,6 +11,10 @@ from botohe_moo.kernels.compile import kernel
 # Pareto set uses pheromone falls by the same factor every iteration, for thousands of iterations.
 LEAST = 1e-250
 
+# Bounds on log(τη): a product of two such factors is neither 0 nor infinite, nor are sums of them,
+# whatever rewards and parameters are. Ants rely on it: of weights that are all 0 none can be drawn.
+LOG_LOW, LOG_HIGH = -650.0, 250.0
+
 
 @kernel
 def deposit(
@@ -115,8 +119,20 @@ def log_weights(
     log_reward: FloatArray,
     log_survival: FloatArray,
 ) -> None:
-    """Write log(τ_R · η_R) and log(τ_S · η_S), with η_R that of a node already visited."""
+    """Write log(τ_R · η_R) and log(τ_S · η_S), with η_R that of a node already visited.
+
+    Parameters
+    ----------
+    pheromone
+        Reward and survival pheromone, above 0 (n_maps, n_arcs, 2).
+    log_eta_reward, log_eta_survival
+        Logarithms of the heuristics; the second per arc (n_arcs).
+    log_reward, log_survival
+        Output (n_maps, n_arcs), within ``LOG_LOW`` and ``LOG_HIGH``.
+    """
     for m in range(pheromone.shape[0]):
         for arc in range(pheromone.shape[1]):
-            log_reward[m, arc] = math.log(pheromone[m, arc, 0]) + log_eta_reward
-            log_survival[m, arc] = math.log(pheromone[m, arc, 1]) + log_eta_survival[arc]
+            reward = math.log(max(LEAST, pheromone[m, arc, 0])) + log_eta_reward
+            survivors = math.log(max(LEAST, pheromone[m, arc, 1])) + log_eta_survival[arc]
+            log_reward[m, arc] = min(max(reward, LOG_LOW), LOG_HIGH)
+            log_survival[m, arc] = min(max(survivors, LOG_LOW), LOG_HIGH)

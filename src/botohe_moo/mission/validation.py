@@ -65,6 +65,8 @@ def mission_faults(graph: Any, base: Hashable, robots: object, *, ways: bool = T
         faults.append(fault)
     faults += _reward_faults(graph)
     faults += _arc_faults(graph)
+    if not faults and not math.isfinite(sum(r for _, r in graph.nodes(data="reward"))):
+        faults.append("expected rewards with a finite sum, got an infinite one")
     if base is None:
         faults.append("expected the label of the base, found no graph attribute 'base'")
     elif base not in graph:
