@@ -94,7 +94,9 @@ class Solution:
         )
         start = self.startup_seconds if self.startup_seconds >= _LONG_START else 0.0
         seconds = self.seconds - start
-        pace = f" ({self.evaluations / seconds:,.0f} a second)" if seconds > 0 else ""
+        # A long start is not what an evaluation costs, nor is the rest all of the evaluations.
+        known = seconds > 0 and not start
+        pace = f" ({self.evaluations / seconds:,.0f} a second)" if known else ""
         started = f", after {start:.0f} s to compile and start" if start else ""
         stopped = "stopped after" if self.interrupted else "spent"
         n_plans = "1 plan" if len(self.plans) == 1 else f"{len(self.plans)} plans"

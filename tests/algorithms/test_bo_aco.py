@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 from pymoo.core.callback import Callback
 from pymoo.core.problem import Problem
 from pymoo.optimize import minimize
+from pymoo.termination import get_termination
+from pymoo.termination.collection import TerminationCollection
 
 from botohe_moo import BOACO, BOTOHE, Mission, RandomTrails, TrailPlan, area_indicator, load_mission
 from tests.strategies import missions
@@ -255,6 +257,56 @@ class TestInsidePymoo:
 
         with pytest.raises(ValueError, match=r"Broken to give F of shape \(100, 2\), got \(100,\)"):
             minimize(Broken(museum), BOACO(), ("n_gen", 1))
+
+    @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+    def test_an_override_that_is_not_finite(self, museum, value):
+        class Broken(BOTOHE):
+            def evaluate_batch(self, batch):
+                values = super().evaluate_batch(batch)
+                values[3, 1] = value
+                return values
+
+        with pytest.raises(ValueError, match="Broken to give finite F, got"):
+            minimize(Broken(museum), BOACO(), ("n_gen", 1))
+
+    def test_plans_to_start_from_are_checked_whatever_an_override_does(self, museum):
+        class Blind(BOTOHE):
+            def evaluate_batch(self, batch):
+                return -np.ones((len(batch), 2))
+
+        with pytest.raises(ValueError, match="Robot 0, position 1: node index 1000000 is unknown"):
+            minimize(
+                Blind(museum), BOACO(sampling=[TrailPlan([[0, 10**6, 0], [0], [0]])]), ("n_gen", 1)
+            )
+
+    def test_constraints_are_refused(self, museum):
+        problem = BOTOHE(museum)
+        problem.n_ieq_constr = 1
+        with pytest.raises(ValueError, match="without constraints, which BOACO would not heed"):
+            minimize(problem, BOACO(), ("n_gen", 1))
+
+    def test_a_budget_among_other_terminations(self, museum):
+        both = TerminationCollection(
+            get_termination("n_eval", 1000), get_termination("time", "01:00:00")
+        )
+        result = minimize(BOTOHE(museum), BOACO(n_ants=70), both, seed=1)
+        assert result.algorithm.evaluator.n_eval == 1000
+
+    @pytest.mark.parametrize("per_robot", [False, True])
+    def test_plans_to_start_from_deposit_in_the_first_iteration(self, museum, per_robot):
+        trail = [1, 2, 21, 27, 25, 27, 21, 2, 1]
+        plan = museum.plan([[1], [1], trail])
+        colony = {"pheromone_per_robot": per_robot, "n_ants": 2}
+        maps = []
+        for sampling in (None, [plan]):
+            algorithm = BOACO(sampling=sampling, **colony)
+            algorithm.setup(BOTOHE(museum), termination=("n_gen", 5), seed=4)
+            algorithm.next()
+            assert (plan in set(algorithm.archive.plans)) == (sampling is not None)
+            levels = algorithm.pheromone_maps
+            levels = levels[levels["robot"] == 2] if per_robot else levels
+            maps.append(levels.set_index(["tail", "head"])["survival"])
+        assert maps[1][27, 25] > maps[0][27, 25]
 
     def test_another_problem(self):
         with pytest.raises(TypeError, match="Expected a BOTOHE problem, got Problem"):

@@ -67,7 +67,9 @@ def test_no_dead_ends_on_one_way_missions(mission, changes, seed):
         objectives = mission.evaluate(batch)  # raises PlanError for any trail that is not valid
         assert len(batch) == 7
         assert np.array_equal(arcs, ants.walk.arcs_of(batch))
-        ants.pheromone[...] = np.random.default_rng(seed).uniform(1e-250, 9, ants.pheromone.shape)
+        ants.pheromone[...] = 10.0 ** np.random.default_rng(seed).uniform(
+            -250, 1, ants.pheromone.shape
+        )
         ants._weigh()
         assert (objectives <= [mission.total_reward + 1e-9, mission.robots]).all()
 

@@ -165,6 +165,13 @@ class TestFaults:
         with pytest.raises(PlanError, match="Robot 0, position 1: node index -1 is unknown"):
             toy.evaluate(batch)
 
+    @pytest.mark.parametrize("cut", [10**10, -5])
+    def test_offsets_that_were_changed(self, toy, cut):
+        batch = PlanBatch(np.zeros(2, np.int32), np.array([0, 1, 2]), 2)
+        batch.offsets[1] = cut
+        with pytest.raises(PlanError, match="expected"):
+            toy.evaluate(batch)
+
     def test_another_team_size(self, toy):
         with pytest.raises(PlanError, match="2 robots"):
             toy.evaluate([TrailPlan([[0]])])

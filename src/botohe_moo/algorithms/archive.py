@@ -51,13 +51,18 @@ class PlanArchive:
 
     @property
     def plans(self) -> PlanBatch:
-        """The plans, in the order of ``objectives``."""
-        return PlanBatch._wrap(self._nodes, self._offsets, self.n_robots)
+        """A copy of the plans, in the order of ``objectives``."""
+        return PlanBatch._wrap(self._nodes.copy(), self._offsets.copy(), self.n_robots)
 
     @property
     def arcs(self) -> IntArray:
         """The arc that leaves each of ``plans.nodes``, trails ending with the self-loop."""
         return self._arcs
+
+    @property
+    def offsets(self) -> OffsetArray:
+        """Where each trail begins in ``arcs`` (n · n_robots + 1)."""
+        return self._offsets
 
     @property
     def version(self) -> int:

@@ -11,6 +11,7 @@ import numpy as np
 from pymoo.core.algorithm import Algorithm
 from pymoo.core.population import Population
 from pymoo.core.result import Result
+from pymoo.core.termination import Termination
 from pymoo.termination.max_eval import MaximumFunctionCallTermination
 
 from botohe_moo._checks import check_integer
@@ -97,9 +98,16 @@ class ArchiveAlgorithm(Algorithm):
         ------
         TypeError
             If ``problem`` is no :class:`BOTOHE`.
+        ValueError
+            If it has constraints.
         """
         if not isinstance(problem, BOTOHE):
             raise TypeError(f"Expected a BOTOHE problem, got {type(problem).__name__}.")
+        if problem.n_constr > 0:
+            raise ValueError(
+                f"Expected a problem without constraints, which {type(self).__name__} would not "
+                f"heed, got {problem.n_constr} in {problem.name()}."
+            )
         if self.termination is None and kwargs.get("termination") is None:
             kwargs["termination"] = ("n_eval", 100_000)
         return super().setup(problem, **kwargs)
@@ -136,6 +144,7 @@ class ArchiveAlgorithm(Algorithm):
     def _initialize_advance(self, **_: Any) -> None:
         if self.sampling:
             batch = self.problem.mission.batch(self.sampling)
+            self.problem.mission.evaluate(batch)  # a subclass's own evaluation may check nothing
             self._take_in(batch[: self._n_left()])
         self._advance()
 
@@ -154,17 +163,19 @@ class ArchiveAlgorithm(Algorithm):
                 f"Expected evaluate_batch of {type(self.problem).__name__} to give F of shape "
                 f"{(len(batch), 2)}, got {values.shape}."
             )
+        if not np.isfinite(values).all():
+            raise ValueError(
+                f"Expected evaluate_batch of {type(self.problem).__name__} to give finite F, got "
+                f"{values[~np.isfinite(values).all(axis=1)][0]}."
+            )
         objectives = -values
         arcs = self.walk.arcs_of(batch) if arcs is None else arcs
         return objectives, self.archive.absorb(batch, arcs, objectives)
 
     def _n_left(self) -> int:
         """Count the evaluations that the budget still allows."""
-        limit = getattr(self.termination, "n_max_evals", None)
-        if not isinstance(self.termination, MaximumFunctionCallTermination) or limit is None:
-            return sys.maxsize
-        left = max(0, limit - self.evaluator.n_eval)
-        return math.ceil(left) if left < sys.maxsize else sys.maxsize
+        left = _budget(self.termination) - self.evaluator.n_eval
+        return max(0, math.ceil(left)) if left < sys.maxsize else sys.maxsize
 
     def _set_optimum(self) -> None:
         pass  # the archive is the optimum, at all times
@@ -188,6 +199,14 @@ class ArchiveAlgorithm(Algorithm):
 
     @pop.setter
     def pop(self, value: Population | None) -> None: ...
+
+
+def _budget(termination: Termination) -> float:
+    """Give the evaluations that a termination allows, also one that combines several."""
+    if isinstance(termination, MaximumFunctionCallTermination):
+        limit = termination.n_max_evals
+        return math.inf if limit is None else float(limit)
+    return min(map(_budget, getattr(termination, "terminations", ())), default=math.inf)
 
 
 def _listed(sampling: Iterable[TrailPlan] | ObjectArray | None) -> list[TrailPlan]:

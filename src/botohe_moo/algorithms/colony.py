@@ -211,7 +211,7 @@ class Colony:
             batch.offsets,
             archive.objectives,
             archive.arcs,
-            archive.plans.offsets,
+            archive.offsets,
             archive.version != self._deposited_version,
             self.n_robots,
             self._deposits[0],

@@ -237,7 +237,7 @@ def construct(
                             for c in range(high - low - 1):
                                 arc += cumulated[c] <= drawn
                         else:
-                            while cumulated[arc - low] <= drawn:
+                            while arc < high - 1 and cumulated[arc - low] <= drawn:
                                 arc += 1
                     else:
                         skip = min(n - 1, int((drawn - 1.0) / exploration * n * n))

@@ -14,6 +14,7 @@ NOT_FROM_BASE = 3
 NOT_BACK_AT_BASE = 4
 MISSING_ARC = 5
 ARC_USED_TWICE = 6
+BAD_OFFSETS = 7
 
 _LINEAR_SEARCH_UP_TO = 12
 
@@ -98,6 +99,8 @@ def evaluate(
     for plan in range(objectives.shape[0]):
         for k in range(n_robots):
             trail = plan * n_robots + k
+            if offsets[trail] < 0 or offsets[trail + 1] > nodes.shape[0]:
+                return BAD_OFFSETS, plan, k, 0
             place = k
             while place > 0 and _precedes(nodes, offsets, trail, order[place - 1]):
                 order[place] = order[place - 1]
@@ -110,7 +113,7 @@ def evaluate(
             trail = order[k]
             robot = trail - plan * n_robots
             start, stop = offsets[trail], offsets[trail + 1]
-            if start == stop:
+            if start >= stop:
                 return EMPTY_TRAIL, plan, robot, 0
             if nodes[start] != base:
                 known = 0 <= nodes[start] < n_nodes

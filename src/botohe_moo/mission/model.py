@@ -189,10 +189,10 @@ class Mission:
         PlanError
             If the plan visits a node that the mission does not have.
         """
-        if (last := int(plan.nodes.max())) >= len(self.nodes):
-            raise PlanError(
-                f"Node index {last} is unknown, mission {self.name!r} has {len(self.nodes)} nodes."
-            )
+        for node in (int(plan.nodes.min()), int(plan.nodes.max())):
+            if not 0 <= node < len(self.nodes):
+                known = f"mission {self.name!r} has {len(self.nodes)} nodes"
+                raise PlanError(f"Node index {node} is unknown, {known}.")
         return tuple(tuple(self.nodes[i] for i in trail) for trail in plan.trails)
 
     def evaluate(self, plans: PlanBatch | Iterable[TrailPlan] | ObjectArray) -> FloatArray:
@@ -270,7 +270,7 @@ class Mission:
 
     def _describe(self, batch: PlanBatch, kind: int, plan: int, robot: int, position: int) -> str:
         where = f"Robot {robot}" if len(batch) == 1 else f"Plan {plan}, robot {robot}"
-        if kind == kernels.EMPTY_TRAIL:
+        if kind in (kernels.EMPTY_TRAIL, kernels.BAD_OFFSETS):
             return f"{where}: {_FAULTS[kind]}."
         start = batch.offsets[plan * batch.n_robots + robot]
         node = int(batch.nodes[start + position])
@@ -312,6 +312,7 @@ class Mission:
 
 
 _FAULTS = {
+    kernels.BAD_OFFSETS: "expected the batch's offsets to cut its nodes into trails",
     kernels.EMPTY_TRAIL: "expected a trail of at least one node, the base, got an empty one",
     kernels.NOT_FROM_BASE: "expected the trail to begin at base",
     kernels.NOT_BACK_AT_BASE: "expected the trail to end at base",

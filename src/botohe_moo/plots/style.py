@@ -111,6 +111,7 @@ def theme() -> Iterator[None]:
         "axes.titlesize": 12,
         "legend.fontsize": 9.5,
         "text.color": INK,
+        "text.parse_math": False,  # a dollar sign in a label is a dollar sign
     }
     with mpl.rc_context(settings):
         yield
