@@ -12,6 +12,7 @@ from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.path import Path
 from matplotlib.patheffects import withStroke
 from matplotlib.transforms import IdentityTransform
+from scipy.spatial import KDTree
 
 from botohe_moo.plots.style import INK, MUTED, new_axes, readable_on
 
@@ -137,9 +138,8 @@ class Canvas:
         scale = ax.get_window_extent().width / root.dpi * 72 / (right - left)
         radius = 10.5
         if len(xy) > 1:
-            apart = np.hypot(*(xy[:, None] - xy[None]).transpose(2, 0, 1))
-            np.fill_diagonal(apart, np.inf)
-            crowded = float(np.percentile(apart.min(axis=1), 20)) * scale
+            apart = KDTree(xy).query(xy, k=2)[0][:, 1]
+            crowded = float(np.percentile(apart, 20)) * scale
             radius = float(np.clip(0.36 * crowded, 3.8, 10.5))
         return cls(ax, xy, scale, radius)
 
