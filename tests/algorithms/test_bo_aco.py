@@ -279,6 +279,19 @@ class TestInsidePymoo:
                 Blind(museum), BOACO(sampling=[TrailPlan([[0, 10**6, 0], [0], [0]])]), ("n_gen", 1)
             )
 
+    def test_another_hook_is_refused(self, museum):
+        class Unheard(BOTOHE):
+            def _evaluate(self, x, out, *args, **kwargs):
+                out["F"] = 2 * self.evaluate_batch(self.mission.batch(x))
+
+        with pytest.raises(TypeError, match="Unheard overrides _evaluate, which BOACO does not"):
+            minimize(Unheard(museum), BOACO(), ("n_gen", 1))
+
+    @pytest.mark.parametrize("budget", [0, -5])
+    def test_no_budget(self, museum, budget):
+        with pytest.raises(ValueError, match=f"at least 1 evaluation, got {budget}"):
+            minimize(BOTOHE(museum), BOACO(), ("n_eval", budget))
+
     def test_constraints_are_refused(self, museum):
         problem = BOTOHE(museum)
         problem.n_ieq_constr = 1

@@ -99,10 +99,15 @@ class ArchiveAlgorithm(Algorithm):
         TypeError
             If ``problem`` is no :class:`BOTOHE`.
         ValueError
-            If it has constraints.
+            If it has constraints, or the budget is less than one evaluation.
         """
         if not isinstance(problem, BOTOHE):
             raise TypeError(f"Expected a BOTOHE problem, got {type(problem).__name__}.")
+        if type(problem)._evaluate is not BOTOHE._evaluate:
+            raise TypeError(
+                f"{type(problem).__name__} overrides _evaluate, which {type(self).__name__} does "
+                "not call: override evaluate_batch, which every algorithm heeds."
+            )
         if problem.n_constr > 0:
             raise ValueError(
                 f"Expected a problem without constraints, which {type(self).__name__} would not "
@@ -110,7 +115,12 @@ class ArchiveAlgorithm(Algorithm):
             )
         if self.termination is None and kwargs.get("termination") is None:
             kwargs["termination"] = ("n_eval", 100_000)
-        return super().setup(problem, **kwargs)
+        super().setup(problem, **kwargs)
+        if _budget(self.termination) < 1:
+            raise ValueError(
+                f"Expected a budget of at least 1 evaluation, got {_budget(self.termination):g}."
+            )
+        return self
 
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
         self.walk = WalkGraph.of(problem.mission)

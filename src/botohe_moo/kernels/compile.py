@@ -14,10 +14,17 @@ def kernel(function: Function) -> Function:
     Kernels hold no lock (``nogil``), so that threads can share the work, and follow IEEE
     arithmetic (a division by zero is inf, not an exception that a hot loop has to test for).
     """
-    return cast("Function", njit(cache=True, nogil=True, error_model="numpy")(function))
+    return cast("Function", _compile(function, nogil=True, error_model="numpy"))
 
 
 def inline(function: Function) -> Function:
     """Compile a small helper that kernels call in their hottest loops, into those loops."""
-    compiled = njit(cache=True, nogil=True, error_model="numpy", inline="always")(function)
+    compiled = _compile(function, nogil=True, error_model="numpy", inline="always")
     return cast("Function", compiled)
+
+
+def _compile(function: Callable[..., Any], **options: Any) -> Any:
+    try:
+        return njit(cache=True, **options)(function)
+    except RuntimeError:  # no folder is writable, as in some containers: compile in every process
+        return njit(**options)(function)
