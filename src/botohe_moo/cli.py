@@ -145,12 +145,13 @@ def _search_and_write(mission: Mission, algorithm: Algorithm, folder: Path, **ho
             found = f"{solution.algorithm} found no plan in {solution.evaluations} evaluations"
             fail(f"{found}; nothing is written.", INTERRUPTED if stop.is_set() else FAILED)
         with hold_interrupt() as late:
-            tell(solution.describe())
             with failing(FAILED):
                 try:
-                    paths = solution.write(folder)
+                    paths = solution.write(folder)  # first of all: printing may fail, too
                 except PictureError as error:
+                    tell(solution.describe())
                     fail(f"{error} The tables are in {folder}.", FAILED)
+            tell(solution.describe())
     for path in paths:
         tell(f"wrote {path}")
     if stop.is_set() or late.is_set():
