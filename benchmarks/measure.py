@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from botohe_moo import BOACO
-from botohe_moo.algorithms import archive as archive_module
-from botohe_moo.algorithms import colony as colony_module
+from botohe_moo import archive as archive_module
+from botohe_moo import colony as colony_module
 from botohe_moo.kernels import evaluate as evaluate_module
 
 KERNELS = {
@@ -53,10 +53,10 @@ class CountedBOACO(BOACO):
 
     n_hops = 0
 
-    def _take_in(self, batch: Any, arcs: Any = None) -> Any:
+    def _take_in(self, batch: Any) -> Any:
         # A trail of n nodes takes n hops, the last along the base's self-loop.
         self.n_hops += len(batch.nodes)
-        return super()._take_in(batch, arcs)
+        return super()._take_in(batch)
 
 
 def in_process(module: str, *arguments: object) -> list[str]:

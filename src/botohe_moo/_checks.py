@@ -31,16 +31,18 @@ def check_number(
     above: float = -math.inf,
     at_least: float = -math.inf,
     below: float = math.inf,
+    at_most: float = math.inf,
     other: str = "",
 ) -> float:
     """Give ``value`` as a finite float, or raise the ValueError that says what was expected."""
     number = _as_float(value)
-    if math.isfinite(number) and above < number < below and number >= at_least:
+    if math.isfinite(number) and above < number < below and at_least <= number <= at_most:
         return number
     open_low = above >= at_least
     low = above if open_low else at_least
-    if below < math.inf:
-        expected = f"{name} in {'(' if open_low else '['}{low:g}, {below:g})"
+    if min(below, at_most) < math.inf:
+        high = f"{below:g})" if below <= at_most else f"{at_most:g}]"
+        expected = f"{name} in {'(' if open_low else '['}{low:g}, {high}"
     elif low == -math.inf:
         expected = f"{name} to be a finite number"
     else:

@@ -9,12 +9,15 @@ from pymoo.core.problem import Problem
 from pymoo.util.display.column import Column
 from pymoo.util.display.output import Output
 
+from botohe_moo._checks import check_flag, check_number
 from botohe_moo._types import FloatArray, ObjectArray
 from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import PlanBatch
 
 __all__ = ["BOTOHE", "FrontOutput"]
+
+_ROUNDING = 1e-12
 
 
 class BOTOHE(Problem):
@@ -27,24 +30,41 @@ class BOTOHE(Problem):
     ----------
     mission
         What to plan for.
+    min_survival
+        Survival floor: every robot has to survive with at least this probability, in [0, 1]. It
+        becomes an inequality constraint of pymoo's; 0 sets none.
+    allow_invalid
+        Evaluate plans that are no trails, too, and count their faults as constraint violation,
+        instead of refusing them: what operators without a repair need
+        (:class:`~botohe_moo.operators.PenaltyOnly`).
 
     Raises
     ------
     TypeError
         If ``mission`` is no Mission.
+    ValueError
+        If ``min_survival`` is no number in [0, 1].
 
     Notes
     -----
     Simon, Richley, Overbey and Perez-Lavin, "Bi-objective trail-planning for a robot team
-    orienteering in a hazardous environment", 2025.
+    orienteering in a hazardous environment", 2025. The survival floor is that of the team
+    surviving orienteers problem: Jorgensen, Chen, Milam and Pavone, "The team surviving
+    orienteers problem: routing teams of robots in uncertain environments with survival
+    constraints", Autonomous Robots 42(4), 2018.
     """
 
-    def __init__(self, mission: Mission) -> None:
+    def __init__(
+        self, mission: Mission, *, min_survival: float = 0.0, allow_invalid: bool = False
+    ) -> None:
         if not isinstance(mission, Mission):
             raise TypeError(
                 f"Expected a Mission, got {mission!r}; load_mission(name_or_path) gives one."
             )
-        super().__init__(n_var=1, n_obj=2, vtype=object)
+        self.min_survival = check_number("min_survival", min_survival, at_least=0, at_most=1)
+        self.allow_invalid = check_flag("allow_invalid", allow_invalid)
+        n_constraints = int(self.allow_invalid) + int(self.min_survival > 0)
+        super().__init__(n_var=1, n_obj=2, n_ieq_constr=n_constraints, vtype=object)
         self.mission = mission
 
     def evaluate_batch(self, batch: PlanBatch) -> FloatArray:
@@ -53,22 +73,62 @@ class BOTOHE(Problem):
         Parameters
         ----------
         batch
-            Valid plans for the mission's team.
+            Plans for the mission's team, valid ones unless ``allow_invalid`` is set.
 
         Returns
         -------
         numpy.ndarray
-            F of shape (n, 2): −E[R] and −E[S], both to be minimised.
+            F of shape (n, 2): −E[R] and −E[S], both to be minimised. A robot whose trail is no
+            trail counts up to the first fault, and does not survive.
 
         Raises
         ------
         PlanError
             If a plan is not valid; names the plan, robot, position and arc.
         """
+        if self.allow_invalid:
+            return -self.mission.evaluate_drafts(batch)[0]
         return -self.mission.evaluate(batch)
 
+    def constrain_batch(self, batch: PlanBatch) -> FloatArray:
+        """Compute the inequality constraints of many plans.
+
+        Parameters
+        ----------
+        batch
+            As for ``evaluate_batch``.
+
+        Returns
+        -------
+        numpy.ndarray
+            G of shape (n, n_ieq_constr), at most 0 where a constraint is kept. With
+            ``allow_invalid`` first the number of faults: trails that do not begin or do not end
+            at base, missing arcs, arcs used again. With a survival floor then by how much the
+            robot in the greatest danger falls short of it.
+        """
+        columns = []
+        if self.allow_invalid:
+            columns.append(self.mission.evaluate_drafts(batch)[1])
+        if self.min_survival > 0:
+            least = self.mission.robot_survival(batch).min(axis=1)
+            columns.append(self.survival_floor - least)
+        return np.column_stack(columns) if columns else np.empty((len(batch), 0))
+
+    @property
+    def survival_floor(self) -> float:
+        """The survival floor less what rounding may cost a product of survivals."""
+        return self.min_survival * (1.0 - _ROUNDING)
+
+    @property
+    def planning_floor(self) -> float:
+        """What planners hold robots to: halfway, so that rounding never makes a plan infeasible."""
+        return self.min_survival * (1.0 - _ROUNDING / 2)
+
     def _evaluate(self, x: ObjectArray, out: dict[str, Any], *_: Any, **__: Any) -> None:
-        out["F"] = self.evaluate_batch(self.mission.batch(x))
+        batch = self.mission.batch(x)
+        out["F"] = self.evaluate_batch(batch)
+        if self.n_ieq_constr:
+            out["G"] = self.constrain_batch(batch)
 
     def name(self) -> str:
         """Give the problem's name, as pymoo shows it."""

@@ -276,8 +276,19 @@ class PlanBatch:
         )
 
     def _slice(self, cut: slice) -> Self:
-        plans = np.arange(len(self))[cut]
-        trails = (plans[:, np.newaxis] * self.n_robots + np.arange(self.n_robots)).ravel()
+        return self.take(np.arange(len(self))[cut])
+
+    def take(self, plans: ArrayLike) -> Self:
+        """Give some of the plans, as a batch.
+
+        Parameters
+        ----------
+        plans
+            Their indices, in the order wanted, or a mask of shape (n_plans,).
+        """
+        chosen = np.asarray(plans)
+        chosen = np.flatnonzero(chosen) if chosen.dtype == bool else chosen.astype(np.int64)
+        trails = (chosen[:, np.newaxis] * self.n_robots + np.arange(self.n_robots)).ravel()
         lengths = np.diff(self.offsets)[trails]
         offsets = np.zeros(len(trails) + 1, np.int64)
         np.cumsum(lengths, out=offsets[1:])

@@ -292,10 +292,12 @@ class TestInsidePymoo:
         with pytest.raises(ValueError, match=f"at least 1 evaluation, got {budget}"):
             minimize(BOTOHE(museum), BOACO(), ("n_eval", budget))
 
-    def test_constraints_are_refused(self, museum):
+    def test_equality_constraints_are_refused(self, museum):
         problem = BOTOHE(museum)
-        problem.n_ieq_constr = 1
-        with pytest.raises(ValueError, match="without constraints, which BOACO would not heed"):
+        problem.n_eq_constr = 1
+        with pytest.raises(
+            ValueError, match="without equality constraints, which BOACO would not heed"
+        ):
             minimize(problem, BOACO(), ("n_gen", 1))
 
     def test_a_budget_among_other_terminations(self, museum):

@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from botohe_moo.algorithms.colony import Colony, ColonyRule
-from botohe_moo.algorithms.walk import WalkGraph
+from botohe_moo.colony import Colony, ColonyRule
 from botohe_moo.kernels.construct import leads_home
 from botohe_moo.mission import Mission, load_mission
 from tests import twins
@@ -36,10 +35,8 @@ def rule(**changes):
 
 def colony(mission, *, n_ants, seed=0, n_threads=1, **changes):
     random_state = np.random.default_rng(seed)
-    walk = WalkGraph.of(mission)
     return Colony(
         mission,
-        walk,
         rule(**changes),
         n_ants=n_ants,
         n_threads=n_threads,
@@ -114,7 +111,7 @@ def lost_walks(mission, seed):
 @settings(max_examples=200)
 @given(missions(max_nodes=8), st.data())
 def test_leads_home_is_reachability_over_unused_arcs(mission, data):
-    walk = WalkGraph.of(mission)
+    walk = mission.walk
     arcs = list(zip(walk.tail.tolist(), walk.head.tolist(), strict=True))
     used_arcs = data.draw(st.sets(st.sampled_from(range(len(arcs)))))
     used = np.full(len(arcs), -1, np.int64)
@@ -200,7 +197,7 @@ def test_long_trails_outgrow_the_first_buffers():
 
 @given(missions(max_nodes=6), st.data())
 def test_homeward_arcs_lead_home(mission, data):
-    walk = WalkGraph.of(mission)
+    walk = mission.walk
     trail = data.draw(trails(mission))
     for node in trail:
         hops = 0

@@ -15,9 +15,8 @@ from pymoo.core.termination import Termination
 from pymoo.termination.max_eval import MaximumFunctionCallTermination
 
 from botohe_moo._checks import check_integer
-from botohe_moo._types import FloatArray, IntArray, ObjectArray, OffsetArray
-from botohe_moo.algorithms.archive import PlanArchive
-from botohe_moo.algorithms.walk import WalkGraph
+from botohe_moo._types import FloatArray, ObjectArray, OffsetArray
+from botohe_moo.archive import PlanArchive
 from botohe_moo.problem import BOTOHE, FrontOutput
 from botohe_moo.trails import PlanBatch, TrailPlan
 
@@ -99,7 +98,7 @@ class ArchiveAlgorithm(Algorithm):
         TypeError
             If ``problem`` is no :class:`BOTOHE`.
         ValueError
-            If it has constraints, or the budget is less than one evaluation.
+            If it has equality constraints, or the budget is less than one evaluation.
         """
         if not isinstance(problem, BOTOHE):
             raise TypeError(f"Expected a BOTOHE problem, got {type(problem).__name__}.")
@@ -108,10 +107,10 @@ class ArchiveAlgorithm(Algorithm):
                 f"{type(problem).__name__} overrides _evaluate, which {type(self).__name__} does "
                 "not call: override evaluate_batch, which every algorithm heeds."
             )
-        if problem.n_constr > 0:
+        if problem.n_eq_constr > 0:
             raise ValueError(
-                f"Expected a problem without constraints, which {type(self).__name__} would not "
-                f"heed, got {problem.n_constr} in {problem.name()}."
+                f"Expected a problem without equality constraints, which {type(self).__name__} "
+                f"would not heed, got {problem.n_eq_constr} in {problem.name()}."
             )
         if self.termination is None and kwargs.get("termination") is None:
             kwargs["termination"] = ("n_eval", 100_000)
@@ -123,8 +122,11 @@ class ArchiveAlgorithm(Algorithm):
         return self
 
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
-        self.walk = WalkGraph.of(problem.mission)
-        self.archive = PlanArchive(problem.mission.robots, max_ties=self.max_ties)
+        self.archive = PlanArchive(
+            problem.mission.robots,
+            max_ties=self.max_ties,
+            constrain=problem.constrain_batch if problem.n_ieq_constr else None,
+        )
 
     def advance(self, infills: Population | None = None, **_: Any) -> Result | None:  # noqa: ARG002
         """Run one iteration; pymoo's ``next`` calls this.
@@ -158,29 +160,27 @@ class ArchiveAlgorithm(Algorithm):
             self._take_in(batch[: self._n_left()])
         self._advance()
 
-    def _take_in(
-        self, batch: PlanBatch, arcs: IntArray | None = None
-    ) -> tuple[FloatArray, OffsetArray]:
-        """Evaluate new plans, within the budget, and archive what nothing dominates.
+    def _take_in(self, batch: PlanBatch) -> tuple[FloatArray, OffsetArray]:
+        """Evaluate new plans, within the budget, and archive those feasible that nothing dominates.
 
-        Gives their E[R] and E[S] (n, 2), and the indices of the batch's own Pareto set. ``arcs``
-        are those that leave the batch's nodes, where they are known already.
+        Gives their E[R] and E[S] (n, 2), and the indices of the Pareto set of those feasible.
         """
         self.evaluator.n_eval += len(batch)
-        values = np.asarray(self.problem.evaluate_batch(batch), np.float64)
-        if values.shape != (len(batch), 2):
-            raise ValueError(
-                f"Expected evaluate_batch of {type(self.problem).__name__} to give F of shape "
-                f"{(len(batch), 2)}, got {values.shape}."
-            )
-        if not np.isfinite(values).all():
-            raise ValueError(
-                f"Expected evaluate_batch of {type(self.problem).__name__} to give finite F, got "
-                f"{values[~np.isfinite(values).all(axis=1)][0]}."
-            )
+        problem = self.problem
+        values = _checked("evaluate_batch", problem, problem.evaluate_batch(batch), len(batch), 2)
         objectives = -values
-        arcs = self.walk.arcs_of(batch) if arcs is None else arcs
-        return objectives, self.archive.absorb(batch, arcs, objectives)
+        if problem.n_ieq_constr == 0:
+            return objectives, self.archive.absorb(batch, objectives)
+        constraints = _checked(
+            "constrain_batch",
+            problem,
+            problem.constrain_batch(batch),
+            len(batch),
+            problem.n_ieq_constr,
+        )
+        feasible = np.flatnonzero((constraints <= 0).all(axis=1))
+        members = self.archive.absorb(batch.take(feasible), objectives[feasible])
+        return objectives, feasible[members]
 
     def _n_left(self) -> int:
         """Count the evaluations that the budget still allows."""
@@ -209,6 +209,21 @@ class ArchiveAlgorithm(Algorithm):
 
     @pop.setter
     def pop(self, value: Population | None) -> None: ...
+
+
+def _checked(method: str, problem: BOTOHE, values: Any, n: int, n_columns: int) -> FloatArray:
+    """Give what a problem computed, or raise the ValueError that says what was expected."""
+    computed = np.asarray(values, np.float64)
+    owner = f"{method} of {type(problem).__name__}"
+    what = "F" if method == "evaluate_batch" else "G"
+    if computed.shape != (n, n_columns):
+        raise ValueError(
+            f"Expected {owner} to give {what} of shape {(n, n_columns)}, got {computed.shape}."
+        )
+    finite = np.isfinite(computed).all(axis=1)
+    if not finite.all():
+        raise ValueError(f"Expected {owner} to give finite {what}, got {computed[~finite][0]}.")
+    return computed
 
 
 def _budget(termination: Termination) -> float:

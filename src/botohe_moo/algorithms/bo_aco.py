@@ -10,7 +10,7 @@ import pandas as pd
 from botohe_moo._checks import check_flag, check_integer, check_number
 from botohe_moo._types import ObjectArray
 from botohe_moo.algorithms.base import ArchiveAlgorithm
-from botohe_moo.algorithms.colony import Colony, ColonyRule
+from botohe_moo.colony import Colony, ColonyRule
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import TrailPlan
 
@@ -217,10 +217,10 @@ class BOACO(ArchiveAlgorithm):
         )
         self.colony = Colony(
             mission,
-            self.walk,
             rule,
             n_ants=self.n_ants,
             n_threads=self.n_threads,
+            min_survival=problem.planning_floor,
             random_state=self.random_state,
         )
 
@@ -229,7 +229,7 @@ class BOACO(ArchiveAlgorithm):
         if n_ants == 0:  # the plans to start from have spent the budget
             return
         batch, arcs = self.colony.construct(n_ants)
-        objectives, members = self._take_in(batch, arcs)
+        objectives, members = self._take_in(batch)
         self.colony.learn(batch, arcs, objectives, members, self.archive)
 
     def _finalize(self) -> None:

@@ -64,7 +64,9 @@ def pareto_set(
                 value = plan_hash(nodes, offsets, n_robots, plan)
                 known = False
                 for j in range(group, n):
-                    known = known or hashes[j] == value
+                    if hashes[j] == value:
+                        known = True
+                        break
                 if not known:
                     members[n] = plan
                     hashes[n] = value
@@ -127,24 +129,22 @@ def merge(
     members: OffsetArray,
     hashes: SeedArray,
     nodes: IntArray,
-    arcs: IntArray,
     offsets: OffsetArray,
     n_robots: int,
     archived: FloatArray,
     archived_hashes: SeedArray,
     archived_ids: OffsetArray,
     archived_nodes: IntArray,
-    archived_arcs: IntArray,
     archived_offsets: OffsetArray,
     next_id: int,
-) -> tuple[FloatArray, SeedArray, OffsetArray, IntArray, IntArray, OffsetArray]:
+) -> tuple[FloatArray, SeedArray, OffsetArray, IntArray, OffsetArray]:
     """Take ``members``, none of which the archive dominates, into the archive.
 
     Returns
     -------
     tuple
         The archive's objectives, hashes, ids (newcomers count on from ``next_id`` in the order
-        of ``members``), nodes, arcs and offsets; new arrays, compact, by descending E[R].
+        of ``members``), nodes and offsets; new arrays, compact, by descending E[R].
     """
     n_archived, n_new = len(archived), len(members)
     sources = np.empty(n_archived + n_new, np.int64)  # archived i as i, newcomer j as -1 - j
@@ -178,7 +178,6 @@ def merge(
     new_hashes = np.empty(n, np.uint64)
     new_ids = np.empty(n, np.int64)
     new_nodes = np.empty(size, np.int32)
-    new_arcs = np.empty(size, np.int32)
     new_offsets = np.zeros(n * n_robots + 1, np.int64)
     at = 0
     for row in range(n):
@@ -188,39 +187,36 @@ def merge(
             new_objectives[row] = archived[plan]
             new_hashes[row] = archived_hashes[plan]
             new_ids[row] = archived_ids[plan]
-            from_nodes, from_arcs, cuts = archived_nodes, archived_arcs, archived_offsets
+            from_nodes, cuts = archived_nodes, archived_offsets
         else:
             plan = members[-1 - source]
             new_objectives[row] = objectives[plan]
             new_hashes[row] = hashes[-1 - source]
             new_ids[row] = next_id - 1 - source
-            from_nodes, from_arcs, cuts = nodes, arcs, offsets
+            from_nodes, cuts = nodes, offsets
         start = cuts[plan * n_robots]
         for k in range(n_robots):
             new_offsets[row * n_robots + k + 1] = at + cuts[plan * n_robots + k + 1] - start
         for position in range(start, cuts[(plan + 1) * n_robots]):
             new_nodes[at] = from_nodes[position]
-            new_arcs[at] = from_arcs[position]
             at += 1
-    return new_objectives, new_hashes, new_ids, new_nodes, new_arcs, new_offsets
+    return new_objectives, new_hashes, new_ids, new_nodes, new_offsets
 
 
 @kernel
 def absorb(
     objectives: FloatArray,
     nodes: IntArray,
-    arcs: IntArray,
     offsets: OffsetArray,
     n_robots: int,
     archived: FloatArray,
     archived_hashes: SeedArray,
     archived_ids: OffsetArray,
     archived_nodes: IntArray,
-    archived_arcs: IntArray,
     archived_offsets: OffsetArray,
     next_id: int,
     max_ties: int,
-) -> tuple[OffsetArray, int, FloatArray, SeedArray, OffsetArray, IntArray, IntArray, OffsetArray]:
+) -> tuple[OffsetArray, int, FloatArray, SeedArray, OffsetArray, IntArray, OffsetArray]:
     """Find a batch's Pareto set and take into the archive what belongs there.
 
     Returns
@@ -237,21 +233,18 @@ def absorb(
             archived_hashes,
             archived_ids,
             archived_nodes,
-            archived_arcs,
             archived_offsets,
         ) = merge(
             objectives,
             members[entering],
             hashes[entering],
             nodes,
-            arcs,
             offsets,
             n_robots,
             archived,
             archived_hashes,
             archived_ids,
             archived_nodes,
-            archived_arcs,
             archived_offsets,
             next_id,
         )
@@ -262,6 +255,5 @@ def absorb(
         archived_hashes,
         archived_ids,
         archived_nodes,
-        archived_arcs,
         archived_offsets,
     )

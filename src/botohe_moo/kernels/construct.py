@@ -10,6 +10,7 @@ import numpy as np
 
 from botohe_moo._types import FloatArray, IntArray, OffsetArray, SeedArray
 from botohe_moo.kernels.compile import kernel
+from botohe_moo.kernels.paths import way_home
 from botohe_moo.kernels.rng import uniform
 
 # Ants whose weights are tabulated together: enough to share the exponentials, few enough that
@@ -74,6 +75,61 @@ def leads_home(
 
 
 @kernel
+def survives_home(
+    first: OffsetArray,
+    tail: IntArray,
+    head: IntArray,
+    cost: FloatArray,
+    survival: FloatArray,
+    homeward: IntArray,
+    home: FloatArray,
+    base: int,
+    node: int,
+    used: OffsetArray,
+    trail: int,
+    alive: float,
+    least: float,
+    search: int,
+    met: OffsetArray,
+    distance: FloatArray,
+    entry: IntArray,
+    keys: FloatArray,
+    held: IntArray,
+    path: IntArray,
+) -> bool:
+    """Tell whether a robot that reaches ``node`` with probability ``alive`` can keep a floor.
+
+    It can if it gets home over arcs that its trail has not used with probability ``least`` or
+    more. Parameters are those of ``way_home``, and ``home``, the survival of the safest way home.
+    """
+    if alive * home[node] < least:
+        return False
+    n = way_home(
+        first,
+        tail,
+        head,
+        cost,
+        homeward,
+        base,
+        used,
+        trail,
+        node,
+        search,
+        met,
+        distance,
+        entry,
+        keys,
+        held,
+        path,
+    )
+    if n < 0:
+        return False
+    for i in range(n):
+        alive *= survival[path[i]]
+    return alive >= least
+
+
+@kernel
 def _tabulate(
     log_reward: FloatArray,
     log_survival: FloatArray,
@@ -108,7 +164,10 @@ def construct(
     first: OffsetArray,
     head: IntArray,
     survival: FloatArray,
+    tail: IntArray,
+    cost: FloatArray,
     homeward: IntArray,
+    home: FloatArray,
     base: int,
     balanced: bool,
     log_reward: FloatArray,
@@ -116,6 +175,7 @@ def construct(
     gain: FloatArray,
     log_fresh: FloatArray,
     exploration: float,
+    min_survival: float,
     n_robots: int,
     n_ants: int,
     begin: int,
@@ -132,11 +192,12 @@ def construct(
     reaches its head)`` times that of a head already in this trail.
 
     Where some node has more arcs in than out (not ``balanced``), an arc from which no unused arcs
-    lead home is drawn again: the walk never enters a dead end.
+    lead home is drawn again: the walk never enters a dead end. Likewise for an arc from which the
+    robot could not get home with probability ``min_survival`` over all.
 
     Parameters
     ----------
-    first, head, survival, homeward, base, balanced
+    first, head, survival, tail, cost, homeward, home, base, balanced
         The walk graph (see ``WalkGraph``).
     log_reward, log_survival
         log(τ_R η_R), with η_R that of a head already in this trail, and log(τ_S η_S)
@@ -145,6 +206,8 @@ def construct(
         What a head that no robot reaches yet adds to η_R, relative, and log(1 + gain) (n_arcs).
     exploration
         Every weight is raised by exploration · (mean weight) / (number of candidates).
+    min_survival
+        Survival floor: the least probability with which every robot gets home; 0 sets none.
     n_robots
         Trails per plan.
     n_ants
@@ -179,6 +242,10 @@ def construct(
     met = np.full(n_nodes, -1, np.int64)
     stack = np.empty(n_nodes, np.int32)
     rejected = np.empty(n_arcs, np.int32)
+    careful = not balanced or min_survival > 0.0
+    distance = np.empty(n_nodes)
+    entry, path = np.empty(n_nodes, np.int32), np.empty(n_nodes, np.int32)
+    keys, held = np.empty(n_arcs + 1), np.empty(n_arcs + 1, np.int32)
     n_touched = n_rejected = search = size = 0
 
     for ant in range(begin, end):
@@ -246,12 +313,46 @@ def construct(
                             skip -= used[arc] != trail
                             arc += 1
                 used[arc] = trail
-                if not balanced:
+                if careful:
                     if n > 1 and arc != loop:
                         search += 1
-                        if not leads_home(
-                            first, head, homeward, base, head[arc], used, trail, met, search, stack
-                        ):
+                        if min_survival > 0.0:
+                            safe = survives_home(
+                                first,
+                                tail,
+                                head,
+                                cost,
+                                survival,
+                                homeward,
+                                home,
+                                base,
+                                head[arc],
+                                used,
+                                trail,
+                                alive * survival[arc],
+                                min_survival,
+                                search,
+                                met,
+                                distance,
+                                entry,
+                                keys,
+                                held,
+                                path,
+                            )
+                        else:
+                            safe = leads_home(
+                                first,
+                                head,
+                                homeward,
+                                base,
+                                head[arc],
+                                used,
+                                trail,
+                                met,
+                                search,
+                                stack,
+                            )
+                        if not safe:
                             rejected[n_rejected] = arc
                             n_rejected += 1
                             continue

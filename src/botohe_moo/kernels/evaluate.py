@@ -155,6 +155,100 @@ def evaluate(
 
 
 @kernel
+def evaluate_drafts(
+    first: OffsetArray,
+    head: IntArray,
+    survival: FloatArray,
+    reward: FloatArray,
+    base: int,
+    nodes: IntArray,
+    offsets: OffsetArray,
+    n_robots: int,
+    objectives: FloatArray,
+    faults: FloatArray,
+    alive: FloatArray,
+) -> None:
+    """Write E[R] and E[S] of plans that need not be valid, and how far they are from it.
+
+    A robot walks its trail up to the first fault, where it is lost. The arithmetic is that of
+    ``evaluate``, so that valid plans get the same bits.
+
+    Parameters
+    ----------
+    first, head, survival, reward, base, nodes, offsets, n_robots
+        As for ``evaluate``.
+    objectives
+        Output (n_plans, 2): E[R] in rewards, E[S] in robots.
+    faults
+        Output (n_plans): trails that do not begin or do not end at base, missing arcs, and arcs
+        that are used again.
+    alive
+        Output (n_plans, n_robots): the probability that each robot survives.
+    """
+    n_nodes = reward.shape[0]
+    unreached = np.ones(n_nodes)
+    touched_by_plan = np.full(n_nodes, -1, np.int64)
+    visited_by_trail = np.full(n_nodes, -1, np.int64)
+    used_by_trail = np.full(head.shape[0], -1, np.int64)
+    touched = np.empty(n_nodes, np.int32)
+    order = np.empty(n_robots, np.int64)
+
+    for plan in range(objectives.shape[0]):
+        for k in range(n_robots):
+            trail = plan * n_robots + k
+            place = k
+            while place > 0 and _precedes(nodes, offsets, trail, order[place - 1]):
+                order[place] = order[place - 1]
+                place -= 1
+            order[place] = trail
+        n_touched = n_faults = 0
+        survivors = 0.0
+        for k in range(n_robots):
+            trail = order[k]
+            start, stop = offsets[trail], offsets[trail + 1]
+            here = nodes[start] if stop > start else -1
+            lost = here != base
+            n_faults += lost
+            walked = 1.0
+            for position in range(start, stop):
+                if position > start:
+                    there = nodes[position]
+                    arc = -1
+                    if 0 <= here < n_nodes and 0 <= there < n_nodes:
+                        arc = find_arc(first, head, here, there)
+                    here = there
+                    if arc < 0 or used_by_trail[arc] == trail:
+                        n_faults += 1
+                        lost = True
+                    if arc >= 0:
+                        used_by_trail[arc] = trail
+                        if not lost:
+                            walked *= survival[arc]
+                if not lost and visited_by_trail[here] != trail:
+                    visited_by_trail[here] = trail
+                    if touched_by_plan[here] != plan:
+                        touched_by_plan[here] = plan
+                        unreached[here] = 1.0 - walked
+                        touched[n_touched] = here
+                        n_touched += 1
+                    else:
+                        unreached[here] *= 1.0 - walked
+            if here != base:
+                n_faults += 1
+                lost = True
+            alive[plan, trail - plan * n_robots] = 0.0 if lost else walked
+            if not lost:
+                survivors += walked
+
+        expected_reward = 0.0
+        for i in range(n_touched):
+            expected_reward += reward[touched[i]] * (1.0 - unreached[touched[i]])
+        objectives[plan, 0] = expected_reward
+        objectives[plan, 1] = survivors
+        faults[plan] = n_faults
+
+
+@kernel
 def trail_arcs(
     first: OffsetArray,
     head: IntArray,

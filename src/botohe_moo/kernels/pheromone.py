@@ -106,7 +106,7 @@ def learn(
                 pheromone[m, arc, species] = max(
                     LEAST,
                     kept * pheromone[m, arc, species]
-                    + amounts[m, arc, species] / iteration_size
+                    + amounts[m, arc, species] / max(1, iteration_size)
                     + archived_amounts[m, arc, species] / archive_size,
                 )
 

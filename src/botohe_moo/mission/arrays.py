@@ -86,3 +86,9 @@ class MissionArrays:
     def n_arcs(self) -> int:
         """Number of arcs, the base's self-loop not among them."""
         return len(self.head)
+
+    @property
+    def balanced(self) -> bool:
+        """Whether as many arcs enter every node as leave it, so that no trail meets a dead end."""
+        entering = np.bincount(self.head, minlength=self.n_nodes)
+        return bool(np.array_equal(entering, np.diff(self.first)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Sequence
+from functools import cached_property
 from operator import index
 from typing import TYPE_CHECKING, Any, Self
 
@@ -12,6 +13,7 @@ import numpy as np
 from botohe_moo.kernels import evaluate as kernels
 from botohe_moo.mission.arrays import MissionArrays
 from botohe_moo.mission.validation import MissionError, mission_faults, team_size_fault
+from botohe_moo.mission.walk import WalkGraph
 from botohe_moo.trails import PlanBatch, TrailPlan
 
 if TYPE_CHECKING:
@@ -97,9 +99,12 @@ class Mission:
     @property
     def balanced(self) -> bool:
         """Whether as many arcs enter every node as leave it, so that no trail meets a dead end."""
-        arrays = self.arrays
-        entering = np.bincount(arrays.head, minlength=arrays.n_nodes)
-        return bool(np.array_equal(entering, np.diff(arrays.first)))
+        return self.arrays.balanced
+
+    @cached_property
+    def walk(self) -> WalkGraph:
+        """The arcs as kernels walk them, with safest ways home; made when first asked for."""
+        return WalkGraph.of(self.arrays)
 
     def with_robots(self, robots: int) -> Mission:
         """Give the same mission for a team of another size.
@@ -225,12 +230,7 @@ class Mission:
         trail k): Simon, Richley, Overbey and Perez-Lavin, "Bi-objective trail-planning for a
         robot team orienteering in a hazardous environment", 2025.
         """
-        batch = plans if isinstance(plans, PlanBatch) else self.batch(plans)
-        if batch.n_robots != self.robots:
-            raise PlanError(
-                f"Expected {self.robots} trails a plan for the {self.robots} robots of mission "
-                f"{self.name!r}, got {batch.n_robots}."
-            )
+        batch = self._team_batch(plans)
         objectives = np.empty((len(batch), 2))
         arrays = self.arrays
         fault = kernels.evaluate(
@@ -247,6 +247,86 @@ class Mission:
         if fault[0] != kernels.VALID:
             raise PlanError(self._describe(batch, *fault))
         return objectives
+
+    def robot_survival(self, plans: PlanBatch | Iterable[TrailPlan] | ObjectArray) -> FloatArray:
+        """Compute with what probability each robot survives.
+
+        Parameters
+        ----------
+        plans
+            Trail plans, as for ``evaluate``.
+
+        Returns
+        -------
+        numpy.ndarray
+            Shape (n_plans, robots), in [0, 1], robots in the order of each plan's trails; 0 for a
+            robot whose trail is not valid.
+
+        Raises
+        ------
+        PlanError
+            If a plan has another number of trails than the team has robots.
+        """
+        return self._drafts(plans)[2]
+
+    def evaluate_drafts(
+        self, plans: PlanBatch | Iterable[TrailPlan] | ObjectArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Compute what plans are expected to bring that need not be valid.
+
+        A robot walks its trail up to the first fault, where it is lost: a missing arc is one that
+        nobody survives.
+
+        Parameters
+        ----------
+        plans
+            Plans of any node indices, as for ``evaluate``.
+
+        Returns
+        -------
+        tuple of numpy.ndarray
+            E[R] and E[S] as from ``evaluate``, and the same for valid plans (n_plans, 2), and the
+            number of faults of each plan (n_plans,): trails that do not begin or do not end at
+            base, missing arcs, arcs used again.
+
+        Raises
+        ------
+        PlanError
+            If a plan has another number of trails than the team has robots.
+        """
+        objectives, faults, _ = self._drafts(plans)
+        return objectives, faults
+
+    def _drafts(
+        self, plans: PlanBatch | Iterable[TrailPlan] | ObjectArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        batch = self._team_batch(plans)
+        objectives, faults = np.empty((len(batch), 2)), np.empty(len(batch))
+        alive = np.empty((len(batch), self.robots))
+        arrays = self.arrays
+        kernels.evaluate_drafts(
+            arrays.first,
+            arrays.head,
+            arrays.survival,
+            arrays.reward,
+            arrays.base,
+            batch.nodes,
+            batch.offsets,
+            batch.n_robots,
+            objectives,
+            faults,
+            alive,
+        )
+        return objectives, faults, alive
+
+    def _team_batch(self, plans: PlanBatch | Iterable[TrailPlan] | ObjectArray) -> PlanBatch:
+        batch = plans if isinstance(plans, PlanBatch) else self.batch(plans)
+        if batch.n_robots != self.robots:
+            raise PlanError(
+                f"Expected {self.robots} trails a plan for the {self.robots} robots of mission "
+                f"{self.name!r}, got {batch.n_robots}."
+            )
+        return batch
 
     def batch(self, plans: Iterable[TrailPlan] | ObjectArray) -> PlanBatch:
         """Pack plans for this mission's team.
@@ -297,6 +377,9 @@ class Mission:
 
     def __hash__(self) -> int:
         return hash((self.nodes, self.base, self.robots, self.arrays.survival.tobytes()))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {key: value for key, value in self.__dict__.items() if key != "walk"}
 
     def __copy__(self) -> Self:
         return self

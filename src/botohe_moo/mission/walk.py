@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import networkx as nx
 import numpy as np
 
 from botohe_moo._types import FloatArray, IntArray, OffsetArray
 from botohe_moo.kernels.evaluate import trail_arcs
-from botohe_moo.mission.model import Mission
+from botohe_moo.kernels.paths import safest_homes
+from botohe_moo.mission.arrays import MissionArrays
 from botohe_moo.trails import PlanBatch
 
 __all__ = ["WalkGraph"]
@@ -26,8 +26,12 @@ class WalkGraph:
         self-loop is the base's last.
     tail, head, survival
         Per arc; the self-loop has survival 1.
+    cost
+        −log(survival) of each arc, at least 0: what safest paths add up.
     homeward
-        Of each node but the base, its arc on some shortest way home.
+        Of each node but the base, its arc on the safest way home.
+    home
+        Survival of each node's safest way home, every arc of which may be used; 1 at the base.
     base, loop
         Index of the base and of its self-loop.
     balanced
@@ -38,37 +42,43 @@ class WalkGraph:
     tail: IntArray
     head: IntArray
     survival: FloatArray
+    cost: FloatArray
     homeward: IntArray
+    home: FloatArray
     base: int
     loop: int
     balanced: bool
 
     @classmethod
-    def of(cls, mission: Mission) -> WalkGraph:
-        """Prepare a mission."""
-        arrays = mission.arrays
+    def of(cls, arrays: MissionArrays) -> WalkGraph:
+        """Prepare a mission's arrays."""
         n_nodes, base = arrays.n_nodes, arrays.base
         loop = int(arrays.first[base + 1])
         first = arrays.first.copy()
         first[base + 1 :] += 1
         tail = np.insert(arrays.tail, loop, base).astype(np.int32)
         head = np.insert(arrays.head, loop, base).astype(np.int32)
-        homeward = np.full(n_nodes, -1, np.int32)
-        arc_of = {arc: i for i, arc in enumerate(zip(tail.tolist(), head.tolist(), strict=True))}
-        backwards = mission.graph.reverse(copy=False)
-        for nearer, farther in nx.bfs_edges(backwards, mission.base):
-            u, v = mission.index(farther), mission.index(nearer)
-            homeward[u] = arc_of[u, v]
+        survival = np.insert(arrays.survival, loop, 1.0)
+        homeward, home = np.empty(n_nodes, np.int32), np.empty(n_nodes)
+        safest_homes(first, tail, head, survival, base, homeward, home)
         return cls(
             first=first,
             tail=tail,
             head=head,
-            survival=np.insert(arrays.survival, loop, 1.0),
+            survival=survival,
+            cost=-np.log(survival) + 0.0,  # no negative zeros
             homeward=homeward,
+            home=home,
             base=base,
             loop=loop,
-            balanced=mission.balanced,
+            balanced=arrays.balanced,
         )
+
+    def __post_init__(self) -> None:
+        for array in (self.first, self.tail, self.head, self.survival, self.cost):
+            array.setflags(write=False)
+        self.homeward.setflags(write=False)
+        self.home.setflags(write=False)
 
     def arcs_of(self, batch: PlanBatch) -> IntArray:
         """Give the arc that leaves each node of valid plans, trails ending with the self-loop.

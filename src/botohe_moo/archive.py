@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from pymoo.core.individual import Individual
 from pymoo.core.population import Population
 
 from botohe_moo._types import FloatArray, IntArray, OffsetArray, SeedArray
 from botohe_moo.kernels import archive as kernels
-from botohe_moo.trails import PlanBatch
+from botohe_moo.trails import PlanBatch, TrailPlan
 
 __all__ = ["PlanArchive"]
 
@@ -24,16 +26,24 @@ class PlanArchive:
         Trails per plan.
     max_ties
         Plans with equal objectives that are kept, the first ones found.
+    constrain
+        Gives the constraints G of a batch (n, n_ieq_constr), for ``population``.
     """
 
-    def __init__(self, n_robots: int, *, max_ties: int = 1_000) -> None:
+    def __init__(
+        self,
+        n_robots: int,
+        *,
+        max_ties: int = 1_000,
+        constrain: Callable[[PlanBatch], FloatArray] | None = None,
+    ) -> None:
         self.n_robots = n_robots
         self.max_ties = max_ties
+        self._constrain = constrain
         self._objectives: FloatArray = np.empty((0, 2))
         self._hashes: SeedArray = np.empty(0, np.uint64)
         self._ids: OffsetArray = np.empty(0, np.int64)
         self._nodes: IntArray = np.empty(0, np.int32)
-        self._arcs: IntArray = np.empty(0, np.int32)
         self._offsets: OffsetArray = np.zeros(1, np.int64)
         self._next_id = 0
         self._individuals: dict[int, Individual] = {}
@@ -55,29 +65,17 @@ class PlanArchive:
         return PlanBatch._wrap(self._nodes.copy(), self._offsets.copy(), self.n_robots)
 
     @property
-    def arcs(self) -> IntArray:
-        """The arc that leaves each of ``plans.nodes``, trails ending with the self-loop."""
-        return self._arcs
-
-    @property
-    def offsets(self) -> OffsetArray:
-        """Where each trail begins in ``arcs`` (n · n_robots + 1)."""
-        return self._offsets
-
-    @property
     def version(self) -> int:
         """Changes whenever the archive does: the number of plans that ever entered."""
         return self._next_id
 
-    def absorb(self, batch: PlanBatch, arcs: IntArray, objectives: FloatArray) -> OffsetArray:
+    def absorb(self, batch: PlanBatch, objectives: FloatArray) -> OffsetArray:
         """Take in what the archive does not dominate.
 
         Parameters
         ----------
         batch
             Newly evaluated plans.
-        arcs
-            The arc that leaves each of ``batch.nodes``, trails ending with the base's self-loop.
         objectives
             Their E[R] and E[S] (n, 2).
 
@@ -93,19 +91,16 @@ class PlanArchive:
             self._hashes,
             self._ids,
             self._nodes,
-            self._arcs,
             self._offsets,
         ) = kernels.absorb(
             objectives,
             batch.nodes,
-            arcs,
             batch.offsets,
             self.n_robots,
             self._objectives,
             self._hashes,
             self._ids,
             self._nodes,
-            self._arcs,
             self._offsets,
             self._next_id,
             self.max_ties,
@@ -122,19 +117,26 @@ class PlanArchive:
         handing pymoo new ones every iteration would cost more than the iteration itself.
         """
         if self._population is None:
-            known = self._individuals
-            plans = self.plans
+            known, keys, plans = self._individuals, self._ids.tolist(), self.plans
+            constraints = None if self._constrain is None else self._constrain(plans)
             self._individuals = {
-                key: known.get(key) or _individual(plans, i, self._objectives[i])
-                for i, key in enumerate(self._ids.tolist())
+                key: known.get(key)
+                or _individual(
+                    plans[i], self._objectives[i], None if constraints is None else constraints[i]
+                )
+                for i, key in enumerate(keys)
             }
             self._population = Population.create(*self._individuals.values())
         return self._population
 
 
-def _individual(plans: PlanBatch, i: int, objectives: FloatArray) -> Individual:
+def _individual(
+    plan: TrailPlan, objectives: FloatArray, constraints: FloatArray | None
+) -> Individual:
     x = np.empty(1, dtype=object)
-    x[0] = plans[i]
+    x[0] = plan
     individual = Individual(X=x, F=-objectives)
+    if constraints is not None:
+        individual.set("G", constraints)
     individual.evaluated.update(("F", "G", "H"))
     return individual

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from botohe_moo._types import FloatArray, IntArray, OffsetArray
-from botohe_moo.algorithms.archive import PlanArchive
-from botohe_moo.algorithms.walk import WalkGraph
+from botohe_moo.archive import PlanArchive
 from botohe_moo.kernels.construct import construct
 from botohe_moo.kernels.pheromone import LOG_HIGH, learn, log_weights
 from botohe_moo.kernels.rng import seed_states
@@ -46,14 +45,14 @@ class Colony:
     ----------
     mission
         What to plan for.
-    walk
-        The same, as ants walk it.
     rule
         How ants choose and deposit.
     n_ants
         Size of the colony.
     n_threads
         Threads that build plans; results do not depend on it.
+    min_survival
+        Probability with which every robot has to survive.
     random_state
         Where each ant's own generator takes its seed from.
     """
@@ -61,17 +60,18 @@ class Colony:
     def __init__(
         self,
         mission: Mission,
-        walk: WalkGraph,
         rule: ColonyRule,
         *,
         n_ants: int,
-        n_threads: int,
+        n_threads: int = 1,
+        min_survival: float = 0.0,
         random_state: np.random.Generator,
     ) -> None:
         self.rule = rule
         self.n_robots = mission.robots
         self.n_threads = n_threads
-        self.walk = walk
+        self.min_survival = min_survival
+        self.walk = walk = mission.walk
         self._states = seed_states(random_state, n_ants)
         n_maps = mission.robots if rule.pheromone_per_robot else 1
         shape = (n_maps, len(walk.head))
@@ -160,7 +160,10 @@ class Colony:
             walk.first,
             walk.head,
             walk.survival,
+            walk.tail,
+            walk.cost,
             walk.homeward,
+            walk.home,
             walk.base,
             walk.balanced,
             self._log_reward,
@@ -168,6 +171,7 @@ class Colony:
             self._gain,
             self._log_fresh,
             rule.exploration,
+            self.min_survival,
             self.n_robots,
             n_ants,
             begin,
@@ -201,6 +205,8 @@ class Colony:
         """
         if not self.rule.pheromone or len(archive) == 0:
             return
+        changed = archive.version != self._deposited_version
+        archived = archive.plans if changed else batch
         learn(
             self.pheromone,
             self.rule.evaporation,
@@ -210,9 +216,9 @@ class Colony:
             arcs,
             batch.offsets,
             archive.objectives,
-            archive.arcs,
-            archive.offsets,
-            archive.version != self._deposited_version,
+            self.walk.arcs_of(archived) if changed else arcs,
+            archived.offsets,
+            changed,
             self.n_robots,
             self._deposits[0],
             self._deposits[1],
