@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from typing import Any
 
 import numpy as np
@@ -123,6 +124,15 @@ class BOTOHE(Problem):
     def planning_floor(self) -> float:
         """What planners hold robots to: halfway, so that rounding never makes a plan infeasible."""
         return self.min_survival * (1.0 - _ROUNDING / 2)
+
+    def allowing_invalid(self) -> BOTOHE:
+        """Give the same problem with ``allow_invalid``."""
+        if self.allow_invalid:
+            return self
+        other = copy.copy(self)
+        other.allow_invalid = True
+        other.n_ieq_constr += 1
+        return other
 
     def _evaluate(self, x: ObjectArray, out: dict[str, Any], *_: Any, **__: Any) -> None:
         batch = self.mission.batch(x)

@@ -248,9 +248,34 @@ class PlanBatch:
                 raise ValueError(f"Plan {i}: expected {n_robots} trails, got {plan.n_robots}.")
         if not listed:
             return cls._wrap(np.empty(0, np.int32), np.zeros(1, np.int64), n_robots)
+        cuts = np.concatenate([plan._offsets for plan in listed]).reshape(-1, n_robots + 1)
         offsets = np.zeros(len(listed) * n_robots + 1, np.int64)
-        np.cumsum(np.concatenate([np.diff(plan.offsets) for plan in listed]), out=offsets[1:])
-        return cls._wrap(np.concatenate([plan.nodes for plan in listed]), offsets, n_robots)
+        np.cumsum(np.diff(cuts, axis=1), out=offsets[1:])
+        return cls._wrap(np.concatenate([plan._nodes for plan in listed]), offsets, n_robots)
+
+    @classmethod
+    def concatenate(cls, batches: Sequence[Self]) -> Self:
+        """Put batches of one team size one after another.
+
+        Parameters
+        ----------
+        batches
+            At least one.
+
+        Raises
+        ------
+        ValueError
+            If there is none, or they are for teams of different sizes.
+        """
+        sizes = {batch.n_robots for batch in batches}
+        if len(sizes) != 1:
+            raise ValueError(f"Expected batches of one team size, got {sorted(sizes) or 'none'}.")
+        lengths = np.concatenate([np.diff(batch.offsets) for batch in batches])
+        offsets = np.zeros(len(lengths) + 1, np.int64)
+        np.cumsum(lengths, out=offsets[1:])
+        return cls._wrap(
+            np.concatenate([batch.nodes for batch in batches]), offsets, sizes.pop()
+        )
 
     def __len__(self) -> int:
         return (len(self.offsets) - 1) // self.n_robots
@@ -296,13 +321,19 @@ class PlanBatch:
         return self._wrap(self.nodes[np.arange(len(shift)) + shift], offsets, self.n_robots)
 
     def __iter__(self) -> Iterator[TrailPlan]:
-        return (self[i] for i in range(len(self)))
+        n_plans, n_robots = len(self), self.n_robots
+        starts = self.offsets[:-1].reshape(n_plans, n_robots)
+        stops = self.offsets[n_robots::n_robots]
+        cuts = np.column_stack([starts, stops]) - starts[:, :1] if n_plans else starts
+        nodes = self.nodes
+        for start, stop, own in zip(starts[:, 0].tolist(), stops.tolist(), cuts, strict=True):
+            # Copies: a plan that is kept must not keep its whole batch.
+            yield TrailPlan._wrap(nodes[start:stop].copy(), own.copy())
 
     def to_array(self) -> ObjectArray:
         """Unpack into an object array of shape (n_plans, 1), as pymoo holds it in ``X``."""
         array = np.empty((len(self), 1), dtype=object)
-        for i, plan in enumerate(self):
-            array[i, 0] = plan
+        array[:, 0] = list(self)
         return array
 
     def __reduce__(self) -> tuple[object, ...]:

@@ -68,14 +68,9 @@ class ArchiveAlgorithm(Algorithm):
         sampling: Iterable[TrailPlan] | ObjectArray | None = None,
         **options: Any,
     ) -> None:
-        for name in options:
-            if name not in PYMOO_OPTIONS:
-                raise TypeError(
-                    f"{type(self).__name__} has no parameter {name!r}; pymoo's options here are "
-                    f"{', '.join(PYMOO_OPTIONS)}."
-                )
+        check_options(self, options)
         self.max_ties = check_integer("max_ties", max_ties, at_least=1)
-        self.sampling = _listed(sampling)
+        self.sampling = listed_plans(sampling)
         self.archive = PlanArchive(1)
         super().__init__(**{"output": FrontOutput(), **options})
         self.archive = PlanArchive(1)  # pymoo has set its own, which only sees individuals
@@ -115,10 +110,7 @@ class ArchiveAlgorithm(Algorithm):
         if self.termination is None and kwargs.get("termination") is None:
             kwargs["termination"] = ("n_eval", 100_000)
         super().setup(problem, **kwargs)
-        if _budget(self.termination) < 1:
-            raise ValueError(
-                f"Expected a budget of at least 1 evaluation, got {_budget(self.termination):g}."
-            )
+        check_budget(self.termination)
         return self
 
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
@@ -183,9 +175,7 @@ class ArchiveAlgorithm(Algorithm):
         return objectives, feasible[members]
 
     def _n_left(self) -> int:
-        """Count the evaluations that the budget still allows."""
-        left = _budget(self.termination) - self.evaluator.n_eval
-        return max(0, math.ceil(left)) if left < sys.maxsize else sys.maxsize
+        return evaluations_left(self)
 
     def _set_optimum(self) -> None:
         pass  # the archive is the optimum, at all times
@@ -226,15 +216,40 @@ def _checked(method: str, problem: BOTOHE, values: Any, n: int, n_columns: int) 
     return computed
 
 
-def _budget(termination: Termination) -> float:
+def check_options(algorithm: Algorithm, options: Iterable[str]) -> None:
+    """Refuse options that pymoo's algorithms would swallow; a TypeError names those it knows."""
+    for name in options:
+        if name not in PYMOO_OPTIONS:
+            raise TypeError(
+                f"{type(algorithm).__name__} has no parameter {name!r}; pymoo's options here are "
+                f"{', '.join(PYMOO_OPTIONS)}."
+            )
+
+
+def check_budget(termination: Termination) -> None:
+    """Refuse, by a ValueError, a termination that allows no evaluation."""
+    if budget(termination) < 1:
+        raise ValueError(
+            f"Expected a budget of at least 1 evaluation, got {budget(termination):g}."
+        )
+
+
+def budget(termination: Termination) -> float:
     """Give the evaluations that a termination allows, also one that combines several."""
     if isinstance(termination, MaximumFunctionCallTermination):
         limit = termination.n_max_evals
         return math.inf if limit is None else float(limit)
-    return min(map(_budget, getattr(termination, "terminations", ())), default=math.inf)
+    return min(map(budget, getattr(termination, "terminations", ())), default=math.inf)
 
 
-def _listed(sampling: Iterable[TrailPlan] | ObjectArray | None) -> list[TrailPlan]:
+def evaluations_left(algorithm: Algorithm) -> int:
+    """Count the evaluations that an algorithm's budget still allows."""
+    left = budget(algorithm.termination) - algorithm.evaluator.n_eval
+    return max(0, math.ceil(left)) if left < sys.maxsize else sys.maxsize
+
+
+def listed_plans(sampling: Iterable[TrailPlan] | ObjectArray | None) -> list[TrailPlan]:
+    """List the plans to start from, or raise the TypeError that says what was expected."""
     if sampling is None:
         return []
     if isinstance(sampling, Population):

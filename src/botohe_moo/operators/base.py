@@ -1,0 +1,71 @@
+"""What operators share: they write drafts, and a repair makes valid plans of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+
+from botohe_moo._checks import check_number, nearest_first
+from botohe_moo._types import OffsetArray
+from botohe_moo.operators.repair import PlanRepair, SafestPathRepair
+
+__all__ = ["Mixture", "check_repair"]
+
+Part = TypeVar("Part")
+
+
+def check_repair(repair: PlanRepair | None) -> PlanRepair:
+    """Give the repair of an operator's children, by default a new :class:`SafestPathRepair`.
+
+    Raises
+    ------
+    TypeError
+        If it is no :class:`PlanRepair`.
+    """
+    if repair is None:
+        return SafestPathRepair()
+    if not isinstance(repair, PlanRepair):
+        raise TypeError(f"Expected repair to be a PlanRepair, got {repair!r}.")
+    return repair
+
+
+class Mixture(Generic[Part]):
+    """Several operators, of which each plan gets one, drawn with their weights.
+
+    Parameters
+    ----------
+    what
+        What they are called in messages.
+    kind
+        The class that each has to be of.
+    parts
+        The operators, or a mapping from them to their weights, which are finite and above 0.
+
+    Raises
+    ------
+    TypeError
+        If something is no such operator.
+    ValueError
+        If there is none, or a weight is out of its range.
+    """
+
+    def __init__(
+        self, what: str, kind: type[Any], parts: Sequence[Part] | Mapping[Part, float]
+    ) -> None:
+        self.parts: tuple[Part, ...] = tuple(parts)
+        weights = parts.values() if isinstance(parts, Mapping) else [1.0] * len(self.parts)
+        if not self.parts:
+            raise ValueError(f"Expected at least one {what}, got none.")
+        for part in self.parts:
+            if not isinstance(part, kind):
+                raise TypeError(f"Expected a {what} to be a {kind.__name__}, got {part!r}.")
+        self.weights = np.array(
+            [check_number(f"weight of a {what}", weight, above=0) for weight in weights]
+        )
+
+    def draw(self, random_state: np.random.Generator, n: int) -> list[OffsetArray]:
+        """Share out ``n`` plans: for each operator the indices of those that it gets."""
+        drawn = random_state.choice(len(self.parts), n, p=self.weights / self.weights.sum())
+        return [np.flatnonzero(drawn == i) for i in range(len(self.parts))]

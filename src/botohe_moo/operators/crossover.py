@@ -1,0 +1,145 @@
+"""Crossovers: children that share the trails of two plans."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from pymoo.core.crossover import Crossover
+
+from botohe_moo._checks import check_integer, check_number
+from botohe_moo._types import ObjectArray, OffsetArray
+from botohe_moo.kernels.rng import seed_states
+from botohe_moo.kernels.vary import EXCHANGE, SPLICE, cross
+from botohe_moo.operators.base import check_repair
+from botohe_moo.operators.repair import PlanRepair
+from botohe_moo.problem import BOTOHE
+from botohe_moo.trails import PlanBatch
+
+__all__ = ["MixedCrossover", "PlanCrossover", "TrailExchange", "TrailSplice"]
+
+
+class PlanCrossover(Crossover):
+    """A pymoo crossover of two trail plans.
+
+    Parameters
+    ----------
+    prob
+        Probability of crossing a pair of parents, in [0, 1]; otherwise the children are copies of
+        their parents.
+    n_offsprings
+        Children of each pair, 1 or 2.
+    repair
+        Makes valid plans of the children; default: :class:`SafestPathRepair`.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is out of its range.
+    TypeError
+        If ``repair`` is no :class:`PlanRepair`.
+    """
+
+    def __init__(
+        self, *, prob: float = 0.9, n_offsprings: int = 2, repair: PlanRepair | None = None
+    ) -> None:
+        prob = check_number("prob", prob, at_least=0, at_most=1)
+        n_offsprings = check_integer("n_offsprings", n_offsprings, at_least=1, at_most=2)
+        super().__init__(2, n_offsprings, prob=prob)
+        self.plan_repair = check_repair(repair)
+
+    def _kinds(self, n_pairs: int, n_robots: int, random_state: np.random.Generator) -> OffsetArray:
+        raise NotImplementedError
+
+    def _do(
+        self,
+        problem: BOTOHE,
+        X: ObjectArray,
+        *_: Any,
+        random_state: np.random.Generator,
+        **__: Any,
+    ) -> ObjectArray:
+        mission = problem.mission
+        parents, others = mission.batch(X[0]), mission.batch(X[1])
+        n_pairs, n_robots = len(parents), mission.robots
+        kinds = self._kinds(n_pairs, n_robots, random_state)
+        nodes = np.empty(len(parents.nodes) + len(others.nodes), np.int32)
+        offsets = np.empty(2 * n_pairs * n_robots + 1, np.int64)
+        cross(
+            parents.nodes,
+            parents.offsets,
+            others.nodes,
+            others.offsets,
+            n_robots,
+            kinds,
+            seed_states(random_state, 1),
+            nodes,
+            offsets,
+        )
+        drafts = PlanBatch._wrap(nodes, offsets, n_robots)
+        if self.n_offsprings == 1:
+            drafts = drafts[::2]
+        children = self.plan_repair.repair_batch(mission, drafts).to_array()
+        return children.reshape(n_pairs, self.n_offsprings, 1).swapaxes(0, 1)
+
+
+class TrailExchange(PlanCrossover):
+    """Children that share out whole trails.
+
+    The first gets a random part of the first parent's trails and fills up with trails of the
+    second, drawn at random; the second child gets what is left. With a single robot there is
+    nothing to share out: the children are copies.
+    """
+
+    def _kinds(self, n_pairs: int, n_robots: int, random_state: np.random.Generator) -> OffsetArray:
+        return np.full(n_pairs, EXCHANGE, np.int64)
+
+
+class TrailSplice(PlanCrossover):
+    """Children in which a trail of one parent goes on as a trail of the other.
+
+    Of each parent one trail is drawn among those that leave the base, and a node that both visit;
+    the children swap what comes after it. Where the two trails share no node but the base, they
+    change places as a whole.
+    """
+
+    def _kinds(self, n_pairs: int, n_robots: int, random_state: np.random.Generator) -> OffsetArray:
+        return np.full(n_pairs, SPLICE, np.int64)
+
+
+class MixedCrossover(PlanCrossover):
+    """Exchange of whole trails or splice, drawn for each pair.
+
+    Parameters
+    ----------
+    prob_splice
+        Probability of a splice rather than an exchange, in [0, 1]; with a single robot it is
+        always a splice.
+    prob, n_offsprings, repair
+        As for :class:`PlanCrossover`.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is out of its range.
+    TypeError
+        If ``repair`` is no :class:`PlanRepair`.
+    """
+
+    def __init__(
+        self,
+        *,
+        prob_splice: float = 0.5,
+        prob: float = 0.9,
+        n_offsprings: int = 2,
+        repair: PlanRepair | None = None,
+    ) -> None:
+        self.prob_splice = check_number("prob_splice", prob_splice, at_least=0, at_most=1)
+        super().__init__(prob=prob, n_offsprings=n_offsprings, repair=repair)
+
+    def _kinds(self, n_pairs: int, n_robots: int, random_state: np.random.Generator) -> OffsetArray:
+        if n_robots == 1:
+            return np.full(n_pairs, SPLICE, np.int64)
+        splice = random_state.random(n_pairs) < self.prob_splice
+        return np.where(splice, SPLICE, EXCHANGE).astype(np.int64)

@@ -1,0 +1,30 @@
+"""Duplicate elimination in linear time."""
+
+from __future__ import annotations
+
+from pymoo.core.duplicate import DuplicateElimination
+from pymoo.core.population import Population
+
+from botohe_moo._types import ObjectArray
+
+__all__ = ["PlanDuplicates"]
+
+
+class PlanDuplicates(DuplicateElimination):
+    """Drop plans that have the same multiset of trails as another.
+
+    By hash, in linear time, where pymoo's own elimination compares every pair. The order of the
+    robots does not matter.
+    """
+
+    def _do(
+        self, pop: Population, other: Population | None, is_duplicate: ObjectArray
+    ) -> ObjectArray:
+        seen = set() if other is None else {individual.X[0] for individual in other}
+        for i, individual in enumerate(pop):
+            plan = individual.X[0]
+            if plan in seen:
+                is_duplicate[i] = True
+            elif other is None:
+                seen.add(plan)
+        return is_duplicate

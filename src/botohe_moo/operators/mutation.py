@@ -1,0 +1,242 @@
+"""Mutations: small changes to the trails of one plan."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from pymoo.core.mutation import Mutation
+
+from botohe_moo._checks import check_integer, check_number
+from botohe_moo._types import ObjectArray
+from botohe_moo.kernels import vary as kernels
+from botohe_moo.kernels.rng import seed_states
+from botohe_moo.mission.model import Mission
+from botohe_moo.operators.base import Mixture, check_repair
+from botohe_moo.operators.repair import PlanRepair
+from botohe_moo.problem import BOTOHE
+from botohe_moo.trails import PlanBatch
+
+__all__ = [
+    "MixedMutation",
+    "PlanMutation",
+    "RuinRecreate",
+    "SendHome",
+    "ShareTrails",
+]
+
+
+class PlanMutation(Mutation):
+    """A pymoo mutation of trail plans.
+
+    Parameters
+    ----------
+    prob
+        Probability of changing a plan at all, in [0, 1].
+    repair
+        Makes valid plans of the children; default: :class:`SafestPathRepair`.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is out of its range.
+    TypeError
+        If ``repair`` is no :class:`PlanRepair`.
+    """
+
+    def __init__(self, *, prob: float = 1.0, repair: PlanRepair | None = None) -> None:
+        # The base class applies prob; whoever applied it again in _do would mutate at prob².
+        super().__init__(prob=check_number("prob", prob, at_least=0, at_most=1))
+        self.plan_repair = check_repair(repair)
+
+    def mutate_batch(
+        self, mission: Mission, plans: PlanBatch, random_state: np.random.Generator
+    ) -> PlanBatch:
+        """Change every plan of a batch.
+
+        Parameters
+        ----------
+        mission
+            Where the trails lead.
+        plans
+            What to change; stays as it is.
+        random_state
+            Where all random numbers come from.
+        """
+        drafts = self._draft(mission, plans, random_state)
+        return self.plan_repair.repair_batch(mission, drafts)
+
+    def _draft(
+        self, mission: Mission, plans: PlanBatch, random_state: np.random.Generator
+    ) -> PlanBatch:
+        raise NotImplementedError
+
+    def _do(
+        self,
+        problem: BOTOHE,
+        X: ObjectArray,
+        *_: Any,
+        random_state: np.random.Generator,
+        **__: Any,
+    ) -> ObjectArray:
+        plans = problem.mission.batch(X)
+        return self.mutate_batch(problem.mission, plans, random_state).to_array()
+
+
+class RuinRecreate(PlanMutation):
+    """Cut a segment out of one robot's trail and put in up to a few other nodes instead.
+
+    The robot and both ends of the cut are drawn uniformly, so is how many nodes are put in. The
+    repair joins what is left: :class:`SafestPathRepair` along safest paths.
+
+    Parameters
+    ----------
+    max_via
+        How many nodes are put in at most, from 0 to 100.
+    prob, repair
+        As for :class:`PlanMutation`.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is out of its range.
+    TypeError
+        If ``repair`` is no :class:`PlanRepair`.
+
+    Notes
+    -----
+    Ruin and recreate: Schrimpf, Schneider, Stamm-Wilbrandt and Dueck, "Record breaking
+    optimization results using the ruin and recreate principle", Journal of Computational Physics
+    159(2), 2000.
+    """
+
+    def __init__(
+        self, *, max_via: int = 2, prob: float = 1.0, repair: PlanRepair | None = None
+    ) -> None:
+        super().__init__(prob=prob, repair=repair)
+        self.max_via = check_integer("max_via", max_via, at_least=0, at_most=100)
+
+    def _draft(
+        self, mission: Mission, plans: PlanBatch, random_state: np.random.Generator
+    ) -> PlanBatch:
+        nodes = np.empty(len(plans.nodes) + (self.max_via + 1) * len(plans), np.int32)
+        offsets = np.empty_like(plans.offsets)
+        near = np.empty((mission.arrays.n_nodes, 0), np.int32)
+        size = kernels.ruin(
+            plans.nodes,
+            plans.offsets,
+            plans.n_robots,
+            mission.arrays.n_nodes,
+            self.max_via,
+            near,
+            seed_states(random_state, 1),
+            nodes,
+            offsets,
+        )
+        return PlanBatch._wrap(nodes[:size], offsets, plans.n_robots)
+
+
+class SendHome(PlanMutation):
+    """Let one robot that leaves the base stay there."""
+
+    def _draft(
+        self, mission: Mission, plans: PlanBatch, random_state: np.random.Generator
+    ) -> PlanBatch:
+        nodes, offsets = np.empty_like(plans.nodes), np.empty_like(plans.offsets)
+        size = kernels.send_home(
+            plans.nodes,
+            plans.offsets,
+            plans.n_robots,
+            mission.arrays.base,
+            seed_states(random_state, 1),
+            nodes,
+            offsets,
+        )
+        return PlanBatch._wrap(nodes[:size], offsets, plans.n_robots)
+
+
+class ShareTrails(PlanMutation):
+    """Let one robot take over another's trail, or two robots swap how they go on.
+
+    They swap from a node that both visit; where there is none, from any place of their trails,
+    which the repair joins. With a single robot nothing changes.
+
+    Parameters
+    ----------
+    prob_copy
+        Probability of taking over rather than swapping, in [0, 1].
+    prob, repair
+        As for :class:`PlanMutation`.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is out of its range.
+    TypeError
+        If ``repair`` is no :class:`PlanRepair`.
+    """
+
+    def __init__(
+        self, *, prob_copy: float = 0.5, prob: float = 1.0, repair: PlanRepair | None = None
+    ) -> None:
+        super().__init__(prob=prob, repair=repair)
+        self.prob_copy = check_number("prob_copy", prob_copy, at_least=0, at_most=1)
+
+    def _draft(
+        self, mission: Mission, plans: PlanBatch, random_state: np.random.Generator
+    ) -> PlanBatch:
+        # A trail that another robot takes over, too, is at most as long as all trails together.
+        nodes, offsets = np.empty(2 * len(plans.nodes), np.int32), np.empty_like(plans.offsets)
+        size = kernels.share(
+            plans.nodes,
+            plans.offsets,
+            plans.n_robots,
+            self.prob_copy,
+            seed_states(random_state, 1),
+            nodes,
+            offsets,
+        )
+        return PlanBatch._wrap(nodes[:size], offsets, plans.n_robots)
+
+
+class MixedMutation(PlanMutation):
+    """One of several mutations, drawn for each plan.
+
+    Parameters
+    ----------
+    mutations
+        What is drawn from: mutations, or a mapping from them to their weights (above 0). Each
+        repairs its own children; their own ``prob`` does not matter.
+    prob
+        Probability of changing a plan at all, in [0, 1].
+
+    Raises
+    ------
+    ValueError
+        If there is no mutation, or a weight or ``prob`` is out of its range.
+    TypeError
+        If something is no :class:`PlanMutation`.
+    """
+
+    def __init__(
+        self,
+        mutations: Sequence[PlanMutation] | Mapping[PlanMutation, float],
+        *,
+        prob: float = 1.0,
+    ) -> None:
+        super().__init__(prob=prob)
+        self.mixture = Mixture("mutation", PlanMutation, mutations)
+
+    def mutate_batch(
+        self, mission: Mission, plans: PlanBatch, random_state: np.random.Generator
+    ) -> PlanBatch:
+        """Change every plan of a batch; parameters as for :class:`PlanMutation`."""
+        shares = self.mixture.draw(random_state, len(plans))
+        changed = [
+            mutation.mutate_batch(mission, plans.take(chosen), random_state)
+            for mutation, chosen in zip(self.mixture.parts, shares, strict=True)
+            if len(chosen)
+        ]
+        order = np.argsort(np.concatenate(shares), kind="stable")
+        return PlanBatch.concatenate(changed).take(order)

@@ -1,0 +1,143 @@
+"""Repairs: valid trail plans out of arbitrary sequences of nodes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from pymoo.core.repair import Repair
+
+from botohe_moo._types import IntArray, ObjectArray, OffsetArray
+from botohe_moo.kernels import repair as kernels
+from botohe_moo.mission.model import Mission
+from botohe_moo.problem import BOTOHE
+from botohe_moo.trails import PlanBatch
+
+__all__ = ["PenaltyOnly", "PlanRepair", "RepairCounts", "SafestPathRepair", "TruncateRepair"]
+
+
+@dataclass
+class RepairCounts:
+    """What a repair has done so far.
+
+    Attributes
+    ----------
+    plans
+        Plans that were looked at.
+    repaired
+        Plans that were changed.
+    arcs_changed
+        Arcs that were added to trails, and hops of drafts that were dropped.
+    seconds
+        Time spent.
+    """
+
+    plans: int = 0
+    repaired: int = 0
+    arcs_changed: int = 0
+    seconds: float = 0.0
+
+
+class PlanRepair(Repair):
+    """A pymoo repair that makes valid closed trails out of any sequences of node indices.
+
+    Draws no random numbers. A valid plan passes unchanged, hence repairing twice is repairing
+    once. Give it to a pymoo algorithm (``NSGA2(repair=...)``), which then repairs every plan before
+    it is evaluated, or to this package's crossovers and mutations, whose children then are valid.
+
+    Attributes
+    ----------
+    counts
+        What it has done so far; after a run to be read from ``result.algorithm.repair.counts``.
+    """
+
+    _kernel: ClassVar[Callable[..., tuple[IntArray, int]] | None] = None
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.counts = RepairCounts()
+
+    def repair_batch(self, mission: Mission, drafts: PlanBatch) -> PlanBatch:
+        """Repair many plans.
+
+        Parameters
+        ----------
+        mission
+            Where the trails have to lead.
+        drafts
+            Plans of any integers, with as many trails as the mission has robots.
+        """
+        started = time.perf_counter()
+        repaired, changes = self._repair(mission, drafts)
+        per_plan = changes.reshape(len(drafts), -1).sum(axis=1)
+        self.counts.plans += len(drafts)
+        self.counts.repaired += int(np.count_nonzero(per_plan))
+        self.counts.arcs_changed += int(per_plan.sum())
+        self.counts.seconds += time.perf_counter() - started
+        return repaired
+
+    def _repair(self, mission: Mission, drafts: PlanBatch) -> tuple[PlanBatch, OffsetArray]:
+        if self._kernel is None:
+            return drafts, np.zeros(len(drafts.offsets) - 1, np.int64)
+        walk = mission.walk
+        offsets = np.empty(len(drafts.offsets), np.int64)
+        changes = np.empty(len(drafts.offsets) - 1, np.int64)
+        nodes, size = type(self)._kernel(  # type: ignore[misc]
+            walk.first,
+            walk.tail,
+            walk.head,
+            walk.cost,
+            walk.homeward,
+            walk.base,
+            walk.balanced,
+            drafts.nodes,
+            drafts.offsets,
+            np.empty(2 * len(drafts.nodes), np.int32),
+            offsets,
+            changes,
+        )
+        return PlanBatch._wrap(nodes[:size].copy(), offsets, drafts.n_robots), changes
+
+    def _do(self, problem: BOTOHE, X: ObjectArray, **_: Any) -> ObjectArray:
+        return self.repair_batch(problem.mission, problem.mission.batch(X)).to_array()
+
+
+class SafestPathRepair(PlanRepair):
+    """Bridge every gap by the safest path over arcs that the trail has not used yet.
+
+    Nodes are taken in the order of the draft. A hop along an arc that the trail has used already
+    cuts off the loop in between. A node that cannot be reached, or from which no unused arcs would
+    lead home, is left out. At the end the trail takes the safest way home.
+
+    Examples
+    --------
+    >>> from botohe_moo import BOTOHE, PlanBatch, TrailPlan, load_mission
+    >>> mission = load_mission("toy")
+    >>> drafts = PlanBatch.from_plans([TrailPlan([[4], [0, 1, 0, 1]])], 2)
+    >>> SafestPathRepair().repair_batch(mission, drafts)[0]
+    TrailPlan([[0, 3, 4, 3, 0], [0, 1, 0]])
+    """
+
+    _kernel = staticmethod(kernels.repair_safest)
+
+
+class TruncateRepair(PlanRepair):
+    """Keep the longest valid prefix of each trail and take the safest way home.
+
+    Valid is what begins at base, takes arcs that there are, each once, and leaves a way home over
+    arcs it has not taken.
+    """
+
+    _kernel = staticmethod(kernels.repair_truncate)
+
+
+class PenaltyOnly(PlanRepair):
+    """Leave every plan as it is and let its faults count as constraint violation.
+
+    The classic comparison: what does repairing bring? The problem has to evaluate plans that are
+    not valid: ``BOTOHE(mission, allow_invalid=True)``. The algorithms that
+    :func:`~botohe_moo.make_algorithm` wires see to that themselves.
+    """

@@ -1,0 +1,177 @@
+"""Samplings: plans to start from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from pymoo.core.sampling import Sampling
+
+from botohe_moo._types import ObjectArray
+from botohe_moo.colony import Colony, ColonyRule
+from botohe_moo.operators.base import Mixture
+from botohe_moo.problem import BOTOHE
+from botohe_moo.trails import PlanBatch, TrailPlan
+
+__all__ = [
+    "CornerSampling",
+    "GuidedTrailSampling",
+    "MixedSampling",
+    "PlanSampling",
+    "RandomTrailSampling",
+]
+
+
+class PlanSampling(Sampling):
+    """A pymoo sampling of valid trail plans, which keep the problem's survival floor."""
+
+    def sample_batch(
+        self, problem: BOTOHE, n_samples: int, random_state: np.random.Generator
+    ) -> PlanBatch:
+        """Give plans to start from.
+
+        Parameters
+        ----------
+        problem
+            What to plan for.
+        n_samples
+            How many plans are wanted, at least 1.
+        random_state
+            Where all random numbers come from.
+        """
+        raise NotImplementedError
+
+    def _do(
+        self,
+        problem: BOTOHE,
+        n_samples: int,
+        *_: Any,
+        random_state: np.random.Generator,
+        **__: Any,
+    ) -> ObjectArray:
+        return self.sample_batch(problem, n_samples, random_state).to_array()
+
+
+class RandomTrailSampling(PlanSampling):
+    """Random trails: every arc that a trail has not used yet is equally likely, at base also to end.
+
+    Where arcs lead into dead ends, or to where the survival floor could not be kept, they are not
+    taken.
+    """
+
+    def sample_batch(
+        self, problem: BOTOHE, n_samples: int, random_state: np.random.Generator
+    ) -> PlanBatch:
+        """Give random plans; parameters as for :class:`PlanSampling`."""
+        return _walk(problem, n_samples, random_state, heuristic=False)
+
+
+class GuidedTrailSampling(PlanSampling):
+    """Trails of ants without pheromone, their weights spread evenly from reward to survival.
+
+    The heuristic is that of :meth:`BOACO.journal`.
+    """
+
+    def sample_batch(
+        self, problem: BOTOHE, n_samples: int, random_state: np.random.Generator
+    ) -> PlanBatch:
+        """Give guided plans; parameters as for :class:`PlanSampling`."""
+        return _walk(problem, n_samples, random_state, heuristic=True)
+
+
+def _walk(
+    problem: BOTOHE, n_samples: int, random_state: np.random.Generator, *, heuristic: bool
+) -> PlanBatch:
+    rule = ColonyRule(
+        evaporation=0.1,
+        heuristic=heuristic,
+        pheromone=False,
+        pheromone_per_robot=False,
+        initial_reward_pheromone=1.0,
+        initial_survival_pheromone=1.0,
+        reward_epsilon=0.05,
+        survival_epsilon=0.01,
+        unvisited_bonus=0.05,
+        exploration=0.01,
+        pooled_deposit=False,
+    )
+    colony = Colony(
+        problem.mission,
+        rule,
+        n_ants=n_samples,
+        min_survival=problem.planning_floor,
+        random_state=random_state,
+    )
+    return colony.construct(n_samples)[0]
+
+
+class CornerSampling(PlanSampling):
+    """The corners of the front: everybody stays home, and the greedy plan for reward alone.
+
+    Parameters
+    ----------
+    rest
+        Gives the other plans that are wanted; default: :class:`GuidedTrailSampling`.
+
+    Raises
+    ------
+    TypeError
+        If ``rest`` is no :class:`PlanSampling`.
+    """
+
+    def __init__(self, rest: PlanSampling | None = None) -> None:
+        super().__init__()
+        self.rest = GuidedTrailSampling() if rest is None else rest
+        if not isinstance(self.rest, PlanSampling):
+            raise TypeError(f"Expected rest to be a PlanSampling, got {rest!r}.")
+
+    def sample_batch(
+        self, problem: BOTOHE, n_samples: int, random_state: np.random.Generator
+    ) -> PlanBatch:
+        """Give the corners and the rest; parameters as for :class:`PlanSampling`."""
+        from botohe_moo.sequential import plan_sequentially
+
+        mission = problem.mission
+        home = TrailPlan([[mission.arrays.base]] * mission.robots)
+        greedy = plan_sequentially(mission, 1.0, min_survival=problem.planning_floor)
+        corners = PlanBatch.from_plans([home, greedy][:n_samples], mission.robots)
+        if n_samples <= len(corners):
+            return corners
+        rest = self.rest.sample_batch(problem, n_samples - len(corners), random_state)
+        return PlanBatch.concatenate([corners, rest])
+
+
+class MixedSampling(PlanSampling):
+    """Plans of several samplings.
+
+    Parameters
+    ----------
+    samplings
+        Where they come from: samplings, or a mapping from them to their weights (above 0), by
+        which each plan's sampling is drawn.
+
+    Raises
+    ------
+    ValueError
+        If there is no sampling, or a weight is out of its range.
+    TypeError
+        If something is no :class:`PlanSampling`.
+    """
+
+    def __init__(self, samplings: Sequence[PlanSampling] | Mapping[PlanSampling, float]) -> None:
+        super().__init__()
+        self.mixture = Mixture("sampling", PlanSampling, samplings)
+
+    def sample_batch(
+        self, problem: BOTOHE, n_samples: int, random_state: np.random.Generator
+    ) -> PlanBatch:
+        """Give a mixture of plans; parameters as for :class:`PlanSampling`."""
+        shares = self.mixture.draw(random_state, n_samples)
+        return PlanBatch.concatenate(
+            [
+                sampling.sample_batch(problem, len(chosen), random_state)
+                for sampling, chosen in zip(self.mixture.parts, shares, strict=True)
+                if len(chosen)
+            ]
+        )
