@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise, product
-from math import prod
+from math import log, prod
 
 import networkx as nx
 
@@ -141,3 +141,59 @@ class Ant:
         for probability, plan in robots(0, dict.fromkeys(self.mission.graph, 1.0)):
             found[plan] = found.get(plan, 0.0) + probability
         return found
+
+
+class Repairer:
+    """Both repairs, one rule a line; missions whose safest paths are unique give the same plans."""
+
+    def __init__(self, mission):
+        self.mission = mission
+        self.arcs = set(mission.graph.edges)
+
+    def free(self, trail):
+        """The mission without the arcs that a trail has used."""
+        left = nx.DiGraph()
+        left.add_nodes_from(self.mission.graph)
+        for arc in self.arcs - set(pairwise(trail)):
+            left.add_edge(*arc, cost=-log(self.mission.graph.edges[arc]["survival"]))
+        return left
+
+    def leads_home(self, trail):
+        return nx.has_path(self.free(trail), trail[-1], self.mission.base)
+
+    def home(self, trail):
+        return trail + self.path(trail, self.mission.base)
+
+    def path(self, trail, target):
+        """The safest way on to a node over unused arcs, without the trail's last node."""
+        return nx.dijkstra_path(self.free(trail), trail[-1], target, weight="cost")[1:]
+
+    def safest(self, draft):
+        trail = [self.mission.base]
+        for node in draft:
+            if node == trail[-1] or node not in self.mission.graph:
+                continue
+            hop = (trail[-1], node)
+            if hop in set(pairwise(trail)):
+                trail = trail[: list(pairwise(trail)).index(hop) + 2]
+            elif hop in self.arcs:
+                trail = self.unless_lost([*trail, node], trail)
+            elif nx.has_path(self.free(trail), trail[-1], node):
+                trail = self.unless_lost(trail + self.path(trail, node), trail)
+        return self.home(trail)
+
+    def unless_lost(self, longer, trail):
+        return longer if self.leads_home(longer) else trail
+
+    def truncate(self, draft):
+        prefixes = [[self.mission.base]]
+        for position in range(1, len(draft) + 1):
+            prefix = list(draft[:position])
+            hops = list(pairwise(prefix))
+            if prefix[0] != self.mission.base or not set(hops) <= self.arcs:
+                break
+            if len(set(hops)) < len(hops):
+                break
+            if self.leads_home(prefix):
+                prefixes.append(prefix)
+        return self.home(prefixes[-1])

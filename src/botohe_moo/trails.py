@@ -273,9 +273,7 @@ class PlanBatch:
         lengths = np.concatenate([np.diff(batch.offsets) for batch in batches])
         offsets = np.zeros(len(lengths) + 1, np.int64)
         np.cumsum(lengths, out=offsets[1:])
-        return cls._wrap(
-            np.concatenate([batch.nodes for batch in batches]), offsets, sizes.pop()
-        )
+        return cls._wrap(np.concatenate([batch.nodes for batch in batches]), offsets, sizes.pop())
 
     def __len__(self) -> int:
         return (len(self.offsets) - 1) // self.n_robots

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 import copy
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -13,6 +15,8 @@ from pymoo.algorithms.moo.sms import SMSEMOA, LeastHypervolumeContributionSurviv
 from pymoo.algorithms.moo.spea2 import SPEA2, SPEA2Survival
 from pymoo.core.algorithm import Algorithm
 from pymoo.core.crossover import Crossover
+from pymoo.core.duplicate import DuplicateElimination, NoDuplicateElimination
+from pymoo.core.individual import Individual
 from pymoo.core.mutation import Mutation
 from pymoo.core.population import Population
 from pymoo.core.sampling import Sampling
@@ -48,6 +52,8 @@ class PopulationAlgorithm(Algorithm):
 
     Parameters
     ----------
+    arguments
+        What the pymoo class is made with besides its operators.
     sampling
         Plans to start from: ``guided``, ``random``, a mapping from these to weights, a pymoo
         sampling, or trail plans, to which guided ones are added where they are too few.
@@ -65,12 +71,17 @@ class PopulationAlgorithm(Algorithm):
         Operators that are given as objects have their own.
     prob_crossover, prob_mutation
         Probability of crossing a pair and of changing a child, in [0, 1].
-    n_children
-        Children of each pair, 1 or 2.
     max_ties
         Plans with equal objectives but different trails that the archive keeps, at least 1.
     **options
-        Those of the pymoo class.
+        pymoo's own: ``termination``, ``callback``, ``output``, ``save_history``, ``seed``, ...
+
+    Raises
+    ------
+    ValueError
+        If a parameter is out of its range, or a name unknown.
+    TypeError
+        If an option is unknown, or an operator is none.
 
     Attributes
     ----------
@@ -82,34 +93,49 @@ class PopulationAlgorithm(Algorithm):
 
     pop: Population
     is_initialized: bool
+    eliminate_duplicates: DuplicateElimination
+    indices: Any
+
+    # Of each pair; MOEA/D wants one.
+    _n_children = 2
 
     def __init__(
         self,
+        arguments: Mapping[str, Any],
         *,
-        sampling: Weights | Sampling | Any,
-        corners: bool,
-        crossover: Weights | Crossover,
-        mutation: Weights | Mutation,
-        repair: str | PlanRepair,
-        prob_crossover: float,
-        prob_mutation: float,
-        max_ties: int,
-        n_children: int = 2,
+        sampling: Weights | Sampling | Any = "guided",
+        corners: bool = True,
+        crossover: Weights | Crossover = MappingProxyType({"exchange": 1, "splice": 1}),
+        mutation: Weights | Mutation = MappingProxyType({"ruin": 1, "share": 0.2, "home": 0.05}),
+        repair: str | PlanRepair = "safest-path",
+        prob_crossover: float = 0.9,
+        prob_mutation: float = 1.0,
+        max_ties: int = 1_000,
         **options: Any,
     ) -> None:
+        check_options(self, options)
         self.max_ties = check_integer("max_ties", max_ties, at_least=1)
         self.plan_archive = PlanArchive(1)
         self._least_infeasible: Population | None = None
         made = make_repair(repair)
-        super().__init__(
-            sampling=make_sampling(sampling, corners=corners),
-            crossover=make_crossover(
-                crossover, prob=prob_crossover, repair=made, n_offsprings=n_children
+        operators = {
+            "sampling": make_sampling(sampling, corners=corners),
+            "crossover": make_crossover(
+                crossover, prob=prob_crossover, repair=made, n_offsprings=self._n_children
             ),
-            mutation=make_mutation(mutation, prob=prob_mutation, repair=made),
-            **{"output": FrontOutput(), **options},
-        )
+            "mutation": make_mutation(mutation, prob=prob_mutation, repair=made),
+        }
+        super().__init__(**{"output": FrontOutput(), **arguments, **operators, **options})
         self.repair = made
+        if getattr(self.mating, "crossover", None) is not operators["crossover"]:
+            raise ValueError(
+                f"{type(self).__name__} mates in a way of its own, which trail plans do not have."
+            )
+        self.mating.selection = _picklable(self.mating.selection)
+        if not isinstance(self.eliminate_duplicates, NoDuplicateElimination):
+            self.eliminate_duplicates = PlanDuplicates()
+            for part in (self.initialization, self.mating):
+                part.eliminate_duplicates = self.eliminate_duplicates
         # pymoo's own default looks for convergence in a design space that plans do not have.
         self.termination = options.get("termination")
 
@@ -150,11 +176,14 @@ class PopulationAlgorithm(Algorithm):
     def infill(self) -> Population | None:
         """Give the plans to evaluate next, no more than the budget allows."""
         infills = super().infill()
-        if infills is None:
-            return None
-        return infills[: evaluations_left(self)]
+        if infills is None or isinstance(infills, Individual):
+            return infills
+        infills = infills[: evaluations_left(self)]
+        if getattr(self, "indices", None) is not None:  # MOEA/D's, one for each plan
+            self.indices = self.indices[: len(infills)]
+        return infills
 
-    def advance(self, infills: Population | None = None, **kwargs: Any) -> Any:
+    def advance(self, infills: Population | Individual | None = None, **kwargs: Any) -> Any:
         """Archive what was evaluated, and let pymoo's algorithm go on.
 
         Parameters
@@ -165,11 +194,20 @@ class PopulationAlgorithm(Algorithm):
             Whatever the pymoo class takes.
         """
         if infills is not None:
-            feasible = infills[infills.get("feas")]
-            if len(feasible):
-                batch = self.problem.mission.batch(feasible.get("X"))
-                self.plan_archive.absorb(batch, -feasible.get("F"))
-        return super().advance(infills, **kwargs)
+            self._archive(
+                Population.create(infills) if isinstance(infills, Individual) else infills
+            )
+        result = super().advance(infills, **kwargs)
+        if isinstance(infills, Individual) and evaluations_left(self) == 0:
+            # Whoever advances plan by plan asks its termination once a generation only.
+            self.termination.force_termination = True
+        return result
+
+    def _archive(self, evaluated: Population) -> None:
+        feasible = evaluated[evaluated.get("feas")]
+        if len(feasible):
+            batch = self.problem.mission.batch(feasible.get("X"))
+            self.plan_archive.absorb(batch, -feasible.get("F"))
 
     @property
     def opt(self) -> Population | None:
@@ -192,10 +230,8 @@ class PlanNSGA2(PopulationAlgorithm, NSGA2):
         Plans in the population, at least 2.
     n_offsprings
         Plans that a generation adds, at least 1; default: as many as the population holds.
-    sampling, corners, crossover, mutation, repair, prob_crossover, prob_mutation, max_ties
-        As for :class:`PopulationAlgorithm`.
     **options
-        pymoo's own: ``termination``, ``callback``, ``output``, ``save_history``, ``seed``, ...
+        Operators, as for :class:`PopulationAlgorithm`, and pymoo's own options.
 
     Raises
     ------
@@ -213,44 +249,208 @@ class PlanNSGA2(PopulationAlgorithm, NSGA2):
     --------
     >>> from pymoo.optimize import minimize
     >>> from botohe_moo import BOTOHE, load_mission
-    >>> result = minimize(BOTOHE(load_mission("toy")), PlanNSGA2(), ("n_eval", 1_000), seed=1)
+    >>> algorithm = PlanNSGA2(pop_size=50, mutation="ruin")
+    >>> result = minimize(BOTOHE(load_mission("art_museum")), algorithm, ("n_eval", 120), seed=1)
     >>> result.algorithm.evaluator.n_eval
-    1000
+    120
     """
+
+    def __init__(
+        self, *, pop_size: int = 100, n_offsprings: int | None = None, **options: Any
+    ) -> None:
+        arguments = genetic_sizes(pop_size, n_offsprings)
+        super().__init__({**arguments, "survival": RankAndCrowding()}, **options)
+
+
+class PlanSPEA2(PopulationAlgorithm, SPEA2):
+    """SPEA2 with operators for trail plans.
+
+    Parameters
+    ----------
+    pop_size
+        Plans in the population, at least 2.
+    n_offsprings
+        Plans that a generation adds, at least 1; default: as many as the population holds.
+    **options
+        Operators, as for :class:`PopulationAlgorithm`, and pymoo's own options.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is out of its range, or a name unknown.
+    TypeError
+        If an option is unknown, or the problem is not a :class:`BOTOHE`.
+
+    Notes
+    -----
+    Zitzler, Laumanns and Thiele, "SPEA2: improving the strength Pareto evolutionary algorithm",
+    TIK report 103, ETH Zurich, 2001.
+    """
+
+    def __init__(
+        self, *, pop_size: int = 100, n_offsprings: int | None = None, **options: Any
+    ) -> None:
+        # Of their own: those that pymoo's signature holds remember the fronts of other runs.
+        arguments = genetic_sizes(pop_size, n_offsprings)
+        super().__init__({**arguments, "survival": SPEA2Survival(normalize=True)}, **options)
+
+
+class PlanSMSEMOA(PopulationAlgorithm, SMSEMOA):
+    """SMS-EMOA with operators for trail plans.
+
+    Parameters
+    ----------
+    pop_size
+        Plans in the population, at least 2.
+    n_offsprings
+        Plans that a generation adds, at least 1; default: as many as the population holds.
+    **options
+        Operators, as for :class:`PopulationAlgorithm`, and pymoo's own options.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is out of its range, or a name unknown.
+    TypeError
+        If an option is unknown, or the problem is not a :class:`BOTOHE`.
+
+    Notes
+    -----
+    Beume, Naujoks and Emmerich, "SMS-EMOA: multiobjective selection based on dominated
+    hypervolume", European Journal of Operational Research 181(3), 2007.
+    """
+
+    def __init__(
+        self, *, pop_size: int = 100, n_offsprings: int | None = None, **options: Any
+    ) -> None:
+        arguments = genetic_sizes(pop_size, n_offsprings)
+        survival = LeastHypervolumeContributionSurvival()
+        super().__init__({**arguments, "survival": survival}, **options)
+
+
+class _BoundedTchebicheff(Tchebicheff):
+    """Tchebicheff with each objective measured by its bound."""
+
+    def __init__(self, bounds: FloatArray) -> None:
+        super().__init__()
+        self.bounds = bounds
+
+    def _do(self, F: FloatArray, weights: FloatArray, **_: Any) -> FloatArray:
+        distances: FloatArray = np.abs(F - self.utopian_point) / self.bounds * weights
+        worst: FloatArray = distances.max(axis=1)
+        return worst
+
+
+class PlanMOEAD(PopulationAlgorithm, ParallelMOEAD):
+    """MOEA/D with operators for trail plans.
+
+    The weights are spread evenly; objectives are measured by their bounds, total reward and team
+    size. A feasible plan replaces an infeasible one, and of two infeasible ones that which violates
+    less. All children of a generation are made before the first replaces a neighbour (pymoo's
+    ``ParallelMOEAD``): its one-by-one variant cannot be pickled within a run.
+
+    Parameters
+    ----------
+    pop_size
+        Weights, and plans in the population, at least 2.
+    n_neighbors
+        Weights whose plans mate, and that a child may replace, at least 2; no more than
+        ``pop_size`` are taken.
+    prob_neighbor_mating
+        Probability of mating among neighbours rather than all, in [0, 1].
+    **options
+        Operators, as for :class:`PopulationAlgorithm`, and pymoo's own options.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is out of its range, or a name unknown.
+    TypeError
+        If an option is unknown, or the problem is not a :class:`BOTOHE`.
+
+    Notes
+    -----
+    Zhang and Li, "MOEA/D: a multiobjective evolutionary algorithm based on decomposition", IEEE
+    Transactions on Evolutionary Computation 11(6), 2007; constraints as in Jan and Khanum, "A
+    study of two penalty-parameterless constraint handling techniques in the framework of MOEA/D",
+    Applied Soft Computing 13(1), 2013.
+    """
+
+    # pymoo draws one of each mating's children, but from pools that mix matings.
+    _n_children = 1
 
     def __init__(
         self,
         *,
         pop_size: int = 100,
-        n_offsprings: int | None = None,
-        sampling: Weights | Sampling | Any = "guided",
-        corners: bool = False,
-        crossover: Weights | Crossover = {"exchange": 1, "splice": 1},
-        mutation: Weights | Mutation = {"ruin": 1, "share": 0.2, "home": 0.05},
-        repair: str | PlanRepair = "safest-path",
-        prob_crossover: float = 0.9,
-        prob_mutation: float = 1.0,
-        max_ties: int = 1_000,
+        n_neighbors: int = 20,
+        prob_neighbor_mating: float = 0.9,
         **options: Any,
     ) -> None:
-        check_options(self, options)
-        super().__init__(
-            pop_size=check_integer("pop_size", pop_size, at_least=2),
-            n_offsprings=check_offsprings(n_offsprings),
-            sampling=sampling,
-            corners=corners,
-            crossover=crossover,
-            mutation=mutation,
-            repair=repair,
-            prob_crossover=prob_crossover,
-            prob_mutation=prob_mutation,
-            max_ties=max_ties,
-            survival=RankAndCrowding(),
-            eliminate_duplicates=PlanDuplicates(),
-            **options,
-        )
+        pop_size = check_integer("pop_size", pop_size, at_least=2)
+        n_neighbors = check_integer("n_neighbors", n_neighbors, at_least=2)
+        arguments = {
+            "ref_dirs": even_weights(pop_size),
+            "n_neighbors": min(n_neighbors, pop_size),
+            "prob_neighbor_mating": check_number(
+                "prob_neighbor_mating", prob_neighbor_mating, at_least=0, at_most=1
+            ),
+        }
+        super().__init__(arguments, **options)
+
+    def _setup(self, problem: BOTOHE, **_: Any) -> None:
+        distances = np.abs(self.ref_dirs[:, :1] - self.ref_dirs[:, 0])
+        self.neighbors = np.argsort(distances, axis=1, kind="stable")[:, : self.n_neighbors]
+        mission = problem.mission
+        bounds = np.array([mission.total_reward or 1.0, float(mission.robots)])
+        self.decomposition = _BoundedTchebicheff(bounds)
+
+    def _replace(self, k: int, off: Any) -> None:
+        pop, near = self.pop, self.neighbors[k]
+        weights = self.ref_dirs[near]
+        values = self.decomposition.do(pop[near].get("F"), weights, ideal_point=self.ideal)
+        value = self.decomposition.do(off.F[np.newaxis], weights, ideal_point=self.ideal)
+        violations = pop[near].get("CV")[:, 0]
+        violation = off.CV[0]
+        better = (violation < violations) | ((violation == violations) & (value < values))
+        pop[near[better]] = off
 
 
-def check_offsprings(n_offsprings: int | None) -> int | None:
-    """Give ``n_offsprings``, or raise the ValueError that says what was expected."""
-    return None if n_offsprings is None else check_integer("n_offsprings", n_offsprings, at_least=1)
+class _NamedFunction:
+    """A function of a module's, found anew after unpickling."""
+
+    def __init__(self, module: str, name: str) -> None:
+        self.module, self.name = module, name
+
+    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        return getattr(sys.modules[self.module], self.name)(*args, **kwargs)
+
+
+def _picklable(selection: Any) -> Any:
+    """Give a tournament that refers to its comparison by name.
+
+    pymoo decorates some of them in a way that pickle cannot follow; a run that cannot be pickled
+    cannot be resumed or sent to another process.
+    """
+    compare = getattr(selection, "func_comp", None)
+    for module in [name for name in sys.modules if name.startswith("pymoo.algorithms.moo.")]:
+        for name, value in vars(sys.modules[module]).items():
+            if compare is not None and value is compare:
+                selection = copy.copy(selection)
+                selection.func_comp = _NamedFunction(module, name)
+                return selection
+    return selection
+
+
+def genetic_sizes(pop_size: int, n_offsprings: int | None) -> dict[str, Any]:
+    """Give the sizes that genetic algorithms take; a ValueError says which is out of its range."""
+    sizes = {"pop_size": check_integer("pop_size", pop_size, at_least=2)}
+    if n_offsprings is not None:
+        sizes["n_offsprings"] = check_integer("n_offsprings", n_offsprings, at_least=1)
+    return sizes
+
+
+def even_weights(n: int) -> FloatArray:
+    """Spread ``n`` weights on two objectives evenly, shape (n, 2)."""
+    weights = np.linspace(0, 1, n)
+    return np.column_stack([weights, 1 - weights])

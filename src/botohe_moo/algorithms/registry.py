@@ -13,6 +13,7 @@ from pymoo.core.algorithm import Algorithm
 
 from botohe_moo._checks import check_parameters
 from botohe_moo._plugins import PluginError, PluginGroup
+from botohe_moo.algorithms.wired import wired_class
 
 __all__ = [
     "AlgorithmParameter",
@@ -65,7 +66,7 @@ def make_algorithm(name: str, /, **parameters: Any) -> Algorithm:
     Parameters
     ----------
     name
-        One of :func:`algorithm_names`.
+        One of :func:`algorithm_names`, or ``module:Class``.
     **parameters
         Its parameters; :func:`algorithm_parameters` lists them. pymoo's own options, such as
         ``callback`` and ``verbose``, are for ``minimize``.
@@ -84,16 +85,20 @@ def make_algorithm(name: str, /, **parameters: Any) -> Algorithm:
     Notes
     -----
     Packages register algorithms in the entry-point group ``botohe_moo.algorithms``: callables
-    that return a pymoo algorithm. Only parameters that a signature states can be given: what
-    pymoo's algorithms take as ``**kwargs`` would swallow every misspelt name.
+    that return a pymoo algorithm. ``module:Class`` names one that nobody has registered; classes
+    of pymoo's own are wired with this package's operators and an archive of all non-dominated
+    plans, as ``nsga2`` is (:class:`PopulationAlgorithm`). Only parameters that a signature states
+    can be given: what pymoo's algorithms take as ``**kwargs`` would swallow every misspelt name.
 
     Examples
     --------
     >>> make_algorithm("bo-aco", n_ants=50).n_ants
     50
+    >>> make_algorithm("pymoo.algorithms.moo.age:AGEMOEA", pop_size=60).pop_size
+    60
     """
     factory = _load(name)
-    source = _PLUGINS.source(name)
+    source = _source(name)
     check_parameters(source, parameters, [known.name for known in algorithm_parameters(name)])
     if signature := _signature(factory):
         try:
@@ -121,23 +126,21 @@ def algorithm_names() -> tuple[str, ...]:
 def algorithm_parameters(name: str) -> tuple[AlgorithmParameter, ...]:
     """List the parameters that an algorithm states, in the order of its signature.
 
-    A factory such as :meth:`BOACO.journal` states what it changes, and its class the rest.
+    A factory such as :meth:`BOACO.journal` states what it changes, and its class the rest; a class
+    that takes any keyword states its own, and the classes it is based on theirs.
 
     Raises
     ------
     ValueError
         If there is no such algorithm, or it cannot be imported.
     """
-    factory = _load(name)
-    functions = [factory]
-    signature = _signature(factory)
-    owner = getattr(factory, "__self__", None)
-    if isinstance(owner, type) and signature and _takes_any(signature):
-        functions.append(owner)
     stated: dict[str, AlgorithmParameter] = {}
+    functions = _stating(_load(name))
     for function in functions:
         described = _described(function)
         for parameter in (_signature(function) or inspect.Signature()).parameters.values():
+            if parameter.kind is not parameter.KEYWORD_ONLY and function is not functions[0]:
+                continue  # what a base class takes by position it gets from the class itself
             if parameter.kind not in _BY_KEYWORD or parameter.name in _PYMOOS_OWN:
                 continue
             known = stated.get(parameter.name)
@@ -163,11 +166,35 @@ def describe_algorithm(name: str) -> str:
     return " ".join(summary.split())
 
 
+def _source(name: str) -> str:
+    """Say in a message whom it is about."""
+    return f"Algorithm {name!r}" if ":" in name or "." in name else _PLUGINS.source(name)
+
+
 def _load(name: str) -> Callable[..., Any]:
+    if ":" in name or "." in name:
+        return wired_class(name)
     try:
         return _PLUGINS.load(name)
     except PluginError as error:
         raise ValueError(f"{_PLUGINS.source(name)}: {error}.") from error
+
+
+def _stating(factory: Callable[..., Any]) -> list[Callable[..., Any]]:
+    """List the callables whose signatures state a factory's parameters, its own first."""
+    functions = [factory]
+    owner = getattr(factory, "__self__", factory)
+    if isinstance(owner, type) and _takes_any(factory):
+        # pymoo's own classes state what is not meant for this: continuous operators, for example.
+        functions += [
+            base
+            for base in owner.__mro__
+            if base is not factory
+            and "__init__" in vars(base)
+            and base.__module__.partition(".")[0] not in ("pymoo", "builtins")
+        ]
+    last = next((i for i, f in enumerate(functions) if not _takes_any(f)), len(functions))
+    return functions[: last + 1]
 
 
 def _signature(function: Callable[..., Any]) -> inspect.Signature | None:
@@ -177,7 +204,8 @@ def _signature(function: Callable[..., Any]) -> inspect.Signature | None:
         return None
 
 
-def _takes_any(signature: inspect.Signature) -> bool:
+def _takes_any(function: Callable[..., Any]) -> bool:
+    signature = _signature(function) or inspect.Signature()
     return any(p.kind is p.VAR_KEYWORD for p in signature.parameters.values())
 
 

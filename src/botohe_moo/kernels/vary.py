@@ -173,7 +173,6 @@ def ruin(
     n_robots: int,
     n_nodes: int,
     max_via: int,
-    near: IntArray,
     states: SeedArray,
     drafts: IntArray,
     draft_offsets: OffsetArray,
@@ -188,9 +187,6 @@ def ruin(
         Nodes of the mission, every one of which may be put in.
     max_via
         How many nodes are put in at most; every number up to it is equally likely.
-    near
-        The nodes from which those to put in are drawn, for each node before the cut
-        (n_nodes, any); with no columns they are drawn from all nodes.
     states
         State of the random numbers (1, 2), advanced.
     drafts, draft_offsets
@@ -218,13 +214,8 @@ def ruin(
                 if n_via == 0 and high - low < 2 and max_via > 0:
                     n_via = 1  # or nothing would change
                 size = _copy(nodes, start, low + 1, drafts, size)
-                here = nodes[low]
                 for _ in range(n_via):
-                    if near.shape[1] > 0 and 0 <= here < n_nodes:
-                        here = near[here, _below(states, near.shape[1])]
-                    else:
-                        here = np.int32(_below(states, n_nodes))
-                    drafts[size] = here
+                    drafts[size] = _below(states, n_nodes)
                     size += 1
                 # Without anything in between, a node does not follow itself.
                 size = _copy(nodes, high if n_via > 0 else max(high, low + 1), stop, drafts, size)

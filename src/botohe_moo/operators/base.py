@@ -7,7 +7,7 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from botohe_moo._checks import check_number, nearest_first
+from botohe_moo._checks import check_number
 from botohe_moo._types import OffsetArray
 from botohe_moo.operators.repair import PlanRepair, SafestPathRepair
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -49,7 +48,7 @@ class PlanCrossover(Crossover):
         super().__init__(2, n_offsprings, prob=prob)
         self.plan_repair = check_repair(repair)
 
-    def _kinds(self, n_pairs: int, n_robots: int, random_state: np.random.Generator) -> OffsetArray:
+    def _kinds(self, n_pairs: int, random_state: np.random.Generator) -> OffsetArray:
         raise NotImplementedError
 
     def _do(
@@ -63,7 +62,9 @@ class PlanCrossover(Crossover):
         mission = problem.mission
         parents, others = mission.batch(X[0]), mission.batch(X[1])
         n_pairs, n_robots = len(parents), mission.robots
-        kinds = self._kinds(n_pairs, n_robots, random_state)
+        kinds = self._kinds(n_pairs, random_state)
+        if n_robots == 1:
+            kinds[:] = SPLICE  # there are no whole trails to share out
         nodes = np.empty(len(parents.nodes) + len(others.nodes), np.int32)
         offsets = np.empty(2 * n_pairs * n_robots + 1, np.int64)
         cross(
@@ -88,11 +89,11 @@ class TrailExchange(PlanCrossover):
     """Children that share out whole trails.
 
     The first gets a random part of the first parent's trails and fills up with trails of the
-    second, drawn at random; the second child gets what is left. With a single robot there is
-    nothing to share out: the children are copies.
+    second, drawn at random; the second child gets what is left. A single robot's trails are
+    spliced instead, as in :class:`TrailSplice`: there is nothing to share out.
     """
 
-    def _kinds(self, n_pairs: int, n_robots: int, random_state: np.random.Generator) -> OffsetArray:
+    def _kinds(self, n_pairs: int, random_state: np.random.Generator) -> OffsetArray:  # noqa: ARG002
         return np.full(n_pairs, EXCHANGE, np.int64)
 
 
@@ -104,7 +105,7 @@ class TrailSplice(PlanCrossover):
     change places as a whole.
     """
 
-    def _kinds(self, n_pairs: int, n_robots: int, random_state: np.random.Generator) -> OffsetArray:
+    def _kinds(self, n_pairs: int, random_state: np.random.Generator) -> OffsetArray:  # noqa: ARG002
         return np.full(n_pairs, SPLICE, np.int64)
 
 
@@ -114,8 +115,7 @@ class MixedCrossover(PlanCrossover):
     Parameters
     ----------
     prob_splice
-        Probability of a splice rather than an exchange, in [0, 1]; with a single robot it is
-        always a splice.
+        Probability of a splice rather than an exchange, in [0, 1].
     prob, n_offsprings, repair
         As for :class:`PlanCrossover`.
 
@@ -138,8 +138,6 @@ class MixedCrossover(PlanCrossover):
         self.prob_splice = check_number("prob_splice", prob_splice, at_least=0, at_most=1)
         super().__init__(prob=prob, n_offsprings=n_offsprings, repair=repair)
 
-    def _kinds(self, n_pairs: int, n_robots: int, random_state: np.random.Generator) -> OffsetArray:
-        if n_robots == 1:
-            return np.full(n_pairs, SPLICE, np.int64)
+    def _kinds(self, n_pairs: int, random_state: np.random.Generator) -> OffsetArray:
         splice = random_state.random(n_pairs) < self.prob_splice
         return np.where(splice, SPLICE, EXCHANGE).astype(np.int64)

@@ -122,14 +122,12 @@ class RuinRecreate(PlanMutation):
     ) -> PlanBatch:
         nodes = np.empty(len(plans.nodes) + (self.max_via + 1) * len(plans), np.int32)
         offsets = np.empty_like(plans.offsets)
-        near = np.empty((mission.arrays.n_nodes, 0), np.int32)
         size = kernels.ruin(
             plans.nodes,
             plans.offsets,
             plans.n_robots,
             mission.arrays.n_nodes,
             self.max_via,
-            near,
             seed_states(random_state, 1),
             nodes,
             offsets,
@@ -184,7 +182,10 @@ class ShareTrails(PlanMutation):
         self.prob_copy = check_number("prob_copy", prob_copy, at_least=0, at_most=1)
 
     def _draft(
-        self, mission: Mission, plans: PlanBatch, random_state: np.random.Generator
+        self,
+        mission: Mission,  # noqa: ARG002
+        plans: PlanBatch,
+        random_state: np.random.Generator,
     ) -> PlanBatch:
         # A trail that another robot takes over, too, is at most as long as all trails together.
         nodes, offsets = np.empty(2 * len(plans.nodes), np.int32), np.empty_like(plans.offsets)

@@ -54,10 +54,10 @@ class PlanSampling(Sampling):
 
 
 class RandomTrailSampling(PlanSampling):
-    """Random trails: every arc that a trail has not used yet is equally likely, at base also to end.
+    """Random trails: every arc that a trail has not used yet is equally likely.
 
-    Where arcs lead into dead ends, or to where the survival floor could not be kept, they are not
-    taken.
+    At base the end of the trail is as likely as each arc. What leads into a dead end, or to where
+    the survival floor could not be kept, is not taken.
     """
 
     def sample_batch(

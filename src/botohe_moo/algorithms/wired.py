@@ -1,0 +1,117 @@
+"""Algorithms by their dotted path; pymoo's own classes get this package's operators."""
+
+from __future__ import annotations
+
+import copy
+import functools
+import inspect
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any, cast
+
+from pymoo.algorithms.base.genetic import GeneticAlgorithm
+
+from botohe_moo.algorithms.population import PopulationAlgorithm, even_weights, genetic_sizes
+
+__all__ = ["wired_class"]
+
+# What the wiring gives to every class of pymoo's, or who runs it does.
+_TAKEN_CARE_OF = frozenset(
+    {"sampling", "crossover", "mutation", "repair", "eliminate_duplicates", "output", "mating"}
+    | {"pop_size", "n_offsprings"}
+)
+
+
+@functools.cache
+def wired_class(path: str) -> Callable[..., Any]:
+    """Find what ``module:Class`` (or ``module.Class``) names, and wire a class of pymoo's.
+
+    Classes of other packages are given back as they are: they know what they solve.
+
+    Parameters
+    ----------
+    path
+        Where the class is.
+
+    Raises
+    ------
+    ValueError
+        If it cannot be imported, or is a class of pymoo's that is not population-based.
+    """
+    module, _, name = path.rpartition(":") if ":" in path else path.rpartition(".")
+    try:
+        found = functools.reduce(getattr, name.split("."), import_module(module))
+    except Exception as error:  # a module may fail in any way
+        reason = f"{type(error).__name__}: {error}"
+        raise ValueError(f"Algorithm {path!r}: cannot be imported ({reason}).") from error
+    if not callable(found):
+        raise ValueError(f"Algorithm {path!r}: expected a class or a function, got {found!r}.")
+    if getattr(found, "__module__", "").partition(".")[0] != "pymoo":
+        return found
+    if not (isinstance(found, type) and issubclass(found, GeneticAlgorithm)):
+        raise ValueError(
+            f"Algorithm {path!r}: expected a population-based class of pymoo's, derived from "
+            f"GeneticAlgorithm, got {found!r}."
+        )
+    return _wire(path, found)
+
+
+def _wire(path: str, wrapped: type[GeneticAlgorithm]) -> type[PopulationAlgorithm]:
+    """Derive a class from one of pymoo's, whose own parameters it states."""
+    stated = inspect.signature(wrapped).parameters
+    own = {
+        name: parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY)
+        for name, parameter in stated.items()
+        if name not in _TAKEN_CARE_OF and parameter.kind is parameter.POSITIONAL_OR_KEYWORD
+    }
+    directed = "ref_dirs" in own
+    if directed:
+        own["ref_dirs"] = own["ref_dirs"].replace(default=None)
+
+    def __init__(  # noqa: N807
+        self: PopulationAlgorithm,
+        *,
+        pop_size: int = 100,
+        n_offsprings: int | None = None,
+        **parameters: Any,
+    ) -> None:
+        sizes = genetic_sizes(pop_size, n_offsprings)
+        # Copies: the objects that pymoo's signatures hold remember the fronts of other runs.
+        arguments = {
+            name: copy.deepcopy(parameters.pop(name, parameter.default))
+            for name, parameter in own.items()
+        }
+        if directed and arguments["ref_dirs"] is None:
+            arguments["ref_dirs"] = even_weights(sizes["pop_size"])
+        if directed:
+            del sizes["pop_size"]  # there are as many plans as directions
+        PopulationAlgorithm.__init__(self, {**arguments, **sizes}, **parameters)
+
+    def __reduce_ex__(self: PopulationAlgorithm, _: object) -> tuple[object, ...]:  # noqa: N807
+        return _revive, (path,), self.__dict__
+
+    common = inspect.signature(PopulationAlgorithm).parameters.values()
+    operators = [parameter for parameter in common if parameter.kind is parameter.KEYWORD_ONLY]
+    sizes = [
+        parameter
+        for parameter in inspect.signature(__init__).parameters.values()
+        if parameter.kind is parameter.KEYWORD_ONLY
+    ]
+    parameters = inspect.cleandoc(PopulationAlgorithm.__doc__ or "").partition("Parameters\n")[2]
+    return type(
+        wrapped.__name__,
+        (PopulationAlgorithm, wrapped),
+        {
+            "__init__": __init__,
+            "__reduce_ex__": __reduce_ex__,
+            "__signature__": inspect.Signature([*sizes, *own.values(), *operators]),
+            "__doc__": f"{wrapped.__name__} of pymoo's, with operators for trail plans.\n\n"
+            f"Parameters\n{parameters}",
+        },
+    )
+
+
+def _revive(path: str) -> PopulationAlgorithm:
+    """Make an empty instance for unpickling: classes made here have no name to be found by."""
+    found = cast("type[PopulationAlgorithm]", wired_class(path))
+    return found.__new__(found)

@@ -1,0 +1,209 @@
+"""Repairs: hand-made drafts, their readable twin, and what holds for every draft."""
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pymoo.algorithms.moo.nsga2 import NSGA2
+from pymoo.optimize import minimize
+
+from botohe_moo import BOTOHE, Mission, PlanBatch, TrailPlan, load_mission
+from botohe_moo.operators import (
+    MixedCrossover,
+    PenaltyOnly,
+    PlanDuplicates,
+    RandomTrailSampling,
+    RuinRecreate,
+    SafestPathRepair,
+    TruncateRepair,
+)
+from tests.strategies import missions, missions_with_plans
+from tests.twins import Repairer
+
+REPAIRS = [SafestPathRepair, TruncateRepair]
+
+
+def repaired(repair, mission, *trails):
+    """Repair one plan of labels; robots that are not given stay at base."""
+    index = {label: i for i, label in enumerate(mission.nodes)}
+    drafts = [[index.get(label, 99) for label in trail] for trail in trails]
+    drafts += [[index[mission.base]]] * (mission.robots - len(drafts))
+    batch = PlanBatch.from_plans([TrailPlan(drafts)], mission.robots)
+    plan = repair.repair_batch(mission, batch)[0]
+    mission.evaluate([plan])
+    return [list(trail) for trail in mission.labels(plan)][: len(trails)]
+
+
+def ring():
+    """Base 0 in a ring 0-1-2-3-0 whose arcs lead both ways, 1-2 the most dangerous."""
+    graph = nx.DiGraph()
+    graph.add_nodes_from(range(4), reward=1.0)
+    for u, v, survival in [(0, 1, 0.9), (1, 2, 0.5), (2, 3, 0.8), (3, 0, 0.95)]:
+        graph.add_edge(u, v, survival=survival)
+        graph.add_edge(v, u, survival=survival)
+    return Mission(graph, base=0, robots=1)
+
+
+def one_way():
+    """0 -> 1 -> 2 -> 0, and 1 -> 3 -> 1: whoever walks 0, 1, 3, 1, 2 gets home, 3 once only."""
+    graph = nx.DiGraph()
+    graph.add_nodes_from(range(5), reward=1.0)
+    arcs = [(0, 1), (1, 2), (2, 0), (1, 3), (3, 1), (2, 4), (4, 1)]
+    graph.add_edges_from(arcs, survival=0.9)
+    return Mission(graph, base=0, robots=1)
+
+
+class TestSafestPath:
+    @pytest.mark.parametrize(
+        ("draft", "expected"),
+        [
+            ([0], [0]),
+            ([0, 1, 0], [0, 1, 0]),  # valid
+            ([0, 2, 0], [0, 3, 2, 3, 0]),  # by 3 both ways: 2-3 is another arc than 3-2
+            ([2], [0, 3, 2, 3, 0]),
+            ([0, 1, 0, 1, 0], [0, 1, 0]),  # the loop that uses 0-1 again is cut
+            ([1, 1, 1], [0, 1, 0]),  # nobody stays where he is
+            ([0, 1, 2, 3], [0, 1, 2, 3, 0]),  # goes home at the end
+            ([99, 1], [0, 1, 0]),  # there is no such node
+            ([3, 0, 1], [0, 3, 0, 1, 0]),  # out again
+        ],
+    )
+    def test_by_hand(self, draft, expected):
+        assert repaired(SafestPathRepair(), ring(), draft) == [expected]
+
+    def test_a_loop_that_repeats_an_arc_is_cut_with_all_its_nodes(self):
+        assert repaired(SafestPathRepair(), ring(), [0, 3, 2, 1, 0, 3, 2]) == [[0, 3, 2, 3, 0]]
+
+    def test_a_gap_goes_around_arcs_that_are_used(self):
+        # From 3 the safest way to 1 is 3-0-1; with 0-1 used it is 3-2-1.
+        around = [0, 1, 0, 3, 2, 1, 2, 3, 0]  # and home not by 1-0, which is used, too
+        assert repaired(SafestPathRepair(), ring(), [0, 1, 0, 3, 1]) == [around]
+
+    def test_nodes_from_which_no_way_leads_home_are_left_out(self):
+        mission = one_way()
+        assert repaired(SafestPathRepair(), mission, [0, 1, 2, 4]) == [[0, 1, 2, 0]]
+        # 1-2 is the only way home: once it is used on the way to 4 there is none.
+        assert repaired(SafestPathRepair(), mission, [0, 4, 0]) == [[0]]
+        assert repaired(SafestPathRepair(), mission, [0, 3, 2]) == [[0, 1, 3, 1, 2, 0]]
+
+
+class TestTruncate:
+    @pytest.mark.parametrize(
+        ("draft", "expected"),
+        [
+            ([0], [0]),
+            ([0, 1, 0], [0, 1, 0]),
+            ([0, 2, 0], [0]),  # 0-2 is no arc
+            ([2, 1, 0], [0]),  # does not begin at base
+            ([0, 1, 2], [0, 1, 2, 3, 0]),  # safest way home
+            ([0, 1, 0, 1, 2], [0, 1, 0]),  # up to the arc that is used again
+            ([0, 0, 1], [0]),  # nobody stays where he is
+            ([0, 1, 99], [0, 1, 0]),
+        ],
+    )
+    def test_by_hand(self, draft, expected):
+        assert repaired(TruncateRepair(), ring(), draft) == [expected]
+
+    def test_goes_back_to_where_a_way_leads_home(self):
+        # From 4 all that is left leads to 1 and 3, never home: the prefix ends at 2.
+        assert repaired(TruncateRepair(), one_way(), [0, 1, 2, 4]) == [[0, 1, 2, 0]]
+
+
+@st.composite
+def drafts(draw, mission):
+    """Any sequences of node indices, some of them unknown."""
+    nodes = st.integers(0, len(mission.nodes) + 1)
+    trails = st.lists(nodes, min_size=1, max_size=10)
+    return TrailPlan([draw(trails) for _ in range(mission.robots)])
+
+
+@pytest.mark.parametrize("repair", REPAIRS)
+@settings(max_examples=300)
+@given(data=st.data())
+def test_any_draft_becomes_valid_and_stays_as_it_is(repair, data):
+    mission = data.draw(missions(max_nodes=8))
+    plan = data.draw(drafts(mission))
+    batch = PlanBatch.from_plans([plan], mission.robots)
+    once = repair().repair_batch(mission, batch)
+    mission.evaluate(once)  # raises PlanError for any trail that is not valid
+    twice = repair().repair_batch(mission, once)
+    assert twice[0].trails == once[0].trails
+    assert batch[0].trails == plan.trails
+
+
+@pytest.mark.parametrize("repair", [*REPAIRS, PenaltyOnly])
+@settings(max_examples=200)
+@given(drawn=missions_with_plans(max_nodes=8))
+def test_a_valid_plan_passes_unchanged(repair, drawn):
+    mission, plan = drawn
+    made = repair()
+    assert made.repair_batch(mission, mission.batch([plan]))[0].trails == plan.trails
+    assert (made.counts.plans, made.counts.repaired, made.counts.arcs_changed) == (1, 0, 0)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_repairs_are_their_readable_twins(seed):
+    # Survivals that are drawn from a continuum leave no two paths equally safe.
+    rng = np.random.default_rng(seed)
+    graph = nx.DiGraph()
+    graph.add_nodes_from(range(7), reward=1.0)
+    cycle = rng.permutation(7)
+    arcs = set(zip(cycle.tolist(), np.roll(cycle, -1).tolist(), strict=True))
+    while len(arcs) < 14:
+        u, v = rng.integers(7, size=2).tolist()
+        if u != v:
+            arcs.add((u, v))
+            if seed % 2:
+                arcs.add((v, u))
+    for arc in sorted(arcs):
+        graph.add_edge(*arc, survival=rng.uniform(0.3, 1.0))
+    mission = Mission(graph, base=0, robots=1)
+    twin = Repairer(mission)
+    for _ in range(30):
+        draft = rng.integers(8, size=rng.integers(1, 12)).tolist()
+        if rng.random() < 0.5:
+            draft = [0, *draft, 0]
+        assert repaired(SafestPathRepair(), mission, draft) == [twin.safest(draft)]
+        assert repaired(TruncateRepair(), mission, draft) == [twin.truncate(draft)]
+
+
+class TestCounts:
+    def test_by_hand(self):
+        mission = ring()
+        repair = SafestPathRepair()
+        plans = [TrailPlan([trail]) for trail in ([0, 1, 0], [0, 2, 0], [0, 1, 0, 1, 0])]
+        repair.repair_batch(mission, PlanBatch.from_plans(plans, 1))
+        # Two hops dropped and four arcs added; two hops dropped.
+        assert (repair.counts.plans, repair.counts.repaired) == (3, 2)
+        assert repair.counts.arcs_changed == 6 + 2
+        assert repair.counts.seconds > 0
+
+    def test_are_readable_from_a_result_of_plain_pymoo(self):
+        mission = load_mission("toy")
+        algorithm = NSGA2(
+            pop_size=20,
+            sampling=RandomTrailSampling(),
+            crossover=MixedCrossover(repair=PenaltyOnly()),
+            mutation=RuinRecreate(repair=PenaltyOnly()),
+            repair=SafestPathRepair(),
+            eliminate_duplicates=PlanDuplicates(),
+        )
+        result = minimize(BOTOHE(mission), algorithm, ("n_gen", 5), seed=1)
+        counts = result.algorithm.repair.counts
+        assert counts.plans >= 100
+        assert 0 < counts.repaired < counts.plans
+        assert counts.arcs_changed >= counts.repaired
+        assert algorithm.repair.counts.plans == 0  # the run's own copy counts
+
+
+def test_penalty_only_needs_a_problem_that_allows_it():
+    mission = ring()
+    drafts = np.array([[TrailPlan([[0, 2, 0]])], [TrailPlan([[0, 1, 0, 1, 0]])]], dtype=object)
+    assert (PenaltyOnly()._do(BOTOHE(mission), drafts) == drafts).all()
+    with pytest.raises(ValueError, match="arc 0 -> 2 is missing"):
+        BOTOHE(mission).evaluate(drafts)
+    out = BOTOHE(mission, allow_invalid=True).evaluate(drafts, return_as_dictionary=True)
+    assert out["G"].tolist() == [[2.0], [2.0]]
+    # Nobody survives a hop that is none; the second robot gets to 1 and back before it.
+    assert np.allclose(out["F"], [[-1.0, 0.0], [-1.0 - 0.9, 0.0]])
