@@ -22,6 +22,7 @@ try:
     )
     from botohe_moo.console.options import (
         EvaluationsOption,
+        MinSurvivalOption,
         MissionArgument,
         MissionParameterOption,
         ParameterOption,
@@ -94,6 +95,7 @@ def solve(
     seed: SeedOption = 1,
     robots: RobotsOption = None,
     mission_parameter: MissionParameterOption = None,
+    min_survival: MinSurvivalOption = 0.0,
     out: Annotated[
         Path | None,
         typer.Option("--out", "-o", help="Folder to write to; by default results/MISSION."),
@@ -125,6 +127,7 @@ def solve(
         source=source,
         evaluations=evaluations,
         seed=seed,
+        min_survival=min_survival,
     )
 
 

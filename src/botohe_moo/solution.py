@@ -57,6 +57,8 @@ class Solution:
         Whether it was stopped before its budget was spent.
     source
         What :func:`load_mission` made the mission from, where that is known.
+    min_survival
+        The survival floor; 0 where there was none.
     """
 
     mission: Mission
@@ -70,6 +72,7 @@ class Solution:
     interrupted: bool
     startup_seconds: float = 0.0
     source: Mapping[str, Any] = field(default_factory=dict)
+    min_survival: float = 0.0
 
     @property
     def area(self) -> float:
@@ -120,6 +123,7 @@ class Solution:
             "algorithm": self.algorithm,
             "parameters": self.parameters,
             "seed": self.seed,
+            "min_survival": self.min_survival,
             "evaluations": self.evaluations,
             "interrupted": self.interrupted,
             "area": self.area,

@@ -34,6 +34,7 @@ def search(
     *,
     evaluations: int = 100_000,
     seed: int = 1,
+    min_survival: float = 0.0,
     progress: bool = True,
     stop: threading.Event | None = None,
     name: str | None = None,
@@ -52,6 +53,8 @@ def search(
         Budget: trail plans to evaluate, at least 1.
     seed
         Seed of all random numbers, at least 0.
+    min_survival
+        Survival floor: every robot has to survive with at least this probability, in [0, 1].
     progress
         Whether to show a progress bar, with the area and the time left, on standard error if that
         is a terminal.
@@ -71,17 +74,19 @@ def search(
     Raises
     ------
     ValueError
-        If ``evaluations`` or ``seed`` is out of its range, or the algorithm has run before.
+        If ``evaluations``, ``seed`` or ``min_survival`` is out of its range, or the algorithm has
+        run before.
     RefusalError
         If the algorithm does not take on this mission.
     """
     evaluations = check_integer("evaluations", evaluations, at_least=1)
     seed = check_integer("seed", seed, at_least=0)
     name = type(algorithm).__name__ if name is None else name
+    problem = BOTOHE(mission, min_survival=min_survival)
     if algorithm.is_initialized:
         raise ValueError(f"Expected an algorithm that has not run yet, got {name!r} after a run.")
     try:
-        algorithm.setup(BOTOHE(mission), termination=("n_eval", evaluations), seed=seed)
+        algorithm.setup(problem, termination=("n_eval", evaluations), seed=seed)
     except ValueError as error:
         raise RefusalError(f"Algorithm {name!r}: {error}") from error
     started = time.perf_counter()
@@ -107,6 +112,7 @@ def search(
         algorithm=name,
         parameters=dict(parameters or {}),
         seed=seed,
+        min_survival=problem.min_survival,
         evaluations=algorithm.evaluator.n_eval,
         seconds=seconds,
         interrupted=algorithm.has_next(),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from operator import index as as_index
 from typing import Any, Self, overload
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from botohe_moo._checks import check_integer
 from botohe_moo._types import IntArray, ObjectArray, OffsetArray
 
-__all__ = ["PlanBatch", "TrailPlan"]
+__all__ = ["PlanBatch", "TrailPlan", "listed_plans"]
 
 _MAX_INDEX = np.iinfo(np.int32).max
 
@@ -339,3 +339,27 @@ class PlanBatch:
 
     def __repr__(self) -> str:
         return f"<PlanBatch of {len(self)} plans, {self.n_robots} robots, {len(self.nodes)} nodes>"
+
+
+def listed_plans(plans: Iterable[TrailPlan] | ObjectArray) -> list[TrailPlan]:
+    """List plans to start from.
+
+    Parameters
+    ----------
+    plans
+        Trail plans: any iterable of them, an object array such as ``result.X``, or a pymoo
+        population.
+
+    Raises
+    ------
+    TypeError
+        If something among them is no TrailPlan.
+    """
+    held = plans.get("X") if hasattr(plans, "get") and not isinstance(plans, Mapping) else plans
+    if isinstance(held, np.ndarray):
+        held = held.ravel()
+    listed = list(held) if isinstance(held, Iterable) else [held]
+    for plan in listed:
+        if not isinstance(plan, TrailPlan):
+            raise TypeError(f"Expected sampling to hold TrailPlans, got {plan!r}.")
+    return listed

@@ -18,7 +18,7 @@ from botohe_moo._checks import check_integer
 from botohe_moo._types import FloatArray, ObjectArray, OffsetArray
 from botohe_moo.archive import PlanArchive
 from botohe_moo.problem import BOTOHE, FrontOutput
-from botohe_moo.trails import PlanBatch, TrailPlan
+from botohe_moo.trails import PlanBatch, TrailPlan, listed_plans
 
 __all__ = ["ArchiveAlgorithm"]
 
@@ -70,7 +70,7 @@ class ArchiveAlgorithm(Algorithm):
     ) -> None:
         check_options(self, options)
         self.max_ties = check_integer("max_ties", max_ties, at_least=1)
-        self.sampling = listed_plans(sampling)
+        self.sampling = [] if sampling is None else listed_plans(sampling)
         self.archive = PlanArchive(1)
         super().__init__(**{"output": FrontOutput(), **options})
         self.archive = PlanArchive(1)  # pymoo has set its own, which only sees individuals
@@ -246,18 +246,3 @@ def evaluations_left(algorithm: Algorithm) -> int:
     """Count the evaluations that an algorithm's budget still allows."""
     left = budget(algorithm.termination) - algorithm.evaluator.n_eval
     return max(0, math.ceil(left)) if left < sys.maxsize else sys.maxsize
-
-
-def listed_plans(sampling: Iterable[TrailPlan] | ObjectArray | None) -> list[TrailPlan]:
-    """List the plans to start from, or raise the TypeError that says what was expected."""
-    if sampling is None:
-        return []
-    if isinstance(sampling, Population):
-        sampling = sampling.get("X")
-    if isinstance(sampling, np.ndarray):
-        sampling = sampling.ravel()
-    plans = list(sampling) if isinstance(sampling, Iterable) else [sampling]
-    for plan in plans:
-        if not isinstance(plan, TrailPlan):
-            raise TypeError(f"Expected sampling to hold TrailPlans, got {plan!r}.")
-    return plans

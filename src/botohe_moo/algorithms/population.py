@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 import copy
-from collections.abc import Mapping
+import sys
+from collections.abc import Iterable, Mapping
 from types import MappingProxyType
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from pymoo.algorithms.moo.moead import ParallelMOEAD
@@ -20,23 +20,24 @@ from pymoo.core.individual import Individual
 from pymoo.core.mutation import Mutation
 from pymoo.core.population import Population
 from pymoo.core.sampling import Sampling
+from pymoo.core.termination import Termination
 from pymoo.decomposition.tchebicheff import Tchebicheff
 from pymoo.operators.survival.rank_and_crowding import RankAndCrowding
 
 from botohe_moo._checks import check_integer, check_number
-from botohe_moo._types import FloatArray
+from botohe_moo._types import FloatArray, ObjectArray
 from botohe_moo.algorithms.base import check_budget, check_options, evaluations_left
 from botohe_moo.archive import PlanArchive
 from botohe_moo.operators.duplicates import PlanDuplicates
 from botohe_moo.operators.repair import PenaltyOnly, PlanRepair
 from botohe_moo.operators.wiring import (
-    Weights,
     make_crossover,
     make_mutation,
     make_repair,
     make_sampling,
 )
 from botohe_moo.problem import BOTOHE, FrontOutput
+from botohe_moo.trails import TrailPlan
 
 __all__ = ["PlanMOEAD", "PlanNSGA2", "PlanSMSEMOA", "PlanSPEA2", "PopulationAlgorithm"]
 
@@ -103,10 +104,18 @@ class PopulationAlgorithm(Algorithm):
         self,
         arguments: Mapping[str, Any],
         *,
-        sampling: Weights | Sampling | Any = "guided",
+        sampling: str
+        | Mapping[str, float]
+        | Sampling
+        | Iterable[TrailPlan]
+        | ObjectArray = "guided",
         corners: bool = True,
-        crossover: Weights | Crossover = MappingProxyType({"exchange": 1, "splice": 1}),
-        mutation: Weights | Mutation = MappingProxyType({"ruin": 1, "share": 0.2, "home": 0.05}),
+        crossover: str | Mapping[str, float] | Crossover = MappingProxyType(
+            {"exchange": 1, "splice": 1}
+        ),
+        mutation: str | Mapping[str, float] | Mutation = MappingProxyType(
+            {"ruin": 1, "share": 0.2, "home": 0.05}
+        ),
         repair: str | PlanRepair = "safest-path",
         prob_crossover: float = 0.9,
         prob_mutation: float = 1.0,
@@ -200,11 +209,12 @@ class PopulationAlgorithm(Algorithm):
         result = super().advance(infills, **kwargs)
         if isinstance(infills, Individual) and evaluations_left(self) == 0:
             # Whoever advances plan by plan asks its termination once a generation only.
-            self.termination.force_termination = True
+            cast("Termination", self.termination).force_termination = True
         return result
 
     def _archive(self, evaluated: Population) -> None:
-        feasible = evaluated[evaluated.get("feas")]
+        constrained = self.problem.has_constraints()
+        feasible = evaluated[evaluated.get("feas")] if constrained else evaluated
         if len(feasible):
             batch = self.problem.mission.batch(feasible.get("X"))
             self.plan_archive.absorb(batch, -feasible.get("F"))
@@ -404,6 +414,17 @@ class PlanMOEAD(PopulationAlgorithm, ParallelMOEAD):
         mission = problem.mission
         bounds = np.array([mission.total_reward or 1.0, float(mission.robots)])
         self.decomposition = _BoundedTchebicheff(bounds)
+
+    def _initialize_advance(self, infills: Population, **kwargs: Any) -> None:
+        super()._initialize_advance(infills, **kwargs)
+        if len(infills) <= self.pop_size:
+            return
+        # More plans to start from than weights: each weight takes its best.
+        best = infills[infills.get("CV")[:, 0] == infills.get("CV").min()]
+        values = self.decomposition.do(
+            best.get("F"), self.ref_dirs, _type="many_to_many", ideal_point=self.ideal
+        )
+        self.pop = best[values.argmin(axis=0)]
 
     def _replace(self, k: int, off: Any) -> None:
         pop, near = self.pop, self.neighbors[k]

@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 import textwrap
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -68,6 +69,8 @@ def parameter_example(parameter: AlgorithmParameter) -> str:
 
 def _default(parameter: AlgorithmParameter) -> str:
     default = parameter.default
+    if isinstance(default, Mapping):
+        return "{" + ", ".join(f"{name}: {value}" for name, value in default.items()) + "}"
     return json.dumps(default) if default is None or isinstance(default, bool) else str(default)
 
 

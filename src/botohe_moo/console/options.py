@@ -9,6 +9,7 @@ import typer
 
 __all__ = [
     "EvaluationsOption",
+    "MinSurvivalOption",
     "MissionArgument",
     "MissionParameterOption",
     "ParameterOption",
@@ -34,6 +35,16 @@ def integer(*, at_least: int) -> Callable[[str], int]:
     return parse
 
 
+def probability(text: str) -> float:
+    """Parse an option that is a probability."""
+    try:
+        if 0 <= (number := float(text)) <= 1:
+            return number
+    except ValueError:
+        pass
+    raise typer.BadParameter(f"expected a probability in [0, 1], got {text}.")
+
+
 MissionArgument = Annotated[
     str, typer.Argument(metavar="MISSION", help="A mission's name, or a mission file.")
 ]
@@ -41,6 +52,15 @@ RobotsOption = Annotated[
     int | None,
     typer.Option(
         "--robots", metavar="K", parser=integer(at_least=1), help="Another number of robots."
+    ),
+]
+MinSurvivalOption = Annotated[
+    float,
+    typer.Option(
+        "--min-survival",
+        metavar="P",
+        parser=probability,
+        help="Survival floor: every robot survives with at least this probability.",
     ),
 ]
 MissionParameterOption = Annotated[

@@ -21,6 +21,7 @@ from botohe_moo.operators.repair import (
 )
 from botohe_moo.operators.sampling import (
     CornerSampling,
+    GivenSampling,
     GuidedTrailSampling,
     MixedSampling,
     PlanSampling,
@@ -29,6 +30,7 @@ from botohe_moo.operators.sampling import (
 
 __all__ = [
     "CornerSampling",
+    "GivenSampling",
     "GuidedTrailSampling",
     "MixedCrossover",
     "MixedMutation",

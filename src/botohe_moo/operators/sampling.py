@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,10 +12,12 @@ from botohe_moo._types import ObjectArray
 from botohe_moo.colony import Colony, ColonyRule
 from botohe_moo.operators.base import Mixture
 from botohe_moo.problem import BOTOHE
-from botohe_moo.trails import PlanBatch, TrailPlan
+from botohe_moo.sequential import plan_sequentially
+from botohe_moo.trails import PlanBatch, TrailPlan, listed_plans
 
 __all__ = [
     "CornerSampling",
+    "GivenSampling",
     "GuidedTrailSampling",
     "MixedSampling",
     "PlanSampling",
@@ -122,24 +124,77 @@ class CornerSampling(PlanSampling):
 
     def __init__(self, rest: PlanSampling | None = None) -> None:
         super().__init__()
-        self.rest = GuidedTrailSampling() if rest is None else rest
-        if not isinstance(self.rest, PlanSampling):
-            raise TypeError(f"Expected rest to be a PlanSampling, got {rest!r}.")
+        self.rest = _checked_rest(rest)
 
     def sample_batch(
         self, problem: BOTOHE, n_samples: int, random_state: np.random.Generator
     ) -> PlanBatch:
         """Give the corners and the rest; parameters as for :class:`PlanSampling`."""
-        from botohe_moo.sequential import plan_sequentially
-
         mission = problem.mission
         home = TrailPlan([[mission.arrays.base]] * mission.robots)
         greedy = plan_sequentially(mission, 1.0, min_survival=problem.planning_floor)
-        corners = PlanBatch.from_plans([home, greedy][:n_samples], mission.robots)
-        if n_samples <= len(corners):
-            return corners
-        rest = self.rest.sample_batch(problem, n_samples - len(corners), random_state)
-        return PlanBatch.concatenate([corners, rest])
+        corners = PlanBatch.from_plans([home, greedy], mission.robots)
+        return _filled(corners[:n_samples], self.rest, problem, n_samples, random_state)
+
+
+def _checked_rest(rest: PlanSampling | None) -> PlanSampling:
+    if rest is not None and not isinstance(rest, PlanSampling):
+        raise TypeError(f"Expected rest to be a PlanSampling, got {rest!r}.")
+    return GuidedTrailSampling() if rest is None else rest
+
+
+def _filled(
+    plans: PlanBatch,
+    rest: PlanSampling,
+    problem: BOTOHE,
+    n_samples: int,
+    random_state: np.random.Generator,
+) -> PlanBatch:
+    if len(plans) >= n_samples:
+        return plans
+    others = rest.sample_batch(problem, n_samples - len(plans), random_state)
+    return PlanBatch.concatenate([plans, others])
+
+
+class GivenSampling(PlanSampling):
+    """Given plans, and others where they are too few.
+
+    Parameters
+    ----------
+    plans
+        What to start from: trail plans, or ``X`` or the population of another result.
+    rest
+        Gives the other plans that are wanted; default: :class:`GuidedTrailSampling`.
+
+    Raises
+    ------
+    TypeError
+        If ``plans`` holds something else than plans, or ``rest`` is no :class:`PlanSampling`.
+    """
+
+    def __init__(
+        self,
+        plans: Iterable[TrailPlan] | ObjectArray,
+        rest: PlanSampling | None = None,
+    ) -> None:
+        super().__init__()
+        self.plans = listed_plans(plans)
+        self.rest = _checked_rest(rest)
+
+    def sample_batch(
+        self, problem: BOTOHE, n_samples: int, random_state: np.random.Generator
+    ) -> PlanBatch:
+        """Give the plans and the rest; parameters as for :class:`PlanSampling`.
+
+        Raises
+        ------
+        PlanError
+            If a given plan is not valid; names the plan, robot, position and arc.
+        """
+        given = problem.mission.batch(self.plans)
+        if not problem.allow_invalid:
+            problem.mission.evaluate(given)
+        return _filled(given, self.rest, problem, n_samples, random_state)
 
 
 class MixedSampling(PlanSampling):

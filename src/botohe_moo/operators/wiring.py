@@ -26,6 +26,7 @@ from botohe_moo.operators.repair import (
 )
 from botohe_moo.operators.sampling import (
     CornerSampling,
+    GivenSampling,
     GuidedTrailSampling,
     MixedSampling,
     PlanSampling,
@@ -102,14 +103,14 @@ def make_repair(given: str | PlanRepair) -> PlanRepair:
     return given if isinstance(given, PlanRepair) else _named("repair", given, REPAIRS)()
 
 
-def make_sampling(given: Weights | Sampling | Any, *, corners: bool = True) -> Any:
+def make_sampling(given: Weights | Sampling | Any, *, corners: bool = True) -> Sampling:
     """Make a sampling of ``guided`` and ``random``.
 
     Parameters
     ----------
     given
-        A name, a mapping from names to weights, or whatever pymoo takes instead: a sampling, a
-        population or an array of plans, which is given back as it is.
+        A name, a mapping from names to weights, a pymoo sampling, which is given back, or trail
+        plans, to which others are added where they are too few.
     corners
         Whether the corners of the front are among the plans.
 
@@ -117,10 +118,15 @@ def make_sampling(given: Weights | Sampling | Any, *, corners: bool = True) -> A
     ------
     ValueError
         If a name is unknown, or a weight out of its range.
+    TypeError
+        If something given is no trail plan.
     """
     corners = check_flag("corners", corners)
-    if not isinstance(given, str | Mapping):
+    if isinstance(given, Sampling):
         return given
+    if not isinstance(given, str | Mapping):
+        rest = GuidedTrailSampling()
+        return GivenSampling(given, CornerSampling(rest) if corners else rest)
     weights = _weights("sampling", given, SAMPLINGS)
     if not weights:
         raise ValueError(f"Expected a sampling of weight above 0, got {given!r}.")

@@ -1,0 +1,206 @@
+"""What holds for every registered algorithm, and for pymoo's own classes by their dotted paths."""
+
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from pymoo.optimize import minimize
+
+from botohe_moo import BOTOHE, algorithm_names, area_indicator, load_mission, make_algorithm
+from botohe_moo.algorithms.registry import algorithm_parameters
+from tests.strategies import missions
+
+# Those of this package; other packages' are theirs to test.
+NAMES = (
+    "bo-aco",
+    "greedy",
+    "moead",
+    "nsga2",
+    "random",
+    "simulated-annealing",
+    "sms-emoa",
+    "spea2",
+)
+DOTTED = (
+    "pymoo.algorithms.moo.age:AGEMOEA",
+    "pymoo.algorithms.moo.nsga3:NSGA3",
+    "pymoo.algorithms.moo.rvea.RVEA",
+)
+IN_KERNELS = {"simulated-annealing"}  # evaluate where nobody can watch
+ENDS_BY_ITSELF = {
+    "greedy",  # when its sweep is done
+    "pymoo.algorithms.moo.rvea.RVEA",  # pymoo makes whole generations of its budget
+}
+
+
+def small(name):
+    """The algorithm with populations that small budgets can renew."""
+    known = {parameter.name for parameter in algorithm_parameters(name)}
+    sizes = {"n_ants": 20, "pop_size": 20, "beam_width": 10, "n_weights": 9}
+    return make_algorithm(name, **{key: value for key, value in sizes.items() if key in known})
+
+
+def trails(result):
+    return [plan.trails for plan in result.X.ravel()]
+
+
+class Watched(BOTOHE):
+    """Remembers every plan it evaluates, and whether it is feasible."""
+
+    def __init__(self, *args, **options):
+        super().__init__(*args, **options)
+        self.seen = []
+
+    def evaluate_batch(self, batch):
+        F = super().evaluate_batch(batch)
+        G = self.constrain_batch(batch)
+        self.seen += zip(batch, F.tolist(), (G <= 0).all(axis=1).tolist(), strict=True)
+        return F
+
+    def __deepcopy__(self, memo):
+        return self
+
+
+def front(seen):
+    """The multisets of trails of all feasible plans that nothing feasible dominates."""
+    feasible = {plan: F for plan, F, fine in seen if fine}
+    F = np.array(list(feasible.values()))
+    return {
+        plan
+        for plan, f in feasible.items()
+        if not ((f >= F).all(axis=1) & (f > F).any(axis=1)).any()
+    }
+
+
+def test_all_names_are_under_contract():
+    assert set(NAMES) <= set(algorithm_names())
+
+
+@pytest.mark.parametrize("name", [*NAMES, *DOTTED])
+@pytest.mark.parametrize("budget", [1, 7, 45, 171])
+def test_budgets_are_exact(name, budget):
+    problem = Watched(load_mission("art_museum"))
+    if name in IN_KERNELS:
+        problem = BOTOHE(problem.mission)
+    result = minimize(problem, small(name), ("n_eval", budget), seed=1)
+    spent = result.algorithm.evaluator.n_eval
+    assert spent <= budget
+    if name not in ENDS_BY_ITSELF:
+        assert spent == budget
+    if name not in IN_KERNELS:
+        assert len(problem.seen) == spent
+
+
+@pytest.mark.parametrize("name", sorted({*NAMES, *DOTTED} - IN_KERNELS))
+def test_the_result_is_the_front_of_all_that_was_evaluated(name):
+    problem = Watched(load_mission("toy"), min_survival=0.3)
+    result = minimize(problem, small(name), ("n_eval", 300), seed=2)
+    assert set(result.X.ravel()) == front(problem.seen)
+    assert (result.G <= 0).all()
+    F = {plan: f for plan, f, _ in problem.seen}
+    assert [F[plan] for plan in result.X.ravel()] == result.F.tolist()
+
+
+@pytest.mark.parametrize("name", [*NAMES, *DOTTED])
+@settings(
+    max_examples=12, deadline=None, suppress_health_check=[HealthCheck.too_slow], print_blob=True
+)
+@given(
+    mission=missions(max_nodes=7),
+    floor=st.sampled_from([0.0, 0.3, 0.81, 1.0]),
+    seed=st.integers(0, 9),
+)
+def test_results_are_valid_and_keep_the_floor(name, mission, floor, seed):
+    problem = BOTOHE(mission, min_survival=floor)
+    result = minimize(problem, small(name), ("n_eval", 90), seed=seed)
+    batch = mission.batch(result.X)
+    assert np.array_equal(-result.F, mission.evaluate(batch))
+    assert (mission.robot_survival(batch) >= floor * (1 - 1e-12)).all()
+    assert result.G.shape == (len(result.F), int(floor > 0))
+
+
+@pytest.mark.parametrize("name", [*NAMES, *DOTTED])
+def test_the_same_seed_gives_the_same_result(name):
+    problem = BOTOHE(load_mission("art_museum"))
+    one, same, other = (
+        minimize(problem, small(name), ("n_eval", 150), seed=seed) for seed in (1, 1, 2)
+    )
+    assert trails(one) == trails(same)
+    assert one.F.tolist() == same.F.tolist()
+    if name != "greedy":
+        assert trails(one) != trails(other)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_pickled_run_resumes_bit_for_bit(name):
+    problem = BOTOHE(load_mission("art_museum"), min_survival=0.2)
+    runs = []
+    for stop in (None, 1, 3):
+        algorithm = small(name)
+        algorithm.setup(problem, termination=("n_eval", 177), seed=4)
+        n = 0
+        while algorithm.has_next():
+            if n == stop:
+                algorithm = pickle.loads(pickle.dumps(algorithm))
+            algorithm.next()
+            n += 1
+        assert n > 3
+        runs.append(algorithm.result())
+    for run in runs[1:]:
+        assert trails(run) == trails(runs[0])
+        assert run.F.tolist() == runs[0].F.tolist()
+
+
+@pytest.mark.parametrize("name", [*NAMES, *DOTTED])
+def test_runs_do_not_influence_each_other(name):
+    # pymoo's signatures hold objects with a memory: a run must not find another's in it.
+    def run(mission, seed):
+        algorithm = small(name)
+        algorithm.setup(BOTOHE(mission), termination=("n_eval", 120), seed=seed)
+        algorithm.run()
+        return algorithm.result()
+
+    museum, plant = load_mission("art_museum"), load_mission("power_plant")
+    first = run(museum, 1)
+    run(plant, 5)
+    assert trails(run(museum, 1)) == trails(first)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_starts_from_given_plans(name):
+    museum = load_mission("art_museum")
+    start = minimize(BOTOHE(museum), make_algorithm("nsga2"), ("n_eval", 3_000), seed=1)
+    parameters = {"sampling": start.X}
+    result = minimize(
+        BOTOHE(museum), make_algorithm(name, **parameters), ("n_eval", len(start.X) + 40), seed=1
+    )
+    assert area_indicator(-result.F, museum) >= area_indicator(-start.F, museum) - 1e-12
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_without_termination_a_run_ends(name):
+    algorithm = small(name)
+    algorithm.setup(BOTOHE(load_mission("toy")), seed=1)
+    assert algorithm.termination.n_max_evals == 100_000
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_verbose_runs_print_the_area(name, capsys):
+    minimize(BOTOHE(load_mission("toy")), small(name), ("n_eval", 60), seed=1, verbose=True)
+    printed = capsys.readouterr().out
+    assert "area" in printed.splitlines()[1]
+    assert "max E[R]" in printed
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_options_and_problems_are_checked(name):
+    from pymoo.problems import get_problem
+
+    with pytest.raises(ValueError, match="there is no parameter 'n_antz'"):
+        make_algorithm(name, n_antz=3)
+    with pytest.raises(TypeError, match="Expected a BOTOHE problem, got ZDT1"):
+        make_algorithm(name).setup(get_problem("zdt1"), termination=("n_eval", 10))
+    with pytest.raises(ValueError, match="Expected a budget of at least 1 evaluation, got 0"):
+        make_algorithm(name).setup(BOTOHE(load_mission("toy")), termination=("n_eval", 0))
