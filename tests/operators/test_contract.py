@@ -11,6 +11,7 @@ from pymoo.core.population import Population
 from botohe_moo import BOTOHE, PlanBatch, TrailPlan, load_mission, operators
 from botohe_moo.operators import (
     CornerSampling,
+    GivenSampling,
     GuidedTrailSampling,
     MixedCrossover,
     MixedMutation,
@@ -35,6 +36,7 @@ SAMPLINGS = {
     "random": RandomTrailSampling,
     "guided": GuidedTrailSampling,
     "corners": CornerSampling,
+    "given": lambda: GivenSampling([]),
     "mixed": lambda: MixedSampling({RandomTrailSampling(): 1, GuidedTrailSampling(): 2}),
 }
 CROSSOVERS = {
@@ -46,7 +48,7 @@ CROSSOVERS = {
 }
 MUTATIONS = {
     "moves": TrailMoves,
-    "moves of all": lambda **options: TrailMoves(all_robots=True, **options),
+    "moves of all": lambda **options: TrailMoves(every_robot=True, **options),
     "ruin": RuinRecreate,
     "ruin without via": lambda **options: RuinRecreate(max_via=0, **options),
     "home": SendHome,
@@ -59,7 +61,7 @@ MUTATIONS = {
 
 
 def test_every_operator_is_under_contract():
-    made = [make() for make in (SAMPLINGS | CROSSOVERS | MUTATIONS).values()]
+    made = [make() for table in (SAMPLINGS, CROSSOVERS, MUTATIONS) for make in table.values()]
     kinds = (PlanSampling, PlanCrossover, PlanMutation)
     exported = {getattr(operators, name) for name in operators.__all__}
     concrete = {c for c in exported if issubclass(c, kinds)} - set(kinds)

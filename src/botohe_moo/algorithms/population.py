@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import sys
 from collections.abc import Iterable, Mapping
-from types import MappingProxyType
 from typing import Any, cast
 
 import numpy as np
@@ -31,6 +30,8 @@ from botohe_moo.archive import PlanArchive
 from botohe_moo.operators.duplicates import PlanDuplicates
 from botohe_moo.operators.repair import PenaltyOnly, PlanRepair
 from botohe_moo.operators.wiring import (
+    DEFAULT_CROSSOVER,
+    DEFAULT_MUTATION,
     make_crossover,
     make_mutation,
     make_repair,
@@ -110,12 +111,8 @@ class PopulationAlgorithm(Algorithm):
         | Iterable[TrailPlan]
         | ObjectArray = "guided",
         corners: bool = True,
-        crossover: str | Mapping[str, float] | Crossover = MappingProxyType(
-            {"exchange": 1, "splice": 1}
-        ),
-        mutation: str | Mapping[str, float] | Mutation = MappingProxyType(
-            {"ruin": 1, "share": 0.2, "home": 0.05}
-        ),
+        crossover: str | Mapping[str, float] | Crossover = DEFAULT_CROSSOVER,
+        mutation: str | Mapping[str, float] | Mutation = DEFAULT_MUTATION,
         repair: str | PlanRepair = "safest-path",
         prob_crossover: float = 0.9,
         prob_mutation: float = 1.0,

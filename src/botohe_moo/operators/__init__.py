@@ -11,6 +11,7 @@ from botohe_moo.operators.mutation import (
     RuinRecreate,
     SendHome,
     ShareTrails,
+    TrailMoves,
 )
 from botohe_moo.operators.repair import (
     PenaltyOnly,
@@ -48,6 +49,7 @@ __all__ = [
     "SendHome",
     "ShareTrails",
     "TrailExchange",
+    "TrailMoves",
     "TrailSplice",
     "TruncateRepair",
 ]

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 from pymoo.core.mutation import Mutation
 
-from botohe_moo._checks import check_integer, check_number
+from botohe_moo._checks import check_flag, check_integer, check_number, nearest_first
 from botohe_moo._types import ObjectArray
 from botohe_moo.kernels import vary as kernels
+from botohe_moo.kernels.moves import change_plans
 from botohe_moo.kernels.rng import seed_states
 from botohe_moo.mission.model import Mission
 from botohe_moo.operators.base import Mixture, check_repair
@@ -24,6 +25,7 @@ __all__ = [
     "RuinRecreate",
     "SendHome",
     "ShareTrails",
+    "TrailMoves",
 ]
 
 
@@ -82,6 +84,96 @@ class PlanMutation(Mutation):
     ) -> ObjectArray:
         plans = problem.mission.batch(X)
         return self.mutate_batch(problem.mission, plans, random_state).to_array()
+
+
+MOVES = ("insert", "delete", "substitute", "swap", "grab", "delete-segment", "reverse")
+
+
+class TrailMoves(PlanMutation):
+    """One of the seven moves of the paper's simulated annealing in one robot's trail.
+
+    Insert, delete or substitute a node, swap two, grab a neighbour's reward and come straight back,
+    delete a segment, reverse the trail. A move that would use a missing arc, an arc twice, or
+    insert the base is drawn again, so that valid plans stay valid; plans that are not are left.
+
+    Parameters
+    ----------
+    weights
+        How likely each move is to be drawn, relative: a mapping from ``insert``, ``delete``,
+        ``substitute``, ``swap``, ``grab``, ``delete-segment`` and ``reverse`` to numbers of at
+        least 0, those not named 0. By default the first six are equally likely, and the last a
+        tenth as likely as each of them.
+    every_robot
+        Whether every robot's trail is changed, rather than that of one drawn at random.
+    max_tries
+        How often a move is drawn before a trail is left as it is, from 1 to 1 000 000.
+    prob, repair
+        As for :class:`PlanMutation`.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is out of its range, or a move unknown.
+    TypeError
+        If ``repair`` is no :class:`PlanRepair`.
+
+    Notes
+    -----
+    Simon, Richley, Overbey and Perez-Lavin, PeerJ Computer Science, 2025.
+    """
+
+    def __init__(
+        self,
+        *,
+        weights: Mapping[str, float] | None = None,
+        every_robot: bool = False,
+        max_tries: int = 100,
+        prob: float = 1.0,
+        repair: PlanRepair | None = None,
+    ) -> None:
+        super().__init__(prob=prob, repair=repair)
+        self.every_robot = check_flag("every_robot", every_robot)
+        self.max_tries = check_integer("max_tries", max_tries, at_least=1, at_most=1_000_000)
+        given = dict.fromkeys(MOVES, 1.0) | {"reverse": 0.1} if weights is None else weights
+        for name in given:
+            if name not in MOVES:
+                known = ", ".join(nearest_first(str(name), MOVES))
+                raise ValueError(f"Expected moves among {known}, got {name!r}.")
+        self.weights = np.array(
+            [
+                check_number(f"weight of {name!r}", given.get(name, 0.0), at_least=0)
+                for name in MOVES
+            ]
+        )
+        if not self.weights.any():
+            raise ValueError(f"Expected a move of weight above 0, got {weights!r}.")
+
+    def _draft(
+        self, mission: Mission, plans: PlanBatch, random_state: np.random.Generator
+    ) -> PlanBatch:
+        arrays = mission.arrays
+        valid = mission.evaluate_drafts(plans)[1] == 0
+        movable = plans if valid.all() else plans.take(valid)
+        nodes, offsets = change_plans(
+            arrays.first,
+            arrays.head,
+            arrays.survival,
+            arrays.base,
+            0.0,
+            self.weights,
+            self.max_tries,
+            self.every_robot,
+            movable.nodes,
+            movable.offsets,
+            movable.n_robots,
+            seed_states(random_state, 1),
+            0,
+        )
+        moved = PlanBatch._wrap(nodes, offsets, plans.n_robots)
+        if valid.all():
+            return moved
+        order = np.argsort(np.concatenate([np.flatnonzero(valid), np.flatnonzero(~valid)]))
+        return PlanBatch.concatenate([moved, plans.take(~valid)]).take(order)
 
 
 class RuinRecreate(PlanMutation):

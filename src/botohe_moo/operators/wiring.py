@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Any, TypeAlias, TypeVar
 
 from pymoo.core.crossover import Crossover
@@ -17,6 +18,7 @@ from botohe_moo.operators.mutation import (
     RuinRecreate,
     SendHome,
     ShareTrails,
+    TrailMoves,
 )
 from botohe_moo.operators.repair import (
     PenaltyOnly,
@@ -35,6 +37,8 @@ from botohe_moo.operators.sampling import (
 
 __all__ = [
     "CROSSOVERS",
+    "DEFAULT_CROSSOVER",
+    "DEFAULT_MUTATION",
     "MUTATIONS",
     "REPAIRS",
     "SAMPLINGS",
@@ -57,9 +61,12 @@ SAMPLINGS: dict[str, Callable[[], PlanSampling]] = {
 CROSSOVERS = {"exchange": TrailExchange, "splice": TrailSplice}
 MUTATIONS: dict[str, Callable[..., PlanMutation]] = {
     "home": SendHome,
+    "moves": TrailMoves,
     "ruin": RuinRecreate,
     "share": ShareTrails,
 }
+DEFAULT_CROSSOVER = MappingProxyType({"exchange": 1.0, "splice": 1.0})
+DEFAULT_MUTATION = MappingProxyType({"ruin": 1.0, "moves": 0.5, "share": 0.2, "home": 0.05})
 REPAIRS: dict[str, Callable[[], PlanRepair]] = {
     "penalty": PenaltyOnly,
     "safest-path": SafestPathRepair,
