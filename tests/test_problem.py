@@ -377,3 +377,54 @@ class TestFrontOutput:
     def test_pymoo_s_own_output_works_too(self, toy, capsys):
         minimize(BOTOHE(toy), foreign(), ("n_gen", 3), seed=1, verbose=True)
         assert "n_nds" in printed(capsys)[0]
+
+
+class TestSurvivalFloor:
+    def test_by_hand(self, toy, plans):
+        # Survivals: everybody 1; 0.9²; 0.81² and 0.81² · 0.729².
+        problem = BOTOHE(toy, min_survival=0.5)
+        assert problem.n_ieq_constr == 1
+        G = problem.constrain_batch(toy.batch(plans))
+        assert G[:, 0] == pytest.approx([0.5 - 1, 0.5 - 0.81, 0.5 - 0.81**2 * 0.729**2])
+        out = problem.evaluate(toy.batch(plans).to_array(), return_as_dictionary=True)
+        assert out["G"].tolist() == G.tolist()
+        assert out["F"].tolist() == BOTOHE(toy).evaluate(toy.batch(plans).to_array()).tolist()
+
+    def test_a_floor_that_is_just_met_is_kept_whatever_rounding_does(self):
+        graph = nx.DiGraph()
+        graph.add_nodes_from(range(2), reward=1.0)
+        for i in range(1, 200):
+            survival = i / 200
+            graph.add_edge(0, 1, survival=survival)
+            graph.add_edge(1, 0, survival=survival)
+            mission = Mission(graph, base=0, robots=1)
+            problem = BOTOHE(mission, min_survival=round(survival * survival, 10))
+            assert problem.constrain_batch(mission.batch([mission.plan([[0, 1, 0]])])) <= 0
+
+    def test_no_floor_is_no_constraint(self, toy, x):
+        assert BOTOHE(toy).n_ieq_constr == 0
+        assert BOTOHE(toy).constrain_batch(toy.batch(x)).shape == (3, 0)
+
+    @pytest.mark.parametrize("floor", [-0.1, 1.01, float("nan"), "high", None, True])
+    def test_it_is_a_probability(self, toy, floor):
+        with pytest.raises(ValueError, match=r"Expected min_survival in \[0, 1\], got"):
+            BOTOHE(toy, min_survival=floor)
+
+    def test_invalid_plans_may_be_allowed(self, toy):
+        problem = BOTOHE(toy, min_survival=0.5)
+        assert problem.allowing_invalid().n_ieq_constr == 2
+        assert problem.n_ieq_constr == 1
+        drafts = [TrailPlan([[0, 4, 0], [1]])]
+        G = problem.allowing_invalid().constrain_batch(PlanBatch.from_plans(drafts, 2))
+        # Two missing arcs; a trail from elsewhere to elsewhere. Both robots are lost.
+        assert G.tolist() == [[4.0, pytest.approx(0.5)]]
+        with pytest.raises(ValueError, match="Expected allow_invalid to be true or false, got 1"):
+            BOTOHE(toy, allow_invalid=1)
+
+    def test_own_constraints_are_in_the_result(self, toy):
+        from botohe_moo import make_algorithm
+
+        problem = ShortOfTarget(toy, 3.0)
+        result = minimize(problem, make_algorithm("nsga2", pop_size=20), ("n_eval", 200), seed=1)
+        assert (-result.F[:, 0] >= 3.0).all()
+        assert result.G.tolist() == (3.0 + result.F[:, :1]).tolist()

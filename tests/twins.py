@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise, product
-from math import log, prod
+from math import exp, log, prod
 
 import networkx as nx
 
@@ -53,19 +53,26 @@ class Ant:
     """An ant of the colony, one rule a line.
 
     ``rule`` is a ColonyRule, ``pheromone`` holds one dict a robot from arcs (the base's self-loop
-    among them) to (τ_R, τ_S), and ``weight`` is the ant's λ.
+    among them) to (τ_R, τ_S), ``weight`` is the ant's λ, and ``floor`` the survival floor.
     """
 
-    def __init__(self, mission, rule, pheromone, weight):
+    def __init__(self, mission, rule, pheromone, weight, floor=0.0):
         self.mission, self.rule, self.pheromone, self.weight = mission, rule, pheromone, weight
+        self.floor = floor
         self.survival = {(u, v): s for u, v, s in mission.graph.edges(data="survival")}
         self.reward = dict(mission.graph.nodes(data="reward"))
         self.loop = (mission.base, mission.base)
 
     def leads_back(self, used, node):
+        """Whether unused arcs lead home, and the whole trail is survived as the floor demands."""
         left = nx.DiGraph(arc for arc in self.mission.graph.edges if arc not in used)
         left.add_nodes_from(self.mission.graph)
-        return nx.has_path(left, node, self.mission.base)
+        if not nx.has_path(left, node, self.mission.base):
+            return False
+        for u, v in left.edges:
+            left.edges[u, v]["cost"] = -log(self.survival[u, v])
+        home = exp(-nx.dijkstra_path_length(left, node, self.mission.base, weight="cost"))
+        return prod(self.survival[arc] for arc in used) * home >= self.floor
 
     def attraction(self, arc, trail, unreached, robot):
         survival = self.survival.get(arc, 1.0)
@@ -87,7 +94,7 @@ class Ant:
         attractions = [self.attraction(arc, trail, unreached, robot) for arc in free + loop]
         floor = self.rule.exploration * sum(attractions) / len(attractions) ** 2
         weights = dict(zip(free + loop, [a + floor for a in attractions], strict=True))
-        if not self.mission.balanced:
+        if self.floor or not self.mission.balanced:
             home = [arc for arc in free if self.leads_back(used | {arc}, arc[1])]
             weights = {arc: weights[arc] for arc in home + loop}
         total = sum(weights.values())

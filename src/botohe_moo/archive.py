@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from pymoo.core.individual import Individual
@@ -69,7 +69,12 @@ class PlanArchive:
         """Changes whenever the archive does: the number of plans that ever entered."""
         return self._next_id
 
-    def absorb(self, batch: PlanBatch, objectives: FloatArray) -> OffsetArray:
+    def absorb(
+        self,
+        batch: PlanBatch,
+        objectives: FloatArray,
+        individuals: Sequence[Individual] | None = None,
+    ) -> OffsetArray:
         """Take in what the archive does not dominate.
 
         Parameters
@@ -78,6 +83,8 @@ class PlanArchive:
             Newly evaluated plans.
         objectives
             Their E[R] and E[S] (n, 2).
+        individuals
+            The same plans as pymoo knows them, where it does; ``population`` gives these.
 
         Returns
         -------
@@ -86,7 +93,7 @@ class PlanArchive:
         """
         (
             members,
-            n_entered,
+            entered,
             self._objectives,
             self._hashes,
             self._ids,
@@ -105,8 +112,11 @@ class PlanArchive:
             self._next_id,
             self.max_ties,
         )
-        if n_entered:
-            self._next_id += n_entered
+        if len(entered):
+            if individuals is not None:
+                known = {self._next_id + i: individuals[j] for i, j in enumerate(entered.tolist())}
+                self._individuals.update(known)
+            self._next_id += len(entered)
             self._population = None
         return members
 

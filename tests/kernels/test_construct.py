@@ -33,13 +33,14 @@ def rule(**changes):
     return ColonyRule(**{**settings, **changes})
 
 
-def colony(mission, *, n_ants, seed=0, n_threads=1, **changes):
+def colony(mission, *, n_ants, seed=0, n_threads=1, floor=0.0, **changes):
     random_state = np.random.default_rng(seed)
     return Colony(
         mission,
         rule(**changes),
         n_ants=n_ants,
         n_threads=n_threads,
+        min_survival=floor,
         random_state=random_state,
     )
 
@@ -171,6 +172,36 @@ def test_ants_choose_as_the_paper_says(robots, changes):
         for plan, probability in expected.items():
             spread = (n_times * probability * (1 - probability)) ** 0.5
             assert abs(counted[plan] - n_times * probability) <= 5 * spread + 1, plan
+
+
+@pytest.mark.parametrize("floor", [0.3, 0.45])
+def test_ants_keep_a_floor_and_choose_among_what_is_left(floor):
+    """Frequencies of whole plans under a survival floor against their exact probabilities."""
+    mission = crossing(1)
+    ants = colony(mission, n_ants=3, seed=5, floor=floor, exploration=0.5)
+    seen = [Counter(), Counter(), Counter()]
+    for _ in range(20_000):
+        for ant, plan in enumerate(ants.construct(3)[0]):
+            seen[ant][plan.trails] += 1
+    levels = dict.fromkeys([*mission.graph.edges, (0, 0)], (1.0, 1.0))
+    free = twins.Ant(mission, ants.rule, [levels], 0.5).plan_probabilities()
+    for weight, counted in zip((0.0, 0.5, 1.0), seen, strict=True):
+        ant = twins.Ant(mission, ants.rule, [levels], weight, floor)
+        expected = ant.plan_probabilities()
+        assert len(expected) < len(free)
+        assert set(counted) <= set(expected)
+        for plan, probability in expected.items():
+            spread = (20_000 * probability * (1 - probability)) ** 0.5
+            assert abs(counted[plan] - 20_000 * probability) <= 5 * spread + 1, plan
+
+
+@settings(max_examples=200)
+@given(missions(max_nodes=8), st.sampled_from([0.05, 0.3, 0.7, 1.0]), st.integers(0, 2**32))
+def test_a_floor_is_kept_everywhere(mission, floor, seed):
+    ants = colony(mission, n_ants=7, seed=seed, floor=floor * (1 - 5e-13), exploration=0.5)
+    batch, _ = ants.construct(7)
+    mission.evaluate(batch)
+    assert (mission.robot_survival(batch) >= floor * (1 - 1e-12)).all()
 
 
 @pytest.mark.parametrize("n_ants", [1, 2, 49, 50, 51, 130])

@@ -203,3 +203,58 @@ def test_trail_arcs(drawn):
             arc = next(walked)
             assert (arrays.tail[arc], arrays.head[arc]) == (tail, head)
         assert next(walked) == -7
+
+
+def drafted(mission, trails):
+    """The readable twin of drafts: (E[R], E[S], faults, survival of each robot)."""
+    arcs = {(u, v): s for u, v, s in mission.graph.edges(data="survival")}
+    faults, walked, alive = 0, [], []
+    for trail in trails:
+        good, used, lost = [], set(), trail[0] != mission.base
+        faults += lost
+        if not lost:
+            good.append(trail[0])
+        for hop in pairwise(trail):
+            if hop not in arcs or hop in used:
+                faults += 1
+                lost = True
+            used.add(hop)
+            if not lost:
+                good.append(hop[1])
+        if trail[-1] != mission.base:
+            faults += 1
+            lost = True
+        walked.append(good)
+        alive.append(0.0 if lost else np.prod([arcs[hop] for hop in pairwise(good)]))
+    reward, _ = twins.evaluate(mission, walked)
+    return reward, sum(alive), faults, alive
+
+
+@settings(max_examples=300)
+@given(missions(max_nodes=6), st.data())
+def test_drafts_are_their_readable_twin(mission, data):
+    node = st.integers(0, len(mission.nodes) + 1)
+    drawn = [data.draw(st.lists(node, min_size=1, max_size=8)) for _ in range(mission.robots)]
+    plan = TrailPlan(drawn)
+    objectives, faults = mission.evaluate_drafts([plan])
+    reward, survivors, expected_faults, alive = drafted(mission, drawn)
+    assert objectives[0] == pytest.approx([reward, survivors], abs=1e-12)
+    assert faults.tolist() == [expected_faults]
+    assert mission.robot_survival([plan])[0] == pytest.approx(alive, abs=1e-12)
+    valid = True
+    try:
+        mission.evaluate([plan])
+    except PlanError:
+        valid = False
+    assert (expected_faults == 0) == valid
+
+
+@settings(max_examples=200)
+@given(missions_with_plans(max_nodes=7))
+def test_valid_drafts_get_the_same_bits(drawn):
+    mission, plan = drawn
+    objectives, faults = mission.evaluate_drafts([plan])
+    assert objectives.tolist() == mission.evaluate([plan]).tolist()
+    assert faults.tolist() == [0]
+    alive = mission.robot_survival([plan])
+    assert alive.sum() == pytest.approx(objectives[0, 1])

@@ -170,11 +170,7 @@ class PopulationAlgorithm(Algorithm):
             problem = problem.allowing_invalid()
         if self.termination is None and kwargs.get("termination") is None:
             kwargs["termination"] = ("n_eval", 100_000)
-        self.plan_archive = PlanArchive(
-            problem.mission.robots,
-            max_ties=self.max_ties,
-            constrain=problem.constrain_batch if problem.n_ieq_constr else None,
-        )
+        self.plan_archive = PlanArchive(problem.mission.robots, max_ties=self.max_ties)
         super().setup(problem, **kwargs)
         check_budget(self.termination)
         return self
@@ -214,7 +210,7 @@ class PopulationAlgorithm(Algorithm):
         feasible = evaluated[evaluated.get("feas")] if constrained else evaluated
         if len(feasible):
             batch = self.problem.mission.batch(feasible.get("X"))
-            self.plan_archive.absorb(batch, -feasible.get("F"))
+            self.plan_archive.absorb(batch, -feasible.get("F"), feasible)
 
     @property
     def opt(self) -> Population | None:

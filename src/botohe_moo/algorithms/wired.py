@@ -5,8 +5,8 @@ from __future__ import annotations
 import copy
 import functools
 import inspect
+import pkgutil
 from collections.abc import Callable
-from importlib import import_module
 from typing import Any, cast
 
 from pymoo.algorithms.base.genetic import GeneticAlgorithm
@@ -38,9 +38,8 @@ def wired_class(path: str) -> Callable[..., Any]:
     ValueError
         If it cannot be imported, or is a class of pymoo's that is not population-based.
     """
-    module, _, name = path.rpartition(":") if ":" in path else path.rpartition(".")
     try:
-        found = functools.reduce(getattr, name.split("."), import_module(module))
+        found: Callable[..., Any] = pkgutil.resolve_name(path)
     except Exception as error:  # a module may fail in any way
         reason = f"{type(error).__name__}: {error}"
         raise ValueError(f"Algorithm {path!r}: cannot be imported ({reason}).") from error

@@ -216,13 +216,13 @@ def absorb(
     archived_offsets: OffsetArray,
     next_id: int,
     max_ties: int,
-) -> tuple[OffsetArray, int, FloatArray, SeedArray, OffsetArray, IntArray, OffsetArray]:
+) -> tuple[OffsetArray, OffsetArray, FloatArray, SeedArray, OffsetArray, IntArray, OffsetArray]:
     """Find a batch's Pareto set and take into the archive what belongs there.
 
     Returns
     -------
     tuple
-        The Pareto set's indices, the number of plans that entered the archive, and the archive as
+        The Pareto set's indices, those of the plans that entered the archive, and the archive as
         in ``merge`` (the same arrays when nothing entered).
     """
     members, hashes = pareto_set(objectives, nodes, offsets, n_robots)
@@ -250,7 +250,7 @@ def absorb(
         )
     return (
         members,
-        len(entering),
+        members[entering],
         archived,
         archived_hashes,
         archived_ids,

@@ -22,7 +22,7 @@ DELETE_SEGMENT = 5
 REVERSE = 6
 N_KINDS = 7
 
-# What the moves could not be made in one trail, ever, would otherwise be drawn for ever.
+# In place of a trail's new length: the move cannot be made.
 CANNOT = -1
 
 
@@ -121,6 +121,8 @@ def _delete(
 ) -> int:
     """Delete the positions ``start`` to ``stop``; of two equal nodes that then meet, one goes."""
     before, after = nodes[start - 1], nodes[stop]
+    if before == after and stop - start > 1:
+        return CANNOT
     if before == after:
         return _cut(nodes, length, start, stop + 1)
     arc = find_arc(first, head, before, after)
@@ -147,36 +149,29 @@ def _swap(
     mark: int,
 ) -> int:
     """Let the nodes at two inner positions change places."""
-    if nodes[low] == nodes[high]:
+    one, other = nodes[low], nodes[high]
+    if one == other:
         return CANNOT
-    # Up to four hops change, two of which are one and the same where the nodes are neighbours.
-    hops = (low - 1, low, high - 1 if high - 1 > low else -1, high)
-    for hop in hops:
-        if hop >= 0:
-            used[find_arc(first, head, nodes[hop], nodes[hop + 1])] = mark - 1
-    nodes[low], nodes[high] = nodes[high], nodes[low]
-    n_done = 0
-    possible = True
-    for hop in hops:
-        if hop >= 0:
-            arc = find_arc(first, head, nodes[hop], nodes[hop + 1])
-            if arc < 0 or used[arc] == mark:
-                possible = False
-                break
-            used[arc] = mark
-        n_done += 1
-    for i in range(n_done):
-        if hops[i] >= 0:
-            used[find_arc(first, head, nodes[hops[i]], nodes[hops[i] + 1])] = mark - 1
-    # The marks are those of the trail as it was, whatever comes of the move.
-    for turn in range(2):
-        nodes[low], nodes[high] = nodes[high], nodes[low]
-        if turn == 0:
-            for hop in hops:
-                if hop >= 0:
-                    used[find_arc(first, head, nodes[hop], nodes[hop + 1])] = mark
-            if not possible:
+    for i in range(4):
+        # The hops to and from the first position, then those to and from the second.
+        if i == 0:
+            tail_node, head_node = nodes[low - 1], other
+        elif i == 1:
+            tail_node, head_node = other, one if high == low + 1 else nodes[low + 1]
+        elif i == 2:
+            tail_node, head_node = other if high == low + 1 else nodes[high - 1], one
+        else:
+            tail_node, head_node = one, nodes[high + 1]
+        arc = find_arc(first, head, tail_node, head_node)
+        if arc < 0:
+            return CANNOT
+        if used[arc] == mark:
+            given_up = False
+            for at in (low - 1, low, high - 1, high):
+                given_up = given_up or (nodes[at] == tail_node and nodes[at + 1] == head_node)
+            if not given_up:
                 return CANNOT
+    nodes[low], nodes[high] = other, one
     return length
 
 
@@ -227,8 +222,8 @@ def move_trail(
     kind
         ``INSERT`` to ``REVERSE``.
     used, mark
-        ``used[a] == mark`` for just the trail's arcs (``mark_trail``); ``mark - 1`` marks none.
-        Left as they are, hence marks of the trail before the move.
+        ``used[a] == mark`` for just the trail's arcs (``mark_trail``). Left as they are, hence
+        the marks of the trail as it was.
     states, which
         Random numbers, advanced.
 
@@ -417,7 +412,7 @@ def change_plans(
                 length,
                 spare,
                 used,
-                2 * trail + 1,
+                trail,
                 states,
                 which,
             )

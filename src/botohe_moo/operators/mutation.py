@@ -66,6 +66,11 @@ class PlanMutation(Mutation):
         random_state
             Where all random numbers come from.
         """
+        return self._mutate(mission, plans, random_state)
+
+    def _mutate(
+        self, mission: Mission, plans: PlanBatch, random_state: np.random.Generator
+    ) -> PlanBatch:
         drafts = self._draft(mission, plans, random_state)
         return self.plan_repair.repair_batch(mission, drafts)
 
@@ -321,10 +326,9 @@ class MixedMutation(PlanMutation):
         super().__init__(prob=prob)
         self.mixture = Mixture("mutation", PlanMutation, mutations)
 
-    def mutate_batch(
+    def _mutate(
         self, mission: Mission, plans: PlanBatch, random_state: np.random.Generator
     ) -> PlanBatch:
-        """Change every plan of a batch; parameters as for :class:`PlanMutation`."""
         shares = self.mixture.draw(random_state, len(plans))
         changed = [
             mutation.mutate_batch(mission, plans.take(chosen), random_state)

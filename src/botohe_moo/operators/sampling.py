@@ -42,6 +42,11 @@ class PlanSampling(Sampling):
         random_state
             Where all random numbers come from.
         """
+        return self._sample(problem, n_samples, random_state)
+
+    def _sample(
+        self, problem: BOTOHE, n_samples: int, random_state: np.random.Generator
+    ) -> PlanBatch:
         raise NotImplementedError
 
     def _do(
@@ -62,10 +67,9 @@ class RandomTrailSampling(PlanSampling):
     the survival floor could not be kept, is not taken.
     """
 
-    def sample_batch(
+    def _sample(
         self, problem: BOTOHE, n_samples: int, random_state: np.random.Generator
     ) -> PlanBatch:
-        """Give random plans; parameters as for :class:`PlanSampling`."""
         return _walk(problem, n_samples, random_state, heuristic=False)
 
 
@@ -75,10 +79,9 @@ class GuidedTrailSampling(PlanSampling):
     The heuristic is that of :meth:`BOACO.journal`.
     """
 
-    def sample_batch(
+    def _sample(
         self, problem: BOTOHE, n_samples: int, random_state: np.random.Generator
     ) -> PlanBatch:
-        """Give guided plans; parameters as for :class:`PlanSampling`."""
         return _walk(problem, n_samples, random_state, heuristic=True)
 
 
@@ -126,10 +129,9 @@ class CornerSampling(PlanSampling):
         super().__init__()
         self.rest = _checked_rest(rest)
 
-    def sample_batch(
+    def _sample(
         self, problem: BOTOHE, n_samples: int, random_state: np.random.Generator
     ) -> PlanBatch:
-        """Give the corners and the rest; parameters as for :class:`PlanSampling`."""
         mission = problem.mission
         home = TrailPlan([[mission.arrays.base]] * mission.robots)
         greedy = plan_sequentially(mission, 1.0, min_survival=problem.planning_floor)
@@ -170,6 +172,8 @@ class GivenSampling(PlanSampling):
     ------
     TypeError
         If ``plans`` holds something else than plans, or ``rest`` is no :class:`PlanSampling`.
+    PlanError
+        When sampling, if a given plan is not valid; names the plan, robot, position and arc.
     """
 
     def __init__(
@@ -181,16 +185,9 @@ class GivenSampling(PlanSampling):
         self.plans = listed_plans(plans)
         self.rest = _checked_rest(rest)
 
-    def sample_batch(
+    def _sample(
         self, problem: BOTOHE, n_samples: int, random_state: np.random.Generator
     ) -> PlanBatch:
-        """Give the plans and the rest; parameters as for :class:`PlanSampling`.
-
-        Raises
-        ------
-        PlanError
-            If a given plan is not valid; names the plan, robot, position and arc.
-        """
         given = problem.mission.batch(self.plans)
         if not problem.allow_invalid:
             problem.mission.evaluate(given)
@@ -218,10 +215,9 @@ class MixedSampling(PlanSampling):
         super().__init__()
         self.mixture = Mixture("sampling", PlanSampling, samplings)
 
-    def sample_batch(
+    def _sample(
         self, problem: BOTOHE, n_samples: int, random_state: np.random.Generator
     ) -> PlanBatch:
-        """Give a mixture of plans; parameters as for :class:`PlanSampling`."""
         shares = self.mixture.draw(random_state, n_samples)
         return PlanBatch.concatenate(
             [

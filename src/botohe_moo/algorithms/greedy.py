@@ -1,0 +1,115 @@
+"""Plans robot by robot for many weights on reward."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from botohe_moo._checks import check_integer
+from botohe_moo._types import ObjectArray
+from botohe_moo.algorithms.base import ArchiveAlgorithm
+from botohe_moo.problem import BOTOHE
+from botohe_moo.sequential import BEAM_WIDTH, MAX_BEAM_WIDTH, SequentialPlanner
+from botohe_moo.trails import TrailPlan
+
+__all__ = ["Greedy"]
+
+
+class Greedy(ArchiveAlgorithm):
+    """Greedy sequential planning: one robot after another, for a sweep of weights on reward.
+
+    Every iteration (a pymoo generation) takes one weight w in [0, 1] and plans the robots one
+    after another, each for the trail that adds most to w · E[R] / (total reward) +
+    (1 − w) · E[S] / robots given the trails of those before it. The weights are spread evenly, and
+    taken in an order that is coarse first: 0, 1, 1/2, 1/4, 3/4, ... With the team's plan those are
+    evaluated in which only the first robots leave the base.
+
+    When all weights are through the run ends by itself, also where budget is left. Nothing is
+    random: every seed gives the same front.
+
+    Parameters
+    ----------
+    n_weights
+        How many weights, at least 2, at most 1 000 000.
+    beam_width
+        Partial trails that the search for each robot's trail keeps, from 1 to 100 000: the wider,
+        the better the trails, and the longer it takes, in proportion.
+    max_ties
+        Plans with equal objectives but different trails that the archive keeps, at least 1.
+    sampling
+        Trail plans to start from, evaluated first and put into the archive; they do not change
+        what is planned. An iterable of plans, or ``X`` of another result.
+    **options
+        pymoo's own: ``termination``, ``callback``, ``output``, ``save_history``, ``seed``, ...
+
+    Raises
+    ------
+    ValueError
+        If a parameter is out of its range.
+    TypeError
+        If an option is unknown, or the problem is not a :class:`BOTOHE`.
+
+    Attributes
+    ----------
+    archive : PlanArchive
+        All non-dominated plans found so far (``plans``, ``objectives``).
+
+    Notes
+    -----
+    The sequential scheme for the team surviving orienteers problem: Jorgensen, Chen, Milam and
+    Pavone, "The team surviving orienteers problem: routing teams of robots in uncertain
+    environments with survival constraints", Autonomous Robots 42(4), 2018. See
+    :func:`~botohe_moo.sequential.plan_sequentially` for its guarantee. Plans that are best for some
+    weight lie on the convex hull of the front; plans for fewer robots fill some of what is between.
+
+    An evaluation is a plan whose objectives the problem computes, as for every algorithm; a plan
+    that comes up again is not evaluated again. What the search for a trail computes of partial
+    trails does not count: to compare efforts, compare times. Robots are planned for the mission's
+    own objectives, also where a problem overrides ``evaluate_batch``.
+    """
+
+    def __init__(
+        self,
+        *,
+        n_weights: int = 100,
+        beam_width: int = BEAM_WIDTH,
+        max_ties: int = 1_000,
+        sampling: Iterable[TrailPlan] | ObjectArray | None = None,
+        **options: Any,
+    ) -> None:
+        super().__init__(max_ties=max_ties, sampling=sampling, **options)
+        self.n_weights = check_integer("n_weights", n_weights, at_least=2, at_most=1_000_000)
+        self.beam_width = check_integer(
+            "beam_width", beam_width, at_least=1, at_most=MAX_BEAM_WIDTH
+        )
+
+    def _setup(self, problem: BOTOHE, **_: Any) -> None:
+        super()._setup(problem)
+        self.planner = SequentialPlanner(
+            problem.mission, beam_width=self.beam_width, min_survival=problem.planning_floor
+        )
+        self._waiting = _coarse_first(self.n_weights)[::-1]
+        self._evaluated = set(self.sampling)
+
+    def _advance(self, **_: Any) -> None:
+        n_left = self._n_left()
+        if n_left == 0:  # the plans to start from have spent the budget
+            return
+        weight = self._waiting.pop() / (self.n_weights - 1)
+        plans = [plan for plan in self.planner.plans(weight) if plan not in self._evaluated]
+        if plans:
+            self._evaluated.update(plans)
+            self._take_in(self.problem.mission.batch(plans[:n_left]))
+        if not self._waiting:
+            self.termination.force_termination = True
+
+
+def _coarse_first(n: int) -> list[int]:
+    """Order 0 to n − 1: both ends, then the middles of ever smaller gaps, level by level."""
+    order, gaps = [0, n - 1], [(0, n - 1)]
+    for low, high in gaps:  # grows as it is read
+        if high - low > 1:
+            middle = (low + high) // 2
+            order.append(middle)
+            gaps += [(low, middle), (middle, high)]
+    return order

@@ -1,0 +1,399 @@
+"""The search for one robot's trail: exact where nothing is cut, valid and deterministic always."""
+
+from itertools import pairwise
+from math import inf, prod
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from botohe_moo.kernels import beam
+from botohe_moo.mission import Mission, load_mission
+from tests.strategies import missions
+
+WIDE = 100_000
+
+
+def ground_of(mission, n_near=64):
+    walk, n_nodes = mission.walk, len(mission.nodes)
+    n_near = min(n_near, n_nodes - 1)
+    near, reach = np.empty((n_nodes, n_near), np.int32), np.empty((n_nodes, n_near))
+    beam.nearest(walk.first, walk.head, walk.cost, walk.survival, near, reach)
+    parts = (walk.first, walk.tail, walk.head, walk.cost, walk.survival, walk.homeward, walk.home)
+    return beam.Ground(*parts, near, reach)
+
+
+def best_trail(mission, worth, survival_weight, least=0.0, width=WIDE, n_near=64, ground=None):
+    """The trail as nodes, its value, and whether the beam was cut."""
+    walk = mission.walk
+    arcs, value, cut = beam.best_trail(
+        ground or ground_of(mission, n_near),
+        walk.base,
+        walk.balanced,
+        np.array(worth, np.float64),
+        survival_weight,
+        least,
+        width,
+    )
+    assert walk.loop not in arcs
+    if len(arcs):
+        assert walk.tail[arcs[0]] == walk.base
+        assert np.array_equal(walk.head[arcs[:-1]], walk.tail[arcs[1:]])
+    return [walk.base, *walk.head[arcs].tolist()], value, cut
+
+
+def arc_survivals(mission):
+    arrays = mission.arrays
+    arcs = zip(arrays.tail.tolist(), arrays.head.tolist(), strict=True)
+    return dict(zip(arcs, arrays.survival.tolist(), strict=True))
+
+
+def all_trails(mission, max_steps=20_000):
+    """Every closed trail as node indices; None where there are too many to look at."""
+    survival, base = arc_survivals(mission), mission.arrays.base
+    found, open_trails, steps = [], [(base,)], 0
+    while open_trails:
+        trail = open_trails.pop()
+        steps += 1
+        if steps > max_steps:
+            return None
+        if trail[-1] == base:
+            found.append(trail)
+        used = set(pairwise(trail))
+        open_trails += [(*trail, v) for u, v in survival if u == trail[-1] and (u, v) not in used]
+    return found
+
+
+def survival_of(mission, trail):
+    survival = arc_survivals(mission)
+    return prod(survival[arc] for arc in pairwise(trail))
+
+
+def value_of(mission, trail, worth, survival_weight):
+    """Straight from the definition."""
+    reached = {node: survival_of(mission, trail[: trail.index(node) + 1]) for node in set(trail)}
+    collected = sum(worth[node] * alive for node, alive in reached.items())
+    return collected + survival_weight * survival_of(mission, trail)
+
+
+@st.composite
+def tasks(draw, **options):
+    """A mission of few trails, all of them, and what nodes and surviving are worth."""
+    mission = draw(missions(min_nodes=1, max_nodes=6, **options))
+    found = all_trails(mission)
+    assume(found is not None)
+    worth = [draw(st.one_of(st.just(0.0), st.floats(0.01, 1.0))) for _ in mission.nodes]
+    return mission, found, worth, draw(st.sampled_from([0.0, 0.05, 0.3, 1.0]))
+
+
+class TestExact:
+    @settings(max_examples=250)
+    @given(tasks(), st.integers(1, 6))
+    def test_a_wide_beam_finds_the_best_trail(self, task, n_near):
+        mission, found, worth, survival_weight = task
+        trail, value, cut = best_trail(mission, worth, survival_weight, n_near=n_near)
+        best = max(value_of(mission, t, worth, survival_weight) for t in found)
+        assert tuple(trail) in found
+        assert value == pytest.approx(best, rel=1e-9)
+        assert value == pytest.approx(value_of(mission, trail, worth, survival_weight), rel=1e-12)
+        assert not cut
+
+    @settings(max_examples=250)
+    @given(tasks(), st.floats(0.0, 1.0))
+    def test_with_a_survival_floor(self, task, least):
+        mission, found, worth, survival_weight = task
+        trail, value, cut = best_trail(mission, worth, survival_weight, least)
+        kept = [t for t in found if survival_of(mission, t) >= least]
+        best = max(value_of(mission, t, worth, survival_weight) for t in kept)
+        assert tuple(trail) in kept
+        assert value == pytest.approx(best, rel=1e-9)
+        assert not cut
+
+    @settings(max_examples=100)
+    @given(tasks(one_way=True), st.sampled_from([0.0, 0.1]))
+    def test_on_one_way_missions(self, task, least):
+        mission, found, worth, survival_weight = task
+        trail, value, _ = best_trail(mission, worth, survival_weight, least)
+        kept = [t for t in found if survival_of(mission, t) >= least]
+        assert tuple(trail) in kept
+        assert value == pytest.approx(
+            max(value_of(mission, t, worth, survival_weight) for t in kept), rel=1e-9
+        )
+
+    def test_the_order_of_visits_counts(self):
+        """A triangle with other dangers one way round than the other."""
+        graph = nx.DiGraph(base=0, robots=1)
+        graph.add_nodes_from(range(3), reward=1.0)
+        arcs = [(0, 1, 0.5), (1, 2, 0.8), (2, 0, 1.0), (0, 2, 0.9), (2, 1, 0.9), (1, 0, 0.5)]
+        graph.add_weighted_edges_from(arcs, "survival")
+        # 0-1-2-0: 0.5 + 0.4, home 0.4. 0-2-1-0: 0.9 + 0.81, home 0.405. 0-2-1-2-0: home 0.648.
+        trail, value, _ = best_trail(Mission(graph), [0.0, 1.0, 1.0], 1.0)
+        assert trail == [0, 2, 1, 2, 0]
+        assert value == pytest.approx(0.9 + 0.81 + 0.648)
+        assert best_trail(Mission(graph), [0.0, 1.0, 1.0], 4.0)[0] == [0, 2, 0]  # 0.9 + 3.6
+        assert best_trail(Mission(graph), [0.0, 1.0, 1.0], 50.0)[0] == [0]
+
+    def test_the_more_valuable_way_to_a_state_is_kept_whenever_it_comes(self):
+        """0-2-0-1-0 is met before 0-1-0-2-0, but worth less; either goes on to 3 and home.
+
+        From node 1 many nodes can be reached, of which a robot sees no more than one: what goes
+        to node 1 last ranks too high.
+        """
+        graph = nx.DiGraph(base=0, robots=1)
+        worth = [0.0, 0.15, 1.0, 1.0] + [0.02] * 30
+        for node, reward in enumerate(worth):
+            graph.add_node(node, reward=reward)
+        for tail, head, survival in [(0, 1, 0.9), (1, 0, 0.9), (0, 2, 0.5), (2, 0, 0.5)]:
+            graph.add_edge(tail, head, survival=survival)
+        graph.add_edge(0, 3, survival=0.1)
+        graph.add_edge(3, 0, survival=1.0)
+        for node in range(4, len(worth)):
+            graph.add_edge(1, node, survival=0.9)
+            graph.add_edge(node, 0, survival=0.01)
+        mission = Mission(graph)
+        trail, value, _ = best_trail(mission, worth, 0.0)
+        best = max(all_trails(mission), key=lambda t: value_of(mission, t, worth, 0.0))
+        assert trail == list(best) == [0, 1, 0, 2, 0, 3, 0]
+        assert value == pytest.approx(value_of(mission, best, worth, 0.0))
+
+
+class TestCut:
+    """Beams that are too narrow."""
+
+    def test_whether_it_was_cut(self):
+        museum = load_mission("art_museum")
+        worth = museum.arrays.reward / museum.total_reward
+        assert best_trail(museum, worth, 0.1, width=10)[2]
+        assert not best_trail(museum, 0 * worth, 0.1, width=1)[2]
+        star = nx.DiGraph(nx.star_graph(3))
+        nx.set_node_attributes(star, 1.0, "reward")
+        nx.set_edge_attributes(star, 0.9, "survival")
+        star = Mission(star, base=0, robots=1)
+        # Three spurs in the first level; the dead ends make 3 · 2 labels in the third.
+        assert best_trail(star, [0, 1, 1, 1], 0.1, width=5)[2]
+        assert not best_trail(star, [0, 1, 1, 1], 0.1, width=6)[2]
+
+    def test_at_least_as_good_as_to_stay_and_better_when_wider(self):
+        museum = load_mission("art_museum")
+        worth = museum.arrays.reward / museum.total_reward
+        values = [best_trail(museum, worth, 0.3, width=width)[1] for width in (1, 10, 1000)]
+        assert 0.3 <= values[0] < values[-1]
+        assert values == sorted(values)
+
+    @settings(max_examples=100)
+    @given(missions(max_nodes=9, one_way=True), st.integers(1, 4), st.sampled_from([0.0, 0.2]))
+    def test_valid_trails_that_keep_the_floor(self, mission, width, least):
+        trail, value, _ = best_trail(mission, mission.arrays.reward, 0.1, least, width)
+        alone = mission.with_robots(1)
+        plan = alone.plan([trail])  # the nodes' labels are their indices
+        reward, survives = alone.evaluate([plan])[0]
+        assert survives >= least
+        assert value == pytest.approx(reward + 0.1 * survives)
+
+    @pytest.mark.parametrize("seed", range(10))
+    @pytest.mark.parametrize("least", [0.0, 0.3])
+    def test_the_twin_finds_the_same(self, seed, least):
+        mission = random_mission(14, 45, seed)
+        ground, worth = ground_of(mission, 5), mission.arrays.reward / mission.total_reward
+        cuts = 0
+        for width in (1, 3, 10):
+            for survival_weight in (0.0, 0.2):
+                twin = Beam(mission, ground, worth, survival_weight, least, width)
+                trail, value, cut = best_trail(
+                    mission, worth, survival_weight, least, width, ground=ground
+                )
+                assert trail == twin.best_trail()
+                assert value == pytest.approx(twin.best_value, rel=1e-12)
+                assert cut == twin.cut
+                cuts += cut
+        assert cuts > 0
+
+    def test_labels_come_to_an_end(self, monkeypatch):
+        museum = load_mission("art_museum")
+        worth = museum.arrays.reward / museum.total_reward
+        _, value, _ = best_trail(museum, worth, 0.0, width=100)
+        monkeypatch.setattr(beam, "MAX_LABELS", 300)
+        monkeypatch.setattr(beam, "best_trail", beam.best_trail.py_func)  # compiled, it is fixed
+        trail, less, cut = best_trail(museum, worth, 0.0, width=100)
+        assert cut
+        assert 0 < less < value
+        museum.with_robots(1).plan([[museum.nodes[node] for node in trail]])
+
+
+def random_mission(n_nodes, n_arcs, seed):
+    """One-way, with no two paths alike."""
+    rng = np.random.default_rng(seed)
+    graph = nx.DiGraph(base=0, robots=1)
+    for node in range(n_nodes):
+        graph.add_node(node, reward=rng.uniform(0, 1) if node % 3 else 0.0)
+    nx.add_cycle(graph, rng.permutation(n_nodes).tolist())
+    while graph.number_of_edges() < n_arcs:
+        tail, head = rng.integers(n_nodes, size=2).tolist()
+        if tail != head:
+            graph.add_edge(tail, head)
+    for arc in graph.edges:
+        graph.edges[arc]["survival"] = rng.uniform(0.8, 1.0)
+    return Mission(graph)
+
+
+class Beam:
+    """The beam search, one rule a line; labels are trails as tuples of nodes."""
+
+    def __init__(self, mission, ground, worth, survival_weight, least, width):
+        self.mission, self.ground, self.worth = mission, ground, worth
+        self.survival_weight, self.least, self.width = survival_weight, least, width
+        self.survival, self.base = arc_survivals(mission), mission.arrays.base
+        self.cut = False
+        self.best, self.best_value = (self.base,), self.value((self.base,)) + survival_weight
+
+    def alive(self, trail):
+        return survival_of(self.mission, trail)
+
+    def value(self, trail):
+        return value_of(self.mission, trail, self.worth, 0.0)
+
+    def stay(self, trail):
+        """What surviving is worth if the robot turns home and every arc may be used."""
+        return self.survival_weight * self.alive(trail) * self.ground.home[trail[-1]]
+
+    def way_home(self, trail):
+        """The nodes of the safest way home over unused arcs; None where there is none."""
+        graph = nx.DiGraph()
+        graph.add_nodes_from(range(len(self.mission.nodes)))
+        used = set(pairwise(trail))
+        graph.add_weighted_edges_from(
+            (*arc, -np.log(s)) for arc, s in self.survival.items() if arc not in used
+        )
+        try:
+            return nx.dijkstra_path(graph, trail[-1], self.base)
+        except nx.NetworkXNoPath:
+            return None
+
+    def is_blocked(self, trail):
+        """Whether an arc of the safest way home with every arc free is used."""
+        here, used = trail[-1], set(pairwise(trail))
+        while here != self.base:
+            there = int(self.ground.head[self.ground.homeward[here]])
+            if (here, there) in used:
+                return True
+            here = there
+        return False
+
+    def ahead(self, trail):
+        """Reach, worth and number of each near node that is not visited."""
+        here = trail[-1]
+        near = zip(self.ground.near[here].tolist(), self.ground.reach[here], strict=True)
+        return [(reach, self.worth[node], node) for node, reach in near if node not in trail]
+
+    def bound(self, trail):
+        ahead = self.ahead(trail)
+        nearby = sum(reach * worth for reach, worth, _ in ahead)
+        unvisited = sum(worth for node, worth in enumerate(self.worth) if node not in trail)
+        far = unvisited - sum(worth for _, worth, _ in ahead)
+        most = nearby + far * self.ground.reach[trail[-1], -1]
+        return self.value(trail) + self.alive(trail) * most + self.stay(trail)
+
+    def rank(self, trail):
+        promise = 0.0
+        for reach, worth, node in self.ahead(trail):
+            detour = self.ground.home[trail[-1]] - reach * self.ground.home[node]
+            promise += max(0.0, reach * worth - self.survival_weight * detour)
+        return self.value(trail) + self.stay(trail) + 0.5 * self.alive(trail) * promise
+
+    def is_good_enough(self, trail):
+        return self.bound(trail) > self.best_value * (1 + 1e-12)
+
+    def close(self, trail):
+        """Whether the robot can get home; notes the trail that does if it is the best known."""
+        way = self.way_home(trail)
+        if way is None or self.alive(trail + tuple(way[1:])) < self.least:
+            return False
+        promising = self.value(trail) + self.stay(trail) > self.best_value
+        if self.least > 0 or promising or not self.is_blocked(trail):
+            closed = trail + tuple(way[1:])
+            value = self.value(closed) + self.survival_weight * self.alive(closed)
+            if value > self.best_value:
+                self.best, self.best_value = closed, value
+        return True
+
+    def expand(self, level):
+        states = {}
+        for trail in level:
+            used = set(pairwise(trail))
+            for tail, head in self.survival:
+                child = (*trail, head)
+                if tail != trail[-1] or (tail, head) in used or not self.is_good_enough(child):
+                    continue
+                state = head, frozenset(pairwise(child))
+                if state in states and self.value(states[state]) >= self.value(child):
+                    continue
+                if self.close(child):
+                    states[state] = child
+        return list(states.values())
+
+    def select(self, children):
+        children = sorted(filter(self.is_good_enough, children), key=self.rank, reverse=True)
+        if len(children) <= self.width:
+            return children
+        self.cut = True
+        kinds, first, others = set(), [], []
+        for child in children:
+            kind = child[-1], frozenset(node for node in child if self.worth[node] > 0)
+            (others if kind in kinds else first).append(child)
+            kinds.add(kind)
+        return (first + others)[: self.width]
+
+    def best_trail(self):
+        level = [(self.base,)]
+        while level:
+            level = self.select(self.expand(level))
+        return list(self.best)
+
+
+class TestNearest:
+    @settings(max_examples=50)
+    @given(missions(max_nodes=8), st.integers(1, 9))
+    def test_it_gives_the_safest_to_reach(self, mission, n_near):
+        ground = ground_of(mission, n_near)
+        graph = nx.DiGraph()
+        for (tail, head), survival in arc_survivals(mission).items():
+            graph.add_edge(tail, head, cost=-np.log(survival))
+        for node in graph:
+            costs = nx.single_source_dijkstra_path_length(graph, node, weight="cost")
+            expected = sorted(
+                (np.exp(-cost) for v, cost in costs.items() if v != node), reverse=True
+            )
+            near, reach = ground.near[node].tolist(), ground.reach[node]
+            assert len({*near, node}) == len(near) + 1
+            assert reach == pytest.approx(expected[: len(near)], rel=1e-12)
+            assert reach == pytest.approx([np.exp(-costs[v]) for v in near], rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["art_museum", "power_plant", "terrain_200"])
+def test_large_missions(name):
+    """Trails longer than the first store of labels, ended by reward running out."""
+    mission = load_mission(name, robots=1)
+    worth = mission.arrays.reward / mission.total_reward
+    ground = ground_of(mission)
+    trail, value, cut = best_trail(mission, worth, 0.0, width=10, ground=ground)
+    reward, _ = mission.evaluate([mission.plan([[mission.nodes[node] for node in trail]])])[0]
+    assert value == pytest.approx(reward / mission.total_reward)
+    assert cut
+    assert len(trail) > 40
+    again = best_trail(mission, worth, 0.0, width=10, ground=ground)
+    assert (trail, value, cut) == again
+
+
+@pytest.mark.parametrize("survival", [5e-324, 1e-200, 1.0])
+@pytest.mark.parametrize("worth", [0.0, 5e-324, 1e-300, 1.0])
+def test_extreme_survivals_and_worths(survival, worth):
+    graph = nx.complete_graph(5, nx.DiGraph)
+    nx.set_node_attributes(graph, 1.0, "reward")
+    nx.set_edge_attributes(graph, survival, "survival")
+    mission = Mission(graph, base=0, robots=1)
+    trail, value, _ = best_trail(mission, [worth] * 5, 0.5, width=20)
+    assert value >= 0.5 + worth
+    assert value < inf
+    assert (len(trail) > 5) == (survival == 1.0 and 0.5 + worth > 0.5)
