@@ -1,6 +1,7 @@
-"""Run the benchmarks: ``python -m benchmarks [curves] [speed] [growth]``, by default all.
+"""Run the benchmarks, by default all: ``python -m benchmarks [NAME ...]``.
 
-Tables and pictures go to results/bo-aco/. The exit status is 1 if a curve is not the published
+The names are curves, speed, growth (results/bo-aco/), operators and annealing
+(results/operators/). The exit status is 1 if a curve is not the published
 one or a ratio of times misses its bound; times themselves are never judged, machines differ.
 """
 
@@ -9,10 +10,16 @@ from pathlib import Path
 
 import pandas as pd
 
-from benchmarks import curves, growth, speed
+from benchmarks import annealing, curves, growth, operators, speed
 
-OUT = Path(__file__).parents[1] / "results" / "bo-aco"
-BENCHMARKS = {"speed": speed.run, "growth": growth.run, "curves": curves.run}
+RESULTS = Path(__file__).parents[1] / "results"
+BENCHMARKS = {
+    "speed": (speed.run, "bo-aco"),
+    "growth": (growth.run, "bo-aco"),
+    "curves": (curves.run, "bo-aco"),
+    "annealing": (annealing.run, "operators"),
+    "operators": (operators.run, "operators"),
+}
 
 
 def main() -> int:
@@ -20,12 +27,13 @@ def main() -> int:
     if unknown := set(wanted) - set(BENCHMARKS):
         print(f"Unknown benchmark {', '.join(unknown)}; known are {', '.join(BENCHMARKS)}.")
         return 2
-    OUT.mkdir(parents=True, exist_ok=True)
     failed = False
     with pd.option_context("display.width", 200, "display.max_columns", 30):
         for name in wanted:
             print(f"\n== {name} " + "=" * (70 - len(name)), flush=True)
-            failed |= not BENCHMARKS[name](OUT)
+            run, folder = BENCHMARKS[name]
+            (RESULTS / folder).mkdir(parents=True, exist_ok=True)
+            failed |= not run(RESULTS / folder)
     return int(failed)
 
 

@@ -1,5 +1,6 @@
 """What each operator and each repair brings to NSGA-II, and what each costs."""
 
+import functools
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
@@ -19,6 +20,7 @@ from botohe_moo.operators import (
     CornerSampling,
     GuidedTrailSampling,
     PlanCrossover,
+    PlanDuplicates,
     PlanMutation,
     RandomTrailSampling,
     RuinRecreate,
@@ -49,18 +51,19 @@ def without(weights: Any, name: str) -> dict[str, float]:
 
 VARIANTS: dict[str, dict[str, Any]] = {
     "default": {},
-    "random sampling": {"sampling": "random"},
-    "guided sampling": {"sampling": "guided"},
-    "both samplings": {"sampling": {"guided": 1, "random": 1}},
-    "corners": {"corners": True},
-    "no corners": {"corners": False},
-    "no crossover": {"crossover": {}},
-    **{f"no {name}": {"crossover": without(DEFAULT_CROSSOVER, name)} for name in DEFAULT_CROSSOVER},
-    "no mutation": {"prob_mutation": 0.0},
-    "mutation always": {"prob_mutation": 1.0},
-    **{f"no {name}": {"mutation": without(DEFAULT_MUTATION, name)} for name in DEFAULT_MUTATION},
-    "moves only": {"mutation": "moves"},
-    "ruin only": {"mutation": "ruin"},
+    "sampling: random": {"sampling": "random"},
+    "sampling: guided and random": {"sampling": {"guided": 1, "random": 1}},
+    "sampling: no corners": {"corners": False},
+    "sampling: random, no corners": {"sampling": "random", "corners": False},
+    "crossover: none": {"crossover": {}},
+    "crossover: no exchange": {"crossover": without(DEFAULT_CROSSOVER, "exchange")},
+    "crossover: no splice": {"crossover": without(DEFAULT_CROSSOVER, "splice")},
+    "mutation: none": {"prob_mutation": 0.0},
+    "mutation: always": {"prob_mutation": 1.0},
+    "mutation: no ruin": {"mutation": without(DEFAULT_MUTATION, "ruin")},
+    "mutation: no moves": {"mutation": without(DEFAULT_MUTATION, "moves")},
+    "mutation: no share": {"mutation": without(DEFAULT_MUTATION, "share")},
+    "mutation: home, too": {"mutation": {**DEFAULT_MUTATION, "home": 0.05}},
     "repair: truncate": {"repair": "truncate"},
     "repair: penalty": {"repair": "penalty"},
 }
@@ -82,9 +85,7 @@ def areas(job: tuple[str, str, int]) -> dict[str, object]:
     else:
         algorithm = make_algorithm("nsga2", **VARIANTS[variant])
     started = time.perf_counter()
-    result = minimize(
-        BOTOHE(mission), algorithm, ("n_eval", max(MARKS)), seed=seed, callback=note
-    )
+    result = minimize(BOTOHE(mission), algorithm, ("n_eval", max(MARKS)), seed=seed, callback=note)
     found[f"{max(MARKS)}"] = area_indicator(-result.F, mission)
     found["seconds"] = time.perf_counter() - started
     return found
@@ -124,43 +125,34 @@ def _ablation(runs: pd.DataFrame) -> pd.DataFrame:
 
 
 def _costs() -> pd.DataFrame:
-    rows = []
-    for name in (*MISSIONS, "terrain_200"):
-        mission = load_mission(name)
-        problem = BOTOHE(mission)
-        rng = np.random.default_rng(1)
-        evolved = minimize(problem, make_algorithm("nsga2"), ("n_eval", 5_000), seed=1).pop
-        X = evolved.get("X")
-        pairs = np.arange(100).reshape(50, 2)
-        drafts = {
-            kind: PlanMutation._do(RuinRecreate(repair=kind()), problem, X, random_state=rng)
-            for kind in ()
-        }
-        del drafts
-        batch = mission.batch(X)
-        calls: dict[str, Callable[[], Any]] = {
-            "random sampling": lambda: RandomTrailSampling().sample_batch(problem, 100, rng),
-            "guided sampling": lambda: GuidedTrailSampling().sample_batch(problem, 100, rng),
-            "corners (two plans)": lambda: CornerSampling().sample_batch(problem, 2, rng),
-        }
-        for crossover in (TrailExchange(), TrailSplice()):
-            calls[type(crossover).__name__] = lambda o=crossover: o._do(
-                problem, X[pairs].swapaxes(0, 1), random_state=rng
-            )
-        for mutation in (RuinRecreate(), TrailMoves(), ShareTrails(), SendHome()):
-            calls[type(mutation).__name__] = lambda o=mutation: o._do(problem, X, random_state=rng)
-        ruined = RuinRecreate()._draft(mission, batch, rng)
-        for repair in (SafestPathRepair(), TruncateRepair()):
-            calls[f"{type(repair).__name__} of ruined plans"] = lambda o=repair: o.repair_batch(
-                mission, ruined
-            )
-        for operator, call in calls.items():
-            n = 2 if operator.startswith("corners") else 100
-            rows.append({"mission": name, "operator": operator, "µs a plan": _micros(call) / n})
-    table = pd.DataFrame(rows).pivot_table(
-        index="operator", columns="mission", values="µs a plan", sort=False
-    )
-    return table.round(2).reset_index()
+    """Give µs a plan of every operator, on 100 plans that NSGA-II has evolved."""
+    columns = {name: _mission_costs(name) for name in (*MISSIONS, "terrain_200")}
+    return pd.DataFrame(columns).round(2).rename_axis("µs a plan").reset_index()
+
+
+def _mission_costs(name: str) -> dict[str, float]:
+    mission = load_mission(name)
+    problem, rng = BOTOHE(mission), np.random.default_rng(1)
+    X = minimize(problem, make_algorithm("nsga2"), ("n_eval", 5_000), seed=1).pop.get("X")
+    pairs = X.reshape(2, 50, 1)
+    drafts = RuinRecreate()._draft(mission, mission.batch(X), rng)
+    corners = CornerSampling()
+    costs = {"corners (two plans)": _micros(lambda: corners.sample_batch(problem, 2, rng)) / 2}
+    for sampling in (RandomTrailSampling(), GuidedTrailSampling()):
+        call = functools.partial(sampling.sample_batch, problem, 100, rng)
+        costs[type(sampling).__name__] = _micros(call) / 100
+    for crossover in (TrailExchange(), TrailSplice()):
+        call = functools.partial(crossover._do, problem, pairs, random_state=rng)
+        costs[f"{type(crossover).__name__}, repaired"] = _micros(call) / 100
+    for mutation in (RuinRecreate(), TrailMoves(), ShareTrails(), SendHome()):
+        call = functools.partial(mutation._do, problem, X, random_state=rng)
+        costs[f"{type(mutation).__name__}, repaired"] = _micros(call) / 100
+    for repair in (SafestPathRepair(), TruncateRepair()):
+        call = functools.partial(repair.repair_batch, mission, drafts)
+        costs[f"{type(repair).__name__} alone, of ruined plans"] = _micros(call) / 100
+    population = Population.new(X=X)
+    costs["PlanDuplicates"] = _micros(lambda: PlanDuplicates().do(population)) / 100
+    return costs
 
 
 def _micros(call: Callable[[], Any]) -> float:

@@ -9,7 +9,8 @@ import numpy as np
 
 from botohe_moo._checks import check_integer, check_number
 from botohe_moo._types import FloatArray, IntArray
-from botohe_moo.kernels.beam import Ground, best_trail, nearest
+from botohe_moo.kernels.beam import Ground, best_trail
+from botohe_moo.kernels.paths import nearest
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import TrailPlan
 

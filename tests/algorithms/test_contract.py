@@ -26,13 +26,10 @@ NAMES = (
 DOTTED = (
     "pymoo.algorithms.moo.age:AGEMOEA",
     "pymoo.algorithms.moo.nsga3:NSGA3",
-    "pymoo.algorithms.moo.rvea.RVEA",
+    "pymoo.algorithms.moo.nsga2.NSGA2",
 )
 IN_KERNELS = {"simulated-annealing"}  # evaluate where nobody can watch
-ENDS_BY_ITSELF = {
-    "greedy",  # when its sweep is done
-    "pymoo.algorithms.moo.rvea.RVEA",  # pymoo makes whole generations of its budget
-}
+ENDS_BY_ITSELF = {"greedy"}  # when its sweep is done
 
 
 def small(name):

@@ -10,6 +10,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from botohe_moo.kernels import beam
+from botohe_moo.kernels.paths import nearest
 from botohe_moo.mission import Mission, load_mission
 from tests.strategies import missions
 
@@ -20,7 +21,7 @@ def ground_of(mission, n_near=64):
     walk, n_nodes = mission.walk, len(mission.nodes)
     n_near = min(n_near, n_nodes - 1)
     near, reach = np.empty((n_nodes, n_near), np.int32), np.empty((n_nodes, n_near))
-    beam.nearest(walk.first, walk.head, walk.cost, walk.survival, near, reach)
+    nearest(walk.first, walk.head, walk.cost, walk.survival, near, reach)
     parts = (walk.first, walk.tail, walk.head, walk.cost, walk.survival, walk.homeward, walk.home)
     return beam.Ground(*parts, near, reach)
 

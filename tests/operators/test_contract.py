@@ -179,7 +179,7 @@ def crowd():
 
 
 @pytest.mark.parametrize("prob", [0.0, 0.3, 0.8, 1.0])
-@pytest.mark.parametrize("name", set(CROSSOVERS) - {"truncated"})
+@pytest.mark.parametrize("name", sorted(set(CROSSOVERS) - {"truncated"}))
 def test_rate_of_crossovers(name, prob, crowd):
     problem, X = crowd
     crossover = CROSSOVERS[name](prob=prob, repair=Mark())
@@ -192,7 +192,7 @@ def test_rate_of_crossovers(name, prob, crowd):
 
 
 @pytest.mark.parametrize("prob", [0.0, 0.3, 0.8, 1.0])
-@pytest.mark.parametrize("name", set(MUTATIONS) - {"truncated"})
+@pytest.mark.parametrize("name", sorted(set(MUTATIONS) - {"truncated"}))
 def test_rate_of_mutations(name, prob, crowd, monkeypatch):
     problem, X = crowd
     mutation = MUTATIONS[name](prob=prob)

@@ -115,7 +115,7 @@ class PopulationAlgorithm(Algorithm):
         mutation: str | Mapping[str, float] | Mutation = DEFAULT_MUTATION,
         repair: str | PlanRepair = "safest-path",
         prob_crossover: float = 0.9,
-        prob_mutation: float = 1.0,
+        prob_mutation: float = 0.7,
         max_ties: int = 1_000,
         **options: Any,
     ) -> None:

@@ -1,8 +1,9 @@
-"""Seven moves that change one trail and leave it a trail.
+"""Moves that change one trail and leave it a trail.
 
-They are those of the simulated annealing in Simon, Richley, Overbey and Perez-Lavin, PeerJ Computer
-Science, 2025. A trail lies in a buffer, with a length; moves work in place. No move uses a missing
-arc, uses an arc twice, or inserts the base. They see the mission's arcs, without the self-loop.
+Seven are those of the simulated annealing in Simon, Richley, Overbey and Perez-Lavin, PeerJ
+Computer Science, 2025; an eighth deletes loops. A trail lies in a buffer, with a length, and moves
+work in place. No move uses a missing arc, uses an arc twice, or inserts the base. They see the
+mission's arcs, without the self-loop.
 """
 
 import numpy as np
@@ -20,7 +21,9 @@ SWAP = 3
 GRAB = 4
 DELETE_SEGMENT = 5
 REVERSE = 6
-N_KINDS = 7
+N_PUBLISHED = 7
+DELETE_LOOP = 7  # ours
+N_KINDS = 8
 
 # In place of a trail's new length: the move cannot be made.
 CANNOT = -1
@@ -119,12 +122,8 @@ def _delete(
     used: OffsetArray,
     mark: int,
 ) -> int:
-    """Delete the positions ``start`` to ``stop``; of two equal nodes that then meet, one goes."""
+    """Delete the nodes from ``start`` to before ``stop``, by the arc that joins what is left."""
     before, after = nodes[start - 1], nodes[stop]
-    if before == after and stop - start > 1:
-        return CANNOT
-    if before == after:
-        return _cut(nodes, length, start, stop + 1)
     arc = find_arc(first, head, before, after)
     if arc < 0:
         return CANNOT
@@ -135,6 +134,21 @@ def _delete(
         if not inside:
             return CANNOT
     return _cut(nodes, length, start, stop)
+
+
+@kernel
+def _delete_loop(nodes: IntArray, length: int, position: int, states: SeedArray, which: int) -> int:
+    """Delete what lies between a visit to a node and another one, drawn uniformly."""
+    n = 0
+    drawn = position
+    for i in range(length):
+        if i != position and nodes[i] == nodes[position]:
+            n += 1
+            if n == 1 or uniform(states, which) * n < 1.0:
+                drawn = i
+    if n == 0:
+        return CANNOT
+    return _cut(nodes, length, min(position, drawn) + 1, max(position, drawn) + 1)
 
 
 @kernel
@@ -206,12 +220,13 @@ def move_trail(
     - ``SUBSTITUTE``: another node for one;
     - ``SWAP``: two nodes change places;
     - ``GRAB``: from a node to a neighbour and straight back;
-    - ``DELETE_SEGMENT``: two or more consecutive nodes, by the arc that joins what is left; where
-      the loop closes, it goes as a whole;
-    - ``REVERSE``: the whole trail.
+    - ``DELETE_SEGMENT``: two or more consecutive nodes, by the arc that joins what is left;
+    - ``REVERSE``: the whole trail;
+    - ``DELETE_LOOP``: what lies between two visits to a node, with one of them.
 
     Positions are drawn first, among the inner ones (for ``INSERT`` and ``GRAB`` among those behind
-    which a node may come), then a node, among those that are possible there.
+    which a node may come, for ``DELETE_LOOP`` among all), then a node or a visit, among those that
+    are possible there.
 
     Parameters
     ----------
@@ -220,7 +235,7 @@ def move_trail(
     nodes, length
         A valid trail, in a buffer of at least n_arcs + 1 nodes.
     kind
-        ``INSERT`` to ``REVERSE``.
+        ``INSERT`` to ``DELETE_LOOP``.
     used, mark
         ``used[a] == mark`` for just the trail's arcs (``mark_trail``). Left as they are, hence
         the marks of the trail as it was.
@@ -248,8 +263,13 @@ def move_trail(
         return CANNOT
     if kind == REVERSE:
         return _reverse(first, head, nodes, length)
+    if kind == DELETE_LOOP:
+        at = int(uniform(states, which) * length)
+        return _delete_loop(nodes, length, at, states, which)
     low = 1 + int(uniform(states, which) * n_inner)
     if kind == DELETE:
+        if nodes[low - 1] == nodes[low + 1]:  # a spur
+            return _cut(nodes, length, low, low + 2)
         return _delete(first, head, nodes, length, low, low + 1, used, mark)
     if kind == SUBSTITUTE:
         node = _between(
@@ -311,7 +331,7 @@ def change_trail(
     min_survival
         Survival floor, which the trail keeps; 0 sets none.
     weights
-        How likely each kind is to be drawn, relative (``N_KINDS``).
+        How likely each kind is to be drawn, relative (up to ``N_KINDS``; those left out are not).
     max_tries
         How often to draw.
     spare
@@ -325,13 +345,14 @@ def change_trail(
         The trail's new length; ``CANNOT`` where no draw could be made, and nothing has changed.
     """
     mark_trail(first, head, nodes, length, used, mark)
+    n_kinds = weights.shape[0]
     total = 0.0
-    for kind in range(N_KINDS):
+    for kind in range(n_kinds):
         total += weights[kind]
     for _ in range(max_tries):
         left = uniform(states, which) * total - weights[0]
         kind = 0
-        while left >= 0.0 and kind < N_KINDS - 1:
+        while left >= 0.0 and kind < n_kinds - 1:
             kind += 1
             left -= weights[kind]
         if weights[kind] <= 0.0:  # rounding has run past the last kind that may be drawn
@@ -339,17 +360,15 @@ def change_trail(
         if min_survival > 0.0:
             for i in range(length):
                 spare[i] = nodes[i]
-        changed = move_trail(
-            first, head, base, nodes, length, kind, used, mark, states, which
-        )
+        changed = move_trail(first, head, base, nodes, length, kind, used, mark, states, which)
         if changed == CANNOT:
             continue
-        if min_survival > 0.0:
-            if survive_trail(first, head, survival, nodes, changed) < min_survival:
-                for i in range(length):
-                    nodes[i] = spare[i]
-                continue
-        return changed
+        if min_survival <= 0.0:
+            return changed
+        if survive_trail(first, head, survival, nodes, changed) >= min_survival:
+            return changed
+        for i in range(length):
+            nodes[i] = spare[i]
     return CANNOT
 
 

@@ -9,7 +9,7 @@ from botohe_moo.kernels.compile import kernel
 
 
 @kernel
-def _push(keys: FloatArray, held: IntArray, size: int, key: float, node: int) -> int:
+def push(keys: FloatArray, held: IntArray, size: int, key: float, node: int) -> int:
     """Put a node on the heap; give the heap's new size."""
     at = size
     while at > 0:
@@ -23,7 +23,7 @@ def _push(keys: FloatArray, held: IntArray, size: int, key: float, node: int) ->
 
 
 @kernel
-def _pop(keys: FloatArray, held: IntArray, size: int) -> int:
+def pop(keys: FloatArray, held: IntArray, size: int) -> int:
     """Take the first node off the heap, which moves to the end; give the heap's new size."""
     first_key, first_node = keys[0], held[0]
     size -= 1
@@ -89,9 +89,9 @@ def safest_path(
         How many arcs the path has; −1 where there is none.
     """
     met[source], distance[source], entry[source] = search, 0.0, -1
-    size = _push(keys, held, 0, 0.0, source)
+    size = push(keys, held, 0, 0.0, source)
     while size > 0:
-        size = _pop(keys, held, size)
+        size = pop(keys, held, size)
         here, key = held[size], keys[size]
         if here == target:
             break
@@ -103,7 +103,7 @@ def safest_path(
             if used[arc] == trail or (met[there] == search and distance[there] <= reached):
                 continue
             met[there], distance[there], entry[there] = search, reached, arc
-            size = _push(keys, held, size, reached, there)
+            size = push(keys, held, size, reached, there)
     if target < 0 or met[target] != search:
         return -1
     n = 0
@@ -228,3 +228,50 @@ def safest_homes(
         while here != base:
             home[node] *= survival[homeward[here]]
             here = head[homeward[here]]
+
+
+@kernel
+def nearest(
+    first: OffsetArray,
+    head: IntArray,
+    cost: FloatArray,
+    survival: FloatArray,
+    near: IntArray,
+    reach: FloatArray,
+) -> None:
+    """Find the nodes that are safest to reach from each node.
+
+    Parameters
+    ----------
+    first, head, cost, survival
+        The walk graph (see ``WalkGraph``).
+    near
+        Output (n_nodes, n_near), n_near < n_nodes: for each node others, the safest to reach first.
+    reach
+        Output (n_nodes, n_near): survival of the safest path to each of them.
+    """
+    n_nodes, n_arcs, n_near = first.shape[0] - 1, head.shape[0], near.shape[1]
+    met, settled = np.full(n_nodes, -1, np.int64), np.full(n_nodes, -1, np.int64)
+    distance, alive = np.empty(n_nodes), np.empty(n_nodes)
+    keys, held = np.empty(n_arcs + 1), np.empty(n_arcs + 1, np.int32)
+    for source in range(n_nodes):
+        met[source], distance[source], alive[source] = source, 0.0, 1.0
+        size = push(keys, held, 0, 0.0, source)
+        n = -1  # the source itself comes first
+        while size > 0 and n < n_near:
+            size = pop(keys, held, size)
+            here, key = held[size], keys[size]
+            if settled[here] == source:
+                continue
+            settled[here] = source
+            if n >= 0:
+                near[source, n], reach[source, n] = here, alive[here]
+            n += 1
+            for arc in range(first[here], first[here + 1]):
+                there = head[arc]
+                reached = key + cost[arc]
+                if met[there] == source and distance[there] <= reached:
+                    continue
+                met[there], distance[there] = source, reached
+                alive[there] = alive[here] * survival[arc]
+                size = push(keys, held, size, reached, there)

@@ -9,7 +9,7 @@ from pymoo.core.crossover import Crossover
 
 from botohe_moo._checks import check_integer, check_number
 from botohe_moo._types import ObjectArray, OffsetArray
-from botohe_moo.kernels.rng import seed_states
+from botohe_moo.kernels.rng import draw_state
 from botohe_moo.kernels.vary import EXCHANGE, SPLICE, cross
 from botohe_moo.operators.base import check_repair
 from botohe_moo.operators.repair import PlanRepair
@@ -74,7 +74,7 @@ class PlanCrossover(Crossover):
             others.offsets,
             n_robots,
             kinds,
-            seed_states(random_state, 1),
+            draw_state(random_state),
             nodes,
             offsets,
         )

@@ -12,7 +12,7 @@ from botohe_moo._checks import check_flag, check_integer, check_number, nearest_
 from botohe_moo._types import ObjectArray
 from botohe_moo.kernels import vary as kernels
 from botohe_moo.kernels.moves import change_plans
-from botohe_moo.kernels.rng import seed_states
+from botohe_moo.kernels.rng import draw_state
 from botohe_moo.mission.model import Mission
 from botohe_moo.operators.base import Mixture, check_repair
 from botohe_moo.operators.repair import PlanRepair
@@ -171,7 +171,7 @@ class TrailMoves(PlanMutation):
             movable.nodes,
             movable.offsets,
             movable.n_robots,
-            seed_states(random_state, 1),
+            draw_state(random_state),
             0,
         )
         moved = PlanBatch._wrap(nodes, offsets, plans.n_robots)
@@ -225,7 +225,7 @@ class RuinRecreate(PlanMutation):
             plans.n_robots,
             mission.arrays.n_nodes,
             self.max_via,
-            seed_states(random_state, 1),
+            draw_state(random_state),
             nodes,
             offsets,
         )
@@ -244,7 +244,7 @@ class SendHome(PlanMutation):
             plans.offsets,
             plans.n_robots,
             mission.arrays.base,
-            seed_states(random_state, 1),
+            draw_state(random_state),
             nodes,
             offsets,
         )
@@ -291,7 +291,7 @@ class ShareTrails(PlanMutation):
             plans.offsets,
             plans.n_robots,
             self.prob_copy,
-            seed_states(random_state, 1),
+            draw_state(random_state),
             nodes,
             offsets,
         )

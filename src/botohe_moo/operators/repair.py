@@ -118,7 +118,7 @@ class SafestPathRepair(PlanRepair):
     >>> mission = load_mission("toy")
     >>> drafts = PlanBatch.from_plans([TrailPlan([[4], [0, 1, 0, 1]])], 2)
     >>> SafestPathRepair().repair_batch(mission, drafts)[0]
-    TrailPlan([[0, 3, 4, 3, 0], [0, 1, 0]])
+    TrailPlan([[0, 1, 3, 4, 3, 1, 0], [0, 1, 0]])
     """
 
     _kernel = staticmethod(kernels.repair_safest)

@@ -1,0 +1,293 @@
+"""Annealing: the exact chances of a readable twin, the bits of ``evaluate``, and no lost plans."""
+
+from collections import Counter, defaultdict
+from itertools import product
+from math import exp
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from botohe_moo.kernels import anneal as kernels
+from botohe_moo.kernels.rng import seed_states
+from botohe_moo.mission import load_mission
+from botohe_moo.trails import PlanBatch
+from tests import twins
+from tests.kernels.test_moves import PUBLISHED, Moves, agree, crossroads
+from tests.strategies import missions
+
+COOLED = np.array([1, 1, 1, 1, 1, 1, 0.1, 0.1])
+
+
+class Search:
+    """The kernel with its arrays; starts with everybody at base."""
+
+    def __init__(self, mission, *, seed=0, temperature=0.02, weight=0.7, **options):
+        arrays, robots = mission.arrays, mission.robots
+        self.mission, self.weight = mission, weight
+        self.options = {
+            "floor": 0.0,
+            "kinds": COOLED,
+            "every_robot": False,
+            "cooling": 1.0,
+            "returning": 0.0,
+            "record": True,
+            **options,
+        }
+        self.current = np.full((robots, arrays.n_arcs + 1), arrays.base, np.int32)
+        self.best = self.current.copy()
+        self.lengths, self.best_lengths = np.ones(robots, np.int64), np.ones(robots, np.int64)
+        self.figures = np.zeros(kernels.N_FIGURES)
+        self.figures[:4] = [arrays.reward[arrays.base], robots] * 2
+        self.figures[kernels.BEST_SCORE] = self.score(self.figures[:2])
+        self.figures[kernels.TEMPERATURE] = temperature
+        self.states = seed_states(np.random.default_rng(seed), 1)
+
+    def score(self, objectives):
+        mission, weight = self.mission, self.weight
+        reward, survivors = objectives
+        total = mission.total_reward or 1.0
+        return weight * (reward / total) + (1 - weight) * (survivors / mission.robots)
+
+    def run(self, n_steps):
+        arrays, options = self.mission.arrays, self.options
+        nodes, offsets, objectives = kernels.anneal(
+            arrays.first,
+            arrays.head,
+            arrays.survival,
+            arrays.reward,
+            arrays.base,
+            options["floor"],
+            options["kinds"],
+            200,
+            options["every_robot"],
+            self.mission.total_reward or 1.0,
+            self.weight,
+            options["cooling"],
+            options["returning"],
+            n_steps,
+            options["record"],
+            self.current,
+            self.lengths,
+            self.best,
+            self.best_lengths,
+            self.figures,
+            self.states,
+        )
+        return PlanBatch(nodes, offsets, self.mission.robots), objectives
+
+    @property
+    def trails(self):
+        return as_trails(self.current, self.lengths)
+
+    @property
+    def best_trails(self):
+        return as_trails(self.best, self.best_lengths)
+
+
+def as_trails(rows, lengths):
+    return tuple(tuple(row[:n].tolist()) for row, n in zip(rows, lengths, strict=True))
+
+
+class Annealing:
+    """What a search may be at after some steps, with its chances: one rule a line."""
+
+    def __init__(self, mission, weight, temperature, cooling, returning, kinds, every_robot):
+        self.mission, self.weight, self.temperature = mission, weight, temperature
+        self.cooling, self.returning, self.kinds = cooling, returning, kinds
+        self.every_robot, self.moves, self.scores = every_robot, Moves(mission), {}
+
+    def score(self, trails):
+        if trails not in self.scores:
+            reward, survivors = twins.evaluate(self.mission, trails)
+            share = reward / self.mission.total_reward
+            alive = survivors / self.mission.robots
+            self.scores[trails] = self.weight * share + (1 - self.weight) * alive
+        return self.scores[trails]
+
+    def tried(self, trails):
+        """Every plan a step may try, with its chance."""
+        robots = range(len(trails))
+        chances = [self.moves.drawn(self.kinds, trail) for trail in trails]
+        if self.every_robot:
+            for joint in product(*(chance.items() for chance in chances)):
+                yield tuple(trail for trail, _ in joint), np.prod([p for _, p in joint])
+            return
+        for robot in robots:
+            for trail, chance in chances[robot].items():
+                yield (*trails[:robot], trail, *trails[robot + 1 :]), chance / len(trails)
+
+    def after(self, n_steps, trails):
+        """Chances of (plan, best plan)."""
+        states, temperature = {(trails, trails): 1.0}, self.temperature
+        for _ in range(n_steps):
+            following = defaultdict(float)
+            for (here, best), chance in states.items():
+                for tried, probability in self.tried(here):
+                    change = self.score(tried) - self.score(here)
+                    accepted = 1.0 if change > -1e-15 else exp(change / temperature)
+                    new_best = tried if self.score(tried) > self.score(best) + 1e-15 else best
+                    joint = chance * probability
+                    following[tried, new_best] += joint * accepted
+                    following[new_best, new_best] += joint * (1 - accepted) * self.returning
+                    following[here, new_best] += joint * (1 - accepted) * (1 - self.returning)
+            states, temperature = following, temperature * self.cooling
+        return dict(states)
+
+
+@pytest.mark.parametrize("every_robot", [False, True])
+@pytest.mark.parametrize("cooling", [1.0, 0.3])
+@pytest.mark.parametrize("returning", [0.0, 0.4])
+def test_searches_end_with_the_chances_of_the_twin(every_robot, cooling, returning):
+    mission, n_steps, n_times = crossroads(), 3, 12_000
+    options = {
+        "weight": 0.4,
+        "temperature": 0.05,
+        "cooling": cooling,
+        "returning": returning,
+        "every_robot": every_robot,
+        "kinds": np.array([1, 2, 0, 0, 0, 0, 0.3]),
+    }
+    search = Search(mission, seed=3, **options)
+    start = search.figures.copy()
+    counted, expected = Counter(), defaultdict(float)
+    for _ in range(n_times):
+        search.lengths[:], search.best_lengths[:] = 1, 1
+        search.figures[:] = start
+        search.run(n_steps)
+        counted[alike(search.trails, search.best_trails)] += 1
+    twin = Annealing(mission, **options)
+    for (here, best), chance in twin.after(n_steps, ((0,), (0,))).items():
+        expected[alike(here, best)] += chance
+    assert sum(expected.values()) == pytest.approx(1)
+    agree(counted, expected, n_times)
+    assert len(counted) > 20
+
+
+def alike(here, best):
+    """Ties are broken by rounding where robots change places."""
+    return tuple(sorted(here)), tuple(sorted(best))
+
+
+def test_the_twin_tells_temperatures_and_returns_apart():
+    """Otherwise the test above would show nothing."""
+    base = {
+        "weight": 0.4,
+        "temperature": 0.05,
+        "cooling": 1.0,
+        "returning": 0.0,
+        "every_robot": False,
+        "kinds": np.array([1, 2, 0, 0, 0, 0, 0.3]),
+    }
+    usual = Annealing(crossroads(), **base).after(3, ((0,), (0,)))
+    for change in ({"cooling": 0.3}, {"returning": 0.4}, {"temperature": 0.08}, {"weight": 0.6}):
+        other = Annealing(crossroads(), **{**base, **change}).after(3, ((0,), (0,)))
+        gap = max(abs(usual.get(key, 0) - other.get(key, 0)) for key in {*usual, *other})
+        assert gap > 12 * (0.25 / 12_000) ** 0.5 / 2, change
+
+
+def test_cooling():
+    search = Search(load_mission("art_museum"), temperature=0.2, cooling=0.95)
+    search.run(40)
+    assert search.figures[kernels.TEMPERATURE] == pytest.approx(0.2 * 0.95**40, rel=1e-12)
+
+
+def test_a_cold_search_climbs():
+    search = Search(load_mission("art_museum"), temperature=1e-12, weight=0.6)
+    scores = []
+    for _ in range(200):
+        search.run(5)
+        scores.append(search.score(search.figures[:2]))
+        assert search.figures[kernels.BEST_SCORE] == pytest.approx(scores[-1], abs=1e-9)
+    assert scores == sorted(scores)
+    assert scores[-1] > scores[0]
+
+
+def test_a_hot_search_roams_and_remembers_its_best():
+    search = Search(load_mission("art_museum"), temperature=10.0, weight=0.6)
+    search.run(2_000)
+    assert search.score(search.figures[:2]) < search.figures[kernels.BEST_SCORE] - 0.05
+
+
+@settings(max_examples=120)
+@given(
+    missions(min_nodes=1, max_nodes=8, max_robots=4),
+    st.booleans(),
+    st.sampled_from([0.0, 0.3, 1.0]),
+    st.sampled_from([0.0, 0.2]),
+    st.integers(0, 2**31),
+)
+def test_figures_and_records_are_those_of_evaluate(mission, every_robot, weight, returning, seed):
+    search = Search(
+        mission,
+        seed=seed,
+        weight=weight,
+        every_robot=every_robot,
+        returning=returning,
+        temperature=0.1,
+        cooling=0.95,
+    )
+    for n_steps in (1, 40, 3):
+        batch, objectives = search.run(n_steps)
+        assert len(batch) == len(objectives) <= n_steps
+        assert objectives.tolist() == mission.evaluate(batch).tolist()
+        at_hand = PlanBatch.from_plans(
+            [mission.plan(search.trails), mission.plan(search.best_trails)], mission.robots
+        )
+        assert search.figures[:4].tolist() == mission.evaluate(at_hand).ravel().tolist()
+
+
+@pytest.mark.parametrize("returning", [0.0, 0.05])
+def test_steps_in_parts_are_the_same_steps(returning):
+    searches = [
+        Search(load_mission("art_museum"), seed=2, cooling=0.99, returning=returning)
+        for _ in range(2)
+    ]
+    batch, objectives = searches[0].run(300)
+    parts = [searches[1].run(n) for n in (1,) * 20 + (7,) * 40]
+    assert batch.nodes.tolist() == np.concatenate([part.nodes for part, _ in parts]).tolist()
+    assert objectives.tolist() == np.concatenate([found for _, found in parts]).tolist()
+    assert searches[0].figures.tolist() == searches[1].figures.tolist()
+    assert searches[0].trails == searches[1].trails
+    assert searches[0].best_trails == searches[1].best_trails
+
+
+def test_records_leave_out_only_what_is_dominated():
+    """The plan the search is at, and its best, can always be found among what it recorded."""
+    mission = load_mission("art_museum")
+    search = Search(mission, seed=1, temperature=0.01)
+    recorded = {(mission.arrays.reward[0], 3.0)}
+    n_recorded = 0
+    for _ in range(400):
+        _, objectives = search.run(1)
+        recorded |= set(map(tuple, objectives.tolist()))
+        n_recorded += len(objectives)
+        for pair in (search.figures[:2], search.figures[2:4]):
+            assert any(r >= pair[0] and s >= pair[1] for r, s in recorded)
+    assert 20 < n_recorded < 400
+    searches = [
+        Search(mission, seed=1, temperature=0.01, record=record) for record in (True, False)
+    ]
+    kept, (none, _) = searches[0].run(400)[0], searches[1].run(400)
+    assert len(kept) == n_recorded
+    assert len(none) == 0
+    assert searches[0].trails == searches[1].trails
+
+
+@settings(max_examples=60)
+@given(missions(max_nodes=7), st.sampled_from([0.3, 0.7, 1.0]), st.integers(0, 2**31))
+def test_no_plan_leaves_the_floor(mission, floor, seed):
+    search = Search(mission, seed=seed, floor=floor, temperature=0.5, weight=0.9)
+    batch, _ = search.run(60)
+    assert (mission.robot_survival(batch) >= floor).all()
+    current = mission.batch([mission.plan(search.trails), mission.plan(search.best_trails)])
+    assert (mission.robot_survival(current) >= floor).all()
+
+
+def test_the_first_plan_evaluated_is_the_best_where_there_was_none():
+    search = Search(load_mission("art_museum"), weight=0.0, kinds=PUBLISHED, every_robot=True)
+    search.figures[kernels.BEST_SCORE] = -np.inf
+    search.run(1)
+    assert search.best_trails != ((0,),) * 3
+    assert search.figures[kernels.BEST_SURVIVORS] < 3

@@ -1,0 +1,307 @@
+"""Moves of trails: every outcome with the probability of a readable twin, and never a fault."""
+
+from collections import Counter, defaultdict
+from itertools import pairwise
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from botohe_moo.kernels import moves
+from botohe_moo.kernels.rng import seed_states
+from botohe_moo.mission import Mission, load_mission
+from botohe_moo.trails import PlanBatch
+from tests.strategies import missions_with_plans, plans
+
+KINDS = {
+    "insert": moves.INSERT,
+    "delete": moves.DELETE,
+    "substitute": moves.SUBSTITUTE,
+    "swap": moves.SWAP,
+    "grab": moves.GRAB,
+    "delete segment": moves.DELETE_SEGMENT,
+    "reverse": moves.REVERSE,
+    "delete loop": moves.DELETE_LOOP,
+}
+PUBLISHED = np.array([1, 1, 1, 1, 1, 1, 0.1])
+
+
+class Moves:
+    """Every outcome of a move, one rule a line; None stands for a move that cannot be made."""
+
+    def __init__(self, mission):
+        self.arcs, self.base, self.graph = set(mission.graph.edges), mission.base, mission.graph
+
+    def is_trail(self, trail):
+        hops = list(pairwise(trail))
+        ends = trail[0] == trail[-1] == self.base
+        return ends and set(hops) <= self.arcs and len(set(hops)) == len(hops)
+
+    def evenly(self, outcomes):
+        """Each of the outcomes is equally likely, those that are no trails not among them."""
+        possible = [trail for trail in outcomes if self.is_trail(trail)]
+        return possible or [None]
+
+    def at_positions(self, positions, outcomes):
+        """A position is drawn, then one of the outcomes possible there."""
+        chances = defaultdict(float)
+        for position in positions:
+            possible = self.evenly(outcomes(position))
+            for trail in possible:
+                chances[trail] += 1 / len(positions) / len(possible)
+        return dict(chances) or {None: 1.0}
+
+    def outcomes(self, kind, trail):
+        last = len(trail) - 1
+        inner = range(1, last)
+        others = [node for node in self.graph if node != self.base]
+        pairs = [(i, j) for i in inner for j in inner if i < j]
+        match kind:
+            case "insert":
+                return self.at_positions(
+                    range(last + 1),
+                    lambda i: [
+                        (*trail[: i + 1], v, *(trail[i + 1 :] or (self.base,))) for v in others
+                    ],
+                )
+            case "delete":
+                return self.at_positions(
+                    inner,
+                    lambda i: [
+                        trail[:i] + trail[i + 2 :]
+                        if trail[i - 1] == trail[i + 1]
+                        else trail[:i] + trail[i + 1 :]
+                    ],
+                )
+            case "substitute":
+                return self.at_positions(
+                    inner,
+                    lambda i: [(*trail[:i], v, *trail[i + 1 :]) for v in others if v != trail[i]],
+                )
+            case "swap":
+                return self.at_positions(
+                    pairs, lambda p: [swapped(trail, *p)] if trail[p[0]] != trail[p[1]] else []
+                )
+            case "grab":
+                return self.at_positions(
+                    range(max(1, last)),
+                    lambda i: [(*trail[: i + 1], v, trail[i], *trail[i + 1 :]) for v in others],
+                )
+            case "delete segment":
+                return self.at_positions(pairs, lambda p: [trail[: p[0]] + trail[p[1] + 1 :]])
+            case "reverse":
+                return self.at_positions([0] if inner else [], lambda _: [trail[::-1]])
+            case "delete loop":
+                return self.at_positions(
+                    range(last + 1) if inner else [],
+                    lambda i: [
+                        trail[: min(i, j)] + trail[max(i, j) :]
+                        for j in range(last + 1)
+                        if j != i and trail[i] == trail[j]
+                    ],
+                )
+
+    def drawn(self, weights, trail):
+        """Outcomes of drawing kinds until a move can be made; empty where none ever can."""
+        chances = defaultdict(float)
+        for kind, weight in zip(KINDS, weights, strict=False):
+            for outcome, chance in self.outcomes(kind, trail).items():
+                chances[outcome] += weight * chance
+        chances.pop(None, None)
+        total = sum(chances.values())
+        return {outcome: chance / total for outcome, chance in chances.items()}
+
+
+def swapped(trail, i, j):
+    changed = list(trail)
+    changed[i], changed[j] = changed[j], changed[i]
+    return tuple(changed)
+
+
+def crossroads():
+    """Both ways but for two arcs; trails may pass nodes, and the base, several times."""
+    graph = nx.DiGraph(base=0, robots=2)
+    graph.add_nodes_from(range(5), reward=1.0)
+    both = [(0, 1), (0, 2), (1, 2), (1, 3), (2, 3), (3, 4)]
+    graph.add_edges_from([*both, *((v, u) for u, v in both), (4, 1), (0, 4)])
+    for i, arc in enumerate(graph.edges):
+        graph.edges[arc]["survival"] = 0.99 - 0.03 * i
+    return Mission(graph)
+
+
+TRAILS = [
+    (0,),
+    (0, 1, 0),
+    (0, 1, 2, 0),
+    (0, 4, 1, 0),
+    (0, 1, 3, 2, 0),
+    (0, 1, 0, 2, 0),
+    (0, 2, 3, 4, 3, 1, 0),
+    (0, 1, 2, 1, 3, 4, 1, 0, 2, 3, 2, 0),
+    (0, 4, 3, 2, 1, 3, 1, 2, 0),
+]
+
+
+def buffer(mission, trail):
+    nodes = np.full(mission.arrays.n_arcs + 1, -7, np.int32)
+    nodes[: len(trail)] = trail
+    return nodes
+
+
+def agree(counted, expected, n_times):
+    assert set(counted) <= set(expected)
+    for outcome, chance in expected.items():
+        spread = abs(n_times * chance * (1 - chance)) ** 0.5
+        assert abs(counted[outcome] - n_times * chance) <= 5 * spread + 1, outcome
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_one_move_has_the_outcomes_of_the_twin(kind):
+    mission = crossroads()
+    arrays, n_times = mission.arrays, 3_000
+    states = seed_states(np.random.default_rng(1), 1)
+    used = np.full(arrays.n_arcs, -1, np.int64)
+    makeable = 0
+    for mark, trail in enumerate(TRAILS):
+        expected = Moves(mission).outcomes(kind, trail)
+        assert sum(expected.values()) == pytest.approx(1)
+        makeable += set(expected) != {None}
+        counted = Counter()
+        moves.mark_trail(arrays.first, arrays.head, buffer(mission, trail), len(trail), used, mark)
+        marks = used.copy()
+        for _ in range(n_times):
+            nodes = buffer(mission, trail)
+            length = moves.move_trail(
+                arrays.first,
+                arrays.head,
+                arrays.base,
+                nodes,
+                len(trail),
+                KINDS[kind],
+                used,
+                mark,
+                states,
+                0,
+            )
+            if length == moves.CANNOT:
+                assert nodes.tolist() == buffer(mission, trail).tolist()
+            counted[None if length == moves.CANNOT else tuple(nodes[:length].tolist())] += 1
+        assert np.array_equal(used, marks)
+        agree(counted, expected, n_times)
+    assert makeable >= 2
+
+
+@pytest.mark.parametrize("weights", [PUBLISHED, np.array([1, 0, 0.5, 2, 1, 1, 0, 3.0])])
+@pytest.mark.parametrize("trail", TRAILS)
+def test_moves_are_drawn_again_until_one_can_be_made(trail, weights):
+    mission = crossroads()
+    n_times = 3_000
+    batch = PlanBatch(np.tile(np.int32(trail), n_times), np.arange(n_times + 1) * len(trail), 1)
+    changed = PlanBatch(*change(mission, batch, weights=weights), 1)
+    counted = Counter(plan.trails[0] for plan in changed)
+    agree(counted, Moves(mission).drawn(weights, trail), n_times)
+
+
+def change(mission, batch, *, weights=PUBLISHED, every_robot=True, floor=0.0, seed=0, tries=1_000):
+    arrays = mission.arrays
+    states = seed_states(np.random.default_rng(seed), 2)
+    other = states[0].tolist()
+    for array in (batch.nodes, batch.offsets):
+        array.setflags(write=False)
+    changed = moves.change_plans(
+        arrays.first,
+        arrays.head,
+        arrays.survival,
+        arrays.base,
+        floor,
+        weights,
+        tries,
+        every_robot,
+        batch.nodes,
+        batch.offsets,
+        batch.n_robots,
+        states,
+        1,
+    )
+    assert states[0].tolist() == other
+    return changed
+
+
+@settings(max_examples=150)
+@given(missions_with_plans(max_nodes=8, one_way=True), st.booleans(), st.integers(0, 2**31))
+def test_trails_stay_trails_on_one_way_missions(mission_and_plan, every_robot, seed):
+    mission, plan = mission_and_plan
+    batch = mission.batch([plan] * 20)
+    weights = np.ones(moves.N_KINDS)
+    for i in range(5):
+        batch = PlanBatch(
+            *change(
+                mission, batch, weights=weights, every_robot=every_robot, seed=seed + i, tries=20
+            ),
+            mission.robots,
+        )
+        mission.evaluate(batch)  # raises PlanError for any trail that is not valid
+
+
+@settings(max_examples=60)
+@given(missions_with_plans(max_nodes=7), st.data())
+def test_no_move_leaves_the_floor(mission_and_plan, data):
+    mission, plan = mission_and_plan
+    other = mission.plan(data.draw(plans(mission)))
+    batch = mission.batch([plan, other] * 10)
+    floor = mission.robot_survival(batch).min()
+    for seed in range(3):
+        batch = PlanBatch(*change(mission, batch, floor=floor, seed=seed, tries=20), mission.robots)
+        assert (mission.robot_survival(batch) >= floor).all()
+
+
+def test_the_floor_binds_and_leaves_room():
+    mission = load_mission("art_museum")
+    batch = mission.batch([mission.plan([[1]] * 3)] * 200)
+    for seed in range(30):
+        free = PlanBatch(*change(mission, batch, seed=seed), 3)
+        batch = PlanBatch(*change(mission, batch, floor=0.5, seed=seed), 3)
+    assert mission.robot_survival(free).min() < 0.5
+    assert 0.5 <= mission.robot_survival(batch).min() < 0.6
+    assert max(len(trail) for plan in batch for trail in plan.trails) > 5
+
+
+@pytest.mark.parametrize("every_robot", [False, True])
+def test_one_robot_drawn_uniformly_or_every_robot(every_robot):
+    mission = load_mission("art_museum").with_robots(4)
+    plan = mission.plan([[1, 2, 8, 2, 1], [1], [1, 2, 1], [1, 2, 3, 2, 1]])
+    batch = mission.batch([plan] * 4_000)
+    weights = np.array([1, 0, 0, 0, 0, 0, 0.0])  # which always changes a trail
+    changed = PlanBatch(*change(mission, batch, weights=weights, every_robot=every_robot), 4)
+    differs = np.array(
+        [
+            [now != before for now, before in zip(new.trails, plan.trails, strict=True)]
+            for new in changed
+        ]
+    )
+    if every_robot:
+        assert differs.all()
+    else:
+        assert (differs.sum(axis=1) == 1).all()
+        assert np.abs(differs.mean(axis=0) - 0.25).max() < 5 * (0.25 * 0.75 / 4_000) ** 0.5
+
+
+def test_a_trail_that_no_move_can_change_stays():
+    graph = nx.DiGraph(base=0, robots=2)
+    graph.add_nodes_from(range(3), reward=1.0)
+    nx.add_cycle(graph, range(3), survival=0.9)
+    mission = Mission(graph)
+    batch = mission.batch([mission.plan([[0], [0]])])
+    nodes, offsets = change(mission, batch)
+    assert nodes.tolist() == [0, 0]
+    assert offsets.tolist() == [0, 1, 2]
+    assert Moves(mission).drawn(PUBLISHED, (0,)) == {}
+
+
+def test_no_plans():
+    mission = load_mission("toy")
+    nodes, offsets = change(mission, mission.batch([]))
+    assert nodes.tolist() == []
+    assert offsets.tolist() == [0]
