@@ -8,7 +8,14 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from botohe_moo.algorithms import BOACO, RandomTrails, algorithm_names, make_algorithm
+    from botohe_moo.algorithms import (
+        BOACO,
+        Greedy,
+        RandomTrails,
+        SimulatedAnnealing,
+        algorithm_names,
+        make_algorithm,
+    )
     from botohe_moo.distribution import Distribution
     from botohe_moo.indicators import area_indicator
     from botohe_moo.mission import (
@@ -29,6 +36,7 @@ if TYPE_CHECKING:
     )
     from botohe_moo.plots import plot_front, plot_mission
     from botohe_moo.problem import BOTOHE, FrontOutput
+    from botohe_moo.sequential import plan_sequentially
     from botohe_moo.trails import PlanBatch, TrailPlan
 
 __all__ = [
@@ -36,12 +44,14 @@ __all__ = [
     "BOTOHE",
     "Distribution",
     "FrontOutput",
+    "Greedy",
     "Mission",
     "MissionError",
     "Outcomes",
     "PlanBatch",
     "PlanError",
     "RandomTrails",
+    "SimulatedAnnealing",
     "TrailPlan",
     "algorithm_names",
     "area_indicator",
@@ -49,6 +59,7 @@ __all__ = [
     "make_algorithm",
     "mission_names",
     "plan_outcomes",
+    "plan_sequentially",
     "plot_front",
     "plot_mission",
     "read_mission",
@@ -59,7 +70,14 @@ __all__ = [
 ]
 
 _HOMES = {
-    "algorithms": ("BOACO", "RandomTrails", "algorithm_names", "make_algorithm"),
+    "algorithms": (
+        "BOACO",
+        "Greedy",
+        "RandomTrails",
+        "SimulatedAnnealing",
+        "algorithm_names",
+        "make_algorithm",
+    ),
     "distribution": ("Distribution",),
     "indicators": ("area_indicator",),
     "mission": (
@@ -80,6 +98,7 @@ _HOMES = {
     ),
     "plots": ("plot_front", "plot_mission"),
     "problem": ("BOTOHE", "FrontOutput"),
+    "sequential": ("plan_sequentially",),
     "trails": ("PlanBatch", "TrailPlan"),
 }
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from botohe_moo.kernels import anneal as kernels
 from botohe_moo.kernels.rng import seed_states
 from botohe_moo.mission import load_mission
-from botohe_moo.trails import PlanBatch
+from botohe_moo.trails import PlanBatch, TrailPlan
 from tests import twins
 from tests.kernels.test_moves import PUBLISHED, Moves, agree, crossroads
 from tests.strategies import missions
@@ -21,7 +21,7 @@ COOLED = np.array([1, 1, 1, 1, 1, 1, 0.1, 0.1])
 
 
 class Search:
-    """The kernel with its arrays; starts with everybody at base."""
+    """The kernel with its arrays; starts with everybody at base, or from given trails."""
 
     def __init__(self, mission, *, seed=0, temperature=0.02, weight=0.7, **options):
         arrays, robots = mission.arrays, mission.robots
@@ -43,6 +43,13 @@ class Search:
         self.figures[kernels.BEST_SCORE] = self.score(self.figures[:2])
         self.figures[kernels.TEMPERATURE] = temperature
         self.states = seed_states(np.random.default_rng(seed), 1)
+
+    def start(self, trails):
+        for robot, trail in enumerate(trails):
+            for rows, lengths in ((self.current, self.lengths), (self.best, self.best_lengths)):
+                rows[robot, : len(trail)], lengths[robot] = trail, len(trail)
+        self.figures[:4] = self.mission.evaluate([TrailPlan(trails)]).tolist()[0] * 2
+        self.figures[kernels.BEST_SCORE] = self.score(self.figures[:2])
 
     def score(self, objectives):
         mission, weight = self.mission, self.weight
@@ -136,33 +143,42 @@ class Annealing:
         return dict(states)
 
 
+# Three steps from here are told apart from those of any other rule (the test after the next).
+START = ((0, 1, 3, 2, 0), (0,))
+RULE = {
+    "weight": 0.6,
+    "temperature": 0.06,
+    "cooling": 1.0,
+    "returning": 0.0,
+    "every_robot": False,
+    "kinds": np.array([1, 2, 0, 0, 0, 0, 0.3]),
+}
+N_STEPS, N_TIMES = 3, 12_000
+
+
 @pytest.mark.parametrize("every_robot", [False, True])
 @pytest.mark.parametrize("cooling", [1.0, 0.3])
 @pytest.mark.parametrize("returning", [0.0, 0.4])
 def test_searches_end_with_the_chances_of_the_twin(every_robot, cooling, returning):
-    mission, n_steps, n_times = crossroads(), 3, 12_000
-    options = {
-        "weight": 0.4,
-        "temperature": 0.05,
-        "cooling": cooling,
-        "returning": returning,
-        "every_robot": every_robot,
-        "kinds": np.array([1, 2, 0, 0, 0, 0, 0.3]),
-    }
-    search = Search(mission, seed=3, **options)
-    start = search.figures.copy()
-    counted, expected = Counter(), defaultdict(float)
-    for _ in range(n_times):
-        search.lengths[:], search.best_lengths[:] = 1, 1
-        search.figures[:] = start
-        search.run(n_steps)
+    mission = crossroads()
+    rule = {**RULE, "every_robot": every_robot, "cooling": cooling, "returning": returning}
+    search = Search(mission, seed=3, **rule)
+    counted = Counter()
+    for _ in range(N_TIMES):
+        search.start(START)
+        search.figures[kernels.TEMPERATURE] = rule["temperature"]
+        search.run(N_STEPS)
         counted[alike(search.trails, search.best_trails)] += 1
-    twin = Annealing(mission, **options)
-    for (here, best), chance in twin.after(n_steps, ((0,), (0,))).items():
+    agree(counted, chances_after(rule), N_TIMES)
+    assert len(counted) > 50
+
+
+def chances_after(rule):
+    expected = defaultdict(float)
+    for (here, best), chance in Annealing(crossroads(), **rule).after(N_STEPS, START).items():
         expected[alike(here, best)] += chance
     assert sum(expected.values()) == pytest.approx(1)
-    agree(counted, expected, n_times)
-    assert len(counted) > 20
+    return expected
 
 
 def alike(here, best):
@@ -170,21 +186,14 @@ def alike(here, best):
     return tuple(sorted(here)), tuple(sorted(best))
 
 
-def test_the_twin_tells_temperatures_and_returns_apart():
+@pytest.mark.parametrize(
+    "change", [{"cooling": 0.3}, {"returning": 0.4}, {"temperature": 0.1}, {"weight": 0.5}]
+)
+def test_the_twin_tells_rules_apart(change):
     """Otherwise the test above would show nothing."""
-    base = {
-        "weight": 0.4,
-        "temperature": 0.05,
-        "cooling": 1.0,
-        "returning": 0.0,
-        "every_robot": False,
-        "kinds": np.array([1, 2, 0, 0, 0, 0, 0.3]),
-    }
-    usual = Annealing(crossroads(), **base).after(3, ((0,), (0,)))
-    for change in ({"cooling": 0.3}, {"returning": 0.4}, {"temperature": 0.08}, {"weight": 0.6}):
-        other = Annealing(crossroads(), **{**base, **change}).after(3, ((0,), (0,)))
-        gap = max(abs(usual.get(key, 0) - other.get(key, 0)) for key in {*usual, *other})
-        assert gap > 12 * (0.25 / 12_000) ** 0.5 / 2, change
+    usual, other = chances_after(RULE), chances_after({**RULE, **change})
+    gap = max(abs(usual[key] - other[key]) for key in {*usual, *other})
+    assert gap * N_TIMES > 5 * (0.25 * N_TIMES) ** 0.5 + 3
 
 
 def test_cooling():
@@ -194,7 +203,7 @@ def test_cooling():
 
 
 def test_a_cold_search_climbs():
-    search = Search(load_mission("art_museum"), temperature=1e-12, weight=0.6)
+    search = Search(crossroads(), temperature=1e-12, weight=0.9)
     scores = []
     for _ in range(200):
         search.run(5)

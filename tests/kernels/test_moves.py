@@ -154,7 +154,7 @@ def agree(counted, expected, n_times):
     assert set(counted) <= set(expected)
     for outcome, chance in expected.items():
         spread = abs(n_times * chance * (1 - chance)) ** 0.5
-        assert abs(counted[outcome] - n_times * chance) <= 5 * spread + 1, outcome
+        assert abs(counted[outcome] - n_times * chance) <= 5 * spread + 3, outcome
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -273,7 +273,7 @@ def test_one_robot_drawn_uniformly_or_every_robot(every_robot):
     mission = load_mission("art_museum").with_robots(4)
     plan = mission.plan([[1, 2, 8, 2, 1], [1], [1, 2, 1], [1, 2, 3, 2, 1]])
     batch = mission.batch([plan] * 4_000)
-    weights = np.array([1, 0, 0, 0, 0, 0, 0.0])  # which always changes a trail
+    weights = np.array([0, 0, 0, 0, 1, 0, 0.0])  # every one of these trails can grab
     changed = PlanBatch(*change(mission, batch, weights=weights, every_robot=every_robot), 4)
     differs = np.array(
         [

@@ -1,7 +1,28 @@
 """Algorithms for BOTOHE problems, and the registry that makes them by name."""
 
 from botohe_moo.algorithms.bo_aco import BOACO
+from botohe_moo.algorithms.greedy import Greedy
+from botohe_moo.algorithms.population import (
+    PlanMOEAD,
+    PlanNSGA2,
+    PlanSMSEMOA,
+    PlanSPEA2,
+    PopulationAlgorithm,
+)
 from botohe_moo.algorithms.random_trails import RandomTrails
 from botohe_moo.algorithms.registry import algorithm_names, make_algorithm
+from botohe_moo.algorithms.simulated_annealing import SimulatedAnnealing
 
-__all__ = ["BOACO", "RandomTrails", "algorithm_names", "make_algorithm"]
+__all__ = [
+    "BOACO",
+    "Greedy",
+    "PlanMOEAD",
+    "PlanNSGA2",
+    "PlanSMSEMOA",
+    "PlanSPEA2",
+    "PopulationAlgorithm",
+    "RandomTrails",
+    "SimulatedAnnealing",
+    "algorithm_names",
+    "make_algorithm",
+]

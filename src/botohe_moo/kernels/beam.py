@@ -157,7 +157,7 @@ def _go_on(ground: Ground, search: _Search, labels: Labels, parent: int, arc: in
     )
 
 
-@inline
+@kernel
 def _look_ahead(
     near: IntArray,
     reach: FloatArray,

@@ -1,0 +1,303 @@
+"""Simulated annealing through pymoo: budgets, schedules, floors, and the published curve."""
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pymoo.core.callback import Callback
+from pymoo.optimize import minimize
+from pymoo.termination import get_termination
+from pymoo.termination.collection import TerminationCollection
+
+from botohe_moo import BOTOHE, RandomTrails, TrailPlan, area_indicator, load_mission
+from botohe_moo.algorithms.simulated_annealing import SimulatedAnnealing
+from tests.strategies import missions
+
+schedules = pytest.mark.parametrize("schedule", ["cooled", "journal"])
+
+
+@pytest.fixture(scope="module")
+def museum():
+    return load_mission("art_museum")
+
+
+class EveryGeneration(Callback):
+    def __init__(self):
+        super().__init__()
+        self.evaluations, self.weights = [], []
+
+    def notify(self, algorithm):
+        self.evaluations.append(algorithm.evaluator.n_eval)
+        self.weights.append(algorithm._weight)
+
+
+def solve(mission, n_eval, *, seed=1, callback=None, **parameters):
+    callback = callback or EveryGeneration()
+    algorithm = SimulatedAnnealing(**parameters)
+    return minimize(BOTOHE(mission), algorithm, ("n_eval", n_eval), seed=seed, callback=callback)
+
+
+def area(result):
+    return area_indicator(-result.F, result.problem.mission)
+
+
+def same(one, other):
+    return one.F.tobytes() == other.F.tobytes() and [p.trails for p in one.X[:, 0]] == [
+        p.trails for p in other.X[:, 0]
+    ]
+
+
+@schedules
+class TestContract:
+    @pytest.mark.parametrize("budget", [1, 2, 7, 100, 1003])
+    def test_budget_is_exact_and_every_generation_spends(self, schedule, museum, budget):
+        callback = EveryGeneration()
+        result = solve(museum, budget, schedule=schedule, callback=callback)
+        assert result.algorithm.evaluator.n_eval == budget
+        assert callback.evaluations[-1] == budget
+        assert (np.diff([0, *callback.evaluations]) > 0).all()
+        assert np.array_equal(-result.F, museum.evaluate(result.X))
+        assert not any(dominated(f, result.F) for f in result.F)
+
+    def test_seed(self, schedule, museum):
+        one, again, other = (solve(museum, 900, schedule=schedule, seed=s) for s in (1, 1, 2))
+        assert same(one, again)
+        assert not same(one, other)
+
+    @pytest.mark.parametrize("steps", [1, 7, 1_000])
+    def test_generations_do_not_change_what_is_found(self, schedule, museum, steps):
+        whole = solve(museum, 700, schedule=schedule)
+        parts = solve(museum, 700, schedule=schedule, steps_per_generation=steps)
+        assert same(whole, parts)
+
+    def test_pickles_and_copies_resume_bit_for_bit(self, schedule, museum):
+        whole = solve(museum, 800, schedule=schedule, steps_per_generation=11)
+        algorithm = SimulatedAnnealing(schedule=schedule, steps_per_generation=11)
+        algorithm.setup(BOTOHE(museum), termination=("n_eval", 800), seed=1)
+        while algorithm.has_next():
+            algorithm.next()
+            if algorithm.n_gen in (2, 30):
+                copied = copy.deepcopy(algorithm)
+                algorithm = pickle.loads(pickle.dumps(algorithm))
+        while copied.has_next():
+            copied.next()
+        assert same(whole, algorithm.result())
+        assert same(whole, copied.result())
+
+    @settings(max_examples=40)
+    @given(
+        mission=missions(min_nodes=1, max_nodes=7),
+        floor=st.sampled_from([0.0, 0.4, 0.9, 1.0]),
+        seed=st.integers(0, 2**31),
+    )
+    def test_any_mission_and_floor(self, schedule, mission, floor, seed):
+        problem = BOTOHE(mission, min_survival=floor)
+        result = minimize(problem, SimulatedAnnealing(schedule=schedule), ("n_eval", 60), seed=seed)
+        assert np.array_equal(-result.F, mission.evaluate(result.X))
+        assert (mission.robot_survival(result.X) >= floor * (1 - 1e-12)).all()
+        assert result.algorithm.evaluator.n_eval == 60
+
+    def test_a_floor_binds(self, schedule, museum):
+        free = solve(museum, 4_000, schedule=schedule)
+        problem = BOTOHE(museum, min_survival=0.5)
+        held = minimize(problem, SimulatedAnnealing(schedule=schedule), ("n_eval", 4_000), seed=1)
+        assert museum.robot_survival(free.X).min() < 0.45
+        assert 0.5 <= museum.robot_survival(held.X).min() < 0.6
+        assert (held.G <= 0).all()
+
+    def test_starts_from_given_plans(self, schedule, museum):
+        good = solve(museum, 40_000, seed=9)
+        problem = BOTOHE(museum)
+        n = len(good.X) + 200
+        warm = SimulatedAnnealing(schedule=schedule, sampling=good.X)
+        result = minimize(problem, warm, ("n_eval", n), seed=1)
+        assert result.algorithm.evaluator.n_eval == n
+        assert area(result) >= area(good)
+        cut = SimulatedAnnealing(schedule=schedule, sampling=good.X)
+        result = minimize(problem, cut, ("n_eval", 5), seed=1)
+        assert result.algorithm.evaluator.n_eval == 5
+        assert len(result.X) == 5
+
+    def test_a_weight_starts_from_the_best_given_plan(self, schedule, museum):
+        good = solve(museum, 40_000, seed=9)
+        algorithm = SimulatedAnnealing(schedule=schedule, sampling=good.X)
+        algorithm.setup(BOTOHE(museum), termination=("n_eval", 100_000), seed=1)
+        algorithm.next()
+        algorithm._weight = 0.6
+        algorithm._best_from_archive()
+        rewards, survivors = -good.F[:, 0] / museum.total_reward, -good.F[:, 1] / museum.robots
+        best = np.argmax(0.6 * rewards + 0.4 * survivors)
+        assert algorithm._figures[2:4].tolist() == (-good.F[best]).tolist()
+        trails, lengths = algorithm._best
+        found = [row[:n].tolist() for row, n in zip(trails, lengths, strict=True)]
+        assert TrailPlan(found) == good.X[best, 0]
+
+    def test_plans_below_the_floor_are_nothing_to_start_from(self, schedule, museum):
+        daring = museum.plan([[1, 2, 21, 27, 25, 27, 21, 2, 1]] * 3)
+        problem = BOTOHE(museum, min_survival=0.6)
+        algorithm = SimulatedAnnealing(schedule=schedule, sampling=[daring])
+        result = minimize(problem, algorithm, ("n_eval", 500), seed=1)
+        assert museum.robot_survival([daring]).max() < 0.6
+        assert (museum.robot_survival(result.X) >= 0.6).all()
+        assert len(result.X) > 1
+
+    def test_other_terminations(self, schedule, museum):
+        problem = BOTOHE(museum)
+        for termination in (("n_gen", 5), ("time", 0.05)):
+            algorithm = SimulatedAnnealing(schedule=schedule, steps_per_generation=50)
+            result = minimize(problem, algorithm, termination, seed=1)
+            assert np.array_equal(-result.F, museum.evaluate(result.X))
+        both = TerminationCollection(get_termination("n_eval", 400), get_termination("n_gen", 900))
+        result = minimize(problem, SimulatedAnnealing(schedule=schedule), both, seed=1)
+        assert result.algorithm.evaluator.n_eval == 400
+
+    def test_sweep_after_sweep_without_a_budget(self, schedule, museum):
+        callback = EveryGeneration()
+        algorithm = SimulatedAnnealing(
+            schedule=schedule, sweep_evaluations=100, n_weights=5, n_passes=2
+        )
+        minimize(BOTOHE(museum), algorithm, ("n_gen", 25), seed=1, callback=callback)
+        up = [0.0, 0.25, 0.5, 0.75, 1.0]
+        sweep = up if schedule == "journal" else up + up[::-1]
+        assert callback.weights == (sweep * 5)[:25]
+        steps = 100 // len(sweep)
+        assert np.diff(callback.evaluations).tolist() == [steps] * 24
+
+    def test_verbose(self, schedule, museum, capsys):
+        algorithm = SimulatedAnnealing(schedule=schedule, steps_per_generation=3)
+        minimize(BOTOHE(museum), algorithm, ("n_eval", 90), seed=1, verbose=True)
+        assert "max E[R]" in capsys.readouterr().out.splitlines()[1]
+
+    @pytest.mark.parametrize("method", ["evaluate_batch", "constrain_batch"])
+    def test_problems_of_their_own_are_refused(self, schedule, museum, method):
+        class Unheard(BOTOHE):
+            pass
+
+        setattr(Unheard, method, lambda self, batch: np.zeros((len(batch), 2)))
+        message = f"Unheard overrides {method}, which SimulatedAnnealing does not call"
+        with pytest.raises(TypeError, match=message):
+            minimize(Unheard(museum), SimulatedAnnealing(schedule=schedule), ("n_eval", 9))
+        problem = BOTOHE(museum)
+        setattr(problem, method, getattr(problem, method))
+        with pytest.raises(TypeError, match=f"BOTOHE overrides {method}"):
+            minimize(problem, SimulatedAnnealing(schedule=schedule), ("n_eval", 9))
+
+
+def dominated(f, others):
+    return ((others <= f).all(axis=1) & (others < f).any(axis=1)).any()
+
+
+class TestJournal:
+    @pytest.mark.parametrize("budget", [100, 1003, 1024])
+    def test_as_many_weights_as_steps(self, museum, budget):
+        callback = EveryGeneration()
+        solve(museum, budget, schedule="journal", callback=callback)
+        n_weights = int(budget**0.5)
+        assert callback.weights == pytest.approx(np.linspace(0, 1, n_weights))
+        steps = np.diff([0, *callback.evaluations])
+        assert steps.sum() == budget
+        assert set(steps) <= {budget // n_weights, budget // n_weights + 1}
+
+    def test_only_the_best_plans_of_the_weights(self, museum):
+        algorithm = SimulatedAnnealing(schedule="journal", steps_per_generation=5)
+        algorithm.setup(BOTOHE(museum), termination=("n_eval", 400), seed=3)
+        best = []
+        while algorithm.has_next():
+            algorithm.next()
+            if algorithm._steps_left == 0:
+                best.append(tuple(-algorithm._figures[2:4]))
+        assert len(best) == 20
+        fronts = {f for f in best if not dominated(np.array(f), np.array(best))}
+        assert set(map(tuple, algorithm.result().F)) == fronts
+
+    def test_temperatures(self, museum):
+        algorithm = SimulatedAnnealing(schedule="journal", steps_per_generation=4)
+        algorithm.setup(BOTOHE(museum), termination=("n_eval", 100), seed=3)
+        for steps in (4, 8, 10, 4, 8, 10):
+            algorithm.next()
+            assert algorithm._figures[5] == pytest.approx(0.2 * 0.95**steps)
+
+    @pytest.mark.parametrize(
+        ("budget", "published", "deviation"), [(10_000, 0.4141, 0.0179), (99_856, 0.4728, 0.0053)]
+    )
+    def test_the_published_curve_in_short(self, museum, budget, published, deviation):
+        """Four runs; `python -m benchmarks annealing` goes on to 1 000 000 evaluations."""
+        areas = [area(solve(museum, budget, schedule="journal", seed=s)) for s in range(1, 5)]
+        assert np.mean(areas) == pytest.approx(published, abs=2 * deviation)
+
+
+class TestCooled:
+    def test_temperatures_end_where_they_should(self, museum):
+        rewards = museum.arrays.reward
+        share = (rewards**2).sum() / rewards.sum() ** 2
+        algorithm = SimulatedAnnealing(initial_temperature=0.5, final_temperature=0.01)
+        algorithm.setup(BOTOHE(museum), termination=("n_eval", 1_001), seed=3)
+        for _ in range(7):  # each a weight's 25 steps
+            algorithm.next()
+            assert algorithm._steps_left == 0
+            assert algorithm._figures[5] == pytest.approx(0.01 * share)
+
+    def test_weights_go_up_and_down(self, museum):
+        callback = EveryGeneration()
+        solve(museum, 1_001, callback=callback, n_passes=3)
+        up = np.linspace(0, 1, 10).tolist()
+        assert callback.weights == pytest.approx([*up, *up[::-1], *up])
+
+    def test_few_evaluations_for_many_weights(self, museum):
+        callback = EveryGeneration()
+        solve(museum, 8, n_weights=1_000_000, n_passes=1_000_000, callback=callback)
+        assert callback.weights == pytest.approx(np.linspace(0, 1, 7))
+
+    def test_the_result_is_the_front_of_all_that_was_evaluated(self, museum):
+        """In single steps, the plan the search is at shows all that it accepts."""
+        algorithm = SimulatedAnnealing(steps_per_generation=1)
+        algorithm.setup(BOTOHE(museum), termination=("n_eval", 2_000), seed=3)
+        seen = set()
+        while algorithm.has_next():
+            algorithm.next()
+            seen |= {tuple(-algorithm._figures[:2]), tuple(-algorithm._figures[2:4])}
+        found = algorithm.result().F
+        assert len(seen) > 500
+        assert all(((found <= np.array(f)).all(axis=1)).any() for f in seen)
+
+    @pytest.mark.parametrize("name", ["art_museum", "power_plant"])
+    def test_beats_the_published_schedule_and_random_search(self, name):
+        mission = load_mission(name)
+        cooled, journal = (
+            [area(solve(mission, 20_000, schedule=s, seed=i)) for i in range(3)]
+            for s in ("cooled", "journal")
+        )
+        chance = minimize(BOTOHE(mission), RandomTrails(), ("n_eval", 20_000), seed=1)
+        assert min(cooled) > max(journal) + 0.02
+        assert min(cooled) > area(chance) + 0.02
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"schedule": "warm"}, r"Expected schedule to be 'cooled' or 'journal', got 'warm'\."),
+        ({"schedule": 3}, r"Expected schedule to be 'cooled' or 'journal', got 3\."),
+        ({"initial_temperature": 0}, r"Expected initial_temperature > 0, got 0\."),
+        ({"initial_temperature": float("nan")}, r"Expected initial_temperature > 0, got nan\."),
+        ({"final_temperature": 0}, r"Expected final_temperature in \(0, 0\.2\], got 0\."),
+        ({"final_temperature": 0.3}, r"Expected final_temperature in \(0, 0\.2\], got 0\.3\."),
+        ({"n_weights": 0}, r"Expected n_weights >= 1, got 0\."),
+        ({"n_weights": 2.5}, r"Expected n_weights to be an integer >= 1, got 2\.5\."),
+        ({"n_passes": 0}, r"Expected n_passes >= 1, got 0\."),
+        ({"return_probability": 1.1}, r"Expected return_probability in \[0, 1\], got 1\.1\."),
+        ({"sweep_evaluations": 0}, r"Expected sweep_evaluations >= 1, got 0\."),
+        ({"steps_per_generation": 0}, r"Expected steps_per_generation >= 1, got 0\."),
+        ({"max_ties": 0}, r"Expected max_ties >= 1, got 0\."),
+    ],
+)
+def test_parameters_out_of_range(parameters, message):
+    with pytest.raises(ValueError, match=message):
+        SimulatedAnnealing(**parameters)
+
+
+def test_unknown_parameters():
+    with pytest.raises(TypeError, match="no parameter 'n_weight'; pymoo's options here are"):
+        SimulatedAnnealing(n_weight=3)
