@@ -284,6 +284,15 @@ def test_records_leave_out_only_what_is_dominated():
     assert searches[0].trails == searches[1].trails
 
 
+def test_rejected_plans_are_recorded_too():
+    mission = load_mission("art_museum")
+    search = Search(mission, seed=1, temperature=1e-12, weight=0.6)
+    search.start([[0, 1, 20, 26, 25, 26, 20, 1, 0], [0], [0, 1, 2, 1, 0]])
+    score = search.score(search.figures[:2])
+    _, objectives = search.run(50)
+    assert min(map(search.score, objectives)) < score - 0.001
+
+
 @settings(max_examples=60)
 @given(missions(max_nodes=7), st.sampled_from([0.3, 0.7, 1.0]), st.integers(0, 2**31))
 def test_no_plan_leaves_the_floor(mission, floor, seed):
