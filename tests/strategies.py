@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import networkx as nx
+from hypothesis import assume
 from hypothesis import strategies as st
 
 from botohe_moo.mission import Mission
+from tests.twins import all_trails
 
 survivals = st.one_of(st.just(1.0), st.floats(0.01, 1.0))
 rewards = st.one_of(st.just(0.0), st.floats(0.0, 10.0))
@@ -73,3 +75,13 @@ def plans(draw, mission):
 def missions_with_plans(draw, **options):
     mission = draw(missions(**options))
     return mission, mission.plan(draw(plans(mission)))  # the nodes' labels are their indices
+
+
+@st.composite
+def small_missions(draw, max_robots=3, max_trails=40, **options):
+    """A mission with few trails, and all of them."""
+    mission = draw(missions(min_nodes=1, max_nodes=5, max_robots=max_robots, **options))
+    assume(not 0 < mission.total_reward < 1e-300)  # of which parts would be rounded to nothing
+    trails = all_trails(mission, 1000)
+    assume(trails is not None and len(trails) <= max_trails)
+    return mission, trails

@@ -1,49 +1,19 @@
 """Robot by robot: the guarantee of the method, its corners, and what users rely on."""
 
 import pickle
-from itertools import combinations_with_replacement
 
 import networkx as nx
-import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from botohe_moo import Mission, TrailPlan, load_mission
-from botohe_moo.sequential import SequentialPlanner, plan_sequentially
-from tests.kernels.test_beam import all_trails, survival_of
-from tests.strategies import missions
+from botohe_moo.sequential import MAX_BEAM_WIDTH, SequentialPlanner, plan_sequentially
+from tests.strategies import missions, small_missions
+from tests.twins import all_objectives, worth
 
-WIDE = 100_000
+WIDE = MAX_BEAM_WIDTH  # cuts nothing
 WEIGHTS = (0.0, 0.1, 0.35, 0.6, 0.9, 0.99, 1.0)
-
-
-def worth(mission, objectives, weight):
-    """What plans are worth for a weight on reward."""
-    reward, survivors = np.transpose(objectives)
-    share = reward / (mission.total_reward or 1.0)
-    return weight * share + (1 - weight) * survivors / mission.robots
-
-
-def all_objectives(mission, trails):
-    """E[R] and E[S] of every multiset of trails."""
-    reach = np.zeros((len(trails), len(mission.nodes)))
-    for row, trail in enumerate(trails):
-        for node in set(trail):
-            reach[row, node] = survival_of(mission, trail[: trail.index(node) + 1])
-    survives = np.array([survival_of(mission, trail) for trail in trails])
-    teams = np.array(list(combinations_with_replacement(range(len(trails)), mission.robots)))
-    reward = (1 - np.prod(1 - reach[teams], axis=1)) @ mission.arrays.reward
-    return np.column_stack([reward, survives[teams].sum(axis=1)])
-
-
-@st.composite
-def small_missions(draw, max_robots=3, max_trails=40, **options):
-    """A mission with few trails, and all of them."""
-    mission = draw(missions(min_nodes=1, max_nodes=5, max_robots=max_robots, **options))
-    trails = all_trails(mission, 1000)
-    assume(trails is not None and len(trails) <= max_trails)
-    return mission, trails
 
 
 class TestGuarantee:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from itertools import pairwise, product
+from itertools import combinations_with_replacement, pairwise, product
 from math import exp, log, prod
 
 import networkx as nx
+import numpy as np
 
 
 def evaluate(mission, trails):
@@ -204,3 +205,49 @@ class Repairer:
             if self.leads_home(prefix):
                 prefixes.append(prefix)
         return self.home(prefixes[-1])
+
+
+def arc_survivals(mission):
+    arrays = mission.arrays
+    arcs = zip(arrays.tail.tolist(), arrays.head.tolist(), strict=True)
+    return dict(zip(arcs, arrays.survival.tolist(), strict=True))
+
+
+def all_trails(mission, max_steps=20_000):
+    """Every closed trail as node indices; None where there are too many to look at."""
+    survival, base = arc_survivals(mission), mission.arrays.base
+    found, open_trails, steps = [], [(base,)], 0
+    while open_trails:
+        trail = open_trails.pop()
+        steps += 1
+        if steps > max_steps:
+            return None
+        if trail[-1] == base:
+            found.append(trail)
+        used = set(pairwise(trail))
+        open_trails += [(*trail, v) for u, v in survival if u == trail[-1] and (u, v) not in used]
+    return found
+
+
+def survival_of(mission, trail):
+    survival = arc_survivals(mission)
+    return prod(survival[arc] for arc in pairwise(trail))
+
+
+def worth(mission, objectives, weight):
+    """What plans are worth for a weight on reward."""
+    reward, survivors = np.transpose(objectives)
+    share = reward / (mission.total_reward or 1.0)
+    return weight * share + (1 - weight) * survivors / mission.robots
+
+
+def all_objectives(mission, trails):
+    """E[R] and E[S] of every multiset of trails."""
+    reach = np.zeros((len(trails), len(mission.nodes)))
+    for row, trail in enumerate(trails):
+        for node in set(trail):
+            reach[row, node] = survival_of(mission, trail[: trail.index(node) + 1])
+    survives = np.array([survival_of(mission, trail) for trail in trails])
+    teams = np.array(list(combinations_with_replacement(range(len(trails)), mission.robots)))
+    reward = (1 - np.prod(1 - reach[teams], axis=1)) @ mission.arrays.reward
+    return np.column_stack([reward, survives[teams].sum(axis=1)])

@@ -14,11 +14,12 @@ from pymoo.termination.collection import TerminationCollection
 
 from botohe_moo import BOACO, BOTOHE, area_indicator, load_mission
 from botohe_moo.algorithms.greedy import Greedy
-from botohe_moo.sequential import SequentialPlanner
-from tests.strategies import missions
-from tests.test_sequential import WIDE, all_objectives, small_missions, worth
+from botohe_moo.sequential import MAX_BEAM_WIDTH, SequentialPlanner
+from tests.strategies import missions, small_missions
+from tests.twins import all_objectives, worth
 
 PLENTY = ("n_eval", 10**6)
+WIDE = MAX_BEAM_WIDTH  # cuts nothing
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,7 @@
 """The search for one robot's trail: exact where nothing is cut, valid and deterministic always."""
 
 from itertools import pairwise
-from math import inf, prod
+from math import inf
 
 import networkx as nx
 import numpy as np
@@ -13,6 +13,7 @@ from botohe_moo.kernels import beam
 from botohe_moo.kernels.paths import nearest
 from botohe_moo.mission import Mission, load_mission
 from tests.strategies import missions
+from tests.twins import all_trails, arc_survivals, survival_of
 
 WIDE = 100_000
 
@@ -43,33 +44,6 @@ def best_trail(mission, worth, survival_weight, least=0.0, width=WIDE, n_near=64
         assert walk.tail[arcs[0]] == walk.base
         assert np.array_equal(walk.head[arcs[:-1]], walk.tail[arcs[1:]])
     return [walk.base, *walk.head[arcs].tolist()], value, cut
-
-
-def arc_survivals(mission):
-    arrays = mission.arrays
-    arcs = zip(arrays.tail.tolist(), arrays.head.tolist(), strict=True)
-    return dict(zip(arcs, arrays.survival.tolist(), strict=True))
-
-
-def all_trails(mission, max_steps=20_000):
-    """Every closed trail as node indices; None where there are too many to look at."""
-    survival, base = arc_survivals(mission), mission.arrays.base
-    found, open_trails, steps = [], [(base,)], 0
-    while open_trails:
-        trail = open_trails.pop()
-        steps += 1
-        if steps > max_steps:
-            return None
-        if trail[-1] == base:
-            found.append(trail)
-        used = set(pairwise(trail))
-        open_trails += [(*trail, v) for u, v in survival if u == trail[-1] and (u, v) not in used]
-    return found
-
-
-def survival_of(mission, trail):
-    survival = arc_survivals(mission)
-    return prod(survival[arc] for arc in pairwise(trail))
 
 
 def value_of(mission, trail, worth, survival_weight):

@@ -1,6 +1,8 @@
 """The best trail of one robot, by beam search over partial trails.
 
-Labels are partial trails that leave the base; a level holds those of one number of hops.
+Labels are partial trails that leave the base; a level holds those of one number of hops. What
+each hop needs is compiled into one loop (``inline``), and helpers are handed the few tuples of
+arrays that they read: calls with many arrays would take as long as the search itself.
 """
 
 from typing import NamedTuple
@@ -69,15 +71,12 @@ class _Task(NamedTuple):
 
 
 class _Search(NamedTuple):
-    """What a search writes on."""
+    """What a search for a trail computes once, and what its searches for ways home write on."""
 
-    standing: Standing
-    used: OffsetArray
-    ahead: FloatArray
     danger: FloatArray  # what going to a near node costs, for a robot alive for sure
     arc_keys: SeedArray
     node_keys: SeedArray
-    n_homes: OffsetArray  # ways home looked for (1); what follows is for those
+    n_homes: OffsetArray  # ways home looked for (1)
     met: OffsetArray
     distance: FloatArray
     entry: IntArray
@@ -86,8 +85,17 @@ class _Search(NamedTuple):
     path: IntArray
 
 
+class _Prospect(NamedTuple):
+    """What a label may come to."""
+
+    bound: float  # at most
+    rank: float
+    closed: float  # by going home at once; -1 where that cannot make the best trail known
+    survives: float  # chance to survive that; -1 where there is no way, or no need, to go home
+
+
 class _Children(NamedTuple):
-    """Labels of the next level, the most that each could come to, and how they are ranked."""
+    """Labels of the next level, and from their prospects what decides which of them go on."""
 
     labels: Labels
     bound: FloatArray
@@ -102,29 +110,17 @@ class _Best(NamedTuple):
     arc: int
 
 
-class _Prospect(NamedTuple):
-    """What a label may come to."""
-
-    bound: float  # at most
-    rank: float
-    closed: float  # by going home at once; -1 where that cannot be the best trail
-    survives: float  # that; -1 where it cannot
-
-
 @kernel
-def _new_search(ground: Ground, task: _Task, worth: FloatArray) -> _Search:
-    n_nodes, n_arcs, n_near = worth.shape[0], ground.head.shape[0], ground.near.shape[1]
+def _new_search(ground: Ground, survival_weight: float) -> _Search:
+    n_arcs = ground.head.shape[0]
+    n_nodes, n_near = ground.near.shape
     danger = np.empty((n_nodes, n_near))
     for node in range(n_nodes):
         for i in range(n_near):
             home_after = ground.reach[node, i] * ground.home[ground.near[node, i]]
-            danger[node, i] = task.survival_weight * (ground.home[node] - home_after)
+            danger[node, i] = survival_weight * (ground.home[node] - home_after)
     keys = hash_keys(n_arcs + n_nodes)
-    standing = standing_at_base(task.base, worth, n_arcs)
     return _Search(
-        standing,
-        standing.used,
-        standing.ahead,
         danger,
         keys[:n_arcs],
         keys[n_arcs:],
@@ -139,25 +135,25 @@ def _new_search(ground: Ground, task: _Task, worth: FloatArray) -> _Search:
 
 
 @inline
-def _go_on(ground: Ground, search: _Search, labels: Labels, parent: int, arc: int) -> Label:
-    """Give the child of the label at hand by an arc."""
-    node = ground.head[arc]
-    fresh = search.ahead[node]
-    alive = labels[parent].alive * ground.survival[arc]
-    seen = labels[parent].seen
-    return Label(
-        parent,
-        arc,
-        node,
-        alive,
-        labels[parent].value + alive * fresh,
-        labels[parent].left - fresh,
-        labels[parent].used ^ search.arc_keys[arc],
-        seen ^ search.node_keys[node] if fresh > 0.0 else seen,
-    )
+def _enough(best_value: float) -> float:
+    """Give what a label must be able to come to more than."""
+    return best_value + _TOLERANCE * best_value
 
 
-@kernel
+@inline
+def _stay(ground: Ground, task: _Task, label: Label) -> float:
+    """Give what surviving is worth to a robot that turns home and finds every arc free."""
+    return float(task.survival_weight * label.alive * ground.home[label.node])
+
+
+@inline
+def _is_hopeless(ground: Ground, task: _Task, label: Label, best_value: float) -> bool:
+    """Tell cheaply that a label cannot keep the floor, or cannot beat the best trail known."""
+    most = label.value + label.alive * label.left + _stay(ground, task, label)
+    return label.alive * ground.home[label.node] < task.least or most <= _enough(best_value)
+
+
+@inline
 def _look_ahead(
     near: IntArray,
     reach: FloatArray,
@@ -186,14 +182,15 @@ def _look_ahead(
 
 @inline
 def _is_blocked(ground: Ground, base: int, used: OffsetArray, node: int) -> bool:
-    """Tell whether an arc is used of the safest way home with every arc free."""
-    while node != base and used[ground.homeward[node]] != 1:
-        node = ground.head[ground.homeward[node]]
-    return node != base
+    """Tell whether the safest way home with every arc free takes an arc that is used."""
+    here = node
+    while here != base and used[ground.homeward[here]] != 1:
+        here = ground.head[ground.homeward[here]]
+    return here != base
 
 
 @kernel
-def _gets_home(ground: Ground, base: int, search: _Search, node: int) -> bool:
+def _gets_home(ground: Ground, base: int, search: _Search, used: OffsetArray, node: int) -> bool:
     """Tell whether unused arcs lead home."""
     search.n_homes[0] += 1
     return leads_home(
@@ -202,7 +199,7 @@ def _gets_home(ground: Ground, base: int, search: _Search, node: int) -> bool:
         ground.homeward,
         base,
         node,
-        search.used,
+        used,
         1,
         search.met,
         int(search.n_homes[0]),
@@ -210,8 +207,8 @@ def _gets_home(ground: Ground, base: int, search: _Search, node: int) -> bool:
     )
 
 
-@kernel
-def _way_home(ground: Ground, base: int, search: _Search, node: int) -> int:
+@inline
+def _way_home(ground: Ground, base: int, search: _Search, used: OffsetArray, node: int) -> int:
     """Write the safest way home over unused arcs; give its length, −1 where there is none."""
     search.n_homes[0] += 1
     return way_home(
@@ -221,7 +218,7 @@ def _way_home(ground: Ground, base: int, search: _Search, node: int) -> int:
         ground.cost,
         ground.homeward,
         base,
-        search.used,
+        used,
         1,
         node,
         int(search.n_homes[0]),
@@ -236,57 +233,74 @@ def _way_home(ground: Ground, base: int, search: _Search, node: int) -> int:
 
 @inline
 def _close(
-    ground: Ground, task: _Task, search: _Search, child: Label, best_value: float
+    ground: Ground,
+    task: _Task,
+    search: _Search,
+    used: OffsetArray,
+    ahead: FloatArray,
+    label: Label,
+    best_value: float,
 ) -> tuple[float, float]:
-    """Give value and survival of the trail that goes home at once; see ``_Prospect``."""
-    node, value, survives = child.node, child.value, child.alive
-    stay = task.survival_weight * survives * ground.home[node]
-    if task.least == 0.0 and value + stay <= best_value:  # a detour is not worth looking for
-        if _is_blocked(ground, task.base, search.used, node):
-            back = task.balanced or _gets_home(ground, task.base, search, node)
-            return -1.0, survives if back else -1.0
-    n_hops = _way_home(ground, task.base, search, node)
+    """Send a robot home at once: give value and survival of the trail, as in ``_Prospect``."""
+    value, survives = label.value, label.alive
+    detour = task.least > 0.0 or value + _stay(ground, task, label) > best_value
+    if not detour and _is_blocked(ground, task.base, used, label.node):
+        back = task.balanced or _gets_home(ground, task.base, search, used, label.node)
+        return -1.0, survives if back else -1.0
+    n_hops = _way_home(ground, task.base, search, used, label.node)
     if n_hops < 0:
         return -1.0, -1.0
     for i in range(n_hops):
         arc = search.path[i]
         survives *= ground.survival[arc]
-        value += survives * search.ahead[ground.head[arc]]
+        value += survives * ahead[ground.head[arc]]
     return value + task.survival_weight * survives, survives
 
 
 @inline
 def _judge(
-    ground: Ground, task: _Task, search: _Search, child: Label, best_value: float
+    ground: Ground,
+    task: _Task,
+    search: _Search,
+    used: OffsetArray,
+    ahead: FloatArray,
+    child: Label,
+    best_value: float,
 ) -> _Prospect:
     """Look ahead and home from a child of the label at hand."""
-    used, ahead = search.used, search.ahead
-    node, fresh = child.node, ahead[child.node]
-    used[child.arc], ahead[node] = 1, 0.0
-    most, promise = _look_ahead(ground.near, ground.reach, search.danger, ahead, node, child.left)
-    stay = task.survival_weight * child.alive * ground.home[node]
+    fresh = ahead[child.node]
+    used[child.arc], ahead[child.node] = 1, 0.0
+    most, promise = _look_ahead(
+        ground.near, ground.reach, search.danger, ahead, child.node, child.left
+    )
+    stay = _stay(ground, task, child)
     bound = child.value + child.alive * most + stay
     closed = survives = -1.0
     if bound > _enough(best_value):
-        closed, survives = _close(ground, task, search, child, best_value)
-    used[child.arc], ahead[node] = 0, fresh
+        closed, survives = _close(ground, task, search, used, ahead, child, best_value)
+    used[child.arc], ahead[child.node] = 0, fresh
     rank = child.value + stay + FORESIGHT * child.alive * promise
     return _Prospect(bound, rank, closed, survives)
 
 
 @inline
-def _enough(best_value: float) -> float:
-    """Give what a label must be able to come to more than."""
-    return best_value + _TOLERANCE * best_value
-
-
-@inline
-def _is_hopeless(ground: Ground, task: _Task, child: Label, best_value: float) -> bool:
-    """Tell cheaply that a child cannot keep the floor, or cannot beat the best trail known."""
-    home = child.alive * ground.home[child.node]
-    stay = task.survival_weight * child.alive * ground.home[child.node]
-    most = child.value + child.alive * child.left + stay
-    return home < task.least or most <= _enough(best_value)
+def _child(
+    ground: Ground, search: _Search, ahead: FloatArray, labels: Labels, parent: int, arc: int
+) -> Label:
+    """Go on by one arc from the label at hand."""
+    label, node = labels[parent], ground.head[arc]
+    fresh = ahead[node]
+    alive = label.alive * ground.survival[arc]
+    return Label(
+        parent,
+        arc,
+        node,
+        alive,
+        label.value + alive * fresh,
+        label.left - fresh,
+        label.used ^ search.arc_keys[arc],
+        label.seen ^ search.node_keys[node] if fresh > 0.0 else label.seen,
+    )
 
 
 @kernel
@@ -294,6 +308,7 @@ def _expand(
     ground: Ground,
     task: _Task,
     search: _Search,
+    standing: Standing,
     labels: Labels,
     low: int,
     high: int,
@@ -306,24 +321,24 @@ def _expand(
     the best trail known; or that another child equals in node and arcs used, at no less value.
     Gives how many children there are, and the best trail known now.
     """
-    used, found = search.used, children.labels
-    nodes, hashes = found.node, found.used
-    table = new_table(children.rank.shape[0])
+    used, ahead, found = standing.used, standing.ahead, children.labels
+    nodes, hashes = found["node"], found["used"]
+    table = new_table(len(found))
     n = 0
     for parent in range(low, high):
+        stand_at(labels, parent, standing)
         here = labels[parent].node
-        stand_at(labels, parent, search.standing)
         for arc in range(ground.first[here], ground.first[here + 1]):
-            node = ground.head[arc]
-            if used[arc] == 1 or node == here:  # the latter is the base's self-loop
+            if used[arc] == 1 or ground.head[arc] == here:  # the latter is the base's self-loop
                 continue
-            child = _go_on(ground, search, labels, parent, arc)
+            child = _child(ground, search, ahead, labels, parent, arc)
             if _is_hopeless(ground, task, child, best.value):
                 continue
-            slot = find(table, nodes, hashes, node, child.used, search.node_keys[node])
+            key = search.node_keys[child.node]
+            slot = find(table, nodes, hashes, child.node, child.used, key)
             if table[slot] >= 0 and found[table[slot]].value >= child.value:
                 continue
-            prospect = _judge(ground, task, search, child, best.value)
+            prospect = _judge(ground, task, search, used, ahead, child, best.value)
             if prospect.survives < task.least:
                 continue
             if prospect.closed > best.value:
@@ -346,12 +361,11 @@ def _select(labels: Labels, order: OffsetArray, node_keys: SeedArray, width: int
     """
     if len(order) <= width:
         return order
-    table = new_table(len(order))
+    table, nodes, kinds = new_table(len(order)), labels["node"], labels["seen"]
     chosen, others = np.empty(width, np.int64), np.empty(len(order), np.int64)
     n = n_others = 0
     for child in order:
-        node, kind = labels[child].node, labels[child].seen
-        slot = find(table, labels.node, labels.seen, node, kind, node_keys[node])
+        slot = find(table, nodes, kinds, nodes[child], kinds[child], node_keys[nodes[child]])
         if table[slot] >= 0:
             others[n_others] = child
             n_others += 1
@@ -363,16 +377,28 @@ def _select(labels: Labels, order: OffsetArray, node_keys: SeedArray, width: int
 
 
 @kernel
-def _trail(ground: Ground, base: int, search: _Search, labels: Labels, best: _Best) -> IntArray:
+def _room(ground: Ground, labels: Labels, low: int, high: int) -> _Children:
+    """Make room for all children of the labels ``low`` to ``high``."""
+    n = 0
+    for label in range(low, high):
+        here = labels[label].node
+        n += ground.first[here + 1] - ground.first[here]
+    return _Children(new_labels(n), np.empty(n), np.empty(n))
+
+
+@kernel
+def _trail(
+    ground: Ground, base: int, search: _Search, standing: Standing, labels: Labels, best: _Best
+) -> IntArray:
     """Give the arcs of the best trail."""
     if best.arc < 0:
         return np.empty(0, np.int32)
-    label, used = best.label, search.used
-    stand_at(labels, label, search.standing)
-    n_before = int(used.sum())
-    used[best.arc] = 1
-    n_home = _way_home(ground, base, search, ground.head[best.arc])
+    stand_at(labels, best.label, standing)
+    n_before = int(standing.used.sum())
+    standing.used[best.arc] = 1
+    n_home = _way_home(ground, base, search, standing.used, ground.head[best.arc])
     arcs = np.empty(n_before + 1 + n_home, np.int32)
+    label = best.label
     for i in range(n_before - 1, -1, -1):
         arcs[i] = labels[label].arc
         label = labels[label].parent
@@ -438,7 +464,8 @@ def best_trail(
         trail is better by more than a 10⁻¹² of the value (but for a collision of 64-bit hashes).
     """
     task = _Task(base, balanced, survival_weight, least)
-    search = _new_search(ground, task, worth)
+    search = _new_search(ground, survival_weight)
+    standing = standing_at_base(base, worth, len(ground.head))
     labels = new_labels(1024)
     write_label(labels, 0, first_label(base, worth))
     best = _Best(worth[base] + survival_weight, -1, -1)  # to stay at base
@@ -446,7 +473,7 @@ def best_trail(
     low, high = 0, 1
     while low < high:
         children = _room(ground, labels, low, high)
-        n, best = _expand(ground, task, search, labels, low, high, best, children)
+        n, best = _expand(ground, task, search, standing, labels, low, high, best, children)
         order = np.argsort(-children.rank[:n], kind="mergesort")
         order = order[children.bound[order] > _enough(best.value)]
         room = min(width, MAX_LABELS - high)
@@ -457,14 +484,4 @@ def best_trail(
                 labels = doubled(labels)
             labels[high] = children.labels[child]
             high += 1
-    return _trail(ground, base, search, labels, best), best.value, cut
-
-
-@kernel
-def _room(ground: Ground, labels: Labels, low: int, high: int) -> _Children:
-    """Make room for all children of the labels ``low`` to ``high``."""
-    n = 0
-    for label in range(low, high):
-        here = labels[label].node
-        n += ground.first[here + 1] - ground.first[here]
-    return _Children(new_labels(n), np.empty(n), np.empty(n))
+    return _trail(ground, base, search, standing, labels, best), best.value, cut

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from botohe_moo._types import FloatArray, IntArray, OffsetArray, SeedArray
 from botohe_moo.kernels.compile import inline, kernel
 
-Labels: TypeAlias = NDArray[Any]
-
 
 class Label(NamedTuple):
     """A partial trail.
@@ -43,7 +41,7 @@ class Label(NamedTuple):
     seen: np.uint64
 
 
-# Many labels are an array of these.
+# Many labels are one array: what kernels pay for a tuple grows with the arrays in it.
 LABEL = np.dtype(
     [
         ("parent", np.int64),
@@ -56,6 +54,7 @@ LABEL = np.dtype(
         ("seen", np.uint64),
     ]
 )
+Labels: TypeAlias = NDArray[Any]  # of LABEL
 
 
 class Standing(NamedTuple):
@@ -84,13 +83,27 @@ class Standing(NamedTuple):
 
 @kernel
 def new_labels(n: int) -> Labels:
-    """Make room for ``n`` labels."""
+    """Make room for ``n`` labels.
+
+    Parameters
+    ----------
+    n
+        How many.
+    """
     return np.empty(n, LABEL)
 
 
 @inline
 def write_label(labels: Labels, row: int, label: Label) -> None:
-    """Put a label into a row."""
+    """Put a label into a row.
+
+    Parameters
+    ----------
+    labels, row
+        Where to; changed in place.
+    label
+        The label.
+    """
     into = labels[row]
     into.parent, into.arc, into.node = label.parent, label.arc, label.node
     into.alive, into.value, into.left = label.alive, label.value, label.left
@@ -99,7 +112,13 @@ def write_label(labels: Labels, row: int, label: Label) -> None:
 
 @kernel
 def doubled(labels: Labels) -> Labels:
-    """Copy the labels to where there is room for twice as many."""
+    """Copy the labels to where there is room for twice as many.
+
+    Parameters
+    ----------
+    labels
+        Stay as they are.
+    """
     larger = new_labels(2 * len(labels))
     larger[: len(labels)] = labels
     return larger
@@ -107,14 +126,32 @@ def doubled(labels: Labels) -> Labels:
 
 @kernel
 def first_label(base: int, worth: FloatArray) -> Label:
-    """Give the label of a robot that has not left the base."""
+    """Give the label of a robot that has not left the base.
+
+    Parameters
+    ----------
+    base
+        Where it is.
+    worth
+        Of each node (n_nodes).
+    """
     left = worth.sum() - worth[base]
     return Label(-1, -1, base, 1.0, worth[base], left, np.uint64(0), np.uint64(0))
 
 
 @kernel
 def standing_at_base(base: int, worth: FloatArray, n_arcs: int) -> Standing:
-    """Stand at the first label, whose row is 0."""
+    """Stand at the first label, whose row is 0.
+
+    Parameters
+    ----------
+    base
+        Where that is.
+    worth
+        Of each node (n_nodes).
+    n_arcs
+        How many arcs there are.
+    """
     visits, ahead = np.zeros(worth.shape[0], np.int64), worth.copy()
     visits[base], ahead[base] = 1, 0.0
     return Standing(np.zeros(1, np.int64), np.zeros(n_arcs, np.int64), visits, worth, ahead)
@@ -124,8 +161,7 @@ def standing_at_base(base: int, worth: FloatArray, n_arcs: int) -> Standing:
 def stand_at(labels: Labels, label: int, standing: Standing) -> None:
     """Move from the label at hand to another one.
 
-    Parents have smaller numbers than their children, so that the way up from both labels ends
-    where they part: mostly not far, however long the trails are.
+    Only as far up from both as to where they part: mostly not far, however long the trails are.
 
     Parameters
     ----------
@@ -154,8 +190,14 @@ def stand_at(labels: Labels, label: int, standing: Standing) -> None:
 
 @kernel
 def hash_keys(n: int) -> SeedArray:
-    """Give each index a key of 64 bits, as SplitMix64 finishes its numbers; a set hashes to the
-    exclusive or of its keys.
+    """Give each index a key of 64 bits, as SplitMix64 finishes its numbers.
+
+    A set of indices hashes to the exclusive or of their keys.
+
+    Parameters
+    ----------
+    n
+        How many indices.
     """
     keys = np.empty(n, np.uint64)
     for i in range(n):
@@ -168,7 +210,13 @@ def hash_keys(n: int) -> SeedArray:
 
 @kernel
 def new_table(n: int) -> OffsetArray:
-    """Make an empty hash table with room for ``n`` labels; see ``find``."""
+    """Make an empty hash table with room for ``n`` labels; see ``find``.
+
+    Parameters
+    ----------
+    n
+        How many.
+    """
     size = 16
     while size < 2 * n:
         size *= 2
