@@ -9,8 +9,9 @@ import numpy as np
 
 from botohe_moo._checks import check_integer, check_number
 from botohe_moo._types import FloatArray, IntArray
-from botohe_moo.kernels.beam import Ground, best_trail
+from botohe_moo.kernels.beam import best_trail
 from botohe_moo.kernels.paths import nearest
+from botohe_moo.kernels.prospects import Ground
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import TrailPlan
 

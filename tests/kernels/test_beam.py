@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from botohe_moo.kernels import beam
 from botohe_moo.kernels.paths import nearest
+from botohe_moo.kernels.prospects import Ground
 from botohe_moo.mission import Mission, load_mission
 from tests.strategies import missions
 from tests.twins import all_trails, arc_survivals, survival_of
@@ -24,7 +25,7 @@ def ground_of(mission, n_near=64):
     near, reach = np.empty((n_nodes, n_near), np.int32), np.empty((n_nodes, n_near))
     nearest(walk.first, walk.head, walk.cost, walk.survival, near, reach)
     parts = (walk.first, walk.tail, walk.head, walk.cost, walk.survival, walk.homeward, walk.home)
-    return beam.Ground(*parts, near, reach)
+    return Ground(*parts, near, reach)
 
 
 def best_trail(mission, worth, survival_weight, least=0.0, width=WIDE, n_near=64, ground=None):
