@@ -136,9 +136,44 @@ class BOTOHE(Problem):
 
     def _evaluate(self, x: ObjectArray, out: dict[str, Any], *_: Any, **__: Any) -> None:
         batch = self.mission.batch(x)
-        out["F"] = self.evaluate_batch(batch)
-        if self.n_ieq_constr:
-            out["G"] = self.constrain_batch(batch)
+        out["F"] = self.checked("F", self.evaluate_batch(batch), len(batch))
+        if self.n_ieq_constr and type(self)._evaluate is BOTOHE._evaluate:
+            # A subclass with an evaluation of its own computes its own constraints.
+            out["G"] = self.checked("G", self.constrain_batch(batch), len(batch))
+
+    def checked(self, what: str, values: Any, n_plans: int) -> FloatArray:
+        """Give what ``evaluate_batch`` or ``constrain_batch`` computed, if it is well-formed.
+
+        Parameters
+        ----------
+        what
+            ``"F"`` or ``"G"``.
+        values
+            What was computed.
+        n_plans
+            For how many plans.
+
+        Raises
+        ------
+        ValueError
+            If it has another shape, or is not finite: a subclass may compute anything.
+        """
+        method, n_columns = (
+            ("evaluate_batch", self.n_obj)
+            if what == "F"
+            else ("constrain_batch", self.n_ieq_constr)
+        )
+        owner = f"{method} of {type(self).__name__}"
+        computed = np.asarray(values, np.float64)
+        if computed.shape != (n_plans, n_columns):
+            raise ValueError(
+                f"Expected {owner} to give {what} of shape {(n_plans, n_columns)}, got "
+                f"{computed.shape}."
+            )
+        finite = np.isfinite(computed).all(axis=1)
+        if not finite.all():
+            raise ValueError(f"Expected {owner} to give finite {what}, got {computed[~finite][0]}.")
+        return computed
 
     def name(self) -> str:
         """Give the problem's name, as pymoo shows it."""

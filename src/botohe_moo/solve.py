@@ -87,7 +87,7 @@ def search(
         raise ValueError(f"Expected an algorithm that has not run yet, got {name!r} after a run.")
     try:
         algorithm.setup(problem, termination=("n_eval", evaluations), seed=seed)
-    except ValueError as error:
+    except (AssertionError, TypeError, ValueError) as error:  # pymoo asserts what it demands
         raise RefusalError(f"Algorithm {name!r}: {error}") from error
     started = time.perf_counter()
     with contextlib.ExitStack() as stack:

@@ -1,14 +1,20 @@
 """What holds for every registered algorithm, and for pymoo's own classes by their dotted paths."""
 
+import copy
 import pickle
+from importlib.metadata import distribution
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from pymoo.core.termination import TerminateIfAny
 from pymoo.optimize import minimize
+from pymoo.termination.default import DefaultMultiObjectiveTermination
+from pymoo.termination.max_eval import MaximumFunctionCallTermination
+from pymoo.termination.max_gen import MaximumGenerationTermination
 
-from botohe_moo import BOTOHE, algorithm_names, area_indicator, load_mission, make_algorithm
+from botohe_moo import BOTOHE, area_indicator, load_mission, make_algorithm
 from botohe_moo.algorithms.registry import algorithm_parameters
 from tests.strategies import missions
 
@@ -72,7 +78,8 @@ def front(seen):
 
 
 def test_all_names_are_under_contract():
-    assert set(NAMES) <= set(algorithm_names())
+    ours = distribution("botohe-moo").entry_points.select(group="botohe_moo.algorithms")
+    assert set(NAMES) == {entry.name for entry in ours}
 
 
 @pytest.mark.parametrize("name", [*NAMES, *DOTTED])
@@ -88,6 +95,20 @@ def test_budgets_are_exact(name, budget):
         assert spent == budget
     if name not in IN_KERNELS:
         assert len(problem.seen) == spent
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    "termination",
+    [
+        TerminateIfAny(MaximumFunctionCallTermination(133), MaximumGenerationTermination(1_000)),
+        DefaultMultiObjectiveTermination(n_max_evals=133),
+    ],
+)
+def test_budgets_are_found_in_combined_terminations(name, termination):
+    problem = BOTOHE(load_mission("art_museum"))
+    result = minimize(problem, small(name), copy.deepcopy(termination), seed=1)
+    assert result.algorithm.evaluator.n_eval <= 133
 
 
 @pytest.mark.parametrize("name", sorted({*NAMES, *DOTTED} - IN_KERNELS))
@@ -130,7 +151,7 @@ def test_the_same_seed_gives_the_same_result(name):
         assert trails(one) != trails(other)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [*NAMES, *DOTTED])
 def test_a_pickled_run_resumes_bit_for_bit(name):
     problem = BOTOHE(load_mission("art_museum"), min_survival=0.2)
     runs = []

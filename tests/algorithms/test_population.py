@@ -12,6 +12,7 @@ from pymoo.optimize import minimize
 
 from botohe_moo import BOTOHE, area_indicator, load_mission, make_algorithm
 from botohe_moo.operators import (
+    MixedMutation,
     PenaltyOnly,
     RandomTrailSampling,
     RuinRecreate,
@@ -69,6 +70,43 @@ def test_repairs_by_name_count_what_they_did(museum, name, repair, kind):
     assert (counts.repaired > 0) == (kind is not PenaltyOnly)
     assert (counts.arcs_changed > 0) == (kind is not PenaltyOnly)
     assert 0 < counts.seconds < 10
+
+
+def test_penalty_is_seen_in_operators_given_as_objects(museum):
+    for mutation in (
+        RuinRecreate(repair=PenaltyOnly()),
+        MixedMutation([RuinRecreate(repair=PenaltyOnly())]),
+    ):
+        algorithm = make_algorithm("nsga2", mutation=mutation, pop_size=20)
+        result = minimize(BOTOHE(museum), algorithm, ("n_eval", 100), seed=1)
+        assert result.problem.allow_invalid
+        museum.evaluate(result.X)
+
+
+@pytest.mark.parametrize("name", ["nsga2", "moead"])
+@pytest.mark.parametrize("bad", [np.nan, -np.inf])
+def test_objectives_that_are_no_numbers_are_refused(museum, name, bad):
+    class Broken(BOTOHE):
+        def evaluate_batch(self, batch):
+            F = super().evaluate_batch(batch).copy()
+            F[0, 0] = bad
+            return F
+
+    with pytest.raises(Exception, match="Expected evaluate_batch of Broken to give finite F"):
+        minimize(Broken(museum), make_algorithm(name, pop_size=10), ("n_eval", 30), seed=1)
+
+
+def test_moead_wants_one_child_of_each_pair(museum):
+    with pytest.raises(ValueError, match=r"Expected a crossover with n_offsprings = 1 .* got 2"):
+        make_algorithm("moead", crossover=TrailSplice())
+    make_algorithm("moead", crossover=TrailSplice(n_offsprings=1))
+
+
+def test_moead_aims_at_feasible_plans(museum):
+    algorithm = make_algorithm("moead", pop_size=30, sampling="random", corners=False)
+    algorithm.setup(BOTOHE(museum, min_survival=0.95), termination=("n_eval", 600), seed=1)
+    algorithm.run()
+    assert algorithm.ideal.tolist() == algorithm.opt.get("F").min(axis=0).tolist()
 
 
 def test_penalty_counts_violation(museum):
@@ -181,6 +219,9 @@ class TestDottedPaths:
             ("pymoo.algorithms.moo.nsga2:NSGA9", "cannot be imported .AttributeError"),
             ("pymoo.algorithms.moo.cmopso:CMOPSO", "expected a population-based class of pymoo's"),
             ("pymoo.algorithms.moo.gde3:GDE3", "mates in a way of its own"),
+            ("pymoo.algorithms.moo.moead:MOEAD", "it is wired already, as 'moead'"),
+            ("pymoo.algorithms.moo.dnsga2:DNSGA2", "it evaluates plans beside any budget"),
+            ("pymoo.algorithms.soo.nonconvex.ga:GA", "it minimises one objective"),
             ("math:pi", "expected a class or a function, got 3.14"),
             (":", "cannot be imported"),
             ("a:", "cannot be imported"),

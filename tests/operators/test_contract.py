@@ -17,8 +17,8 @@ from botohe_moo.operators import (
     MixedMutation,
     MixedSampling,
     PlanCrossover,
+    PlanDuplicates,
     PlanMutation,
-    PlanRepair,
     PlanSampling,
     RandomTrailSampling,
     RuinRecreate,
@@ -36,15 +36,15 @@ SAMPLINGS = {
     "random": RandomTrailSampling,
     "guided": GuidedTrailSampling,
     "corners": CornerSampling,
-    "given": lambda: GivenSampling([]),
+    "none given": lambda: GivenSampling([]),
     "mixed": lambda: MixedSampling({RandomTrailSampling(): 1, GuidedTrailSampling(): 2}),
 }
-CROSSOVERS = {
+CROSSOVERS = {  # names that no mutation has
     "exchange": TrailExchange,
     "splice": TrailSplice,
-    "mixed": MixedCrossover,
+    "exchange or splice": MixedCrossover,
     "one child": lambda **options: MixedCrossover(n_offsprings=1, **options),
-    "truncated": lambda **options: TrailSplice(repair=TruncateRepair(), **options),
+    "splice, truncated": lambda **options: TrailSplice(repair=TruncateRepair(), **options),
 }
 MUTATIONS = {
     "moves": TrailMoves,
@@ -154,53 +154,48 @@ def test_other_random_numbers_give_other_children(name):
     assert trails_of(found[0]) != trails_of(found[1])
 
 
-class Mark(PlanRepair):
-    """Gives plans that no operator would: whoever was changed shows it."""
-
-    def repair_batch(self, mission, drafts):
-        home = TrailPlan([[mission.arrays.base]] * mission.robots)
-        return PlanBatch.from_plans([home] * len(drafts), mission.robots)
-
-
-N = 4_000
+N = 6_000
 
 
 def within(found, rate, n):
-    """Whether a count is within four standard deviations of a rate."""
-    return abs(found - rate * n) <= 4 * np.sqrt(n * rate * (1 - rate))
+    """Whether a count is within four and a half standard deviations of a rate."""
+    return abs(found - rate * n) <= 4.5 * np.sqrt(n * rate * (1 - rate)) + 1e-9
 
 
 @pytest.fixture(scope="module")
 def crowd():
+    """Many copies of a pair of plans, and what an operator at full rate changes of them."""
     problem = BOTOHE(load_mission("art_museum"))
-    plan = RandomTrailSampling()(problem, 1, random_state=generator(3))[0].X[0]
-    assert any(len(trail) > 1 for trail in plan.trails)
-    return problem, as_x([plan] * N)
+    pair = RandomTrailSampling()(problem, 40, random_state=generator(3)).get("X").ravel()
+    long = sorted(pair, key=lambda plan: len(plan.nodes))[-2:]
+    return problem, PlanBatch.from_plans(long * (N // 2), 3).to_array()
 
 
-@pytest.mark.parametrize("prob", [0.0, 0.3, 0.8, 1.0])
-@pytest.mark.parametrize("name", sorted(set(CROSSOVERS) - {"truncated"}))
-def test_rate_of_crossovers(name, prob, crowd):
-    problem, X = crowd
-    crossover = CROSSOVERS[name](prob=prob, repair=Mark())
-    pairs = np.arange(N).reshape(-1, 2)
-    children = crossover(problem, Population.new(X=X), pairs, random_state=generator(1))
-    children = np.array([len(i.X[0].nodes) == 3 for i in children])
-    crossed = children.reshape(crossover.n_offsprings, -1)
-    assert (crossed == crossed[0]).all()
-    assert within(crossed[0].sum(), prob, N // 2)
+def changed_share(operator, problem, X):
+    """The share of children that are none of the parents."""
+    pop, parents = Population.new(X=X.copy()), set(X.ravel())
+    if isinstance(operator, PlanCrossover):
+        pairs = np.arange(len(X)).reshape(-1, 2)
+        children = operator(problem, pop, pairs, random_state=generator(1))
+        plans = children.get("X").reshape(operator.n_offsprings, -1)[0]
+    else:
+        plans = operator(problem, pop, random_state=generator(1)).get("X").ravel()
+    return np.mean([plan not in parents for plan in plans]), len(plans)
 
 
-@pytest.mark.parametrize("prob", [0.0, 0.3, 0.8, 1.0])
-@pytest.mark.parametrize("name", sorted(set(MUTATIONS) - {"truncated"}))
-def test_rate_of_mutations(name, prob, crowd, monkeypatch):
-    problem, X = crowd
-    mutation = MUTATIONS[name](prob=prob)
-    monkeypatch.setattr(
-        mutation, "mutate_batch", lambda mission, drafts, _: Mark().repair_batch(mission, drafts)
+@pytest.mark.parametrize("prob", [0.0, 0.3, 0.8])
+@pytest.mark.parametrize("name", [*CROSSOVERS, *MUTATIONS])
+def test_rates(name, prob, crowd):
+    # Some drafts are repaired to the plan they were made of, at any rate.
+    make = CROSSOVERS.get(name) or MUTATIONS[name]
+    always, n = changed_share(make(prob=1.0), *crowd)
+    assert always > 0.25
+    share, _ = changed_share(make(prob=prob), *crowd)
+    spread = np.sqrt(always * (1 - always) / n) * prob * 4.5
+    assert (
+        abs(share - prob * always)
+        <= 4.5 * np.sqrt(prob * always * (1 - prob * always) / n) + spread
     )
-    children = mutation(problem, Population.new(X=X.copy()), random_state=generator(1))
-    assert within(sum(len(i.X[0].nodes) == 3 for i in children), prob, N)
 
 
 @pytest.mark.parametrize("prob_splice", [0.0, 0.3, 1.0])
@@ -234,6 +229,59 @@ def test_rate_of_copies(prob_copy):
 def test_probabilities_are_checked(make, prob):
     with pytest.raises(ValueError, match=r"Expected prob in \[0, 1\], got"):
         make(prob=prob)
+
+
+def test_given_plans_come_first_and_all():
+    toy = load_mission("toy")
+    plans = [toy.plan([[1, 2, 1], [1]]), toy.plan([[1, 3, 1], [1, 2, 1]])]
+    for n, more in ((1, 0), (2, 0), (5, 3)):
+        batch = GivenSampling(plans).sample_batch(BOTOHE(toy), n, generator(1))
+        assert list(batch)[:2] == plans
+        assert len(batch) == 2 + more
+    with pytest.raises(ValueError, match="is missing in mission 'toy'"):
+        GivenSampling([TrailPlan([[0, 4, 0], [0]])]).sample_batch(BOTOHE(toy), 3, generator(1))
+
+
+@pytest.mark.parametrize("name", MUTATIONS)
+def test_batches_are_checked(name):
+    toy = load_mission("toy")
+    none = PlanBatch.from_plans([], 2)
+    assert len(MUTATIONS[name]().mutate_batch(toy, none, generator(1))) == 0
+    with pytest.raises(ValueError, match="Expected 2 trails a plan for the 2 robots"):
+        MUTATIONS[name]().mutate_batch(toy, PlanBatch.from_plans([], 3), generator(1))
+    empty = PlanBatch(np.array([0], np.int32), np.array([0, 1, 1]), 2)
+    with pytest.raises(ValueError, match="Plan 0, robot 1: expected at least one node, got none"):
+        MUTATIONS[name]().mutate_batch(toy, empty, generator(1))
+
+
+class TestDuplicates:
+    A, B, C = [0, 1, 0], [0, 2, 0], [0]
+
+    def population(self, *plans):
+        return Population.new(X=PlanBatch.from_plans(map(TrailPlan, plans), 3).to_array())
+
+    def test_the_order_of_the_robots_does_not_matter_but_how_often_a_trail_is_there(self):
+        A, B, C = self.A, self.B, self.C
+        pop = self.population([A, A, B], [A, B, B], [B, A, A], [C, A, B], [B, C, A], [B, B, A])
+        left = PlanDuplicates().do(pop)
+        assert trails_of(left) == trails_of(pop[[0, 1, 3]])  # the first ones stay
+
+    def test_of_other_populations(self):
+        A, B, C = self.A, self.B, self.C
+        pop = self.population([A, A, B], [C, C, C], [A, B, C])
+        left = PlanDuplicates().do(pop, self.population([B, A, A]), self.population([C, B, A]))
+        assert trails_of(left) == [((0,), (0,), (0,))]
+        assert len(PlanDuplicates().do(pop[[]], pop)) == 0
+
+    def test_every_plan_is_hashed_once(self, monkeypatch):
+        calls = []
+        usual = TrailPlan._multiset
+        monkeypatch.setattr(
+            TrailPlan, "__hash__", lambda plan: calls.append(1) or hash(usual(plan))
+        )
+        pop = self.population(*([[0, i, 0], self.B, self.C] for i in range(1, 201)))
+        assert len(PlanDuplicates().do(pop)) == 200
+        assert len(calls) <= 2 * 200  # looked up, and put in
 
 
 def test_repairs_are_checked():

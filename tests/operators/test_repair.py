@@ -179,6 +179,20 @@ class TestCounts:
         assert repair.counts.arcs_changed == 6 + 2
         assert repair.counts.seconds > 0
 
+    def test_single_nodes_and_empty_trails_are_repaired_too(self):
+        mission, repair = ring(), SafestPathRepair()
+        drafts = PlanBatch(np.array([99, -5], np.int32), np.array([0, 1, 2, 2]), 1)
+        repaired = repair.repair_batch(mission, drafts)
+        assert [plan.trails for plan in repaired] == [((0,),)] * 3
+        assert (repair.counts.repaired, repair.counts.arcs_changed) == (3, 3)
+
+    @pytest.mark.parametrize("repair", [*REPAIRS, PenaltyOnly])
+    def test_no_plans_and_plans_of_another_team(self, repair):
+        none = PlanBatch.from_plans([], 1)
+        assert len(repair().repair_batch(ring(), none)) == 0
+        with pytest.raises(ValueError, match="Expected 1 trails a plan for the 1 robots"):
+            repair().repair_batch(ring(), PlanBatch.from_plans([], 2))
+
     def test_are_readable_from_a_result_of_plain_pymoo(self):
         mission = load_mission("toy")
         algorithm = NSGA2(

@@ -11,8 +11,9 @@ import numpy as np
 from pymoo.core.algorithm import Algorithm
 from pymoo.core.population import Population
 from pymoo.core.result import Result
-from pymoo.core.termination import Termination
+from pymoo.core.termination import TerminateIfAll, Termination
 from pymoo.termination.max_eval import MaximumFunctionCallTermination
+from pymoo.termination.max_gen import MaximumGenerationTermination
 
 from botohe_moo._checks import check_integer
 from botohe_moo._types import FloatArray, ObjectArray, OffsetArray
@@ -21,6 +22,8 @@ from botohe_moo.problem import BOTOHE, FrontOutput
 from botohe_moo.trails import PlanBatch, TrailPlan, listed_plans
 
 __all__ = ["ArchiveAlgorithm"]
+
+MAX_TIES = 1_000_000_000
 
 PYMOO_OPTIONS = (
     "callback",
@@ -69,7 +72,7 @@ class ArchiveAlgorithm(Algorithm):
         **options: Any,
     ) -> None:
         check_options(self, options)
-        self.max_ties = check_integer("max_ties", max_ties, at_least=1)
+        self.max_ties = check_integer("max_ties", max_ties, at_least=1, at_most=MAX_TIES)
         self.sampling = [] if sampling is None else listed_plans(sampling)
         self.archive = PlanArchive(1)
         super().__init__(**{"output": FrontOutput(), **options})
@@ -159,17 +162,10 @@ class ArchiveAlgorithm(Algorithm):
         """
         self.evaluator.n_eval += len(batch)
         problem = self.problem
-        values = _checked("evaluate_batch", problem, problem.evaluate_batch(batch), len(batch), 2)
-        objectives = -values
+        objectives = -problem.checked("F", problem.evaluate_batch(batch), len(batch))
         if problem.n_ieq_constr == 0:
             return objectives, self.archive.absorb(batch, objectives)
-        constraints = _checked(
-            "constrain_batch",
-            problem,
-            problem.constrain_batch(batch),
-            len(batch),
-            problem.n_ieq_constr,
-        )
+        constraints = problem.checked("G", problem.constrain_batch(batch), len(batch))
         feasible = np.flatnonzero((constraints <= 0).all(axis=1))
         members = self.archive.absorb(batch.take(feasible), objectives[feasible])
         return objectives, feasible[members]
@@ -201,21 +197,6 @@ class ArchiveAlgorithm(Algorithm):
     def pop(self, value: Population | None) -> None: ...
 
 
-def _checked(method: str, problem: BOTOHE, values: Any, n: int, n_columns: int) -> FloatArray:
-    """Give what a problem computed, or raise the ValueError that says what was expected."""
-    computed = np.asarray(values, np.float64)
-    owner = f"{method} of {type(problem).__name__}"
-    what = "F" if method == "evaluate_batch" else "G"
-    if computed.shape != (n, n_columns):
-        raise ValueError(
-            f"Expected {owner} to give {what} of shape {(n, n_columns)}, got {computed.shape}."
-        )
-    finite = np.isfinite(computed).all(axis=1)
-    if not finite.all():
-        raise ValueError(f"Expected {owner} to give finite {what}, got {computed[~finite][0]}.")
-    return computed
-
-
 def check_options(algorithm: Algorithm, options: Iterable[str]) -> None:
     """Refuse options that pymoo's algorithms would swallow; a TypeError names those it knows."""
     for name in options:
@@ -239,7 +220,23 @@ def budget(termination: Termination) -> float:
     if isinstance(termination, MaximumFunctionCallTermination):
         limit = termination.n_max_evals
         return math.inf if limit is None else float(limit)
-    return min(map(budget, getattr(termination, "terminations", ())), default=math.inf)
+    limits = [budget(part) for part in _parts(termination)]
+    whole = max if isinstance(termination, TerminateIfAll) else min
+    return whole(limits, default=math.inf)
+
+
+def generation_limit(termination: Termination) -> float:
+    """Give the generations that a termination allows, also one that combines several."""
+    if isinstance(termination, MaximumGenerationTermination):
+        return float(termination.n_max_gen)
+    limits = [generation_limit(part) for part in _parts(termination)]
+    whole = max if isinstance(termination, TerminateIfAll) else min
+    return whole(limits, default=math.inf)
+
+
+def _parts(termination: Termination) -> list[Termination]:
+    """List what a termination combines; pymoo's classes have two names for it."""
+    return [*getattr(termination, "terminations", ()), *getattr(termination, "criteria", ())]
 
 
 def evaluations_left(algorithm: Algorithm) -> int:

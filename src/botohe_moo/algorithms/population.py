@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import copy
+import inspect
 import sys
 from collections.abc import Iterable, Mapping
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from pymoo.algorithms.moo.moead import ParallelMOEAD
@@ -15,17 +16,15 @@ from pymoo.algorithms.moo.spea2 import SPEA2, SPEA2Survival
 from pymoo.core.algorithm import Algorithm
 from pymoo.core.crossover import Crossover
 from pymoo.core.duplicate import DuplicateElimination, NoDuplicateElimination
-from pymoo.core.individual import Individual
 from pymoo.core.mutation import Mutation
 from pymoo.core.population import Population
 from pymoo.core.sampling import Sampling
-from pymoo.core.termination import Termination
 from pymoo.decomposition.tchebicheff import Tchebicheff
 from pymoo.operators.survival.rank_and_crowding import RankAndCrowding
 
 from botohe_moo._checks import check_integer, check_number
 from botohe_moo._types import FloatArray, ObjectArray
-from botohe_moo.algorithms.base import check_budget, check_options, evaluations_left
+from botohe_moo.algorithms.base import MAX_TIES, check_budget, check_options, evaluations_left
 from botohe_moo.archive import PlanArchive
 from botohe_moo.operators.duplicates import PlanDuplicates
 from botohe_moo.operators.repair import PenaltyOnly, PlanRepair
@@ -41,6 +40,9 @@ from botohe_moo.problem import BOTOHE, FrontOutput
 from botohe_moo.trails import TrailPlan
 
 __all__ = ["PlanMOEAD", "PlanNSGA2", "PlanSMSEMOA", "PlanSPEA2", "PopulationAlgorithm"]
+
+
+_MAX_SIZE = 1_000_000
 
 
 class PopulationAlgorithm(Algorithm):
@@ -96,10 +98,22 @@ class PopulationAlgorithm(Algorithm):
     pop: Population
     is_initialized: bool
     eliminate_duplicates: DuplicateElimination
-    indices: Any
 
-    # Of each pair; MOEA/D wants one.
+    # Children of each pair.
     _n_children = 2
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        """State the operators' parameters in the signature of a class that takes any."""
+        super().__init_subclass__(**kwargs)
+        if "__signature__" in vars(cls):
+            return
+        own = list(inspect.signature(cls.__init__).parameters.values())[1:]
+        operators = [
+            parameter
+            for parameter in inspect.signature(PopulationAlgorithm.__init__).parameters.values()
+            if parameter.kind is parameter.KEYWORD_ONLY
+        ]
+        cls.__signature__ = inspect.Signature([*own[:-1], *operators, own[-1]])
 
     def __init__(
         self,
@@ -120,7 +134,7 @@ class PopulationAlgorithm(Algorithm):
         **options: Any,
     ) -> None:
         check_options(self, options)
-        self.max_ties = check_integer("max_ties", max_ties, at_least=1)
+        self.max_ties = check_integer("max_ties", max_ties, at_least=1, at_most=MAX_TIES)
         self.plan_archive = PlanArchive(1)
         self._least_infeasible: Population | None = None
         made = make_repair(repair)
@@ -133,6 +147,11 @@ class PopulationAlgorithm(Algorithm):
         }
         super().__init__(**{"output": FrontOutput(), **arguments, **operators, **options})
         self.repair = made
+        if self._n_children == 1 and operators["crossover"].n_offsprings != 1:
+            raise ValueError(
+                f"Expected a crossover with n_offsprings = 1 for {type(self).__name__}, got "
+                f"{operators['crossover'].n_offsprings}."
+            )
         if getattr(self.mating, "crossover", None) is not operators["crossover"]:
             raise ValueError(
                 f"{type(self).__name__} mates in a way of its own, which trail plans do not have."
@@ -166,7 +185,7 @@ class PopulationAlgorithm(Algorithm):
         """
         if not isinstance(problem, BOTOHE):
             raise TypeError(f"Expected a BOTOHE problem, got {type(problem).__name__}.")
-        if isinstance(self.repair, PenaltyOnly) and not problem.allow_invalid:
+        if any(isinstance(repair, PenaltyOnly) for repair in self._repairs()):
             problem = problem.allowing_invalid()
         if self.termination is None and kwargs.get("termination") is None:
             kwargs["termination"] = ("n_eval", 100_000)
@@ -175,17 +194,18 @@ class PopulationAlgorithm(Algorithm):
         check_budget(self.termination)
         return self
 
+    def _repairs(self) -> list[object]:
+        """List the repairs of all operators, also of those that were given as objects."""
+        mutation = self.mating.mutation
+        parts = getattr(getattr(mutation, "mixture", None), "parts", (mutation,))
+        return [getattr(part, "plan_repair", None) for part in (self.mating.crossover, *parts)]
+
     def infill(self) -> Population | None:
         """Give the plans to evaluate next, no more than the budget allows."""
         infills = super().infill()
-        if infills is None or isinstance(infills, Individual):
-            return infills
-        infills = infills[: evaluations_left(self)]
-        if getattr(self, "indices", None) is not None:  # MOEA/D's, one for each plan
-            self.indices = self.indices[: len(infills)]
-        return infills
+        return None if infills is None else infills[: evaluations_left(self)]
 
-    def advance(self, infills: Population | Individual | None = None, **kwargs: Any) -> Any:
+    def advance(self, infills: Population | None = None, **kwargs: Any) -> Any:
         """Archive what was evaluated, and let pymoo's algorithm go on.
 
         Parameters
@@ -196,14 +216,8 @@ class PopulationAlgorithm(Algorithm):
             Whatever the pymoo class takes.
         """
         if infills is not None:
-            self._archive(
-                Population.create(infills) if isinstance(infills, Individual) else infills
-            )
-        result = super().advance(infills, **kwargs)
-        if isinstance(infills, Individual) and evaluations_left(self) == 0:
-            # Whoever advances plan by plan asks its termination once a generation only.
-            cast("Termination", self.termination).force_termination = True
-        return result
+            self._archive(infills)
+        return super().advance(infills, **kwargs)
 
     def _archive(self, evaluated: Population) -> None:
         constrained = self.problem.has_constraints()
@@ -382,6 +396,8 @@ class PlanMOEAD(PopulationAlgorithm, ParallelMOEAD):
     # pymoo draws one of each mating's children, but from pools that mix matings.
     _n_children = 1
 
+    indices: Any
+
     def __init__(
         self,
         *,
@@ -390,7 +406,7 @@ class PlanMOEAD(PopulationAlgorithm, ParallelMOEAD):
         prob_neighbor_mating: float = 0.9,
         **options: Any,
     ) -> None:
-        pop_size = check_integer("pop_size", pop_size, at_least=2)
+        pop_size = genetic_sizes(pop_size, None)["pop_size"]
         n_neighbors = check_integer("n_neighbors", n_neighbors, at_least=2)
         arguments = {
             "ref_dirs": even_weights(pop_size),
@@ -410,6 +426,7 @@ class PlanMOEAD(PopulationAlgorithm, ParallelMOEAD):
 
     def _initialize_advance(self, infills: Population, **kwargs: Any) -> None:
         super()._initialize_advance(infills, **kwargs)
+        self.ideal = (_feasible(infills) if infills.get("feas").any() else infills).get("F").min(0)
         if len(infills) <= self.pop_size:
             return
         # More plans to start from than weights: each weight takes its best.
@@ -418,6 +435,19 @@ class PlanMOEAD(PopulationAlgorithm, ParallelMOEAD):
             best.get("F"), self.ref_dirs, _type="many_to_many", ideal_point=self.ideal
         )
         self.pop = best[values.argmin(axis=0)]
+
+    def infill(self) -> Population | None:
+        """Give the plans to evaluate next, no more than the budget allows."""
+        infills = super().infill()
+        if infills is not None and self.indices is not None:
+            self.indices = self.indices[: len(infills)]
+        return infills
+
+    def _advance(self, infills: Population, **_: Any) -> None:
+        # As pymoo's, but for the ideal point, which is that of feasible plans alone.
+        self.ideal = np.vstack([self.ideal, _feasible(infills).get("F")]).min(axis=0)
+        for k, child in zip(self.indices, infills, strict=True):
+            self._replace(k, child)
 
     def _replace(self, k: int, off: Any) -> None:
         pop, near = self.pop, self.neighbors[k]
@@ -456,11 +486,17 @@ def _picklable(selection: Any) -> Any:
     return selection
 
 
+def _feasible(plans: Population) -> Population:
+    return plans[plans.get("feas")]
+
+
 def genetic_sizes(pop_size: int, n_offsprings: int | None) -> dict[str, Any]:
     """Give the sizes that genetic algorithms take; a ValueError says which is out of its range."""
-    sizes = {"pop_size": check_integer("pop_size", pop_size, at_least=2)}
+    sizes = {"pop_size": check_integer("pop_size", pop_size, at_least=2, at_most=_MAX_SIZE)}
     if n_offsprings is not None:
-        sizes["n_offsprings"] = check_integer("n_offsprings", n_offsprings, at_least=1)
+        sizes["n_offsprings"] = check_integer(
+            "n_offsprings", n_offsprings, at_least=1, at_most=_MAX_SIZE
+        )
     return sizes
 
 

@@ -126,8 +126,7 @@ def algorithm_names() -> tuple[str, ...]:
 def algorithm_parameters(name: str) -> tuple[AlgorithmParameter, ...]:
     """List the parameters that an algorithm states, in the order of its signature.
 
-    A factory such as :meth:`BOACO.journal` states what it changes, and its class the rest; a class
-    that takes any keyword states its own, and the classes it is based on theirs.
+    A factory such as :meth:`BOACO.journal` states what it changes, and its class the rest.
 
     Raises
     ------
@@ -135,12 +134,14 @@ def algorithm_parameters(name: str) -> tuple[AlgorithmParameter, ...]:
         If there is no such algorithm, or it cannot be imported.
     """
     stated: dict[str, AlgorithmParameter] = {}
-    functions = _stating(_load(name))
+    factory = _load(name)
+    owner = getattr(factory, "__self__", None)
+    functions = [factory]
+    if isinstance(owner, type) and _takes_any(factory):
+        functions.append(owner)
     for function in functions:
         described = _described(function)
         for parameter in (_signature(function) or inspect.Signature()).parameters.values():
-            if parameter.kind is not parameter.KEYWORD_ONLY and function is not functions[0]:
-                continue  # what a base class takes by position it gets from the class itself
             if parameter.kind not in _BY_KEYWORD or parameter.name in _PYMOOS_OWN:
                 continue
             known = stated.get(parameter.name)
@@ -172,29 +173,14 @@ def _source(name: str) -> str:
 
 
 def _load(name: str) -> Callable[..., Any]:
+    if not isinstance(name, str):
+        raise ValueError(f"Expected the name of an algorithm, got {name!r}.")
     if ":" in name or "." in name:
         return wired_class(name)
     try:
         return _PLUGINS.load(name)
     except PluginError as error:
         raise ValueError(f"{_PLUGINS.source(name)}: {error}.") from error
-
-
-def _stating(factory: Callable[..., Any]) -> list[Callable[..., Any]]:
-    """List the callables whose signatures state a factory's parameters, its own first."""
-    functions = [factory]
-    owner = getattr(factory, "__self__", factory)
-    if isinstance(owner, type) and _takes_any(factory):
-        # pymoo's own classes state what is not meant for this: continuous operators, for example.
-        functions += [
-            base
-            for base in owner.__mro__
-            if base is not factory
-            and "__init__" in vars(base)
-            and base.__module__.partition(".")[0] not in ("pymoo", "builtins")
-        ]
-    last = next((i for i, f in enumerate(functions) if not _takes_any(f)), len(functions))
-    return functions[: last + 1]
 
 
 def _signature(function: Callable[..., Any]) -> inspect.Signature | None:
@@ -224,7 +210,16 @@ def _docstring(function: Callable[..., Any]) -> str:
 
 
 def _described(function: Callable[..., Any]) -> dict[str, str]:
-    """Read the Parameters section of a numpydoc docstring."""
+    """Read the Parameters section of a numpydoc docstring, and those of a class's bases."""
+    if isinstance(function, type):
+        described: dict[str, str] = {}
+        for base in reversed(function.__mro__[:-1]):
+            described |= _described_by(base)
+        return described
+    return _described_by(function)
+
+
+def _described_by(function: Callable[..., Any]) -> dict[str, str]:
     section = re.search(
         r"^Parameters\n-+\n(.*?)(?=^\S[^\n]*\n-+\n|\Z)", _docstring(function), re.M | re.S
     )

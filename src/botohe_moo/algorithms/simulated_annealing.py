@@ -13,9 +13,10 @@ from pymoo.core.algorithm import Algorithm
 
 from botohe_moo._checks import check_integer, check_number
 from botohe_moo._types import FloatArray, IntArray, ObjectArray, OffsetArray
-from botohe_moo.algorithms.base import ArchiveAlgorithm
+from botohe_moo.algorithms.base import ArchiveAlgorithm, generation_limit
 from botohe_moo.kernels import anneal as kernels
 from botohe_moo.kernels.rng import seed_states
+from botohe_moo.operators.sampling import GuidedTrailSampling
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import PlanBatch, TrailPlan
 
@@ -26,6 +27,8 @@ SCHEDULES = ("cooled", "journal")
 _PUBLISHED_KINDS = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.1)
 _COOLED_KINDS = (*_PUBLISHED_KINDS, 0.1)
 _MAX_TRIES = 100  # a trail with which a hundred draws cannot be made stays as it is for a step
+_WEIGHTS_A_PASS = 10  # at least, where generations are few
+_GUIDED = 20  # plans to start from where no move leads away from the base
 _PUBLISHED_TEMPERATURE = 0.2
 _PUBLISHED_COOLING = 0.95
 # Where a kernel's figures hold E[R] and E[S] of the plan the search is at, and of the best one.
@@ -60,7 +63,8 @@ class SimulatedAnnealing(ArchiveAlgorithm):
         Probability in [0, 1] that a rejected step ends at the weight's best plan; default: 0.003,
         for the journal's schedule 0.
     sweep_evaluations
-        Evaluations the schedule is made for where the termination sets no budget, at least 1.
+        Evaluations the schedule is made for where the termination limits neither evaluations nor
+        generations, at least 1.
     steps_per_generation
         Steps in one pymoo generation, at least 1; a generation ends with its weight.
     max_ties
@@ -103,8 +107,11 @@ class SimulatedAnnealing(ArchiveAlgorithm):
     A move that would take a robot below the survival floor is drawn again before anything is
     evaluated, so that every plan evaluated is feasible. The first weight starts with everybody at
     base, or from the best of the plans to start from. Where the schedule has run out and pymoo asks
-    for more, another sweep begins. On missions where no node has an arc from the base and one
-    back, no move leads away from the base: give plans to start from there.
+    for more, another sweep begins.
+
+    Where no node has an arc from the base and one back, no move leads away from the base: there the
+    cooled schedule also starts from a few guided plans, while the journal's needs plans to be
+    given.
     """
 
     def __init__(
@@ -191,7 +198,7 @@ class SimulatedAnnealing(ArchiveAlgorithm):
     def _advance(self, **_: Any) -> None:
         journal = self.schedule == "journal"
         if not journal and len(self.archive) == 0:
-            self._take_in(_batch(*self._best)[: self._n_left()])  # everybody at base
+            self._take_in(self._starts()[: self._n_left()])
         n_left = self._n_left()
         if n_left == 0:
             return
@@ -205,6 +212,15 @@ class SimulatedAnnealing(ArchiveAlgorithm):
             self.archive.absorb(batch, objectives)
         elif self._steps_left == 0:
             self._archive_best()
+
+    def _starts(self) -> PlanBatch:
+        """Everybody at base, and a few guided plans where no move leads away from there."""
+        mission = self.problem.mission
+        home, base = _batch(*self._best), mission.base
+        if any(mission.graph.has_edge(node, base) for node in mission.graph[base]):
+            return home
+        guided = GuidedTrailSampling().sample_batch(self.problem, _GUIDED, self.random_state)
+        return PlanBatch.concatenate([home, guided])
 
     def _finalize(self) -> None:
         if self.schedule == "journal" and self._steps_left > 0:  # ended by something else
@@ -235,11 +251,20 @@ class SimulatedAnnealing(ArchiveAlgorithm):
         self._cooling = fall ** (1.0 / self._steps_left)
 
     def _plan_sweep(self, n_left: int) -> None:
-        n_steps = n_left if n_left < sys.maxsize else self.sweep_evaluations
         journal = self.schedule == "journal"
-        usual = math.isqrt(n_steps) if journal else max(1, round(n_steps ** (1 / 3)))
+        n_passes = 1 if journal else self.n_passes
+        generations = generation_limit(self.termination)
+        if n_left == sys.maxsize and generations < math.inf:
+            # A generation for each turn of a weight, as many as there will be.
+            n_generations = max(1, int(generations))
+            n_steps = n_generations * self.steps_per_generation
+            n_passes = min(n_passes, max(1, n_generations // _WEIGHTS_A_PASS))
+            usual = max(1, n_generations // n_passes)
+        else:
+            n_steps = n_left if n_left < sys.maxsize else self.sweep_evaluations
+            usual = math.isqrt(n_steps) if journal else max(1, round(n_steps ** (1 / 3)))
         n_weights = min(self.n_weights or usual, n_steps)
-        n_passes = 1 if journal else min(self.n_passes, n_steps // n_weights)
+        n_passes = min(n_passes, n_steps // n_weights)
         self._sweep = (n_steps, n_weights, n_passes)
         self._leg = 0
 

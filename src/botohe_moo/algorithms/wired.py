@@ -20,6 +20,31 @@ _TAKEN_CARE_OF = frozenset(
     {"sampling", "crossover", "mutation", "repair", "eliminate_duplicates", "output", "mating"}
     | {"pop_size", "n_offsprings"}
 )
+# Objects that belong to the algorithm: handed over as pymoo has them, not for users to state.
+_INNER = frozenset({"selection", "survival"})
+
+# Classes that cannot keep what is promised of all, by the module they stand in.
+_REFUSED = {
+    "pymoo.algorithms.soo": "it minimises one objective",
+    "pymoo.algorithms.moo.dnsga2": "it evaluates plans beside any budget, for problems that change",
+    "pymoo.algorithms.moo.kgb": "it evaluates plans beside any budget, for problems that change",
+    "pymoo.algorithms.moo.moead": "it is wired already, as 'moead'",
+    "pymoo.algorithms.moo.omni": "it measures distances between real vectors",
+    "pymoo.algorithms.moo.pinsga2": "it asks for answers at the keyboard",
+}
+
+
+_DOCSTRING = """{0} of pymoo's, with operators for trail plans.
+
+Parameters
+----------
+pop_size
+    Plans in the population, from 2 to 1 000 000; where there are ``ref_dirs``, their number.
+n_offsprings
+    Plans that a generation adds, from 1 to 1 000 000; default: as pymoo has it.
+ref_dirs
+    Directions, shape (n, 2); default: ``pop_size`` of them, spread evenly.
+"""
 
 
 @functools.cache
@@ -36,7 +61,8 @@ def wired_class(path: str) -> Callable[..., Any]:
     Raises
     ------
     ValueError
-        If it cannot be imported, or is a class of pymoo's that is not population-based.
+        If it cannot be imported, or is a class of pymoo's that is not population-based, or cannot
+        be wired.
     """
     try:
         found: Callable[..., Any] = pkgutil.resolve_name(path)
@@ -52,6 +78,9 @@ def wired_class(path: str) -> Callable[..., Any]:
             f"Algorithm {path!r}: expected a population-based class of pymoo's, derived from "
             f"GeneticAlgorithm, got {found!r}."
         )
+    for module, reason in _REFUSED.items():
+        if f"{found.__module__}.".startswith(f"{module}."):
+            raise ValueError(f"Algorithm {path!r}: cannot be wired; {reason}.")
     return _wire(path, found)
 
 
@@ -79,6 +108,7 @@ def _wire(path: str, wrapped: type[GeneticAlgorithm]) -> type[PopulationAlgorith
         arguments = {
             name: copy.deepcopy(parameters.pop(name, parameter.default))
             for name, parameter in own.items()
+            if name in parameters or parameter.default is not parameter.empty
         }
         if directed and arguments["ref_dirs"] is None:
             arguments["ref_dirs"] = even_weights(sizes["pop_size"])
@@ -96,16 +126,15 @@ def _wire(path: str, wrapped: type[GeneticAlgorithm]) -> type[PopulationAlgorith
         for parameter in inspect.signature(__init__).parameters.values()
         if parameter.kind is parameter.KEYWORD_ONLY
     ]
-    parameters = inspect.cleandoc(PopulationAlgorithm.__doc__ or "").partition("Parameters\n")[2]
+    stated_own = [parameter for name, parameter in own.items() if name not in _INNER]
     return type(
         wrapped.__name__,
         (PopulationAlgorithm, wrapped),
         {
             "__init__": __init__,
             "__reduce_ex__": __reduce_ex__,
-            "__signature__": inspect.Signature([*sizes, *own.values(), *operators]),
-            "__doc__": f"{wrapped.__name__} of pymoo's, with operators for trail plans.\n\n"
-            f"Parameters\n{parameters}",
+            "__signature__": inspect.Signature([*sizes, *stated_own, *operators]),
+            "__doc__": _DOCSTRING.format(wrapped.__name__),
         },
     )
 

@@ -40,7 +40,10 @@ def _count_changes(
     for i in range(begin, end - 1):
         kept += drafted[find_arc(first, head, nodes[i], nodes[i + 1])] == trail
     hops = max(0, stop - start - 1)
-    return hops - kept + (end - begin - 1) - kept
+    changes = hops - kept + (end - begin - 1) - kept
+    if changes == 0 and (stop == start or draft[start] != nodes[begin]):
+        return 1  # a single node that is not the base, or none
+    return changes
 
 
 @kernel
@@ -61,8 +64,9 @@ def repair_safest(
     """Bridge every gap by the safest path over arcs that the trail has not used yet.
 
     Nodes are taken in the order of the draft. A hop along an arc that the trail has used already
-    cuts off the loop in between. A node that cannot be reached, or from which no unused arcs
-    would lead home, is left out. At the end the trail takes the safest way home.
+    cuts off the loop in between. A node is left out that cannot be reached over unused arcs, or
+    from which, once the safest path leads there, none would lead home. At the end the trail takes
+    the safest way home.
 
     Parameters
     ----------

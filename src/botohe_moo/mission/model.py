@@ -230,7 +230,7 @@ class Mission:
         trail k): Simon, Richley, Overbey and Perez-Lavin, "Bi-objective trail-planning for a
         robot team orienteering in a hazardous environment", 2025.
         """
-        batch = self._team_batch(plans)
+        batch = self.batch(plans)
         objectives = np.empty((len(batch), 2))
         arrays = self.arrays
         fault = kernels.evaluate(
@@ -300,7 +300,7 @@ class Mission:
     def _drafts(
         self, plans: PlanBatch | Iterable[TrailPlan] | ObjectArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        batch = self._team_batch(plans)
+        batch = self.batch(plans)
         objectives, faults = np.empty((len(batch), 2)), np.empty(len(batch))
         alive = np.empty((len(batch), self.robots))
         arrays = self.arrays
@@ -319,22 +319,14 @@ class Mission:
         )
         return objectives, faults, alive
 
-    def _team_batch(self, plans: PlanBatch | Iterable[TrailPlan] | ObjectArray) -> PlanBatch:
-        batch = plans if isinstance(plans, PlanBatch) else self.batch(plans)
-        if batch.n_robots != self.robots:
-            raise PlanError(
-                f"Expected {self.robots} trails a plan for the {self.robots} robots of mission "
-                f"{self.name!r}, got {batch.n_robots}."
-            )
-        return batch
-
-    def batch(self, plans: Iterable[TrailPlan] | ObjectArray) -> PlanBatch:
+    def batch(self, plans: PlanBatch | Iterable[TrailPlan] | ObjectArray) -> PlanBatch:
         """Pack plans for this mission's team.
 
         Parameters
         ----------
         plans
-            Trail plans: any iterable of them, or an array such as ``result.X``.
+            Trail plans: any iterable of them, or an array such as ``result.X``; a batch is given
+            back.
 
         Raises
         ------
@@ -343,6 +335,13 @@ class Mission:
         TypeError
             If something in ``plans`` is no TrailPlan.
         """
+        if isinstance(plans, PlanBatch):
+            if plans.n_robots != self.robots:
+                raise PlanError(
+                    f"Expected {self.robots} trails a plan for the {self.robots} robots of mission "
+                    f"{self.name!r}, got {plans.n_robots}."
+                )
+            return plans
         try:
             return PlanBatch.from_plans(plans, self.robots)
         except ValueError as error:

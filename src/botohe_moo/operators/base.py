@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Generic, TypeVar
 
 import numpy as np
@@ -54,6 +54,11 @@ class Mixture(Generic[Part]):
     def __init__(
         self, what: str, kind: type[Any], parts: Sequence[Part] | Mapping[Part, float]
     ) -> None:
+        if isinstance(parts, str) or not isinstance(parts, Iterable):
+            raise TypeError(
+                f"Expected a sequence of {kind.__name__}s or a mapping from them to weights, got "
+                f"{parts!r}."
+            )
         self.parts: tuple[Part, ...] = tuple(parts)
         weights = parts.values() if isinstance(parts, Mapping) else [1.0] * len(self.parts)
         if not self.parts:

@@ -13,7 +13,7 @@ from botohe_moo._types import ObjectArray
 from botohe_moo.kernels import vary as kernels
 from botohe_moo.kernels.moves import change_plans
 from botohe_moo.kernels.rng import draw_state
-from botohe_moo.mission.model import Mission
+from botohe_moo.mission.model import Mission, PlanError
 from botohe_moo.operators.base import Mixture, check_repair
 from botohe_moo.operators.repair import PlanRepair
 from botohe_moo.problem import BOTOHE
@@ -65,8 +65,24 @@ class PlanMutation(Mutation):
             What to change; stays as it is.
         random_state
             Where all random numbers come from.
+
+        Returns
+        -------
+        PlanBatch
+            The changed plans, in the same order.
+
+        Raises
+        ------
+        PlanError
+            If the plans have another number of trails than the mission has robots, or one has no
+            node.
         """
-        return self._mutate(mission, plans, random_state)
+        plans = mission.batch(plans)
+        lengths = np.diff(plans.offsets)
+        if (lengths < 1).any():
+            plan, robot = divmod(int(np.argmin(lengths)), plans.n_robots)
+            raise PlanError(f"Plan {plan}, robot {robot}: expected at least one node, got none.")
+        return self._mutate(mission, plans, random_state) if len(plans) else plans
 
     def _mutate(
         self, mission: Mission, plans: PlanBatch, random_state: np.random.Generator
@@ -140,6 +156,8 @@ class TrailMoves(PlanMutation):
         self.every_robot = check_flag("every_robot", every_robot)
         self.max_tries = check_integer("max_tries", max_tries, at_least=1, at_most=1_000_000)
         given = dict.fromkeys(MOVES, 1.0) | {"reverse": 0.1} if weights is None else weights
+        if not isinstance(given, Mapping):
+            raise ValueError(f"Expected weights to be a mapping from moves, got {weights!r}.")
         for name in given:
             if name not in MOVES:
                 known = ", ".join(nearest_first(str(name), MOVES))
@@ -184,8 +202,9 @@ class TrailMoves(PlanMutation):
 class RuinRecreate(PlanMutation):
     """Cut a segment out of one robot's trail and put in up to a few other nodes instead.
 
-    The robot and both ends of the cut are drawn uniformly, so is how many nodes are put in. The
-    repair joins what is left: :class:`SafestPathRepair` along safest paths.
+    The robot and both ends of the cut are drawn uniformly, so is how many nodes are put in, but at
+    least one where nothing would be cut. The repair joins what is left:
+    :class:`SafestPathRepair` along safest paths.
 
     Parameters
     ----------

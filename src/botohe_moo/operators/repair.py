@@ -23,6 +23,9 @@ __all__ = ["PenaltyOnly", "PlanRepair", "RepairCounts", "SafestPathRepair", "Tru
 class RepairCounts:
     """What a repair has done so far.
 
+    pymoo lets a mutation and a crossover work on every plan and then takes the share that their
+    ``prob`` says: what it leaves is counted, too, as it took its time.
+
     Attributes
     ----------
     plans
@@ -30,7 +33,8 @@ class RepairCounts:
     repaired
         Plans that were changed.
     arcs_changed
-        Arcs that were added to trails, and hops of drafts that were dropped.
+        Arcs that were added to trails, and hops of drafts that were dropped; 1 for a trail that
+        was changed otherwise, such as one node that is not the base.
     seconds
         Time spent.
     """
@@ -69,10 +73,21 @@ class PlanRepair(Repair):
             Where the trails have to lead.
         drafts
             Plans of any integers, with as many trails as the mission has robots.
+
+        Returns
+        -------
+        PlanBatch
+            Valid plans, in the same order.
+
+        Raises
+        ------
+        PlanError
+            If the drafts have another number of trails.
         """
         started = time.perf_counter()
+        drafts = mission.batch(drafts)
         repaired, changes = self._repair(mission, drafts)
-        per_plan = changes.reshape(len(drafts), -1).sum(axis=1)
+        per_plan = changes.reshape(len(drafts), drafts.n_robots).sum(axis=1)
         self.counts.plans += len(drafts)
         self.counts.repaired += int(np.count_nonzero(per_plan))
         self.counts.arcs_changed += int(per_plan.sum())
@@ -109,8 +124,9 @@ class SafestPathRepair(PlanRepair):
     """Bridge every gap by the safest path over arcs that the trail has not used yet.
 
     Nodes are taken in the order of the draft. A hop along an arc that the trail has used already
-    cuts off the loop in between. A node that cannot be reached, or from which no unused arcs would
-    lead home, is left out. At the end the trail takes the safest way home.
+    cuts off the loop in between. A node is left out that cannot be reached over unused arcs, or
+    from which, once the safest path leads there, none would lead home. At the end the trail takes
+    the safest way home.
 
     Examples
     --------

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from pymoo.core.sampling import Sampling
 
+from botohe_moo._checks import check_integer
 from botohe_moo._types import ObjectArray
 from botohe_moo.colony import Colony, ColonyRule
 from botohe_moo.operators.base import Mixture
@@ -41,7 +42,20 @@ class PlanSampling(Sampling):
             How many plans are wanted, at least 1.
         random_state
             Where all random numbers come from.
+
+        Returns
+        -------
+        PlanBatch
+            As many plans as are wanted; more only where more are given (:class:`GivenSampling`).
+
+        Raises
+        ------
+        ValueError
+            If ``n_samples`` is out of its range.
+        PlanError
+            If a given plan is not valid.
         """
+        n_samples = check_integer("n_samples", n_samples, at_least=1)
         return self._sample(problem, n_samples, random_state)
 
     def _sample(
@@ -160,6 +174,9 @@ def _filled(
 
 class GivenSampling(PlanSampling):
     """Given plans, and others where they are too few.
+
+    All given plans are given, also if they are more than are wanted or do not keep the problem's
+    survival floor.
 
     Parameters
     ----------
