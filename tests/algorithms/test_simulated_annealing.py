@@ -3,16 +3,18 @@
 import copy
 import pickle
 
+import networkx as nx
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymoo.core.callback import Callback
+from pymoo.core.termination import NoTermination
 from pymoo.optimize import minimize
 from pymoo.termination import get_termination
 from pymoo.termination.collection import TerminationCollection
 
-from botohe_moo import BOTOHE, RandomTrails, TrailPlan, area_indicator, load_mission
+from botohe_moo import BOTOHE, Mission, RandomTrails, TrailPlan, area_indicator, load_mission
 from botohe_moo.algorithms.simulated_annealing import SimulatedAnnealing
 from tests.strategies import missions
 
@@ -159,12 +161,23 @@ class TestContract:
         algorithm = SimulatedAnnealing(
             schedule=schedule, sweep_evaluations=100, n_weights=5, n_passes=2
         )
-        minimize(BOTOHE(museum), algorithm, ("n_gen", 25), seed=1, callback=callback)
+        algorithm.setup(BOTOHE(museum), termination=NoTermination(), seed=1, callback=callback)
+        for _ in range(25):
+            algorithm.next()
         up = [0.0, 0.25, 0.5, 0.75, 1.0]
         sweep = up if schedule == "journal" else up + up[::-1]
         assert callback.weights == (sweep * 5)[:25]
         steps = 100 // len(sweep)
         assert np.diff(callback.evaluations).tolist() == [steps] * 24
+
+    def test_generations_are_a_budget_too(self, schedule, museum):
+        callback = EveryGeneration()
+        algorithm = SimulatedAnnealing(schedule=schedule, steps_per_generation=200)
+        minimize(BOTOHE(museum), algorithm, ("n_gen", 20), seed=1, callback=callback)
+        up = np.linspace(0, 1, 20 if schedule == "journal" else 10).tolist()
+        sweep = up if schedule == "journal" else up + up[::-1]
+        assert callback.weights == pytest.approx(sweep)
+        assert np.diff(callback.evaluations).tolist() == [200] * 19
 
     def test_verbose(self, schedule, museum, capsys):
         algorithm = SimulatedAnnealing(schedule=schedule, steps_per_generation=3)
@@ -300,3 +313,15 @@ def test_parameters_out_of_range(parameters, message):
 def test_unknown_parameters():
     with pytest.raises(TypeError, match="no parameter 'n_weight'; pymoo's options here are"):
         SimulatedAnnealing(n_weight=3)
+
+
+def test_one_way_missions_start_from_guided_plans():
+    # No node has an arc from the base and one back: no move leads away from there.
+    graph = nx.DiGraph()
+    graph.add_nodes_from(range(6), reward=1.0)
+    graph.add_edges_from([(i, (i + 1) % 6) for i in range(6)], survival=0.95)
+    graph.add_edge(2, 4, survival=0.9)
+    mission = Mission(graph, base=0, robots=2)
+    result = minimize(BOTOHE(mission), SimulatedAnnealing(), ("n_eval", 500), seed=1)
+    assert area_indicator(-result.F, mission) > 0.5
+    assert result.algorithm.evaluator.n_eval == 500
