@@ -215,6 +215,22 @@ class TestSolve:
         assert botohe("solve", "toy", "-a", algorithm, "-n", n, "-o", "out").status == 0
         assert plans_in(tmp_path / "out")["evaluations"] == n
 
+    def test_a_survival_floor(self, botohe, tmp_path):
+        for name in ("nsga2", "greedy"):
+            arguments = ("-a", name, "-n", "300", "--min-survival", "0.6", "--out", name)
+            assert botohe("solve", "toy", *arguments).status == 0
+            mission, content = load_mission("toy"), plans_in(tmp_path / name)
+            assert content["min_survival"] == 0.6
+            plans = [mission.plan(plan["trails"]) for plan in content["plans"]]
+            assert len(plans) > 1
+            assert mission.robot_survival(plans).min() >= 0.6 - 1e-9
+
+    def test_weights_of_operators(self, botohe, tmp_path):
+        options = ("-p", "mutation={ruin: 2, moves: 1}", "-p", "repair=truncate", "-n", "200")
+        ended = botohe("solve", "toy", "-a", "nsga2", *options, "--out", "x")
+        assert ended.status == 0
+        assert plans_in(tmp_path / "x")["parameters"]["mutation"] == {"ruin": 2, "moves": 1}
+
     def test_parameters(self, botohe, tmp_path):
         ended = botohe(
             *("solve", "terrain", "-m", "nodes=9", "-m", "seed=2", "--robots", 4, "-n", 60),
@@ -724,7 +740,7 @@ class TestOtherPackages:
     def test_they_are_listed_and_what_is_broken_is_named_once(self, botohe, odd):
         ended = botohe("algorithms", code=odd)
         assert ended.status == 0
-        assert "nothing  Find nothing, which is hard to beat.\n" in ended.out
+        assert re.search(r"^nothing +Find nothing, which is hard to beat\.$", ended.out, re.M)
         assert "broken" not in ended.out
         broken, claimed = ended.err.splitlines()
         assert re.fullmatch(r"botohe: Algorithm 'broken': .*; it is left out\.", broken)
