@@ -46,25 +46,37 @@ def _shared_place(
     others: IntArray,
     other_start: int,
     other_stop: int,
+    counts: OffsetArray,
 ) -> tuple[int, int]:
     """Draw a place inside each of two trails where both are at the same node.
 
-    Uniform over the pairs of such places; (−1, −1) where there is none.
+    Uniform over the pairs of such places; (−1, −1) where there is none. ``counts`` is scratch
+    (n_nodes), zero before and after; nodes that are unknown are shared by nobody.
     """
+    n_nodes = counts.shape[0]
+    for j in range(other_start + 1, other_stop - 1):
+        if 0 <= others[j] < n_nodes:
+            counts[others[j]] += 1
     n = 0
     for i in range(start + 1, stop - 1):
-        for j in range(other_start + 1, other_stop - 1):
-            n += nodes[i] == others[j]
-    if n == 0:
-        return -1, -1
-    left = _below(states, n)
-    for i in range(start + 1, stop - 1):
-        for j in range(other_start + 1, other_stop - 1):
-            if nodes[i] == others[j]:
-                if left == 0:
-                    return i, j
-                left -= 1
-    return -1, -1
+        if 0 <= nodes[i] < n_nodes:
+            n += counts[nodes[i]]
+    one = other = -1
+    left = _below(states, n) if n > 0 else -1
+    for i in range(start + 1, stop - 1 if n > 0 else start):
+        here = counts[nodes[i]] if 0 <= nodes[i] < n_nodes else 0
+        if left < here:
+            one = i
+            break
+        left -= here
+    for j in range(other_start + 1, other_stop - 1):
+        if 0 <= others[j] < n_nodes:
+            counts[others[j]] = 0
+        if one >= 0 and others[j] == nodes[one]:
+            if left == 0:
+                other = j
+            left -= 1
+    return one, other
 
 
 @kernel
@@ -91,6 +103,7 @@ def cross(
     others: IntArray,
     other_offsets: OffsetArray,
     n_robots: int,
+    n_nodes: int,
     kinds: OffsetArray,
     states: SeedArray,
     drafts: IntArray,
@@ -102,8 +115,8 @@ def cross(
     ----------
     nodes, offsets, others, other_offsets
         The first and the second parents, ragged.
-    n_robots
-        Trails per plan.
+    n_robots, n_nodes
+        Trails per plan; nodes of the mission.
     kinds
         Of each pair: with ``EXCHANGE`` the children share out whole trails, a random part of
         those of one parent and the rest of the other's; with ``SPLICE`` one trail of each parent
@@ -116,6 +129,7 @@ def cross(
         have, and 2 · n_pairs · n_robots + 1 offsets.
     """
     order, other_order = np.arange(n_robots), np.arange(n_robots)
+    counts = np.zeros(n_nodes, np.int64)
     size = at = 0
     draft_offsets[0] = 0
     for pair in range(len(kinds)):
@@ -123,7 +137,7 @@ def cross(
         if kinds[pair] == EXCHANGE:
             _shuffle(states, order)
             _shuffle(states, other_order)
-            cut = 1 + _below(states, n_robots - 1) if n_robots > 1 else 1
+            cut = 1 + _below(states, n_robots - 1)
             for child in range(2):
                 for k in range(n_robots):
                     if (k < cut) == (child == 0):
@@ -145,6 +159,7 @@ def cross(
             others,
             other_offsets[t],
             other_offsets[t + 1],
+            counts,
         )
         if p < 0:
             p, q = offsets[s], other_offsets[t]
@@ -255,6 +270,7 @@ def share(
     nodes: IntArray,
     offsets: OffsetArray,
     n_robots: int,
+    n_nodes: int,
     prob_copy: float,
     states: SeedArray,
     drafts: IntArray,
@@ -266,7 +282,7 @@ def share(
 
     Parameters
     ----------
-    nodes, offsets, n_robots, states
+    nodes, offsets, n_robots, n_nodes, states
         As for ``ruin``.
     prob_copy
         Probability of taking over rather than swapping.
@@ -278,6 +294,7 @@ def share(
     int
         How many nodes were written.
     """
+    counts = np.zeros(n_nodes, np.int64)
     size = at = 0
     draft_offsets[0] = 0
     for plan in range((len(offsets) - 1) // n_robots):
@@ -297,6 +314,7 @@ def share(
                     nodes,
                     offsets[other],
                     offsets[other + 1],
+                    counts,
                 )
                 if p < 0:
                     p = offsets[one] + _below(states, offsets[one + 1] - offsets[one])

@@ -73,6 +73,7 @@ class PlanCrossover(Crossover):
             others.nodes,
             others.offsets,
             n_robots,
+            mission.arrays.n_nodes,
             kinds,
             draw_state(random_state),
             nodes,

@@ -299,7 +299,7 @@ class ShareTrails(PlanMutation):
 
     def _draft(
         self,
-        mission: Mission,  # noqa: ARG002
+        mission: Mission,
         plans: PlanBatch,
         random_state: np.random.Generator,
     ) -> PlanBatch:
@@ -309,6 +309,7 @@ class ShareTrails(PlanMutation):
             plans.nodes,
             plans.offsets,
             plans.n_robots,
+            mission.arrays.n_nodes,
             self.prob_copy,
             draw_state(random_state),
             nodes,
