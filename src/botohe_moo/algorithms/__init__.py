@@ -2,16 +2,14 @@
 
 from botohe_moo.algorithms.bo_aco import BOACO
 from botohe_moo.algorithms.greedy import Greedy
-from botohe_moo.algorithms.population import (
-    PlanMOEAD,
-    PlanNSGA2,
-    PlanSMSEMOA,
-    PlanSPEA2,
-    PopulationAlgorithm,
-)
+from botohe_moo.algorithms.moead import PlanMOEAD
+from botohe_moo.algorithms.nsga2 import PlanNSGA2
+from botohe_moo.algorithms.population import PopulationAlgorithm
 from botohe_moo.algorithms.random_trails import RandomTrails
 from botohe_moo.algorithms.registry import algorithm_names, make_algorithm
 from botohe_moo.algorithms.simulated_annealing import SimulatedAnnealing
+from botohe_moo.algorithms.sms_emoa import PlanSMSEMOA
+from botohe_moo.algorithms.spea2 import PlanSPEA2
 
 __all__ = [
     "BOACO",

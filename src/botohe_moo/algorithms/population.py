@@ -9,20 +9,14 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
-from pymoo.algorithms.moo.moead import ParallelMOEAD
-from pymoo.algorithms.moo.nsga2 import NSGA2
-from pymoo.algorithms.moo.sms import SMSEMOA, LeastHypervolumeContributionSurvival
-from pymoo.algorithms.moo.spea2 import SPEA2, SPEA2Survival
 from pymoo.core.algorithm import Algorithm
 from pymoo.core.crossover import Crossover
 from pymoo.core.duplicate import DuplicateElimination, NoDuplicateElimination
 from pymoo.core.mutation import Mutation
 from pymoo.core.population import Population
 from pymoo.core.sampling import Sampling
-from pymoo.decomposition.tchebicheff import Tchebicheff
-from pymoo.operators.survival.rank_and_crowding import RankAndCrowding
 
-from botohe_moo._checks import check_integer, check_number
+from botohe_moo._checks import check_integer
 from botohe_moo._types import FloatArray, ObjectArray
 from botohe_moo.algorithms.base import MAX_TIES, check_budget, check_options, evaluations_left
 from botohe_moo.archive import PlanArchive
@@ -39,7 +33,7 @@ from botohe_moo.operators.wiring import (
 from botohe_moo.problem import BOTOHE, FrontOutput
 from botohe_moo.trails import TrailPlan
 
-__all__ = ["PlanMOEAD", "PlanNSGA2", "PlanSMSEMOA", "PlanSPEA2", "PopulationAlgorithm"]
+__all__ = ["PopulationAlgorithm"]
 
 
 _MAX_SIZE = 1_000_000
@@ -238,228 +232,6 @@ class PopulationAlgorithm(Algorithm):
         self._least_infeasible = value
 
 
-class PlanNSGA2(PopulationAlgorithm, NSGA2):
-    """NSGA-II with operators for trail plans.
-
-    Parameters
-    ----------
-    pop_size
-        Plans in the population, at least 2.
-    n_offsprings
-        Plans that a generation adds, at least 1; default: as many as the population holds.
-    **options
-        Operators, as for :class:`PopulationAlgorithm`, and pymoo's own options.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of its range, or a name unknown.
-    TypeError
-        If an option is unknown, or the problem is not a :class:`BOTOHE`.
-
-    Notes
-    -----
-    Deb, Pratap, Agarwal and Meyarivan, "A fast and elitist multiobjective genetic algorithm:
-    NSGA-II", IEEE Transactions on Evolutionary Computation 6(2), 2002.
-
-    Examples
-    --------
-    >>> from pymoo.optimize import minimize
-    >>> from botohe_moo import BOTOHE, load_mission
-    >>> algorithm = PlanNSGA2(pop_size=50, mutation="ruin")
-    >>> result = minimize(BOTOHE(load_mission("art_museum")), algorithm, ("n_eval", 120), seed=1)
-    >>> result.algorithm.evaluator.n_eval
-    120
-    """
-
-    def __init__(
-        self, *, pop_size: int = 100, n_offsprings: int | None = None, **options: Any
-    ) -> None:
-        arguments = genetic_sizes(pop_size, n_offsprings)
-        super().__init__({**arguments, "survival": RankAndCrowding()}, **options)
-
-
-class PlanSPEA2(PopulationAlgorithm, SPEA2):
-    """SPEA2 with operators for trail plans.
-
-    Parameters
-    ----------
-    pop_size
-        Plans in the population, at least 2.
-    n_offsprings
-        Plans that a generation adds, at least 1; default: as many as the population holds.
-    **options
-        Operators, as for :class:`PopulationAlgorithm`, and pymoo's own options.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of its range, or a name unknown.
-    TypeError
-        If an option is unknown, or the problem is not a :class:`BOTOHE`.
-
-    Notes
-    -----
-    Zitzler, Laumanns and Thiele, "SPEA2: improving the strength Pareto evolutionary algorithm",
-    TIK report 103, ETH Zurich, 2001.
-    """
-
-    def __init__(
-        self, *, pop_size: int = 100, n_offsprings: int | None = None, **options: Any
-    ) -> None:
-        # Of their own: those that pymoo's signature holds remember the fronts of other runs.
-        arguments = genetic_sizes(pop_size, n_offsprings)
-        super().__init__({**arguments, "survival": SPEA2Survival(normalize=True)}, **options)
-
-
-class PlanSMSEMOA(PopulationAlgorithm, SMSEMOA):
-    """SMS-EMOA with operators for trail plans.
-
-    Parameters
-    ----------
-    pop_size
-        Plans in the population, at least 2.
-    n_offsprings
-        Plans that a generation adds, at least 1; default: as many as the population holds.
-    **options
-        Operators, as for :class:`PopulationAlgorithm`, and pymoo's own options.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of its range, or a name unknown.
-    TypeError
-        If an option is unknown, or the problem is not a :class:`BOTOHE`.
-
-    Notes
-    -----
-    Beume, Naujoks and Emmerich, "SMS-EMOA: multiobjective selection based on dominated
-    hypervolume", European Journal of Operational Research 181(3), 2007.
-    """
-
-    def __init__(
-        self, *, pop_size: int = 100, n_offsprings: int | None = None, **options: Any
-    ) -> None:
-        arguments = genetic_sizes(pop_size, n_offsprings)
-        survival = LeastHypervolumeContributionSurvival()
-        super().__init__({**arguments, "survival": survival}, **options)
-
-
-class _BoundedTchebicheff(Tchebicheff):
-    """Tchebicheff with each objective measured by its bound."""
-
-    def __init__(self, bounds: FloatArray) -> None:
-        super().__init__()
-        self.bounds = bounds
-
-    def _do(self, F: FloatArray, weights: FloatArray, **_: Any) -> FloatArray:
-        distances: FloatArray = np.abs(F - self.utopian_point) / self.bounds * weights
-        worst: FloatArray = distances.max(axis=1)
-        return worst
-
-
-class PlanMOEAD(PopulationAlgorithm, ParallelMOEAD):
-    """MOEA/D with operators for trail plans.
-
-    The weights are spread evenly; objectives are measured by their bounds, total reward and team
-    size. A feasible plan replaces an infeasible one, and of two infeasible ones that which violates
-    less. All children of a generation are made before the first replaces a neighbour (pymoo's
-    ``ParallelMOEAD``): its one-by-one variant cannot be pickled within a run.
-
-    Parameters
-    ----------
-    pop_size
-        Weights, and plans in the population, at least 2.
-    n_neighbors
-        Weights whose plans mate, and that a child may replace, at least 2; no more than
-        ``pop_size`` are taken.
-    prob_neighbor_mating
-        Probability of mating among neighbours rather than all, in [0, 1].
-    **options
-        Operators, as for :class:`PopulationAlgorithm`, and pymoo's own options.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of its range, or a name unknown.
-    TypeError
-        If an option is unknown, or the problem is not a :class:`BOTOHE`.
-
-    Notes
-    -----
-    Zhang and Li, "MOEA/D: a multiobjective evolutionary algorithm based on decomposition", IEEE
-    Transactions on Evolutionary Computation 11(6), 2007; constraints as in Jan and Khanum, "A
-    study of two penalty-parameterless constraint handling techniques in the framework of MOEA/D",
-    Applied Soft Computing 13(1), 2013.
-    """
-
-    # pymoo draws one of each mating's children, but from pools that mix matings.
-    _n_children = 1
-
-    indices: Any
-
-    def __init__(
-        self,
-        *,
-        pop_size: int = 100,
-        n_neighbors: int = 20,
-        prob_neighbor_mating: float = 0.9,
-        **options: Any,
-    ) -> None:
-        pop_size = genetic_sizes(pop_size, None)["pop_size"]
-        n_neighbors = check_integer("n_neighbors", n_neighbors, at_least=2)
-        arguments = {
-            "ref_dirs": even_weights(pop_size),
-            "n_neighbors": min(n_neighbors, pop_size),
-            "prob_neighbor_mating": check_number(
-                "prob_neighbor_mating", prob_neighbor_mating, at_least=0, at_most=1
-            ),
-        }
-        super().__init__(arguments, **options)
-
-    def _setup(self, problem: BOTOHE, **_: Any) -> None:
-        distances = np.abs(self.ref_dirs[:, :1] - self.ref_dirs[:, 0])
-        self.neighbors = np.argsort(distances, axis=1, kind="stable")[:, : self.n_neighbors]
-        mission = problem.mission
-        bounds = np.array([mission.total_reward or 1.0, float(mission.robots)])
-        self.decomposition = _BoundedTchebicheff(bounds)
-
-    def _initialize_advance(self, infills: Population, **kwargs: Any) -> None:
-        super()._initialize_advance(infills, **kwargs)
-        self.ideal = (_feasible(infills) if infills.get("feas").any() else infills).get("F").min(0)
-        if len(infills) <= self.pop_size:
-            return
-        # More plans to start from than weights: each weight takes its best.
-        best = infills[infills.get("CV")[:, 0] == infills.get("CV").min()]
-        values = self.decomposition.do(
-            best.get("F"), self.ref_dirs, _type="many_to_many", ideal_point=self.ideal
-        )
-        self.pop = best[values.argmin(axis=0)]
-
-    def infill(self) -> Population | None:
-        """Give the plans to evaluate next, no more than the budget allows."""
-        infills = super().infill()
-        if infills is not None and self.indices is not None:
-            self.indices = self.indices[: len(infills)]
-        return infills
-
-    def _advance(self, infills: Population, **_: Any) -> None:
-        # As pymoo's, but for the ideal point, which is that of feasible plans alone.
-        self.ideal = np.vstack([self.ideal, _feasible(infills).get("F")]).min(axis=0)
-        for k, child in zip(self.indices, infills, strict=True):
-            self._replace(k, child)
-
-    def _replace(self, k: int, off: Any) -> None:
-        pop, near = self.pop, self.neighbors[k]
-        weights = self.ref_dirs[near]
-        values = self.decomposition.do(pop[near].get("F"), weights, ideal_point=self.ideal)
-        value = self.decomposition.do(off.F[np.newaxis], weights, ideal_point=self.ideal)
-        violations = pop[near].get("CV")[:, 0]
-        violation = off.CV[0]
-        better = (violation < violations) | ((violation == violations) & (value < values))
-        pop[near[better]] = off
-
-
 class _NamedFunction:
     """A function of a module's, found anew after unpickling."""
 
@@ -484,10 +256,6 @@ def _picklable(selection: Any) -> Any:
                 selection.func_comp = _NamedFunction(module, name)
                 return selection
     return selection
-
-
-def _feasible(plans: Population) -> Population:
-    return plans[plans.get("feas")]
 
 
 def genetic_sizes(pop_size: int, n_offsprings: int | None) -> dict[str, Any]:

@@ -1,0 +1,136 @@
+"""MOEA/D with operators for trail plans."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from pymoo.algorithms.moo.moead import ParallelMOEAD
+from pymoo.core.population import Population
+from pymoo.decomposition.tchebicheff import Tchebicheff
+
+from botohe_moo._checks import check_integer, check_number
+from botohe_moo._types import FloatArray
+from botohe_moo.algorithms.population import PopulationAlgorithm, even_weights, genetic_sizes
+from botohe_moo.problem import BOTOHE
+
+__all__ = ["PlanMOEAD"]
+
+
+class _BoundedTchebicheff(Tchebicheff):
+    """Tchebicheff with each objective measured by its bound."""
+
+    def __init__(self, bounds: FloatArray) -> None:
+        super().__init__()
+        self.bounds = bounds
+
+    def _do(self, F: FloatArray, weights: FloatArray, **_: Any) -> FloatArray:
+        distances: FloatArray = np.abs(F - self.utopian_point) / self.bounds * weights
+        worst: FloatArray = distances.max(axis=1)
+        return worst
+
+
+class PlanMOEAD(PopulationAlgorithm, ParallelMOEAD):
+    """MOEA/D with operators for trail plans.
+
+    The weights are spread evenly; objectives are measured by their bounds, total reward and team
+    size. A feasible plan replaces an infeasible one, and of two infeasible ones that which violates
+    less. All children of a generation are made before the first replaces a neighbour (pymoo's
+    ``ParallelMOEAD``): its one-by-one variant cannot be pickled within a run.
+
+    Parameters
+    ----------
+    pop_size
+        Weights, and plans in the population, at least 2.
+    n_neighbors
+        Weights whose plans mate, and that a child may replace, at least 2; no more than
+        ``pop_size`` are taken.
+    prob_neighbor_mating
+        Probability of mating among neighbours rather than all, in [0, 1].
+    **options
+        Operators, as for :class:`PopulationAlgorithm`, and pymoo's own options.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is out of its range, or a name unknown.
+    TypeError
+        If an option is unknown, or the problem is not a :class:`BOTOHE`.
+
+    Notes
+    -----
+    Zhang and Li, "MOEA/D: a multiobjective evolutionary algorithm based on decomposition", IEEE
+    Transactions on Evolutionary Computation 11(6), 2007; constraints as in Jan and Khanum, "A
+    study of two penalty-parameterless constraint handling techniques in the framework of MOEA/D",
+    Applied Soft Computing 13(1), 2013.
+    """
+
+    # pymoo draws one of each mating's children, but from pools that mix matings.
+    _n_children = 1
+
+    indices: Any
+
+    def __init__(
+        self,
+        *,
+        pop_size: int = 100,
+        n_neighbors: int = 20,
+        prob_neighbor_mating: float = 0.9,
+        **options: Any,
+    ) -> None:
+        pop_size = genetic_sizes(pop_size, None)["pop_size"]
+        n_neighbors = check_integer("n_neighbors", n_neighbors, at_least=2)
+        arguments = {
+            "ref_dirs": even_weights(pop_size),
+            "n_neighbors": min(n_neighbors, pop_size),
+            "prob_neighbor_mating": check_number(
+                "prob_neighbor_mating", prob_neighbor_mating, at_least=0, at_most=1
+            ),
+        }
+        super().__init__(arguments, **options)
+
+    def _setup(self, problem: BOTOHE, **_: Any) -> None:
+        distances = np.abs(self.ref_dirs[:, :1] - self.ref_dirs[:, 0])
+        self.neighbors = np.argsort(distances, axis=1, kind="stable")[:, : self.n_neighbors]
+        mission = problem.mission
+        bounds = np.array([mission.total_reward or 1.0, float(mission.robots)])
+        self.decomposition = _BoundedTchebicheff(bounds)
+
+    def _initialize_advance(self, infills: Population, **kwargs: Any) -> None:
+        super()._initialize_advance(infills, **kwargs)
+        self.ideal = (_feasible(infills) if infills.get("feas").any() else infills).get("F").min(0)
+        if len(infills) <= self.pop_size:
+            return
+        # More plans to start from than weights: each weight takes its best.
+        best = infills[infills.get("CV")[:, 0] == infills.get("CV").min()]
+        values = self.decomposition.do(
+            best.get("F"), self.ref_dirs, _type="many_to_many", ideal_point=self.ideal
+        )
+        self.pop = best[values.argmin(axis=0)]
+
+    def infill(self) -> Population | None:
+        """Give the plans to evaluate next, no more than the budget allows."""
+        infills = super().infill()
+        if infills is not None and self.indices is not None:
+            self.indices = self.indices[: len(infills)]
+        return infills
+
+    def _advance(self, infills: Population, **_: Any) -> None:
+        # As pymoo's, but for the ideal point, which is that of feasible plans alone.
+        self.ideal = np.vstack([self.ideal, _feasible(infills).get("F")]).min(axis=0)
+        for k, child in zip(self.indices, infills, strict=True):
+            self._replace(k, child)
+
+    def _replace(self, k: int, off: Any) -> None:
+        pop, near = self.pop, self.neighbors[k]
+        weights = self.ref_dirs[near]
+        values = self.decomposition.do(pop[near].get("F"), weights, ideal_point=self.ideal)
+        value = self.decomposition.do(off.F[np.newaxis], weights, ideal_point=self.ideal)
+        violations = pop[near].get("CV")[:, 0]
+        violation = off.CV[0]
+        better = (violation < violations) | ((violation == violations) & (value < values))
+        pop[near[better]] = off
+
+
+def _feasible(plans: Population) -> Population:
+    return plans[plans.get("feas")]
