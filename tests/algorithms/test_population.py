@@ -109,6 +109,19 @@ def test_moead_aims_at_feasible_plans(museum):
     assert algorithm.ideal.tolist() == algorithm.opt.get("F").min(axis=0).tolist()
 
 
+def test_moead_forgets_the_ideal_of_a_start_that_breaks_the_floor(museum):
+    start = RandomTrailSampling().sample_batch(BOTOHE(museum), 400, np.random.default_rng(1))
+    broken = start.take(museum.robot_survival(start).min(axis=1) < 0.5)[:30]
+    assert len(broken) == 30
+    algorithm = make_algorithm("moead", pop_size=30, sampling=list(broken), corners=False)
+    algorithm.setup(BOTOHE(museum, min_survival=0.5), termination=("n_eval", 3_000), seed=1)
+    algorithm.next()
+    assert not algorithm.pop.get("feas").any()
+    algorithm.run()
+    assert algorithm.opt.get("feas").all()
+    assert algorithm.ideal.tolist() == algorithm.opt.get("F").min(axis=0).tolist()
+
+
 def test_penalty_counts_violation(museum):
     result = minimize(
         BOTOHE(museum), make_algorithm("nsga2", repair="penalty"), ("n_eval", 1_000), seed=1

@@ -98,7 +98,7 @@ class PlanMOEAD(PopulationAlgorithm, ParallelMOEAD):
 
     def _initialize_advance(self, infills: Population, **kwargs: Any) -> None:
         super()._initialize_advance(infills, **kwargs)
-        self.ideal = (_feasible(infills) if infills.get("feas").any() else infills).get("F").min(0)
+        self._see_ideal()
         if len(infills) <= self.pop_size:
             return
         # More plans to start from than weights: each weight takes its best.
@@ -116,10 +116,14 @@ class PlanMOEAD(PopulationAlgorithm, ParallelMOEAD):
         return infills
 
     def _advance(self, infills: Population, **_: Any) -> None:
-        # As pymoo's, but for the ideal point, which is that of feasible plans alone.
-        self.ideal = np.vstack([self.ideal, _feasible(infills).get("F")]).min(axis=0)
+        self._see_ideal()
         for k, child in zip(self.indices, infills, strict=True):
             self._replace(k, child)
+
+    def _see_ideal(self) -> None:
+        """Set the ideal point; pymoo's would be that of infeasible plans, too."""
+        if len(self.plan_archive):
+            self.ideal = -self.plan_archive.objectives.max(axis=0)
 
     def _replace(self, k: int, off: Any) -> None:
         pop, near = self.pop, self.neighbors[k]
@@ -130,7 +134,3 @@ class PlanMOEAD(PopulationAlgorithm, ParallelMOEAD):
         violation = off.CV[0]
         better = (violation < violations) | ((violation == violations) & (value < values))
         pop[near[better]] = off
-
-
-def _feasible(plans: Population) -> Population:
-    return plans[plans.get("feas")]

@@ -25,7 +25,7 @@ N_PUBLISHED = 7
 DELETE_LOOP = 7  # ours
 N_KINDS = 8
 
-# In place of a trail's new length: the move cannot be made.
+# Instead of a length: the move cannot be made, and the trail is as it was.
 CANNOT = -1
 
 
