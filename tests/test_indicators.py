@@ -1,14 +1,16 @@
-"""The area against staircases summed by hand, and what it refuses."""
+"""Areas against staircases summed by hand, distances against moocore, and what is refused."""
 
+import math
 import re
 
+import moocore
 import networkx as nx
 import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from botohe_moo.indicators import area_indicator
+from botohe_moo.indicators import area_indicator, epsilon_indicator, igd_plus_indicator
 from botohe_moo.mission import Mission
 from tests.strategies import missions, plans
 
@@ -194,3 +196,129 @@ class TestProperties:
 
     def test_more_than_everything_is_not_hidden(self):
         assert area_indicator([(20, 2)], quay()) == 2.0
+
+
+both = pytest.mark.parametrize("indicator", [igd_plus_indicator, epsilon_indicator])
+
+
+class TestDistancesByHand:
+    """At the quay one unit of E[R] is 0.1, one of E[S] 0.5."""
+
+    @pytest.mark.parametrize(
+        ("points", "reference", "igd_plus", "epsilon"),
+        [
+            ([(5, 1)], [(5, 1)], 0.0, 0.0),
+            ([(5, 1)], [(9, 1)], 0.4, 0.4),
+            ([(5, 1)], [(8, 1.8)], 0.5, 0.4),
+            # What a plan has more than the reference does not make up for what it lacks.
+            ([(10, 1)], [(5, 2)], 0.5, 0.5),
+            ([(10, 1), (5, 2)], [(10, 1), (5, 2)], 0.0, 0.0),
+            # Means of 0 and 0.5, and of 0.5 and 0.
+            ([(10, 1)], [(10, 1), (5, 2)], 0.25, 0.5),
+            ([(5, 2)], [(10, 1), (5, 2)], 0.25, 0.5),
+            # Ahead of all the reference: nothing lacks, and something may be taken away.
+            ([(9, 2)], [(5, 1)], 0.0, -0.4),
+        ],
+    )
+    def test_values(self, points, reference, igd_plus, epsilon):
+        assert igd_plus_indicator(points, reference, quay()) == pytest.approx(igd_plus, abs=1e-15)
+        assert epsilon_indicator(points, reference, quay()) == pytest.approx(epsilon, abs=1e-15)
+
+    @pytest.mark.parametrize("nothing", [[], (), np.empty((0, 2)), np.empty(0)])
+    def test_no_plans_are_scored_as_the_one_that_brings_nothing_back(self, nothing):
+        reference = [(6, 1.6), (2, 2)]
+        assert igd_plus_indicator(nothing, reference, quay()) == pytest.approx(
+            (1.0 + math.hypot(0.2, 1)) / 2
+        )
+        assert epsilon_indicator(nothing, reference, quay()) == 1.0
+        assert epsilon_indicator(nothing, [(0, 0)], quay()) == 0.0
+
+    def test_units_do_not_count(self):
+        # Ten times the reward for everything, and three times the robots.
+        points, reference = np.array([(5, 1), (2, 2)]), np.array([(8, 1), (3, 1.5)])
+        larger = quay(reward=100, robots=6)
+        for indicator in (igd_plus_indicator, epsilon_indicator):
+            expected = indicator(points, reference, quay())
+            assert expected > 0
+            scaled = indicator(points * [10, 3], reference * [10, 3], larger)
+            assert scaled == pytest.approx(expected, rel=1e-14)
+
+    @both
+    def test_without_any_reward_survivors_alone_count(self, indicator):
+        assert indicator([(0, 1)], [(0, 2)], quay(reward=0)) == 0.5
+        assert indicator([], [(0, 2)], quay(reward=0)) == 1.0
+
+    @both
+    def test_it_is_a_python_float_and_changes_nothing(self, indicator):
+        points, reference = np.array([(4.0, 1.0)]), np.array([(8.0, 1.0)])
+        points.setflags(write=False)
+        reference.setflags(write=False)
+        assert type(indicator(points, reference, quay())) is float
+
+
+class TestDistancesRefuse:
+    @both
+    @pytest.mark.parametrize("nothing", [[], np.empty((0, 2))])
+    def test_a_reference_without_points(self, indicator, nothing):
+        for points in ([], [(4, 1)]):
+            with pytest.raises(ValueError, match=r"^Expected at least one point in reference"):
+                indicator(points, nothing, quay())
+
+    @both
+    @pytest.mark.parametrize("bad", [[4, 1], [(4, 1, 1)], np.empty((0, 3))])
+    def test_shape(self, indicator, bad):
+        with pytest.raises(ValueError, match=r"^Expected objectives of shape \(n, 2\), got \("):
+            indicator(bad, [(4, 1)], quay())
+        with pytest.raises(ValueError, match=r"^Expected reference of shape \(n, 2\), got \("):
+            indicator([(4, 1)], bad, quay())
+
+    @both
+    @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+    def test_nan_and_infinity(self, indicator, value):
+        with pytest.raises(ValueError, match=r"^Expected objectives without NaN and infinity"):
+            indicator([(4, value)], [(4, 1)], quay())
+        with pytest.raises(ValueError, match=r"^Expected reference without NaN and infinity"):
+            indicator([(4, 1)], [(4, 1), (value, 1)], quay())
+
+    @both
+    def test_forgotten_signs(self, indicator):
+        for points, reference in (([(-4, -1)], [(4, 1)]), ([(4, 1)], [(-4, -1)])):
+            with pytest.raises(ValueError, match=r"give -result\.F\.$"):
+                indicator(points, reference, quay())
+
+
+some = st.lists(st.tuples(st.floats(0, 10), st.floats(0, 2)), min_size=1, max_size=8)
+
+
+class TestDistanceProperties:
+    @given(some, some)
+    def test_they_are_those_of_moocore(self, points, reference):
+        # moocore's own default is to minimise: the negatives of the shares.
+        whole = np.array([-10.0, -2.0])
+        shares, targets = np.array(points) / whole, np.array(reference) / whole
+        assert igd_plus_indicator(points, reference, quay()) == pytest.approx(
+            moocore.igd_plus(shares, ref=targets), rel=1e-12, abs=1e-15
+        )
+        assert epsilon_indicator(points, reference, quay()) == pytest.approx(
+            moocore.epsilon_additive(shares, ref=targets), rel=1e-12, abs=1e-15
+        )
+
+    @given(some, some)
+    def test_they_are_their_definitions(self, points, reference):
+        lacks = np.array(reference)[:, None] / [10, 2] - np.array(points) / [10, 2]
+        distances = np.hypot(*np.moveaxis(np.maximum(lacks, 0), -1, 0))
+        assert igd_plus_indicator(points, reference, quay()) == pytest.approx(
+            distances.min(axis=1).mean(), rel=1e-12, abs=1e-15
+        )
+        assert epsilon_indicator(points, reference, quay()) == pytest.approx(
+            lacks.max(axis=2).min(axis=1).max(), rel=1e-12, abs=1e-15
+        )
+
+    @both
+    @given(some, some, st.tuples(st.floats(0, 10), st.floats(0, 2)))
+    def test_another_plan_never_makes_it_worse_and_nothing_is_worst(
+        self, indicator, points, reference, point
+    ):
+        values = [indicator(p, reference, quay()) for p in ([*points, point], points, [])]
+        assert values[0] <= values[1] + 1e-15
+        assert values[1] <= values[2] + 1e-15

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
+import sys
 import warnings
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
@@ -13,7 +15,7 @@ from botohe_moo._checks import nearest_first
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-__all__ = ["PluginError", "PluginGroup"]
+__all__ = ["PluginError", "PluginGroup", "imported"]
 
 _OURS = "botohe-moo"
 
@@ -73,24 +75,31 @@ class PluginGroup:
             If there is none (lists the known names, nearest first), two packages claim the name,
             or it cannot be imported or called.
         """
+        entry = self.entry(name)
+        origin = f"{entry.value} of package {_package(entry)}"
+        function = imported(entry.load, origin)
+        if not callable(function):
+            raise PluginError(f"expected {origin} to be a function or class, got {function!r}")
+        return function  # type: ignore[no-any-return]
+
+    def entry(self, name: str) -> EntryPoint:
+        """Find, without importing anything, the entry of that name.
+
+        Raises
+        ------
+        PluginError
+            If there is none, or two packages claim the name.
+        """
         claims = self.claims()
         if name not in claims:
             known = ", ".join(nearest_first(name, claims))
             raise PluginError(
-                f"there is no such {self.kind}; known are {known}"
+                f"there is no such {self.kind}; known are {known}; "
+                "a package that registers it may not be installed"
                 if known
                 else f"no {self.kind}s are registered; is the package {_OURS} installed?"
             )
-        entry = self._choose(name, claims[name])
-        origin = f"{entry.value} of package {_package(entry)}"
-        try:
-            function = entry.load()
-        except Exception as error:  # whatever another package's code may raise
-            found = f"{type(error).__name__}: {error}"
-            raise PluginError(f"{origin} cannot be imported ({found})") from error
-        if not callable(function):
-            raise PluginError(f"expected {origin} to be a function or class, got {function!r}")
-        return function  # type: ignore[no-any-return]
+        return self._choose(name, claims[name])
 
     def _choose(self, name: str, claimants: list[EntryPoint]) -> EntryPoint:
         """Choose who a name belongs to: this package, or else the only one that claims it."""
@@ -99,12 +108,37 @@ class PluginGroup:
         named = " and ".join(map(_package, others))
         if ours and others:
             warnings.warn(
-                f"{self.source(name)} of package {named} is left out: {_OURS} has it.", stacklevel=4
+                f"{self.source(name)} of package {named} is left out: {_OURS} has it.", stacklevel=5
             )
         elif len({entry.value for entry in others}) > 1:
             raise PluginError(f"the packages {named} both register this name")
         return (ours or others)[0]
 
 
+def imported(load: Callable[[], Any], origin: str) -> Any:
+    """Import what others have written; it can neither end the process nor write among results.
+
+    Parameters
+    ----------
+    load
+        Imports it.
+    origin
+        What it is, to begin a message with.
+
+    Raises
+    ------
+    PluginError
+        If it cannot be imported.
+    """
+    try:
+        # What a module prints when it is imported would stand in a table that is piped.
+        with contextlib.redirect_stdout(sys.stderr):
+            return load()
+    except (Exception, SystemExit) as error:  # whatever another package's code may raise
+        found = f"{type(error).__name__}: {error}"
+        raise PluginError(f"{origin} cannot be imported ({found})") from error
+
+
 def _package(entry: EntryPoint) -> str:
-    return re.sub(r"[-_.]+", "-", entry.dist.name).lower() if entry.dist else "(unknown)"
+    name = entry.dist.name if entry.dist else None  # None, too, where its metadata are broken
+    return re.sub(r"[-_.]+", "-", name).lower() if name else "(unknown)"

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 try:
     import typer
 
+    from botohe_moo.cli_study import study_app
     from botohe_moo.console.describe import (
         brief,
         describe,
@@ -57,6 +58,7 @@ app = typer.Typer(
 )
 missions_app = typer.Typer(invoke_without_command=True)
 app.add_typer(missions_app, name="missions")
+app.add_typer(study_app, name="study")
 
 
 def main() -> None:
@@ -208,10 +210,12 @@ def show_mission(
     """Say what a mission is like; on request, draw it."""
     with failing():
         source = mission_source(mission, robots, mission_parameter)
-        from botohe_moo.mission import load_mission
+        from botohe_moo.mission.library import load_mission, mission_parameters
 
         loaded = load_mission(**source)
     tell(describe(loaded))
+    for parameter in mission_parameters(mission):
+        tell(f"\n{parameter_text(parameter)}")
     if picture is not None:
         with failing():
             _draw(loaded, picture)

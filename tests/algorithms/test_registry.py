@@ -1,8 +1,10 @@
 """Algorithms by name: those of this package and those that others register."""
 
+import hashlib
 import inspect
 import sys
 import textwrap
+from importlib.metadata import version
 
 import pytest
 from pymoo.core.algorithm import Algorithm
@@ -10,7 +12,12 @@ from pymoo.optimize import minimize
 
 from botohe_moo import BOACO, BOTOHE, RandomTrails, algorithm_names, load_mission, make_algorithm
 from botohe_moo import _plugins as plugins
-from botohe_moo.algorithms.registry import algorithm_parameters, describe_algorithm
+from botohe_moo.algorithms.registry import (
+    algorithm_origin,
+    algorithm_parameters,
+    check_algorithm,
+    describe_algorithm,
+)
 
 # Other packages may be installed beside this one; these names are its own.
 OURS = {"bo-aco": BOACO, "random": RandomTrails}
@@ -223,6 +230,7 @@ class TestRefusals:
             assert message.startswith(
                 f"Algorithm {name!r}: there is no such algorithm; known are {nearest}, "
             )
+            assert message.endswith("; a package that registers it may not be installed.")
             assert all(known in message for known in OURS)
 
     def test_unknown_parameter_lists_the_nearest_first(self):
@@ -283,8 +291,12 @@ class TestOtherPackages:
             make_algorithm("reef", widht=3)
         with pytest.raises(ValueError, match=r"^Algorithm 'reef': Expected depth >= 1, got 0\.$"):
             make_algorithm("reef", width=1, depth=0)
-        with pytest.raises(ValueError, match=r"^Algorithm 'reef': .*not supported between") as told:
+        expected = r"^Algorithm 'reef': Expected depth to be an integer, got 'deep'\.$"
+        with pytest.raises(ValueError, match=expected) as told:
             make_algorithm("reef", width=1, depth="deep")
+        assert isinstance(told.value.__cause__, TypeError)
+        with pytest.raises(ValueError, match=r"^Algorithm 'reef': unsupported operand") as told:
+            make_algorithm("reef", width="wide")  # of no stated type
         assert isinstance(told.value.__cause__, TypeError)
 
     def test_what_is_not_stated_is_not_accepted(self, install):
@@ -309,6 +321,8 @@ class TestOtherPackages:
             ("1 / 0", "ZeroDivisionError"),
             ("", "AttributeError"),
             ("broken = 3", "bad_algorithms:broken of package bad-algorithms to be a function"),
+            ("import sys; sys.exit('enough')", "SystemExit: enough"),
+            ("raise RuntimeError('no licence')", "RuntimeError: no licence"),
         ],
     )
     def test_broken_ones_are_left_out_with_a_warning(self, install, code, found):
@@ -325,6 +339,12 @@ class TestOtherPackages:
             with pytest.raises(ValueError, match=r"^Algorithm 'broken': ") as caught:
                 function("broken")
             assert found in str(caught.value)
+
+    def test_what_they_print_stays_out_of_the_output(self, install, capsys):
+        install("loud-algorithms", f"print('Welcome!')\n{textwrap.dedent(REEF)}", reef="reef")
+        assert "reef" in algorithm_names()
+        printed = capsys.readouterr()
+        assert (printed.out, printed.err) == ("", "Welcome!\n")
 
     @pytest.mark.filterwarnings("error")
     def test_broken_ones_fail_only_what_uses_them(self, install):
@@ -350,3 +370,178 @@ class TestOtherPackages:
             assert isinstance(make_algorithm("bo-aco"), BOACO)
         with pytest.warns(UserWarning, match=warning):
             assert "bo-aco" in algorithm_names()
+
+
+TYPED = '''
+    from typing import Annotated
+    from pydantic import BaseModel, Field
+    from pymoo.core.algorithm import Algorithm
+
+    class Cave(Algorithm):
+        """Look into caves."""
+
+        class Parameters(BaseModel):
+            depth: int = Field(2, ge=1, le=9, description="How deep.")
+            light: float = Field(gt=0)
+
+        def __init__(self, depth, light):
+            super().__init__()
+            self.depth, self.light = depth, light
+            if depth == 7:
+                raise OSError("it is flooded")
+
+    def shaft(*, steps: Annotated[int, Field(ge=1)] = 1, light: float = 1.0):
+        if steps == 7:
+            raise SystemExit
+        return Cave(steps, light)
+'''
+
+
+class TestCheck:
+    @pytest.mark.parametrize(
+        ("parameters", "faults"),
+        [
+            ({}, []),
+            (None, []),
+            ({"n_ants": 7, "initial_pheromone": "bounds", "evaporation": 0.5}, []),
+            ({"n_ants": "100"}, [("n_ants", "Expected n_ants to be an integer, got '100'.")]),
+            (
+                {"heuristic": 1, "evaporation": True, "n_ants": 1.5},
+                [
+                    ("n_ants", "Expected n_ants to be an integer, got 1.5."),
+                    ("evaporation", "Expected evaporation to be a number, got True."),
+                    ("heuristic", "Expected heuristic to be true or false, got 1."),
+                ],
+            ),
+            ({"evaporation": 1.3}, [("evaporation", "Expected evaporation in (0, 1), got 1.3.")]),
+            ({"n_ants": 0}, [("n_ants", "Expected n_ants >= 1, got 0.")]),
+            (
+                {"initial_pheromone": "x"},
+                [
+                    (
+                        "initial_pheromone",
+                        "Expected initial_pheromone to be a number or 'bounds', got 'x'.",
+                    )
+                ],
+            ),
+        ],
+    )
+    def test_of_bo_aco(self, parameters, faults):
+        assert check_algorithm("bo-aco", parameters, plain=True) == faults
+
+    def test_unknown_names_and_wrong_types_at_once(self):
+        unknown, also_unknown, wrong = check_algorithm("bo-aco", {"n_ant": 3, "n_ants": "3", 4: 5})
+        assert unknown[0] == "n_ant"
+        assert unknown[1].startswith("there is no parameter 'n_ant'; known are n_ants, n_threads")
+        assert also_unknown[1].startswith("there is no parameter 4; known are ")
+        assert wrong == ("n_ants", "Expected n_ants to be an integer, got '3'.")
+
+    @pytest.mark.parametrize(
+        ("name", "parameters", "message"),
+        [
+            ("boaco", {}, "there is no such algorithm; known are bo-aco, "),
+            ("no_such_module:X", {}, "cannot be imported (ModuleNotFoundError: No module named "),
+            (3, {}, "Expected the name of an algorithm, got 3."),
+            ("bo-aco", [1], "Expected parameters to be a mapping from names to values, got [1]."),
+            ("builtins:dict", {}, "expected a pymoo Algorithm, got {}."),
+        ],
+    )
+    def test_what_no_parameter_is_to_blame_for(self, name, parameters, message):
+        [(blamed, found)] = check_algorithm(name, parameters)
+        assert blamed is None
+        assert found.startswith(message)
+
+    def test_python_objects_are_for_python(self):
+        plan = load_mission("toy").plan([[1], [1]])
+        assert check_algorithm("bo-aco", {"sampling": [plan]}) == []
+        expected = "sampling can be given from Python only, as Iterable[TrailPlan] | "
+        [(name, message)] = check_algorithm("bo-aco", {"sampling": [plan]}, plain=True)
+        assert (name, message[: len(expected)]) == ("sampling", expected)
+
+    def test_plans_to_start_from_are_not_used_up(self):
+        plan = load_mission("toy").plan([[1], [1]])
+        assert make_algorithm("bo-aco", sampling=(plan for _ in range(3))).sampling == [plan] * 3
+
+    def test_by_a_model(self, install):
+        install("cave-algorithms", TYPED, cave="Cave")
+        assert check_algorithm("cave", {"light": 2}) == []
+        assert check_algorithm("cave", {"depth": "3", "lihgt": 1}) == [
+            ("lihgt", "there is no parameter 'lihgt'; known are light, depth."),
+            ("light", "missing a required parameter 'light'."),
+            ("depth", "Expected depth to be an integer in [1, 9], got '3'."),
+        ]
+        assert check_algorithm("cave", {"depth": 10, "light": 0}) == [
+            ("depth", "Expected depth in [1, 9], got 10."),
+            ("light", "Expected light > 0, got 0."),
+        ]
+        made = make_algorithm("cave", light=3)
+        assert (made.depth, made.light, type(made.light)) == (2, 3.0, float)
+        with pytest.raises(ValueError, match=r"^Algorithm 'cave': Expected light > 0, got -1\.$"):
+            make_algorithm("cave", light=-1)
+
+    def test_whatever_a_constructor_raises(self, install):
+        install("cave-algorithms", TYPED, cave="Cave", shaft="shaft")
+        flooded = [(None, "OSError: it is flooded")]
+        assert check_algorithm("cave", {"depth": 7, "light": 1}) == flooded
+        assert check_algorithm("shaft", {"steps": 7}) == [(None, "SystemExit: ")]
+
+    def test_ranges_are_stated(self, install):
+        install("cave-algorithms", TYPED, cave="Cave", shaft="shaft")
+        depth, light = algorithm_parameters("cave")
+        assert (depth.default, depth.annotation, depth.range) == (2, "int", "in [1, 9]")
+        assert (depth.description, light.required, light.range) == ("How deep.", True, "> 0")
+        steps, light = algorithm_parameters("shaft")
+        assert (steps.annotation, steps.range, light.range) == ("int", ">= 1", "")
+
+    def test_wired_classes_show_types_by_their_defaults(self):
+        assert stated("pymoo.algorithms.moo.rvea:RVEA")["alpha"].annotation == "float"
+        normalize = stated("pymoo.algorithms.moo.sms:SMSEMOA")["normalize"]
+        assert (normalize.annotation, normalize.default) == ("bool", True)
+        assert check_algorithm("pymoo.algorithms.moo.rvea:RVEA", {"alpha": "x"}) == [
+            ("alpha", "Expected alpha to be a number, got 'x'.")
+        ]
+
+
+class TestOrigin:
+    def test_of_ours_and_of_pymoos(self):
+        ours = {"package": "botohe-moo", "version": version("botohe-moo"), "source": None}
+        assert algorithm_origin("bo-aco") == ours
+        assert algorithm_origin("botohe_moo.algorithms.bo_aco:BOACO.journal") == ours
+        for path in ("pymoo.algorithms.moo.age:AGEMOEA", "pymoo.algorithms.moo.age.AGEMOEA"):
+            assert algorithm_origin(path) == {
+                "package": "pymoo",
+                "version": version("pymoo"),
+                "source": None,
+            }
+
+    def test_of_another_package(self, install, tmp_path):
+        install("reef-algorithms", REEF, reef="reef")
+        source = hashlib.sha256((tmp_path / "reef_algorithms.py").read_bytes()).hexdigest()
+        expected = {"package": "reef-algorithms", "version": "1.0", "source": source}
+        assert algorithm_origin("reef") == expected
+
+    def test_of_a_file_that_nobody_has_installed(self, tmp_path, monkeypatch):
+        monkeypatch.syspath_prepend(str(tmp_path))
+        file = tmp_path / "lone_reef.py"
+        file.write_text(textwrap.dedent(REEF))
+        for path in ("lone_reef:reef", "lone_reef.small", "lone_reef:Atoll.shallow"):
+            assert algorithm_origin(path) == {
+                "package": None,
+                "version": None,
+                "source": hashlib.sha256(file.read_bytes()).hexdigest(),
+            }
+        before = algorithm_origin("lone_reef:journal")["source"]
+        file.write_text(file.read_text() + "\n")
+        assert before != algorithm_origin("lone_reef:journal")["source"] is not None
+
+    def test_of_what_is_defined_elsewhere(self, tmp_path, monkeypatch):
+        monkeypatch.syspath_prepend(str(tmp_path))
+        (tmp_path / "far_reef.py").write_text(textwrap.dedent(REEF))
+        (tmp_path / "near_reef.py").write_text("from far_reef import reef")
+        before = algorithm_origin("near_reef:reef")["source"]
+        (tmp_path / "far_reef.py").write_text(textwrap.dedent(REEF) + "\n")
+        assert algorithm_origin("near_reef:reef")["source"] != before
+
+    def test_of_an_unknown_one(self):
+        with pytest.raises(ValueError, match="there is no such algorithm"):
+            algorithm_origin("bo")

@@ -16,6 +16,7 @@ from botohe_moo.mission import (
     mission_names,
     save_mission,
 )
+from botohe_moo.mission.library import check_mission, mission_parameters
 
 DATA = Path(__file__).parents[1] / "data"
 
@@ -201,6 +202,7 @@ class TestOtherPackages:
             ("def (", "SyntaxError"),
             ("1 / 0", "ZeroDivisionError"),
             ("", "AttributeError"),
+            ("raise SystemExit(3)", "SystemExit: 3"),
             (
                 "broken = 3",
                 "expected bad_missions:broken of package bad-missions to be a function or class",
@@ -245,6 +247,116 @@ class TestOtherPackages:
             assert len(load_mission("toy").nodes) == 5
         with pytest.warns(UserWarning, match=warning):
             assert "toy" in mission_names()
+
+
+class TestCheck:
+    def test_nothing_to_say(self):
+        assert check_mission("terrain", {"nodes": 5, "seed": 1, "robots": 2}) == []
+        assert check_mission("toy") == check_mission("toy", {"robots": 3}) == []
+        assert check_mission(DATA / "pier.json", {"robots": 3}) == []
+
+    def test_names_and_types_at_once_and_nothing_is_made(self, install):
+        install("reef-missions", TYPED, wreck="wreck")
+        assert check_mission("wreck", {"depht": 1, "depth": 2.5, "robots": 2}) == [
+            ("depht", "there is no parameter 'depht'; known are depth, danger, robots, known."),
+            ("danger", "missing a required parameter 'danger'."),
+            ("depth", "Expected depth to be an integer >= 1, got 2.5."),
+        ]
+        assert "made" not in sys.modules["reef_missions"].__dict__
+        assert check_mission("wreck", {"danger": 0.5}) == []
+        assert "made" in sys.modules["reef_missions"].__dict__
+
+    def test_python_objects_are_for_python(self, install):
+        install("reef-missions", TYPED, wreck="wreck")
+        given = {"danger": 0.5, "known": [load_mission("toy")]}
+        assert check_mission("wreck", given) == []
+        message = "known can be given from Python only, as list[Mission] | None."
+        assert check_mission("wreck", given, plain=True) == [("known", message)]
+
+    @pytest.mark.parametrize(
+        ("name", "parameters", "faults"),
+        [
+            ("terrain", {"nodes": 1}, [("nodes", "Expected nodes >= 2, got 1.")]),
+            ("terrain", {"nodes": "5"}, [("nodes", "Expected nodes to be an integer, got '5'.")]),
+            ("toy", {"robots": 0}, [(None, "expected robots to be an integer >= 1, got 0")]),
+            ("lost.json", {}, [(None, "there is no such file")]),
+            (3, {}, [(None, "Expected the name of a mission or a path, got 3.")]),
+            (
+                "toy",
+                3,
+                [(None, "Expected parameters to be a mapping from names to values, got 3.")],
+            ),
+        ],
+    )
+    def test_what_only_making_it_finds(self, name, parameters, faults):
+        assert check_mission(name, parameters) == faults
+
+    def test_unknown_names(self):
+        [(name, message)] = check_mission("terain")
+        assert name is None
+        assert message.startswith("there is no such mission; known are terrain, ")
+        assert "a package that registers it may not be installed" in message
+
+    def test_every_fault_of_a_file(self, tmp_path):
+        (tmp_path / "bad.json").write_text(
+            '{"directed": true, "multigraph": false, "graph": {"base": 1, "robots": 1},'
+            ' "nodes": [{"id": 1, "reward": -1}, {"id": 2, "reward": 1}],'
+            ' "edges": [{"source": 1, "target": 2, "survival": 2}]}'
+        )
+        faults = check_mission(tmp_path / "bad.json")
+        assert len(faults) >= 2
+        assert {name for name, _ in faults} == {None}
+
+    def test_parameters(self, install):
+        install("reef-missions", TYPED, wreck="wreck")
+        depth, danger, known = mission_parameters("wreck")
+        assert (depth.default, depth.range, danger.required, known.plain) == (
+            2,
+            ">= 1",
+            True,
+            False,
+        )
+        assert [p.name for p in mission_parameters("random")] == [
+            "nodes",
+            "arc_probability",
+            "seed",
+        ]
+        assert mission_parameters("toy") == mission_parameters(DATA / "pier.json") == ()
+
+
+TYPED = """
+    from typing import Annotated
+    from pydantic import Field
+    from botohe_moo.mission import Mission, load_mission
+
+    def wreck(*, depth: Annotated[int, Field(ge=1)] = 2, danger: float,
+              known: "list[Mission] | None" = None):
+        global made
+        made = True
+        return load_mission("complete", nodes=depth + 1)
+"""
+
+
+class TestModules:
+    def test_what_nobody_has_registered(self, tmp_path, monkeypatch):
+        monkeypatch.syspath_prepend(str(tmp_path))
+        (tmp_path / "lone_shore.py").write_text(textwrap.dedent(REEF))
+        mission = load_mission("lone_shore:reef", width=4, robots=2)
+        assert (len(mission.nodes), mission.robots) == (4, 2)
+        with pytest.raises(ValueError, match=r"^Mission 'lone_shore:reef': there is no parameter"):
+            load_mission("lone_shore:reef", widht=4)
+
+    @pytest.mark.parametrize(
+        ("path", "message"),
+        [
+            ("no_such_module:reef", "it cannot be imported .ModuleNotFoundError"),
+            ("math:pi", "expected a function or a class, got 3.14"),
+            ("math:sin", "missing a required parameter"),
+        ],
+    )
+    def test_what_cannot_be_used(self, path, message):
+        with pytest.raises(ValueError, match=f"^Mission {path!r}: {message}"):
+            load_mission(path)
 
 
 def test_import_looks_at_no_entry_point():

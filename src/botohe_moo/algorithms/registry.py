@@ -3,61 +3,46 @@
 from __future__ import annotations
 
 import functools
+import hashlib
 import inspect
-import re
-from collections.abc import Callable
-from dataclasses import dataclass
+import sys
+from collections.abc import Callable, Mapping
+from importlib import metadata
+from pathlib import Path
 from typing import Any
 
 from pymoo.core.algorithm import Algorithm
 
-from botohe_moo._checks import check_parameters
+from botohe_moo._parameters import (
+    Accepted,
+    Fault,
+    Parameter,
+    accepted_parameters,
+    call_factory,
+    check_values,
+    docstring_of,
+    raised_fault,
+)
 from botohe_moo._plugins import PluginError, PluginGroup
 from botohe_moo.algorithms.wired import wired_class
 
 __all__ = [
     "AlgorithmParameter",
     "algorithm_names",
+    "algorithm_origin",
     "algorithm_parameters",
+    "check_algorithm",
     "describe_algorithm",
     "make_algorithm",
 ]
 
+AlgorithmParameter = Parameter
+
 _PLUGINS = PluginGroup("botohe_moo.algorithms", "algorithm")
-_BY_KEYWORD = (inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
 # Who runs an algorithm decides on these, through ``minimize``.
 _PYMOOS_OWN = frozenset(inspect.signature(Algorithm).parameters)
-
-
-@dataclass(frozen=True)
-class AlgorithmParameter:
-    """One parameter of an algorithm, as its signature and docstring state it.
-
-    Attributes
-    ----------
-    name, default
-        From the signature; ``default`` is ``inspect.Parameter.empty`` where one must be given.
-    annotation
-        From the signature, as text; empty where there is none.
-    description
-        From the docstring; may be empty.
-    """
-
-    name: str
-    default: Any
-    annotation: str
-    description: str
-
-    @property
-    def required(self) -> bool:
-        """Whether there is no default."""
-        return self.default is inspect.Parameter.empty
-
-    @property
-    def plain(self) -> bool:
-        """Whether numbers, flags or texts can be its value, as far as the annotation tells."""
-        words = r"\b(int|float|bool|str|Any|object|Literal|Real|Integral)\b"
-        return not self.annotation or re.search(words, self.annotation) is not None
+# Their versions say what they are; of all else, the file does.
+_VERSIONED = frozenset({"botohe_moo", "pymoo"})
 
 
 def make_algorithm(name: str, /, **parameters: Any) -> Algorithm:
@@ -85,10 +70,15 @@ def make_algorithm(name: str, /, **parameters: Any) -> Algorithm:
     Notes
     -----
     Packages register algorithms in the entry-point group ``botohe_moo.algorithms``: callables
-    that return a pymoo algorithm. ``module:Class`` names one that nobody has registered; classes
-    of pymoo's own are wired with this package's operators and an archive of all non-dominated
-    plans, as ``nsga2`` is (:class:`PopulationAlgorithm`). Only parameters that a signature states
-    can be given: what pymoo's algorithms take as ``**kwargs`` would swallow every misspelt name.
+    that return a pymoo algorithm. They state their parameters by a typed signature, with ranges as
+    in ``Annotated[float, Field(gt=0)]``, or by a pydantic model, their attribute ``Parameters``,
+    which checks and converts values before these are handed over as keywords. Only parameters that
+    are stated can be given: what pymoo's algorithms take as ``**kwargs`` would swallow every
+    misspelt name.
+
+    ``module:Class`` names one that nobody has registered; classes of pymoo's own are wired with
+    this package's operators and an archive of all non-dominated plans, as ``nsga2`` is
+    (:class:`PopulationAlgorithm`).
 
     Examples
     --------
@@ -98,20 +88,52 @@ def make_algorithm(name: str, /, **parameters: Any) -> Algorithm:
     60
     """
     factory = _load(name)
-    source = _source(name)
-    check_parameters(source, parameters, [known.name for known in algorithm_parameters(name)])
-    if signature := _signature(factory):
-        try:
-            signature.bind(**parameters)
-        except TypeError as error:
-            raise ValueError(f"{source}: {error}.") from None
+    return _made(name, factory, _accepted(factory), parameters)
+
+
+def check_algorithm(
+    name: str, parameters: Mapping[str, Any] | None = None, *, plain: bool = False
+) -> list[Fault]:
+    """Say everything that keeps :func:`make_algorithm` from making an algorithm.
+
+    Where names and types are right, the algorithm is made, to hear what its constructor says.
+
+    Parameters
+    ----------
+    name
+        One of :func:`algorithm_names`, or ``module:Class``.
+    parameters
+        Its parameters, by name.
+    plain
+        Whether they are from a text file: what only Python objects can be is refused.
+
+    Returns
+    -------
+    list
+        Pairs of a parameter's name, None for the whole, and what is wrong; empty if nothing is.
+
+    Examples
+    --------
+    >>> check_algorithm("bo-aco", {"n_ants": "100", "evaporation": 0.5})
+    [('n_ants', "Expected n_ants to be an integer, got '100'.")]
+    >>> check_algorithm("bo-aco", {"evaporation": 1.3})
+    [('evaporation', 'Expected evaporation in (0, 1), got 1.3.')]
+    """
+    given = {} if parameters is None else parameters
+    if not isinstance(given, Mapping):
+        return [(None, f"Expected parameters to be a mapping from names to values, got {given!r}.")]
     try:
-        algorithm = factory(**parameters)
-    except (TypeError, ValueError) as error:  # whatever a package says to a value of another type
-        raise ValueError(f"{source}: {error}") from error
-    if not isinstance(algorithm, Algorithm):
-        raise ValueError(f"{source}: expected a pymoo Algorithm, got {algorithm!r}.")
-    return algorithm
+        factory = _load(name)
+    except ValueError as error:
+        return [(None, str(error).removeprefix(f"{_source(name)}: "))]
+    accepted = _accepted(factory)
+    if faults := check_values(accepted, given, plain=plain):
+        return faults
+    try:
+        _made(name, factory, accepted, given)
+    except (Exception, SystemExit) as error:  # whatever another package's code may raise
+        return [raised_fault(error, given, source=_source(name))]
+    return []
 
 
 def algorithm_names() -> tuple[str, ...]:
@@ -133,26 +155,7 @@ def algorithm_parameters(name: str) -> tuple[AlgorithmParameter, ...]:
     ValueError
         If there is no such algorithm, or it cannot be imported.
     """
-    stated: dict[str, AlgorithmParameter] = {}
-    factory = _load(name)
-    owner = getattr(factory, "__self__", None)
-    functions = [factory]
-    if isinstance(owner, type) and _takes_any(factory):
-        functions.append(owner)
-    for function in functions:
-        described = _described(function)
-        for parameter in (_signature(function) or inspect.Signature()).parameters.values():
-            if parameter.kind not in _BY_KEYWORD or parameter.name in _PYMOOS_OWN:
-                continue
-            known = stated.get(parameter.name)
-            stated[parameter.name] = AlgorithmParameter(
-                parameter.name,
-                known.default if known else parameter.default,
-                known.annotation if known else _annotation(parameter),
-                # A factory often only refers to its class, which tells the meaning and the range.
-                described.get(parameter.name, known.description if known else ""),
-            )
-    return tuple(stated.values())
+    return _accepted(_load(name)).parameters
 
 
 def describe_algorithm(name: str) -> str:
@@ -163,72 +166,106 @@ def describe_algorithm(name: str) -> str:
     ValueError
         If there is no such algorithm, or it cannot be imported.
     """
-    summary = _docstring(_load(name)).partition("\n\n")[0]
+    summary = docstring_of(_load(name)).partition("\n\n")[0]
     return " ".join(summary.split())
 
 
 def _source(name: str) -> str:
     """Say in a message whom it is about."""
-    return f"Algorithm {name!r}" if ":" in name or "." in name else _PLUGINS.source(name)
+    return f"Algorithm {name!r}"
+
+
+def _is_path(name: str) -> bool:
+    return ":" in name or "." in name
 
 
 def _load(name: str) -> Callable[..., Any]:
     if not isinstance(name, str):
         raise ValueError(f"Expected the name of an algorithm, got {name!r}.")
-    if ":" in name or "." in name:
+    if _is_path(name):
         return wired_class(name)
     try:
         return _PLUGINS.load(name)
     except PluginError as error:
-        raise ValueError(f"{_PLUGINS.source(name)}: {error}.") from error
+        raise ValueError(f"{_source(name)}: {error}.") from error
 
 
-def _signature(function: Callable[..., Any]) -> inspect.Signature | None:
-    try:
-        return inspect.signature(function)
-    except (TypeError, ValueError):  # some compiled callables do not tell
-        return None
+def _accepted(factory: Callable[..., Any]) -> Accepted:
+    return accepted_parameters(factory, hidden=_PYMOOS_OWN, closed=True)
 
 
-def _takes_any(function: Callable[..., Any]) -> bool:
-    signature = _signature(function) or inspect.Signature()
-    return any(p.kind is p.VAR_KEYWORD for p in signature.parameters.values())
+def _made(
+    name: str, factory: Callable[..., Any], accepted: Accepted, parameters: Mapping[str, Any]
+) -> Algorithm:
+    algorithm = call_factory(_source(name), factory, accepted, parameters)
+    if not isinstance(algorithm, Algorithm):
+        raise ValueError(f"{_source(name)}: expected a pymoo Algorithm, got {algorithm!r}.")
+    return algorithm
 
 
-def _annotation(parameter: inspect.Parameter) -> str:
-    if parameter.annotation is parameter.empty:
-        return ""
-    if isinstance(parameter.annotation, str):
-        return parameter.annotation
-    return inspect.formatannotation(parameter.annotation)
+def algorithm_origin(name: str) -> dict[str, str | None]:
+    """Say where an algorithm's code is from, to tell results of other code apart.
+
+    Parameters
+    ----------
+    name
+        One of :func:`algorithm_names`, or ``module:Class``.
+
+    Returns
+    -------
+    dict
+        ``package`` and ``version`` of the distribution that registers it, or of the one that owns
+        its module; None where there is none. ``source`` is the SHA-256 of its module's file, and
+        None for modules of this package and pymoo's, which their versions tell. Other modules that
+        it imports are not looked at.
+
+    Raises
+    ------
+    ValueError
+        If there is no such algorithm, or it cannot be imported.
+    """
+    factory = _load(name)
+    if _is_path(name):
+        module = _module_of(name)
+        owner = _distribution_of(module.partition(".")[0])
+    else:
+        entry = _PLUGINS.entry(name)
+        module, owner = entry.module, entry.dist
+    return {
+        "package": owner.name if owner else None,
+        "version": owner.version if owner else None,
+        "source": _source_digest(module, factory),
+    }
 
 
-def _docstring(function: Callable[..., Any]) -> str:
-    # A partial would answer with what partials are.
-    documented = function.func if isinstance(function, functools.partial) else function
-    return inspect.getdoc(documented) or ""
+def _module_of(path: str) -> str:
+    """Give the module's part of ``module:Class`` or ``module.Class``, which is imported already."""
+    module, colon, _ = path.partition(":")
+    while not colon and "." in module and module not in sys.modules:
+        module = module.rpartition(".")[0]
+    return module
 
 
-def _described(function: Callable[..., Any]) -> dict[str, str]:
-    """Read the Parameters section of a numpydoc docstring, and those of a class's bases."""
-    if isinstance(function, type):
-        described: dict[str, str] = {}
-        for base in reversed(function.__mro__[:-1]):
-            described |= _described_by(base)
-        return described
-    return _described_by(function)
+@functools.cache
+def _distribution_of(package: str) -> metadata.Distribution | None:
+    """Find who has installed a top-level package; one that only lies on the path has nobody."""
+    # What is installed for editing lists none of its modules, but often has its package's name.
+    for owner in (*metadata.packages_distributions().get(package, ()), package):
+        try:
+            return metadata.distribution(owner)
+        except metadata.PackageNotFoundError:
+            pass
+    return None
 
 
-def _described_by(function: Callable[..., Any]) -> dict[str, str]:
-    section = re.search(
-        r"^Parameters\n-+\n(.*?)(?=^\S[^\n]*\n-+\n|\Z)", _docstring(function), re.M | re.S
-    )
-    described: dict[str, str] = {}
-    names: list[str] = []
-    for line in section[1].splitlines() if section else []:
-        if line[:1].strip():
-            names = [name.strip(" *") for name in line.partition(":")[0].split(",")]
-        elif line.strip():
-            for parameter in names:
-                described[parameter] = f"{described.get(parameter, '')} {line.strip()}".strip()
-    return described
+def _source_digest(module: str, factory: Any) -> str | None:
+    """Digest the file that names a factory, and the one that defines it."""
+    while isinstance(factory, functools.partial):
+        factory = factory.func
+    digest = None
+    for name in dict.fromkeys([module, getattr(factory, "__module__", None) or module]):
+        file = getattr(sys.modules.get(name), "__file__", None)
+        if name.partition(".")[0] not in _VERSIONED and file and Path(file).is_file():
+            digest = digest or hashlib.sha256()
+            digest.update(Path(file).read_bytes())
+    return digest.hexdigest() if digest else None

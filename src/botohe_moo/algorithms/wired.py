@@ -11,6 +11,7 @@ from typing import Any, cast
 
 from pymoo.algorithms.base.genetic import GeneticAlgorithm
 
+from botohe_moo._plugins import imported
 from botohe_moo.algorithms.population import PopulationAlgorithm, even_weights, genetic_sizes
 
 __all__ = ["wired_class"]
@@ -64,11 +65,8 @@ def wired_class(path: str) -> Callable[..., Any]:
         If it cannot be imported, or is a class of pymoo's that is not population-based, or cannot
         be wired.
     """
-    try:
-        found: Callable[..., Any] = pkgutil.resolve_name(path)
-    except Exception as error:  # a module may fail in any way
-        reason = f"{type(error).__name__}: {error}"
-        raise ValueError(f"Algorithm {path!r}: cannot be imported ({reason}).") from error
+    load = functools.partial(pkgutil.resolve_name, path)
+    found: Callable[..., Any] = imported(load, f"Algorithm {path!r}:")
     if not callable(found):
         raise ValueError(f"Algorithm {path!r}: expected a class or a function, got {found!r}.")
     if getattr(found, "__module__", "").partition(".")[0] != "pymoo":
@@ -88,7 +86,9 @@ def _wire(path: str, wrapped: type[GeneticAlgorithm]) -> type[PopulationAlgorith
     """Derive a class from one of pymoo's, whose own parameters it states."""
     stated = inspect.signature(wrapped).parameters
     own = {
-        name: parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY)
+        name: parameter.replace(
+            kind=inspect.Parameter.KEYWORD_ONLY, annotation=_annotation(parameter)
+        )
         for name, parameter in stated.items()
         if name not in _TAKEN_CARE_OF and parameter.kind is parameter.POSITIONAL_OR_KEYWORD
     }
@@ -137,6 +137,14 @@ def _wire(path: str, wrapped: type[GeneticAlgorithm]) -> type[PopulationAlgorith
             "__doc__": _DOCSTRING.format(wrapped.__name__),
         },
     )
+
+
+def _annotation(parameter: inspect.Parameter) -> Any:
+    """Give the type of a parameter; where pymoo states none, its default may show it."""
+    shown = type(parameter.default)
+    if parameter.annotation is parameter.empty and shown in (int, float, bool, str):
+        return shown
+    return parameter.annotation
 
 
 def _revive(path: str) -> PopulationAlgorithm:

@@ -7,12 +7,13 @@ import re
 import shutil
 import textwrap
 from collections.abc import Mapping
+from enum import Enum
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from botohe_moo.algorithms.registry import AlgorithmParameter
+    from botohe_moo._parameters import Parameter
     from botohe_moo.mission.model import Mission
 
 __all__ = ["brief", "describe", "listing", "paragraph", "parameter_example", "parameter_text"]
@@ -47,9 +48,10 @@ def _team(mission: Mission) -> str:
     return "1 robot" if mission.robots == 1 else f"{mission.robots} robots"
 
 
-def parameter_text(parameter: AlgorithmParameter) -> str:
-    """Give a parameter's name, default, type and description, as the command line takes them."""
+def parameter_text(parameter: Parameter) -> str:
+    """Give a parameter's name, default, type, range and meaning, as the command line has them."""
     kind = re.sub(r"Literal\[([^]]*)\]", r"\1", parameter.annotation).replace(" | ", " or ")
+    kind = ", ".join(filter(None, (kind, parameter.range)))
     kind = f"  ({kind})" if kind else ""
     headline = parameter.name
     if not parameter.plain:
@@ -62,13 +64,15 @@ def parameter_text(parameter: AlgorithmParameter) -> str:
     return "\n".join(lines)
 
 
-def parameter_example(parameter: AlgorithmParameter) -> str:
+def parameter_example(parameter: Parameter) -> str:
     """Give a parameter as one writes it on the command line."""
     return f"{parameter.name}={'VALUE' if parameter.required else _default(parameter)}"
 
 
-def _default(parameter: AlgorithmParameter) -> str:
+def _default(parameter: Parameter) -> str:
     default = parameter.default
+    if isinstance(default, Enum):
+        return str(default.value)
     if isinstance(default, Mapping):
         return "{" + ", ".join(f"{name}: {value}" for name, value in default.items()) + "}"
     return json.dumps(default) if default is None or isinstance(default, bool) else str(default)

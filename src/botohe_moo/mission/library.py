@@ -2,26 +2,35 @@
 
 from __future__ import annotations
 
-import inspect
+import functools
 import os
+import pkgutil
+from collections.abc import Callable, Mapping
 from importlib.resources import as_file, files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from botohe_moo._checks import check_parameters, keyword_names
-from botohe_moo._plugins import PluginError, PluginGroup
+from botohe_moo._parameters import (
+    Fault,
+    Parameter,
+    accepted_parameters,
+    call_factory,
+    check_values,
+    docstring_of,
+    raised_fault,
+)
+from botohe_moo._plugins import PluginError, PluginGroup, imported
 from botohe_moo.mission.files import SUFFIXES, read_mission
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.validation import MissionError
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
 __all__ = [
     "art_museum",
+    "check_mission",
     "describe_mission",
     "load_mission",
     "mission_names",
+    "mission_parameters",
     "power_plant",
     "terrain_200",
     "toy",
@@ -101,6 +110,7 @@ def load_mission(
     name_or_path
         One of `mission_names`, or the path of a file that `read_mission` reads: what ends like one,
         holds a path separator, is an ``os.PathLike``, or exists as a file and is no mission's name.
+        ``module:function`` names a mission that nobody has registered.
     robots
         Team size; default: the mission's own.
     parameters
@@ -117,7 +127,8 @@ def load_mission(
     Notes
     -----
     Packages register missions in the entry-point group ``botohe_moo.missions``: callables that take
-    keywords and return a `Mission`.
+    keywords and return a `Mission`. They state their parameters by a typed signature, with ranges
+    as in ``Annotated[int, Field(ge=2)]``, or by a pydantic model, their attribute ``Parameters``.
 
     Examples
     --------
@@ -126,24 +137,58 @@ def load_mission(
     >>> len(load_mission("terrain", nodes=50, seed=1).nodes)
     50
     """
-    if isinstance(name_or_path, os.PathLike):
+    function = _factory(name_or_path)
+    if function is None:
         return read_mission(name_or_path, robots=robots, **parameters)
-    if not isinstance(name_or_path, str):
-        raise ValueError(f"Expected the name of a mission or a path, got {name_or_path!r}.")
-    name = name_or_path
-    separators = {os.sep, os.altsep or os.sep}
-    if Path(name).suffix.lower() in SUFFIXES or not separators.isdisjoint(name):
-        return read_mission(name, robots=robots, **parameters)
-    known = name in _PLUGINS.claims()
-    if not known and Path(name).is_file():
-        return read_mission(name, robots=robots, **parameters)
-    source = _PLUGINS.source(name)
+    return _make(function, _source(name_or_path), robots, parameters)
+
+
+def check_mission(
+    name_or_path: str | os.PathLike[str],
+    parameters: Mapping[str, Any] | None = None,
+    *,
+    plain: bool = False,
+) -> list[Fault]:
+    """Say everything that keeps `load_mission` from giving a mission.
+
+    Where names and types are right the mission is made, to hear what its function says.
+
+    Parameters
+    ----------
+    name_or_path
+        As for `load_mission`.
+    parameters
+        Its parameters by name, ``robots`` among them.
+    plain
+        Whether they are from a text file: what only Python objects can be is refused.
+
+    Returns
+    -------
+    list
+        Pairs of a parameter's name, None for the whole, and what is wrong; empty if nothing is.
+
+    Examples
+    --------
+    >>> check_mission("terrain", {"nodes": "50", "robots": 3})
+    [('nodes', "Expected nodes to be an integer, got '50'.")]
+    """
+    given = {} if parameters is None else parameters
+    if not isinstance(given, Mapping):
+        return [(None, f"Expected parameters to be a mapping from names to values, got {given!r}.")]
     try:
-        function = _PLUGINS.load(name)
-    except PluginError as error:
-        hint = "" if known else f"; mission files end in one of {', '.join(SUFFIXES)}"
-        raise MissionError(f"{error}{hint}", source) from error
-    return _make(function, source, robots, parameters)
+        function = _factory(name_or_path)
+        if function is not None:
+            accepted = accepted_parameters(function)
+            if faults := check_values(accepted, given, plain=plain, also=("robots",)):
+                return faults
+        load_mission(name_or_path, **given)
+    except MissionError as error:
+        return [(None, fault) for fault in error.faults]
+    except OSError as error:
+        return [(None, f"{error.filename}: {error.strerror}.")]
+    except (Exception, SystemExit) as error:  # whatever another package's code may raise
+        return [raised_fault(error, given, source=_source(name_or_path))]
+    return []
 
 
 def mission_names() -> tuple[str, ...]:
@@ -155,24 +200,66 @@ def mission_names() -> tuple[str, ...]:
     return _PLUGINS.names()
 
 
+def mission_parameters(name_or_path: str | os.PathLike[str]) -> tuple[Parameter, ...]:
+    """List the parameters that a named mission states besides ``robots``; a file has none.
+
+    Raises
+    ------
+    MissionError
+        If there is no such mission, or it cannot be imported.
+    """
+    function = _factory(name_or_path)
+    stated = () if function is None else accepted_parameters(function).parameters
+    return tuple(parameter for parameter in stated if parameter.name != "robots")
+
+
 def describe_mission(name: str) -> str:
     """Give the first line of what a named mission says of itself."""
-    return (inspect.getdoc(_PLUGINS.load(name)) or "").partition("\n")[0]
+    return docstring_of(_PLUGINS.load(name)).partition("\n")[0]
+
+
+def _source(name: object) -> str:
+    """Say in a message whom it is about."""
+    return f"Mission {name!r}"
+
+
+def _factory(name: str | os.PathLike[str]) -> Callable[..., Any] | None:
+    """Find the function that makes a mission; None for what is read from a file."""
+    if isinstance(name, os.PathLike):
+        return None
+    if not isinstance(name, str):
+        raise ValueError(f"Expected the name of a mission or a path, got {name!r}.")
+    separators = {os.sep, os.altsep or os.sep}
+    if Path(name).suffix.lower() in SUFFIXES or not separators.isdisjoint(name):
+        return None
+    known = name in _PLUGINS.claims()
+    if not known and Path(name).is_file():
+        return None
+    try:
+        return _PLUGINS.load(name) if known or ":" not in name else _imported(name)
+    except PluginError as error:
+        hint = (
+            "" if known or ":" in name else f"; mission files end in one of {', '.join(SUFFIXES)}"
+        )
+        raise MissionError(f"{error}{hint}", _source(name)) from error
+
+
+def _imported(path: str) -> Callable[..., Any]:
+    found = imported(functools.partial(pkgutil.resolve_name, path), "it")
+    if not callable(found):
+        raise PluginError(f"expected a function or a class, got {found!r}")
+    return found  # type: ignore[no-any-return]
 
 
 def _make(
     function: Callable[..., Any], source: str, robots: int | None, parameters: dict[str, Any]
 ) -> Mission:
-    accepted = keyword_names(function)
-    check_parameters(source, parameters, accepted, also=("robots",))
-    if robots is not None and (accepted is None or "robots" in accepted):
+    accepted = accepted_parameters(function)
+    if robots is not None and (accepted.any_name or "robots" in accepted.names):
         parameters = {**parameters, "robots": robots}
-    if accepted is not None:
-        try:
-            inspect.signature(function).bind(**parameters)
-        except TypeError as error:
-            raise ValueError(f"{source}: {error}.") from None
-    mission = function(**parameters)
+    mission = call_factory(
+        source, function, accepted, parameters, also=("robots",), passing=(MissionError,)
+    )
     if not isinstance(mission, Mission):
         raise MissionError(f"expected its function to return a Mission, got {mission!r}", source)
     if robots is not None and robots != mission.robots:

@@ -1,0 +1,18 @@
+"""What factories of algorithms and missions can be given, and what is wrong with given values."""
+
+from botohe_moo._parameters.checks import Fault, call_factory, check_values, raised_fault
+from botohe_moo._parameters.docstrings import docstring_of
+from botohe_moo._parameters.stated import Accepted, Parameter, accepted_parameters
+from botohe_moo._parameters.types import wrong_value
+
+__all__ = [
+    "Accepted",
+    "Fault",
+    "Parameter",
+    "accepted_parameters",
+    "call_factory",
+    "check_values",
+    "docstring_of",
+    "raised_fault",
+    "wrong_value",
+]

@@ -1,0 +1,191 @@
+"""The ``botohe study`` commands."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from botohe_moo.console.options import integer
+from botohe_moo.console.shell import FAILED, INTERRUPTED, fail, failing, say, tell
+
+if TYPE_CHECKING:
+    from botohe_moo.study.estimate import Estimate
+    from botohe_moo.study.tables import StudyTables
+
+__all__ = ["study_app"]
+
+study_app = typer.Typer(
+    no_args_is_help=True, help="Compare algorithms: from a study file to tables and figures."
+)
+
+FileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="A study file (YAML).")]
+OutOption = Annotated[
+    Path | None,
+    typer.Option("--out", "-o", metavar="DIR", help="Its folder; by default results/NAME."),
+]
+WorkersOption = Annotated[
+    int | None,
+    typer.Option(
+        "--workers",
+        "-w",
+        metavar="N",
+        parser=integer(at_least=1),
+        help="Runs at a time; by default as many as there are processors.",
+    ),
+]
+
+
+def _workers(given: int | None) -> int:
+    from botohe_moo.study.environment import n_cpus
+
+    return n_cpus() if given is None else given
+
+
+@study_app.command("run")
+def run(
+    file: FileArgument,
+    out: OutOption = None,
+    workers: WorkersOption = None,
+    dask: Annotated[
+        str | None,
+        typer.Option("--dask", metavar="ADDRESS", help="Work on the Dask cluster there."),
+    ] = None,
+) -> None:
+    """Perform the runs that are missing, and make the tables.
+
+    Ctrl-C stops; what is done stays done, and the same command goes on from there.
+    """
+    from botohe_moo.study.loading import load_study
+    from botohe_moo.study.progress import ProgressWatcher
+    from botohe_moo.study.runner import StudyInterrupted, run_study, study_folder
+
+    with failing():
+        study = load_study(file)
+    folder = study_folder(study, out)
+    try:
+        with failing(FAILED), ProgressWatcher(say) as watcher:
+            tables = run_study(
+                study, folder, workers=_workers(workers), dask=dask, watcher=watcher
+            )
+    except StudyInterrupted:
+        fail(f"stopped; what is done is in {folder}. Run it again to go on.", INTERRUPTED)
+    tell(_outcome(tables))
+    tell(f"\nwrote the tables to {folder}; `botohe study report {folder}` makes the report.")
+    if n_failed := int((tables.runs["status"] == "failed").sum()):
+        n_runs = "1 run" if n_failed == 1 else f"{n_failed} runs"
+        fail(f"{n_runs} failed: runs.csv says why; run the study again to retry.", FAILED)
+
+
+def _outcome(tables: StudyTables) -> str:
+    """Give the medians in a table, and the verdicts."""
+    summary = tables.summary
+    lines = []
+    for mission in tables.mission_labels:
+        rows = summary[summary["mission"] == mission]
+        shown = rows[["algorithm", "n", "area_median", "area_low", "area_high", "seconds_median"]]
+        shown = shown.rename(
+            columns={
+                "n": "runs",
+                "area_median": "median area",
+                "area_low": "low",
+                "area_high": "high",
+                "seconds_median": "seconds",
+            }
+        )
+        formats = {"seconds": "{:.2f}".format}
+        table = shown.to_string(
+            index=False, float_format="{:.4f}".format, formatters=formats, justify="right"
+        )
+        lines.append(f"{mission}\n{table}")
+    return "\n\n".join(lines)
+
+
+@study_app.command("plan")
+def plan(file: FileArgument, out: OutOption = None, workers: WorkersOption = None) -> None:
+    """List the runs, what is already there, and how long the rest will take."""
+    from botohe_moo.study.estimate import estimate_times
+    from botohe_moo.study.loading import load_study
+    from botohe_moo.study.runner import plan_study, study_folder
+
+    with failing():
+        study = load_study(file)
+        folder = study_folder(study, out)
+        planned = plan_study(study, folder)
+    for fault in planned.damaged.values():
+        say(f"{fault}; the run will be performed again.")
+    estimates = list(estimate_times(planned))
+    tell(_plan_table(estimates))
+    n_there, n_runs = len(planned.finished), len(planned.runs)
+    tell(f"\n{n_runs} runs: {n_there} are there, {n_runs - n_there} to go, in {folder}")
+    n_workers = _workers(workers)
+    if n_there < n_runs:
+        left = sum(estimate.seconds_left for estimate in estimates) / n_workers
+        longest = max(e.seconds or 0.0 for e in estimates if e.n_there < e.n_runs)
+        unknown = any(e.seconds is None for e in estimates)
+        tell(
+            f"about {_duration(max(left, longest))} with {n_workers} at a time"
+            f"{', besides what is unknown' if unknown else ''}"
+        )
+
+
+def _plan_table(estimates: list[Estimate]) -> str:
+    header = ("mission", "algorithm", "runs", "there", "failed", "each takes")
+    rows = [
+        (
+            estimate.mission,
+            estimate.algorithm,
+            str(estimate.n_runs),
+            str(estimate.n_there),
+            str(estimate.n_failed),
+            _each(estimate),
+        )
+        for estimate in estimates
+    ]
+    widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
+    return "\n".join(
+        "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in (header, *rows)
+    )
+
+
+def _each(estimate: Estimate) -> str:
+    if estimate.seconds is None:
+        return "unknown: a trial failed"
+    about = _duration(estimate.seconds)
+    return about if estimate.measured else f"~{about}"
+
+
+def _duration(seconds: float) -> str:
+    """Give a duration in the unit that suits it."""
+    for unit, size in (("h", 3600.0), ("min", 60.0)):
+        if seconds >= 2 * size:
+            return f"{seconds / size:.1f} {unit}"
+    return f"{seconds:.1f} s"
+
+
+@study_app.command("report")
+def report(
+    folder: Annotated[
+        Path, typer.Argument(metavar="DIR", help="Folder that `botohe study run` has written to.")
+    ],
+) -> None:
+    """Make the report: a page, figures, LaTeX tables and a summary."""
+    from botohe_moo.study.report import write_report
+    from botohe_moo.study.tables import read_study
+
+    with failing():
+        tables = read_study(folder)
+    with failing(FAILED):
+        paths = write_report(tables)
+    for path in paths:
+        tell(f"wrote {path}")
+
+
+@study_app.command("schema")
+def schema() -> None:
+    """Print the JSON Schema of study files, for editors."""
+    from botohe_moo.study.config import study_schema
+
+    tell(study_schema().rstrip())

@@ -1,0 +1,1 @@
+"""Comparative studies: from one YAML file to tables, statistics and figures."""

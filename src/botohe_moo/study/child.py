@@ -1,0 +1,89 @@
+"""The process in which runs are performed: ``python -m botohe_moo.study.child``.
+
+It reads tasks from its standard input and writes what happens to its standard output, as long as
+the process at the other end lives.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import sys
+import threading
+import time
+from multiprocessing.connection import Connection
+
+__all__ = ["main"]
+
+_SECONDS_BETWEEN_MAILS = 0.2
+
+
+def main() -> None:
+    """Perform one task after another until nobody sends any."""
+    # What an algorithm prints must not come between what is sent.
+    answers = Connection(os.dup(1), readable=False)
+    os.dup2(2, 1)
+    tasks = Connection(os.dup(0), writable=False)
+    threading.Thread(target=_end_with_parent, args=(tasks.fileno(),), daemon=True).start()
+
+    from botohe_moo.study.environment import environment
+    from botohe_moo.study.perform import Task, failure, perform, warm_up
+
+    warm: set[tuple[str, str]] = set()
+    while True:
+        try:
+            task: Task = tasks.recv()
+        except EOFError:
+            return
+        found = environment()
+        if task.version != found["botohe_moo"]:
+            said = f"the worker has botohe-moo {found['botohe_moo']}, the study {task.version}"
+            answers.send(("end", failure(said), found))
+            continue
+        key = task.algorithm, repr(task.parameters)
+        if key not in warm:
+            warm.add(key)
+            try:
+                warm_up(task)
+            except Exception:  # it will come up again in the run, and be reported there
+                pass
+        answers.send(("begin", None, found))
+        mail = _Mail(answers, at_once=task.seconds is not None)
+        outcome = perform(task, mail.put)
+        mail.send()
+        answers.send(("end", outcome, found))
+
+
+class _Mail:
+    """Sends records together: one at a time they would take longer than what they record.
+
+    A run that may be killed sends each at once, for it may never come to send the next.
+    """
+
+    def __init__(self, answers: Connection, *, at_once: bool) -> None:
+        self._answers = answers
+        self._pause = 0.0 if at_once else _SECONDS_BETWEEN_MAILS
+        self._waiting: list[object] = []
+        self._sent_at = time.monotonic()
+
+    def put(self, record: object) -> None:
+        self._waiting.append(record)
+        if time.monotonic() - self._sent_at >= self._pause:
+            self.send()
+
+    def send(self) -> None:
+        self._answers.send(("records", self._waiting, None))
+        self._waiting = []
+        self._sent_at = time.monotonic()
+
+
+def _end_with_parent(descriptor: int) -> None:
+    """Wait until the other end of standard input is closed, and end this process."""
+    poll = select.poll()
+    poll.register(descriptor, 0)  # hanging up is reported unasked
+    poll.poll()
+    os._exit(1)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

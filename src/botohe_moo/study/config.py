@@ -1,0 +1,312 @@
+"""The study file: what may stand in it, as pydantic models and as a JSON Schema."""
+
+from __future__ import annotations
+
+import json
+import types
+import typing
+from collections.abc import Callable, Iterator, Sequence
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    StringConstraints,
+    ValidationError,
+    model_validator,
+)
+
+from botohe_moo._checks import nearest_first
+from botohe_moo._parameters import wrong_value
+
+__all__ = [
+    "AlgorithmEntry",
+    "Budget",
+    "Comparison",
+    "MissionEntry",
+    "Recording",
+    "Seeds",
+    "StudyFile",
+    "file_faults",
+    "printable",
+    "study_schema",
+]
+
+INDICATOR_NAMES = ("area", "igd_plus", "epsilon", "front_size")
+MAX_EVALUATIONS = 10**12
+MAX_SEED = 2**32 - 1
+MAX_SEEDS = 100_000
+
+_NAME = r"^[A-Za-z0-9][A-Za-z0-9._-]*$"
+Text = Annotated[str, StringConstraints(min_length=1, max_length=200, pattern=r"^\S(.*\S)?$")]
+Name = Annotated[str, StringConstraints(max_length=100, pattern=_NAME)]
+Count = Annotated[int, Field(ge=1, le=MAX_EVALUATIONS)]
+Seed = Annotated[int, Field(ge=0, le=MAX_SEED)]
+Values = Annotated[list[Any], Field(min_length=1)]
+
+
+def _shorthand(*schemas: dict[str, Any]) -> Callable[[dict[str, Any]], None]:
+    """State in the JSON Schema that something shorter may stand for the mapping."""
+
+    def add(schema: dict[str, Any]) -> None:
+        whole = dict(schema)
+        schema.clear()
+        schema.update(anyOf=[*schemas, whole])
+
+    return add
+
+
+class _Entry(BaseModel):
+    """A mapping in the study file: nothing is converted, and no key is ignored."""
+
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True
+    )
+
+
+class Budget(_Entry):
+    """What a run may spend: evaluations, seconds, or whichever is spent first."""
+
+    evaluations: Count | None = None
+    """Trail plans to evaluate; no run evaluates more."""
+    seconds: Annotated[float, Field(gt=0, le=1e9, allow_inf_nan=False)] | None = None
+    """The algorithm's own time, without recording. The iteration in which it is up is the last."""
+    grace_seconds: Annotated[float, Field(ge=0, le=1e9, allow_inf_nan=False)] = 10.0
+    """How long after the time is up a run is killed that does not come to the end of an
+    iteration."""
+
+    @model_validator(mode="after")
+    def _is_limited(self) -> Self:
+        if self.evaluations is None and self.seconds is None:
+            raise ValueError("expected evaluations or seconds, or both, found neither")
+        return self
+
+
+class MissionEntry(_Entry):
+    """One mission, or several by a grid."""
+
+    model_config = ConfigDict(json_schema_extra=_shorthand({"type": "string"}))
+
+    mission: Text
+    """A mission's name, or a mission file, relative to the study file."""
+    robots: Annotated[int, Field(ge=1)] | None = None
+    """Team size; default: the mission's own."""
+    parameters: dict[str, Any] = {}
+    """Parameters of a named mission, such as a generator's nodes and seed."""
+    grid: dict[str, Values] = {}
+    """Parameters with several values each; every combination is a mission."""
+    min_survival: Annotated[float, Field(ge=0, le=1)] = 0.0
+    """Survival floor: every robot has to survive with at least this probability."""
+    budget: Budget | None = None
+    """Budget of the runs on this mission; default: the study's."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_name(cls, value: Any) -> Any:
+        return {"mission": value} if isinstance(value, str) else value
+
+
+class AlgorithmEntry(_Entry):
+    """One algorithm with parameters, or several by a grid."""
+
+    model_config = ConfigDict(json_schema_extra=_shorthand({"type": "string"}))
+
+    algorithm: Text
+    """A registered algorithm's name, or module:Class."""
+    parameters: dict[str, Any] = {}
+    """Its parameters; `botohe algorithms NAME` lists them."""
+    grid: dict[str, Values] = {}
+    """Parameters with several values each; every combination is an algorithm."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_name(cls, value: Any) -> Any:
+        return {"algorithm": value} if isinstance(value, str) else value
+
+
+class Seeds(_Entry):
+    """The seeds of the repetitions: how many, or which."""
+
+    model_config = ConfigDict(
+        json_schema_extra=_shorthand(
+            {"type": "integer", "minimum": 1},
+            {"type": "array", "items": {"type": "integer", "minimum": 0}, "minItems": 1},
+        )
+    )
+
+    count: Annotated[int, Field(ge=1, le=MAX_SEEDS)] | None = None
+    """How many repetitions."""
+    seed: Seed | None = None
+    """Seed of the study, from which and from its number each repetition's seed derives; without
+    it the seeds are 1, 2, ..., count."""
+    values: Annotated[list[Seed], Field(min_length=1, max_length=MAX_SEEDS)] | None = None
+    """The seeds themselves, instead of a count."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_short(cls, value: Any) -> Any:
+        if isinstance(value, list):
+            return {"values": value}
+        return {"count": value} if not isinstance(value, dict) else value
+
+    @model_validator(mode="after")
+    def _says_which(self) -> Self:
+        if (self.count is None) == (self.values is None):
+            found = "neither" if self.count is None else "both"
+            raise ValueError(f"expected either count or values, found {found}")
+        if self.values is not None and self.seed is not None:
+            raise ValueError("expected no seed beside values, which are the seeds themselves")
+        if self.values is not None and len(set(self.values)) < len(self.values):
+            twice = sorted({seed for seed in self.values if self.values.count(seed) > 1})
+            raise ValueError(f"expected each seed once, got {twice[0]} twice")
+        return self
+
+
+class Recording(_Entry):
+    """When a run's front is recorded: at log-spaced numbers of evaluations."""
+
+    per_decade: Annotated[int, Field(ge=1, le=1_000)] = 20
+    """Records in a tenfold of evaluations."""
+    start: Annotated[float, Field(gt=0, le=0.01)] = 0.001
+    """Share of the evaluations with which recording begins."""
+    at: list[Count] = []
+    """Further numbers of evaluations at which to record."""
+
+
+class Comparison(_Entry):
+    """How algorithms are compared."""
+
+    control: Text | None = None
+    """Label of the algorithm that all others are compared with; default: all pairs."""
+    significance: Annotated[float, Field(gt=0, lt=1)] = 0.05
+    """Significance level; intervals cover 1 minus this."""
+
+
+class StudyFile(_Entry):
+    """A comparative study: algorithms on missions, each for several seeds."""
+
+    name: Name
+    """Short name: letters, digits, dots, dashes, underscores. Also the name of the folder."""
+    title: Text | None = None
+    """What the study is, in a line."""
+    description: str | None = None
+    """What the study is for."""
+    missions: Annotated[dict[Text, MissionEntry], Field(min_length=1)]
+    """Missions under labels of your own; or a list of names and files, which are the labels."""
+    algorithms: Annotated[dict[Text, AlgorithmEntry], Field(min_length=1)]
+    """Algorithms under labels of your own; or a list of names, which are the labels."""
+    budget: Budget | None = None
+    """What each run may spend; a mission may have its own."""
+    seeds: Seeds
+    """A count, or a list of seeds."""
+    recording: Recording = Recording()
+    """When fronts are recorded."""
+    indicators: Annotated[
+        list[Literal["area", "igd_plus", "epsilon", "front_size"]], Field(min_length=1)
+    ] = list(INDICATOR_NAMES)
+    """What fronts are judged by."""
+    comparison: Comparison = Comparison()
+    """The control algorithm, if any, and the significance level."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _label_lists(cls, value: Any) -> Any:
+        if not isinstance(value, dict):
+            return value
+        listed = {
+            key: {name: name for name in value[key]}
+            for key in ("missions", "algorithms")
+            if _is_list_of_names(value.get(key))
+        }
+        return {**value, **listed}
+
+
+def _is_list_of_names(value: Any) -> bool:
+    return isinstance(value, list) and all(isinstance(name, str) for name in value)
+
+
+def study_schema() -> str:
+    """Give the JSON Schema of study files, for editors that check while one types."""
+    schema = StudyFile.model_json_schema()
+    names = {"type": "array", "items": {"type": "string"}, "minItems": 1}
+    for key in ("missions", "algorithms"):
+        whole = schema["properties"][key]
+        about = {"description": whole.pop("description"), "title": whole.pop("title")}
+        schema["properties"][key] = {**about, "anyOf": [names, whole]}
+    schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
+    return json.dumps(schema, indent=1) + "\n"
+
+
+def file_faults(content: Any) -> Iterator[tuple[tuple[int | str, ...], str]]:
+    """Find all that is wrong with the shape of a study file's content.
+
+    Parameters
+    ----------
+    content
+        What the file says.
+
+    Yields
+    ------
+    tuple
+        The path of keys and positions to the culprit, and what is wrong.
+    """
+    if not isinstance(content, dict):
+        found = "nothing" if content is None else repr(content)
+        yield (), f"expected a mapping with the keys of a study, found {found}."
+        return
+    try:
+        StudyFile.model_validate(content)
+    except ValidationError as error:
+        for found in error.errors(include_url=False):
+            path = tuple(step for step in found["loc"] if step != "[key]")
+            yield path, _said(path, found)
+
+
+def _said(path: Sequence[int | str], found: Any) -> str:
+    """Say in a sentence what pydantic has found."""
+    name = printable(path[-1]) if path else "the study"
+    if path and isinstance(path[-1], int):
+        name = f"{path[-2]}[{path[-1]}]"
+    if found["type"] == "extra_forbidden":
+        known = ", ".join(nearest_first(name, _known_keys(path[:-1])))
+        return f"there is no key {name!r}; known are {known}."
+    if found["type"] == "missing":
+        return f"expected the key {name!r}, which is missing."
+    if found["type"] == "value_error":
+        return f"{found['ctx']['error']}."
+    if found["type"] == "string_pattern_mismatch":
+        kind = (
+            "of letters, digits, dots, dashes and underscores"
+            if found["ctx"]["pattern"] == _NAME
+            else "in one line, without spaces around it"
+        )
+        return f"Expected {name} {kind}, got {found['input']!r}."
+    if found["type"] in ("model_type", "dict_type", "model_attributes_type"):
+        return f"Expected {name} to be a mapping, got {found['input']!r}."
+    return wrong_value(name, found)
+
+
+def printable(step: int | str) -> str:
+    """Write a key so that it stays in its line.
+
+    Parameters
+    ----------
+    step
+        A key, or a position in a list.
+    """
+    text = str(step)
+    return text if text.isprintable() else repr(text)
+
+
+def _known_keys(path: Sequence[int | str]) -> list[str]:
+    """List the keys that may stand where a path leads to."""
+    known: Any = StudyFile
+    for step in path:
+        if isinstance(known, type) and issubclass(known, BaseModel):
+            known = known.model_fields[str(step)].annotation
+        else:  # a mapping from labels to entries
+            known = typing.get_args(known)[1]
+        while typing.get_origin(known) in (Annotated, typing.Union, types.UnionType):
+            known = typing.get_args(known)[0]
+    return list(known.model_fields)

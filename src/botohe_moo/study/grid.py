@@ -1,0 +1,211 @@
+"""A study as data: its missions, algorithms and runs, and what each run's result depends on."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+
+from botohe_moo.mission.model import Mission
+from botohe_moo.study.config import Budget, Recording, StudyFile
+
+__all__ = ["Run", "Study", "StudyAlgorithm", "StudyMission", "canonical", "mission_digest"]
+
+
+@dataclass(frozen=True)
+class StudyMission:
+    """A mission as a study plans for it.
+
+    Attributes
+    ----------
+    label
+        What the study calls it.
+    mission
+        The mission itself.
+    source
+        What :func:`load_mission` made it from.
+    min_survival
+        Survival floor of every robot.
+    budget
+        What each run on it may spend.
+    digest
+        Digest of all that a result can depend on: labels, arcs, survivals, rewards, base, robots.
+    """
+
+    label: str
+    mission: Mission
+    source: Mapping[str, Any]
+    min_survival: float
+    budget: Budget
+    digest: str
+
+
+@dataclass(frozen=True)
+class StudyAlgorithm:
+    """An algorithm with parameters, under the study's label.
+
+    Attributes
+    ----------
+    label
+        What the study calls it.
+    algorithm
+        Name by which it is registered, or ``module:Class``.
+    parameters
+        Its parameters.
+    origin
+        Package, version and source it is from.
+    """
+
+    label: str
+    algorithm: str
+    parameters: Mapping[str, Any]
+    origin: Mapping[str, str | None]
+
+
+@dataclass(frozen=True)
+class Run:
+    """One mission × algorithm × seed.
+
+    Attributes
+    ----------
+    mission, algorithm
+        What is planned for, and by what.
+    seed
+        Seed of the run's random numbers.
+    recording
+        When its front is recorded.
+    identity
+        Everything that its result depends on.
+    digest
+        Digest of ``identity``: the run's name.
+    """
+
+    mission: StudyMission
+    algorithm: StudyAlgorithm
+    seed: int
+    recording: Recording
+    identity: Mapping[str, Any] = field(repr=False)
+    digest: str
+
+
+@dataclass(frozen=True)
+class Study:
+    """A study that has been read and checked; :func:`load_study` makes it.
+
+    Attributes
+    ----------
+    file
+        What the study file says.
+    text
+        The file itself.
+    missions, algorithms
+        What is compared on what, grids expanded, in the order of the file.
+    seeds
+        Seeds of the repetitions.
+    """
+
+    file: StudyFile
+    text: str
+    missions: tuple[StudyMission, ...]
+    algorithms: tuple[StudyAlgorithm, ...]
+    seeds: tuple[int, ...]
+
+    @property
+    def name(self) -> str:
+        """The study's name."""
+        return self.file.name
+
+    def runs(self) -> tuple[Run, ...]:
+        """List the runs: mission by mission, algorithm by algorithm, seed by seed."""
+        return tuple(
+            _run(mission, algorithm, seed, self.file.recording)
+            for mission in self.missions
+            for algorithm in self.algorithms
+            for seed in self.seeds
+        )
+
+    def manifest(self) -> dict[str, Any]:
+        """Say what the study is, for those who read its tables."""
+        return {
+            "name": self.name,
+            "title": self.file.title,
+            "description": self.file.description,
+            "version": version("botohe-moo"),
+            "missions": {
+                mission.label: {
+                    "file": f"missions/{mission.digest}.json",
+                    "source": dict(mission.source),
+                    "min_survival": mission.min_survival,
+                    "budget": mission.budget.model_dump(exclude={"grace_seconds"}),
+                }
+                for mission in self.missions
+            },
+            "algorithms": {
+                algorithm.label: {
+                    "algorithm": algorithm.algorithm,
+                    "parameters": dict(algorithm.parameters),
+                    **{key: algorithm.origin[key] for key in ("package", "version")},
+                }
+                for algorithm in self.algorithms
+            },
+            "seeds": list(self.seeds),
+            "recording": self.file.recording.model_dump(),
+            "indicators": list(self.file.indicators),
+            "comparison": self.file.comparison.model_dump(),
+        }
+
+
+def _run(mission: StudyMission, algorithm: StudyAlgorithm, seed: int, recording: Recording) -> Run:
+    identity = {
+        "mission": mission.digest,
+        "min_survival": float(mission.min_survival),
+        "algorithm": algorithm.algorithm,
+        "parameters": dict(algorithm.parameters),
+        "origin": dict(algorithm.origin),
+        "budget": mission.budget.model_dump(),
+        "recording": recording.model_dump(),
+        "seed": seed,
+        "version": version("botohe-moo"),
+    }
+    digest = hashlib.sha256(canonical(identity).encode()).hexdigest()[:16]
+    return Run(mission, algorithm, seed, recording, identity, digest)
+
+
+def mission_digest(mission: Mission) -> str:
+    """Give the digest of all that a result can depend on, which names and positions are not.
+
+    Parameters
+    ----------
+    mission
+        The mission.
+    """
+    arrays = mission.arrays
+    hashed = hashlib.sha256(
+        canonical(
+            [[repr(node) for node in mission.nodes], repr(mission.base), mission.robots]
+        ).encode()
+    )
+    for values, dtype in (
+        (arrays.tail, "<i8"),
+        (arrays.head, "<i8"),
+        (arrays.survival, "<f8"),
+        (arrays.reward, "<f8"),
+    ):
+        hashed.update(np.ascontiguousarray(values, dtype).tobytes())
+    return hashed.hexdigest()[:16]
+
+
+def canonical(value: Any) -> str:
+    """Write what a study file can hold so that equal values give equal texts.
+
+    Parameters
+    ----------
+    value
+        Mappings, lists, texts, numbers, flags and None.
+    """
+    return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=True)

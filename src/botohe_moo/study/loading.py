@@ -1,0 +1,292 @@
+"""Reading a study file: everything in it is checked before anything runs."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import os
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from botohe_moo._checks import nearest_first
+from botohe_moo.algorithms.registry import algorithm_origin, check_algorithm
+from botohe_moo.mission.files import SUFFIXES
+from botohe_moo.mission.library import check_mission, load_mission
+from botohe_moo.mission.model import Mission
+from botohe_moo.mission.nodelink import mission_content
+from botohe_moo.study.config import (
+    AlgorithmEntry,
+    Budget,
+    MissionEntry,
+    Seeds,
+    StudyFile,
+    file_faults,
+    printable,
+)
+from botohe_moo.study.document import Document, Fault
+from botohe_moo.study.grid import Study, StudyAlgorithm, StudyMission, canonical, mission_digest
+from botohe_moo.study.tables import StudyError
+
+__all__ = ["load_study"]
+
+_MAX_RUNS = 1_000_000
+_Path = tuple[int | str, ...]
+
+
+def load_study(source: str | os.PathLike[str] | Mapping[str, Any]) -> Study:
+    """Read a study file and check all it says, before anything runs.
+
+    Parameters
+    ----------
+    source
+        Path of a YAML file, or the content of one as a mapping.
+
+    Raises
+    ------
+    StudyError
+        Lists every fault: the file and line, what was expected and what was found.
+
+    Examples
+    --------
+    >>> study = load_study({
+    ...     "name": "trial",
+    ...     "missions": ["toy"],
+    ...     "algorithms": {"ants": "bo-aco", "NSGA-II": {"algorithm": "nsga2"}},
+    ...     "budget": {"evaluations": 1000},
+    ...     "seeds": 5,
+    ... })
+    >>> len(study.runs())
+    10
+    """
+    if isinstance(source, Mapping):
+        content: Any = json.loads(json.dumps(source, default=_no_json))
+        checked = _Checked(content, Path())
+        faults = list(dict.fromkeys(f"{_dotted(at)}{said}" for at, said in checked.faults))
+        text = json.dumps(content, indent=1) + "\n"  # JSON is YAML, too
+    else:
+        path = Path(source)
+        text = _text(path)
+        document = Document.parse(text)
+        found = list(document.faults)
+        checked = _Checked(document.content, path.parent) if not _broken(document) else None
+        for where, message in checked.faults if checked else []:
+            found.append(Fault(document.line(where), f"{_dotted(where)}{message}"))
+        faults = [f"{path}:{fault.line}: {fault.message}" for fault in sorted(set(found))]
+    if faults or checked is None:
+        raise StudyError("\n".join(faults))
+    return checked.study(text)
+
+
+def _no_json(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return dict(value)
+    if isinstance(value, np.generic):
+        return value.item()
+    raise StudyError(f"Expected what a study file can hold, got {value!r}.")
+
+
+def _broken(document: Document) -> bool:
+    return document.content is None and bool(document.faults)
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_bytes().decode("utf-8-sig")
+    except FileNotFoundError:
+        among = sorted(p.name for p in path.parent.glob("*.y*ml"))
+        near = f"; beside it are {', '.join(nearest_first(path.name, among))}" if among else ""
+        raise StudyError(f"{path}: there is no such file{near}.") from None
+    except OSError as error:
+        raise StudyError(f"{path}: cannot be read ({error.strerror}).") from None
+    except UnicodeDecodeError as error:
+        raise StudyError(
+            f"{path}: expected UTF-8 text, found byte {error.start} is none."
+        ) from None
+
+
+def _dotted(path: _Path) -> str:
+    return f"{'.'.join(map(printable, path))}: " if path else ""
+
+
+class _Checked:
+    """Everything that can be said of a study file's content at once."""
+
+    def __init__(self, content: Any, folder: Path) -> None:
+        self.faults: list[tuple[_Path, str]] = list(file_faults(content))
+        self._folder = folder
+        self._file: StudyFile | None = None
+        if not self.faults:
+            self._file = StudyFile.model_validate(content)
+        content = content if isinstance(content, dict) else {}
+        self._default_budget = _valid(Budget, content.get("budget"))
+        self._missions = list(self._read_missions(_entries(content, "missions", MissionEntry)))
+        self._algorithms = list(
+            self._read_algorithms(_entries(content, "algorithms", AlgorithmEntry))
+        )
+        self._check_different()
+        self._check_control(content)
+        self._seeds = _seeds(self._file.seeds) if self._file else ()
+        n_runs = len(self._missions) * len(self._algorithms) * len(self._seeds)
+        if n_runs > _MAX_RUNS:
+            self._fault(("seeds",), f"expected at most {_MAX_RUNS:,} runs, found {n_runs:,}.")
+
+    def study(self, text: str) -> Study:
+        """Give the study, if there are no faults."""
+        assert self._file is not None  # there would be faults
+        return Study(self._file, text, tuple(self._missions), tuple(self._algorithms), self._seeds)
+
+    def _fault(self, path: _Path, message: str) -> None:
+        self.faults.append((path, message))
+
+    def _read_missions(self, entries: Mapping[str, MissionEntry]) -> Iterator[StudyMission]:
+        for label, entry in entries.items():
+            path: _Path = ("missions", label)
+            budget = entry.budget or self._default_budget
+            if budget is None and not any(where[:1] == ("budget",) for where, _ in self.faults):
+                self._fault(path, "expected a budget, the mission's own or the study's.")
+            for full, parameters in self._expanded(label, entry, path):
+                source = self._mission_source(entry, parameters)
+                if mission := self._load(source, path):
+                    yield StudyMission(
+                        label=full,
+                        mission=mission,
+                        source=source,
+                        min_survival=entry.min_survival,
+                        budget=budget or Budget(evaluations=1),
+                        digest=mission_digest(mission),
+                    )
+
+    def _mission_source(self, entry: MissionEntry, parameters: dict[str, Any]) -> dict[str, Any]:
+        name = entry.mission
+        if Path(name).suffix.lower() in SUFFIXES or "/" in name or os.sep in name:
+            name = str(self._folder / name)
+        robots = {} if entry.robots is None else {"robots": entry.robots}
+        return {"name_or_path": name, **robots, **parameters}
+
+    def _load(self, source: dict[str, Any], path: _Path) -> Mission | None:
+        parameters = {key: value for key, value in source.items() if key != "name_or_path"}
+        found = check_mission(source["name_or_path"], parameters)
+        for name, message in found:
+            said = message if name else f"{source['name_or_path']!r}: {message}"
+            self._fault((*path, *_place(name)), said)
+        if found:
+            return None
+        try:
+            mission = load_mission(**source)
+            mission_content(mission)  # it will be saved with the study
+            return mission
+        except ValueError as error:
+            self._fault((*path, "mission"), str(error))
+        except OSError as error:
+            self._fault((*path, "mission"), f"{error.filename}: {error.strerror}.")
+        except Exception as error:  # whatever another package's code may raise
+            said = f"{type(error).__name__}: {error}"
+            self._fault((*path, "mission"), f"mission {source['name_or_path']!r} raised {said}")
+        return None
+
+    def _read_algorithms(self, entries: Mapping[str, AlgorithmEntry]) -> Iterator[StudyAlgorithm]:
+        for label, entry in entries.items():
+            path: _Path = ("algorithms", label)
+            for full, parameters in self._expanded(label, entry, path):
+                found = check_algorithm(entry.algorithm, parameters, plain=True)
+                for name, message in found:
+                    said = message if name else f"{entry.algorithm!r}: {message}"
+                    self._fault((*path, *_place(name, entry)), said)
+                if not found:
+                    origin = algorithm_origin(entry.algorithm)
+                    yield StudyAlgorithm(full, entry.algorithm, parameters, origin)
+
+    def _expanded(
+        self, label: str, entry: MissionEntry | AlgorithmEntry, path: _Path
+    ) -> Iterator[tuple[str, dict[str, Any]]]:
+        """Give label and parameters of every combination of a grid."""
+        for name in entry.grid.keys() & entry.parameters.keys():
+            self._fault((*path, "grid", name), f"{name} stands in parameters, too.")
+        for name, values in entry.grid.items():
+            if len({canonical(value) for value in values}) < len(values):
+                self._fault((*path, "grid", name), "expected different values.")
+        for values in itertools.product(*entry.grid.values()):
+            chosen = dict(zip(entry.grid, values, strict=True))
+            named = ", ".join(f"{name}={_brief(value)}" for name, value in chosen.items())
+            yield f"{label} ({named})" if named else label, {**entry.parameters, **chosen}
+
+    def _check_different(self) -> None:
+        """Refuse what stands in a study under two labels: its runs would be the same."""
+        seen: dict[str, str] = {}
+        for mission in self._missions:
+            key = canonical([mission.digest, mission.min_survival, mission.budget.model_dump()])
+            self._note("missions", mission.label, key, seen)
+        seen = {}
+        for algorithm in self._algorithms:
+            key = canonical([algorithm.algorithm, dict(algorithm.parameters)])
+            self._note("algorithms", algorithm.label, key, seen)
+        for kind in (self._missions, self._algorithms):
+            labels = [entry.label for entry in kind]
+            for label in sorted({label for label in labels if labels.count(label) > 1}):
+                self._fault((), f"two entries have the label {label!r}.")
+
+    def _note(self, kind: str, label: str, key: str, seen: dict[str, str]) -> None:
+        if key in seen and seen[key] != label:
+            self._fault(
+                (kind, label.partition(" (")[0]), f"{label!r} is the same as {seen[key]!r}."
+            )
+        seen.setdefault(key, label)
+
+    def _check_control(self, content: Mapping[str, Any]) -> None:
+        comparison = content.get("comparison")
+        control = comparison.get("control") if isinstance(comparison, dict) else None
+        labels = [algorithm.label for algorithm in self._algorithms]
+        wrong = any(path[:1] == ("algorithms",) for path, _ in self.faults)
+        if isinstance(control, str) and control not in labels and not wrong:
+            known = ", ".join(nearest_first(control, labels))
+            self._fault(
+                ("comparison", "control"),
+                f"there is no algorithm {control!r} in this study; its labels are {known}.",
+            )
+
+
+def _entries(content: Mapping[str, Any], key: str, model: type[Any]) -> dict[str, Any]:
+    """Give those entries that are well-formed, whatever is wrong with the others."""
+    given = content.get(key)
+    if isinstance(given, list):
+        given = {name: name for name in given if isinstance(name, str)}
+    if not isinstance(given, dict):
+        return {}
+    valid = {label: _valid(model, entry) for label, entry in given.items()}
+    return {label: entry for label, entry in valid.items() if entry is not None}
+
+
+def _valid(model: type[Any], content: Any) -> Any:
+    try:
+        return None if content is None else model.model_validate(content)
+    except ValidationError:
+        return None
+
+
+def _place(name: str | None, entry: AlgorithmEntry | None = None) -> _Path:
+    """Say where in an entry a parameter stands."""
+    if name is None:
+        return ("algorithm",) if entry else ("mission",)
+    if name == "robots" and entry is None:
+        return ("robots",)
+    return ("grid", name) if entry and name in entry.grid else ("parameters", name)
+
+
+def _seeds(seeds: Seeds) -> tuple[int, ...]:
+    """Give the seeds of the repetitions; a repetition's never depends on how many there are."""
+    if seeds.values is not None:
+        return tuple(seeds.values)
+    numbers = range(1, (seeds.count or 0) + 1)
+    if seeds.seed is None:
+        return tuple(numbers)
+    return tuple(
+        int(np.random.SeedSequence([seeds.seed, number]).generate_state(1)[0]) for number in numbers
+    )
+
+
+def _brief(value: Any) -> str:
+    return value if isinstance(value, str) else json.dumps(value)

@@ -1,0 +1,88 @@
+"""A problem that counts and bounds evaluations itself, for algorithms that might not."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import numpy as np
+
+from botohe_moo._types import FloatArray
+from botohe_moo.archive import PlanArchive
+from botohe_moo.mission.model import Mission
+from botohe_moo.problem import BOTOHE
+from botohe_moo.trails import PlanBatch
+
+__all__ = ["BudgetSpentError", "MeteredBOTOHE"]
+
+
+class BudgetSpentError(Exception):
+    """Ends a run from within an evaluation: the budget is spent."""
+
+
+class MeteredBOTOHE(BOTOHE):
+    """BOTOHE that refuses to evaluate more plans than the budget, and archives what it evaluates.
+
+    pymoo looks at ``("n_eval", N)`` between generations, so that a population of 70 spends 1 050
+    of 1 000 evaluations. Here the last generation is cut off where the budget is.
+
+    Parameters
+    ----------
+    mission
+        What to plan for.
+    min_survival
+        Survival floor of every robot, in [0, 1].
+    evaluations
+        Budget; None for no limit.
+
+    Attributes
+    ----------
+    spent
+        Plans evaluated so far.
+    archive
+        All non-dominated feasible plans among them.
+    """
+
+    def __init__(
+        self, mission: Mission, *, min_survival: float = 0.0, evaluations: int | None = None
+    ) -> None:
+        super().__init__(mission, min_survival=min_survival)
+        self.evaluations = sys.maxsize if evaluations is None else evaluations
+        self.spent = 0
+        self.archive = PlanArchive(mission.robots)
+
+    def evaluate_batch(self, batch: PlanBatch) -> FloatArray:
+        """Compute the objectives of many plans, as far as the budget goes.
+
+        Parameters
+        ----------
+        batch
+            Valid plans for the mission's team.
+
+        Returns
+        -------
+        numpy.ndarray
+            F of shape (n, 2), to be minimised.
+
+        Raises
+        ------
+        BudgetSpentError
+            If the budget does not allow all of them; those it allows have been archived.
+        PlanError
+            If a plan is not valid.
+        """
+        allowed = batch[: max(self.evaluations - self.spent, 0)]
+        F = super().evaluate_batch(allowed)
+        self.spent += len(allowed)
+        feasible = allowed, -F
+        if self.n_ieq_constr:
+            kept = np.flatnonzero((self.constrain_batch(allowed) <= 0).all(axis=1))
+            feasible = allowed.take(kept), -F[kept]
+        if len(feasible[0]):
+            self.archive.absorb(*feasible)
+        if len(allowed) < len(batch):
+            raise BudgetSpentError
+        return F
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> MeteredBOTOHE:
+        return self  # pymoo copies algorithms with their problem; there is one meter

@@ -1,0 +1,133 @@
+"""Numbers and outcomes of a study in words, for its report."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from botohe_moo.study.tables import StudyTables
+
+__all__ = [
+    "INDICATORS",
+    "best_label",
+    "budget_words",
+    "count",
+    "fixed",
+    "leader",
+    "level",
+    "main_indicator",
+    "p_value",
+    "parameter_words",
+    "seed_words",
+    "significant",
+    "verdict_words",
+]
+
+INDICATORS = {"area": "area", "igd_plus": "IGD+", "epsilon": "epsilon", "front_size": "front size"}
+_DASH = "–"
+
+
+def fixed(value: Any, decimals: int = 4) -> str:
+    """Write a number with so many decimals; a dash where it is missing."""
+    return _DASH if pd.isna(value) else f"{float(value):,.{decimals}f}"
+
+
+def significant(value: Any, digits: int = 3) -> str:
+    """Write a number with so many significant digits, without an exponent where it can do."""
+    if pd.isna(value):
+        return _DASH
+    number = float(value)
+    if number == 0 or not math.isfinite(number):
+        return f"{number:g}"
+    places = digits - 1 - math.floor(math.log10(abs(number)))
+    return f"{number:,.{places}f}" if 0 <= places <= 8 else f"{number:,.{digits}g}"
+
+
+def count(value: Any) -> str:
+    """Write a number of things; medians of counts may end in a half."""
+    if pd.isna(value):
+        return _DASH
+    return f"{float(value):,.1f}".removesuffix(".0")
+
+
+def p_value(value: Any) -> str:
+    """Write a p-value with two digits; below 0.0001 only that it is."""
+    if pd.isna(value):
+        return _DASH
+    return "< 0.0001" if value < 1e-4 else significant(value, 2)
+
+
+def level(tables: StudyTables) -> str:
+    """Write how much intervals cover, in percent."""
+    return f"{100 * (1 - tables.significance):g} %"
+
+
+def budget_words(budget: Mapping[str, Any]) -> str:
+    """Say what a run may spend."""
+    limits = [
+        f"{count(budget[unit])} {unit}"
+        for unit in ("evaluations", "seconds")
+        if budget.get(unit) is not None
+    ]
+    return " or ".join(limits) or "no limit"
+
+
+def parameter_words(parameters: Mapping[str, Any]) -> str:
+    """Write parameters as name=value."""
+    return ", ".join(
+        f"{name}={value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)}"
+        for name, value in parameters.items()
+    )
+
+
+def seed_words(seeds: Sequence[int]) -> str:
+    """Write seeds, consecutive ones as first and last."""
+    if len(seeds) > 2 and list(seeds) == list(range(seeds[0], seeds[0] + len(seeds))):
+        return f"{seeds[0]}{_DASH}{seeds[-1]}"
+    return ", ".join(map(str, seeds))
+
+
+def best_label(summary: pd.DataFrame) -> list[str]:
+    """Give the algorithms with the largest median area among a mission's rows, as it is printed."""
+    if summary.empty:
+        return []
+    medians = summary["area_median"].round(4)
+    return list(summary.loc[medians == medians.max(), "algorithm"])
+
+
+def leader(tables: StudyTables, mission: str) -> str:
+    """Say in a sentence who has the largest median area on a mission."""
+    rows = tables.summary[tables.summary["mission"] == mission]
+    best = best_label(rows)
+    if not best:
+        return "No runs yet."
+    row = rows[rows["algorithm"] == best[0]].iloc[0]
+    median = f"{fixed(row['area_median'])}"
+    if len(rows) == 1:
+        return f"{best[0]} has a median area of {median}."
+    if len(best) == len(rows):
+        return f"All {len(rows)} algorithms have the same median area, {median}."
+    if len(best) > 1:
+        return f"{', '.join(best[:-1])} and {best[-1]} share the largest median area, {median}."
+    interval = f"{fixed(row['area_low'])}{_DASH}{fixed(row['area_high'])}"
+    return f"{best[0]} has the largest median area, {median} ({level(tables)} interval {interval})."
+
+
+def main_indicator(comparisons: pd.DataFrame) -> str:
+    """Give the indicator that a report speaks of first."""
+    found = list(comparisons["indicator"].unique())
+    return "area" if "area" in found or not found else str(found[0])
+
+
+def verdict_words(row: Mapping[str, Any]) -> str:
+    """Give a comparison's verdict, with the names of both where it does without."""
+    verdict = str(row["verdict"])
+    if verdict.startswith(str(row["algorithm"])):
+        return verdict
+    return f"{row['algorithm']} against {row['other']}: {verdict}"

@@ -1,0 +1,284 @@
+"""A study's folder: one file for each finished run, which is there complete or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import io
+import json
+import os
+import zipfile
+import zlib
+from collections.abc import Iterator
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import filelock
+import numpy as np
+
+from botohe_moo._files import replace_file
+from botohe_moo.mission.files import save_mission
+from botohe_moo.study.grid import Run, Study
+from botohe_moo.study.perform import Outcome, Record
+from botohe_moo.study.tables import MANIFEST, StudyError, read_manifest
+from botohe_moo.trails import PlanBatch
+
+__all__ = ["DamagedError", "Store"]
+
+_FORMAT = 1
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+_DAMAGE = (
+    OSError, ValueError, KeyError, TypeError, EOFError, NotImplementedError,
+    zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
+
+
+class DamagedError(Exception):
+    """A run's file that cannot be trusted; names it and says why."""
+
+
+class Store:
+    """The folder of a study.
+
+    Parameters
+    ----------
+    folder
+        Need not exist; nothing is made before :meth:`open`.
+
+    Notes
+    -----
+    ``runs/DIGEST.npz`` holds a finished run, ``failures/DIGEST.json`` the last failure of one
+    that never finished. Failures are not results: they are performed again.
+    """
+
+    def __init__(self, folder: str | os.PathLike[str]) -> None:
+        self.folder = Path(folder)
+        self._runs = self.folder / "runs"
+        self._failures = self.folder / "failures"
+        self._lock_file = self.folder / ".lock"
+
+    @contextlib.contextmanager
+    def locked(self) -> Iterator[None]:
+        """Make the folder, and keep it from other runners.
+
+        Raises
+        ------
+        StudyError
+            If it cannot be made or written to, or another runner is at work in it.
+        """
+        for folder in (self.folder, self._runs, self._failures, self.folder / "missions"):
+            try:
+                folder.mkdir(parents=True, exist_ok=True)
+            except OSError as error:
+                raise StudyError(
+                    f"{folder}: expected a folder to write to; {error.strerror}."
+                ) from None
+        lock = filelock.FileLock(self._lock_file)
+        try:
+            lock.acquire(blocking=False)
+        except filelock.Timeout:
+            raise StudyError(
+                f"{self.folder}: another runner is at work in this folder"
+                f"{self._holder()}. Wait for it, or give another folder by --out."
+            ) from None
+        except OSError as error:
+            raise StudyError(f"{self.folder}: cannot be written to ({error.strerror}).") from None
+        try:
+            with writing(self.folder):
+                replace_file(self.folder / ".runner", f"{os.getpid()}\n".encode())
+            self._tidy()
+            yield
+        finally:
+            (self.folder / ".runner").unlink(missing_ok=True)
+            lock.release()
+
+    def _holder(self) -> str:
+        try:
+            return f" (process {int((self.folder / '.runner').read_text())})"
+        except (OSError, ValueError):
+            return ""
+
+    def _tidy(self) -> None:
+        """Remove what a runner that was killed has begun to write."""
+        for folder in (self.folder, self._runs, self._failures, self.folder / "missions"):
+            for leftover in folder.glob(".*.tmp"):
+                leftover.unlink(missing_ok=True)
+
+    def check(self, study: Study) -> None:
+        """Make sure that the folder is this study's, or nobody's.
+
+        Raises
+        ------
+        StudyError
+            If it holds a study of another name.
+        """
+        try:
+            name = read_manifest(self.folder)["name"]
+        except StudyError:  # there is none, or it is damaged and will be written again
+            return
+        if name != study.name:
+            raise StudyError(
+                f"{self.folder}: holds the study {name!r}, not {study.name!r}; give another "
+                "folder by --out."
+            )
+
+    def write_study(self, study: Study) -> None:
+        """Keep what the study is: its file, its missions, and a manifest.
+
+        Raises
+        ------
+        StudyError
+            If the folder cannot be written to.
+        """
+        with writing(self.folder):
+            for mission in study.missions:
+                path = self.folder / "missions" / f"{mission.digest}.json"
+                save_mission(mission.mission, path)
+            replace_file(self.folder / "study.yaml", study.text.encode())
+            manifest = json.dumps(study.manifest(), indent=1) + "\n"
+            replace_file(self.folder / MANIFEST, manifest.encode())
+
+    def finished(self, digest: str) -> bool:
+        """Tell whether there is a file of a run; it may be damaged.
+
+        Parameters
+        ----------
+        digest
+            The run's name.
+        """
+        return self._path(digest).exists()
+
+    def failure(self, digest: str) -> Outcome | None:
+        """Give the last failure of a run; None if there was none, or it cannot be read.
+
+        Parameters
+        ----------
+        digest
+            The run's name.
+        """
+        try:
+            content = json.loads((self._failures / f"{digest}.json").read_bytes())
+            return Outcome(**content)
+        except (OSError, ValueError, TypeError):
+            return None
+
+    def save(self, run: Run, outcome: Outcome) -> None:
+        """Keep how a run ended.
+
+        Parameters
+        ----------
+        run
+            The run.
+        outcome
+            Its outcome, with records.
+
+        Raises
+        ------
+        StudyError
+            If the folder cannot be written to, for example because the disk is full.
+        """
+        failed = self._failures / f"{run.digest}.json"
+        with writing(self.folder):
+            if outcome.status == "failed":
+                replace_file(failed, json.dumps(_about(outcome), indent=1).encode())
+            else:
+                replace_file(self._path(run.digest), _packed(run, outcome))
+                failed.unlink(missing_ok=True)
+
+    def load(self, run: Run) -> Outcome:
+        """Read how a run ended.
+
+        Parameters
+        ----------
+        run
+            The run.
+
+        Raises
+        ------
+        DamagedError
+            If its file is truncated, corrupted, or another run's; names it.
+        """
+        path = self._path(run.digest)
+        try:
+            return _unpacked(path.read_bytes(), run)
+        except _DAMAGE as error:
+            said = f"{type(error).__name__}: {error}".partition("\n")[0]
+            raise DamagedError(f"{path}: damaged ({said})") from error
+
+    def _path(self, digest: str) -> Path:
+        return self._runs / f"{digest}.npz"
+
+
+@contextlib.contextmanager
+def writing(folder: Path) -> Iterator[None]:
+    """Say in a message what it means for a study that its folder cannot be written to."""
+    try:
+        yield
+    except OSError as error:
+        reason = "the disk is full" if error.errno in _FULL else error.strerror
+        raise StudyError(
+            f"{error.filename or folder}: cannot be written, {reason}. All runs that are finished "
+            "are kept; run the study again to go on."
+        ) from error
+
+
+def _about(outcome: Outcome) -> dict[str, Any]:
+    """Give all of an outcome but its records."""
+    names = [field.name for field in fields(outcome) if field.name != "records"]
+    return {name: getattr(outcome, name) for name in names}
+
+
+def _packed(run: Run, outcome: Outcome) -> bytes:
+    """Pack a run into the bytes of an npz file, whose checksums tell whether it was damaged."""
+    records = outcome.records
+    header = {
+        "format": _FORMAT,
+        "digest": run.digest,
+        "identity": run.identity,
+        **_about(outcome),
+    }
+    plans, objectives = (records[-1].plans if records else None) or (None, np.empty((0, 2)))
+    buffer = io.BytesIO()
+    np.savez_compressed(
+        buffer,
+        header=np.frombuffer(json.dumps(header).encode(), np.uint8),
+        evaluations=np.array([record.evaluations for record in records], np.int64),
+        seconds=np.array([record.seconds for record in records], np.float64),
+        front_size=np.array([record.front_size for record in records], np.int64),
+        n_points=np.array([len(record.objectives) for record in records], np.int64),
+        points=np.concatenate([np.empty((0, 2)), *(r.objectives for r in records)]),
+        plan_objectives=objectives,
+        plan_nodes=np.empty(0, np.int32) if plans is None else plans.nodes,
+        plan_offsets=np.zeros(1, np.int64) if plans is None else plans.offsets,
+    )
+    return buffer.getvalue()
+
+
+def _unpacked(data: bytes, run: Run) -> Outcome:
+    with np.load(io.BytesIO(data)) as file:
+        header: dict[str, Any] = json.loads(file["header"].tobytes())
+        arrays = {name: file[name] for name in file.files if name != "header"}
+    if header.pop("format") != _FORMAT or header.pop("digest") != run.digest:
+        raise ValueError("not the file of this run")
+    del header["identity"]
+    ends = np.cumsum(arrays["n_points"])
+    if len(arrays["points"]) != (ends[-1] if len(ends) else 0):
+        raise ValueError("records and points do not fit")
+    fronts = np.split(arrays["points"], ends[:-1]) if len(ends) else []
+    plans = PlanBatch(arrays["plan_nodes"], arrays["plan_offsets"], run.mission.mission.robots)
+    columns = (arrays[name].tolist() for name in ("evaluations", "seconds", "front_size"))
+    records = [
+        Record(evaluations, seconds, front, size)
+        for evaluations, seconds, size, front in zip(*columns, fronts, strict=True)
+    ]
+    if records:
+        last = records[-1]
+        records[-1] = Record(
+            last.evaluations,
+            last.seconds,
+            last.objectives,
+            last.front_size,
+            (plans, arrays["plan_objectives"]),
+        )
+    return Outcome(**header, records=tuple(records))

@@ -1,0 +1,134 @@
+"""Algorithms for studies that go wrong, and some that do not: named as ``module:Class``."""
+
+import os
+import time
+from pathlib import Path
+
+from pymoo.core.algorithm import Algorithm
+from pymoo.core.population import Population
+
+from botohe_moo import BOTOHE
+from botohe_moo.algorithms.base import ArchiveAlgorithm
+from botohe_moo.operators import RandomTrailSampling
+
+
+class Sampler(Algorithm):
+    """Not of this package's kind: evaluates random plans 70 at a time, whatever the budget."""
+
+    def __init__(self, n: int = 70, **options):
+        super().__init__(**options)
+        self.n = n
+
+    def _initialize_infill(self):
+        return self._infill()
+
+    def _initialize_advance(self, infills=None, **_):
+        self._advance(infills)
+
+    def _infill(self):
+        return RandomTrailSampling().do(self.problem, self.n, random_state=self.random_state)
+
+    def _advance(self, infills=None, **_):
+        self.pop = infills if self.pop is None else Population.merge(self.pop, infills)
+
+
+class Raising(ArchiveAlgorithm):
+    """Evaluates twenty plans and raises."""
+
+    def __init__(self, message: str = "out of luck"):
+        super().__init__()
+        self.message = message
+
+    def _advance(self, **_):
+        if self.evaluator.n_eval:
+            raise RuntimeError(self.message)
+        sample(self, 20)
+
+
+def sample(algorithm, n):
+    batch = RandomTrailSampling().sample_batch(algorithm.problem, n, algorithm.random_state)
+    algorithm._take_in(batch)
+
+
+class RaisingOnce(Raising):
+    """Raises as long as a file is there."""
+
+    def __init__(self, path: str = ""):
+        super().__init__()
+        self.path = path
+
+    def _advance(self, **_):
+        if Path(self.path).exists():
+            raise RuntimeError("the file is there")
+        sample(self, 20)
+
+
+class Infeasible(Sampler):
+    """Evaluates only plans in which a robot survives less probably than it has to."""
+
+    def _infill(self):
+        mission = self.problem.mission
+        rng = self.random_state
+        drawn = RandomTrailSampling().do(BOTOHE(mission), 10 * self.n, random_state=rng)
+        least = mission.robot_survival(drawn.get("X").ravel()).min(axis=1)
+        return drawn[least < self.problem.min_survival][: self.n]
+
+
+class NeverEnding(ArchiveAlgorithm):
+    """Evaluates some plans, and then sleeps for ever, or computes for ever."""
+
+    def __init__(self, busy: bool = False):
+        super().__init__()
+        self.busy = busy
+
+    def _advance(self, **_):
+        if not self.evaluator.n_eval:
+            sample(self, 20)
+            return
+        while True:
+            if not self.busy:
+                time.sleep(3600)
+
+
+class Dying(ArchiveAlgorithm):
+    """Takes its process along."""
+
+    def _advance(self, **_):
+        print("last words", flush=True)
+        os.abort()
+
+
+class Overdrawing(ArchiveAlgorithm):
+    """Evaluates more than it may."""
+
+    def _advance(self, **_):
+        sample(self, 30)
+
+
+class Lying(ArchiveAlgorithm):
+    """Claims more than its plans bring."""
+
+    def _advance(self, **_):
+        sample(self, 20)
+        self.archive._objectives = self.archive._objectives * 1.01
+
+
+class Slow(ArchiveAlgorithm):
+    """Takes its time, the same for every plan, without computing."""
+
+    def __init__(self, seconds: float = 0.01):
+        super().__init__()
+        self.seconds = seconds
+
+    def _advance(self, **_):
+        time.sleep(self.seconds)
+        sample(self, min(10, self._n_left()))
+
+
+class Printing(Slow):
+    """Prints, to whomever."""
+
+    def _advance(self, **_):
+        print("on standard output", flush=True)
+        os.write(1, b"more of it\n")
+        super()._advance()

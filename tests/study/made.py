@@ -1,0 +1,270 @@
+"""Studies made of given or random fronts, with valid tables, for tests of what reads them."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass, field
+from itertools import combinations
+
+import numpy as np
+import pandas as pd
+
+from botohe_moo.indicators import area_indicator
+from botohe_moo.mission.files import save_mission
+from botohe_moo.study.tables import MANIFEST, SCHEMAS, read_study, write_tables
+
+ENVIRONMENT = {
+    "environment": "e1",
+    "botohe_moo": "0.1.0",
+    "commit": None,
+    "python": "3.12.1",
+    "packages": "numpy==2.4.0 pymoo==0.6.2",
+    "system": "Linux",
+    "machine": "made",
+    "processor": "none",
+    "n_cpus": 2,
+    "threads": "OMP_NUM_THREADS=1",
+}
+
+
+@dataclass
+class Record:
+    """One run: its fronts as (evaluations, seconds, points), the last one final."""
+
+    mission: str
+    algorithm: str
+    seed: int
+    fronts: list = field(default_factory=list)
+    status: str = "done"
+    error: str | None = None
+
+    @property
+    def run(self):
+        return hashlib.sha256(repr((self.mission, self.algorithm, self.seed)).encode()).hexdigest()
+
+    @property
+    def key(self):
+        return {
+            "run": self.run,
+            "mission": self.mission,
+            "algorithm": self.algorithm,
+            "seed": self.seed,
+        }
+
+    @property
+    def front(self):
+        return self.fronts[-1][2] if self.fronts else np.empty((0, 2))
+
+
+def random_record(
+    rng, label, mission, algorithm, seed, *, strength=0.5, n_records=25, until=10_000
+):
+    """A run whose fronts grow towards ``strength`` of what the mission offers."""
+    ends = np.unique(np.geomspace(max(1, until // 1000), until, n_records).astype(int))
+    own = strength * rng.uniform(0.93, 1.05)
+    fronts = []
+    angles = np.sort(rng.uniform(0.03, 1.54, 14))
+    wobble = rng.uniform(0.95, 1.0, 14)
+    for i, evaluations in enumerate(ends.tolist()):
+        reached = own * (0.4 + 0.6 * ((i + 1) / len(ends)) ** (0.5 + seed % 3 / 5)) * wobble
+        points = np.column_stack(
+            [
+                mission.total_reward * np.minimum(1.0, reached * np.cos(angles) ** 0.7),
+                mission.robots * np.minimum(1.0, reached * np.sin(angles) ** 0.7),
+            ]
+        )
+        fronts.append((evaluations, evaluations * 2e-4 * rng.uniform(0.9, 1.1), points))
+    fronts.sort(key=lambda front: front[0])
+    return Record(label, algorithm, seed, fronts)
+
+
+def study_tables(missions, algorithms, records, *, control=None):
+    """The tables of a study; intervals and tests are placeholders with plausible numbers."""
+    areas = {r.run: area_indicator(r.front, missions[r.mission]) for r in records}
+    frames = {
+        "runs": [_run_row(r, areas[r.run]) for r in records],
+        "trace": [
+            {
+                **r.key,
+                "evaluations": evaluations,
+                "seconds": seconds,
+                "area": area_indicator(front, missions[r.mission]),
+                "front_size": len(front),
+            }
+            for r in records
+            for evaluations, seconds, front in r.fronts
+        ],
+        "fronts": [
+            {**r.key, "evaluations": evaluations, "reward": reward, "survivors": survivors}
+            for r in records
+            for evaluations, _, front in r.fronts
+            for reward, survivors in front.tolist()
+        ],
+        "plans": [
+            {**r.key, "plan_id": i, "reward": reward, "survivors": survivors, "trails": "[]"}
+            for r in records
+            for i, (reward, survivors) in enumerate(sorted(r.front.tolist(), reverse=True))
+        ],
+        "indicators": [
+            {**r.key, "indicator": "area", "value": areas[r.run], "reference": None}
+            for r in records
+        ],
+        "references": [
+            {
+                "reference": f"ref-{label}",
+                "mission": label,
+                "reward": point[0],
+                "survivors": point[1],
+            }
+            for label in missions
+            for point in _union([r.front for r in records if r.mission == label])
+        ],
+        "environments": [ENVIRONMENT],
+    }
+    runs = pd.DataFrame(frames["runs"])
+    summary = [row for label in missions for row in _summary(label, runs[runs["mission"] == label])]
+    frames["summary"] = summary
+    frames["comparisons"] = [
+        row
+        for label in missions
+        for row in _comparisons(label, runs[runs["mission"] == label], list(algorithms), control)
+    ]
+    frames["ranks"] = _ranks(summary, list(algorithms), len(missions))
+    return {name: _typed(name, rows) for name, rows in frames.items()}
+
+
+def make_study(folder, missions, algorithms, records, *, control=None, **manifest):
+    """Write a study's folder, and read it again as ``StudyTables``."""
+    write_tables(folder, study_tables(missions, algorithms, records, control=control))
+    (folder / "missions").mkdir(exist_ok=True)
+    entries = {}
+    for i, (label, mission) in enumerate(missions.items()):
+        save_mission(mission, folder / "missions" / f"m{i}.json")
+        entries[label] = {
+            "file": f"missions/m{i}.json",
+            "source": {"name": mission.name, "robots": mission.robots},
+            "min_survival": 0.0,
+            "budget": {"evaluations": 10_000, "seconds": None},
+        }
+    content = {
+        "name": "made",
+        "title": "A made study",
+        "description": "Fronts at random.",
+        "version": 1,
+        "missions": entries,
+        "algorithms": algorithms,
+        "seeds": sorted({r.seed for r in records}),
+        "indicators": ["area", "igd_plus", "epsilon", "front_size"],
+        "comparison": {"control": control, "significance": 0.05},
+        **manifest,
+    }
+    (folder / MANIFEST).write_text(json.dumps(content))
+    return read_study(folder)
+
+
+def _typed(name, rows):
+    frame = pd.DataFrame(rows, columns=SCHEMAS[name].names)
+    kinds = {"string": "object", "int64": "Int64", "double": "float64", "bool": "bool"}
+    return frame.astype({f.name: kinds[str(f.type)] for f in SCHEMAS[name]})
+
+
+def _run_row(record, area):
+    last = record.fronts[-1] if record.fronts else (0, 0.0, None)
+    failed = record.status != "done"
+    return {
+        **record.key,
+        "status": record.status,
+        "stopped_by": "error" if failed else "evaluations",
+        "evaluations": last[0],
+        "seconds": last[1],
+        "recording_seconds": 0.0,
+        "budget_evaluations": 10_000,
+        "budget_seconds": None,
+        "min_survival": 0.0,
+        "area": area,
+        "front_size": len(record.front),
+        "environment": "e1",
+        "error": record.error,
+        "traceback": "Traceback: made up" if failed else None,
+    }
+
+
+def _union(fronts):
+    points = sorted({tuple(p) for front in fronts for p in front.tolist()}, reverse=True)
+    best, kept = -1.0, []
+    for reward, survivors in points:
+        if survivors > best:
+            best = survivors
+            kept.append((reward, survivors))
+    return kept
+
+
+def _summary(mission, runs):
+    medians = runs.groupby("algorithm", sort=False)["area"].median()
+    ranks = medians.rank(ascending=False)
+    for label, own in runs.groupby("algorithm", sort=False):
+        areas = own["area"]
+        yield {
+            "mission": mission,
+            "algorithm": label,
+            "n": len(own),
+            "n_not_done": int((own["status"] != "done").sum()),
+            "area_median": areas.median(),
+            "area_low": areas.quantile(0.25),
+            "area_high": areas.quantile(0.75),
+            "area_mean": areas.mean(),
+            "area_sd": areas.std(),
+            "area_best": areas.max(),
+            "igd_plus_median": 0.0123456 * ranks[label],
+            "epsilon_median": None,
+            "front_size_median": own["front_size"].median(),
+            "rank": ranks[label],
+            "evaluations_median": own["evaluations"].median(),
+            "seconds_median": own["seconds"].median(),
+        }
+
+
+def _comparisons(mission, runs, labels, control):
+    areas = {label: own["area"] for label, own in runs.groupby("algorithm", sort=False)}
+    labels = [label for label in labels if label in areas]
+    pairs = combinations(labels, 2)
+    if control is not None:
+        pairs = [(label, control) for label in labels if label != control]
+    for label, other in pairs:
+        mine, theirs = areas[label].to_numpy(), areas[other].to_numpy()
+        a12 = float(((mine[:, None] > theirs) + 0.5 * (mine[:, None] == theirs)).mean())
+        word = "better" if a12 > 0.5 else "worse"
+        verdict = f"{label} is {word} than {other}: A12 {a12:.2f} [0.00, 1.00], p 0.0004"
+        yield {
+            "mission": mission,
+            "indicator": "area",
+            "algorithm": label,
+            "other": other,
+            "n": len(mine),
+            "n_other": len(theirs),
+            "median": float(np.median(mine)),
+            "median_other": float(np.median(theirs)),
+            "p_value": 0.0002,
+            "p_holm": 0.0004,
+            "a12": a12,
+            "a12_low": 0.0,
+            "a12_high": 1.0,
+            "significant": abs(a12 - 0.5) > 0.2,
+            "verdict": verdict if abs(a12 - 0.5) > 0.2 else "no difference found",
+        }
+
+
+def _ranks(summary, labels, n_missions):
+    for label in labels:
+        own = [row["rank"] for row in summary if row["algorithm"] == label]
+        if own:
+            yield {
+                "indicator": "area",
+                "algorithm": label,
+                "average_rank": float(np.mean(own)),
+                "n_missions": n_missions,
+                "statistic": None,
+                "p_value": None,
+                "note": f"no test: {n_missions} missions are too few as blocks",
+            }

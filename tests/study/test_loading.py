@@ -1,0 +1,366 @@
+"""Study files: everything wrong is reported at once, and grids expand as written."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from botohe_moo import Mission, load_mission, save_mission
+from botohe_moo.algorithms import algorithm_names
+from botohe_moo.study.config import StudyFile, study_schema
+from botohe_moo.study.grid import mission_digest
+from botohe_moo.study.loading import load_study
+from botohe_moo.study.tables import StudyError
+
+EXPERIMENTS = sorted((Path(__file__).parents[2] / "experiments").glob("*.yaml"))
+
+GOOD = {
+    "name": "trial",
+    "missions": {"toy": "toy"},
+    "algorithms": {"ants": "bo-aco"},
+    "budget": {"evaluations": 100},
+    "seeds": 2,
+}
+
+
+def changed(**changes):
+    return {key: value for key, value in {**GOOD, **changes}.items() if value is not None}
+
+
+def lines(source):
+    with pytest.raises(StudyError) as caught:
+        load_study(source)
+    return str(caught.value).splitlines()
+
+
+def written(tmp_path, text):
+    path = tmp_path / "study.yaml"
+    path.write_text(text)
+    return path
+
+
+class TestGrid:
+    def test_runs_go_mission_by_mission(self):
+        study = load_study(changed(missions=["toy", "art_museum"], algorithms=["random", "greedy"]))
+        assert [(r.mission.label, r.algorithm.label, r.seed) for r in study.runs()] == [
+            (mission, algorithm, seed)
+            for mission in ("toy", "art_museum")
+            for algorithm in ("random", "greedy")
+            for seed in (1, 2)
+        ]
+
+    def test_every_combination_of_a_grid_is_an_entry(self):
+        entry = {
+            "algorithm": "nsga2",
+            "parameters": {"pop_size": 20},
+            "grid": {"repair": ["truncate", "penalty"], "prob_mutation": [0.5, 1]},
+        }
+        study = load_study(changed(algorithms={"N": entry}))
+        assert {a.label: dict(a.parameters) for a in study.algorithms} == {
+            f"N (repair={repair}, prob_mutation={prob})": {
+                "pop_size": 20,
+                "repair": repair,
+                "prob_mutation": prob,
+            }
+            for repair in ("truncate", "penalty")
+            for prob in (0.5, 1)
+        }
+
+    def test_generators_expand_over_seeds(self):
+        entry = {"mission": "terrain", "parameters": {"nodes": 20}, "grid": {"seed": [1, 2]}}
+        study = load_study(changed(missions={"hills": entry}))
+        assert [m.label for m in study.missions] == ["hills (seed=1)", "hills (seed=2)"]
+        assert study.missions[1].mission == load_mission("terrain", nodes=20, seed=2)
+
+    def test_files_are_beside_the_study(self, tmp_path):
+        (tmp_path / "sites").mkdir()
+        save_mission(load_mission("toy", robots=1), tmp_path / "sites" / "mine.json")
+        path = written(tmp_path, json.dumps(changed(missions=["sites/mine.json"])))
+        assert load_study(path).missions[0].mission == load_mission("toy", robots=1)
+
+    def test_a_mission_has_its_own_team_floor_and_budget(self):
+        entry = {
+            "mission": "toy",
+            "robots": 3,
+            "min_survival": 0.5,
+            "budget": {"seconds": 2, "grace_seconds": 0},
+        }
+        [mission] = load_study(changed(missions={"x": entry}, budget=None)).missions
+        assert mission.mission.robots == 3
+        assert mission.min_survival == 0.5
+        assert (mission.budget.evaluations, mission.budget.seconds) == (None, 2)
+
+    @pytest.mark.parametrize(
+        ("seeds", "expected"),
+        [(3, (1, 2, 3)), ([7, 3], (7, 3)), ({"count": 2}, (1, 2)), ({"values": [5]}, (5,))],
+    )
+    def test_seeds(self, seeds, expected):
+        assert load_study(changed(seeds=seeds)).seeds == expected
+
+    def test_seeds_derive_from_study_seed_and_repetition(self):
+        few, many, other = (
+            load_study(changed(seeds={"count": count, "seed": seed})).seeds
+            for count, seed in ((2, 9), (50, 9), (50, 10))
+        )
+        assert many[:2] == few
+        assert len(set(many)) == 50
+        assert not set(many) & set(other)
+        assert few[0] == np.random.SeedSequence([9, 1]).generate_state(1)[0]
+
+
+def digests(source):
+    return [run.digest for run in load_study(source).runs()]
+
+
+class TestIdentity:
+    def test_labels_and_order_are_not_part_of_it(self):
+        named = changed(missions={"x": "toy"}, algorithms={"y": "random", "z": "bo-aco"})
+        assert set(digests(GOOD)) < set(digests(named))
+
+    @pytest.mark.parametrize(
+        "changes",
+        [
+            {"missions": {"toy": {"mission": "toy", "robots": 3}}},
+            {"missions": {"toy": {"mission": "toy", "min_survival": 0.1}}},
+            {"algorithms": {"ants": {"algorithm": "bo-aco", "parameters": {"n_ants": 99}}}},
+            {"budget": {"evaluations": 101}},
+            {"budget": {"evaluations": 100, "seconds": 10}},
+            {"recording": {"per_decade": 10}},
+            {"seeds": [3, 4]},
+        ],
+    )
+    def test_whatever_a_result_depends_on_is(self, changes):
+        assert not set(digests(GOOD)) & set(digests(changed(**changes)))
+
+    def test_so_is_the_version(self, monkeypatch):
+        before = digests(GOOD)
+        monkeypatch.setattr("botohe_moo.study.grid.version", lambda _: "99.0")
+        assert not set(before) & set(digests(GOOD))
+
+    def test_more_seeds_and_algorithms_leave_the_others(self):
+        more = changed(algorithms=["random", "bo-aco"], seeds=5)
+        assert set(digests(GOOD)) < set(digests(more))
+
+    def test_it_is_the_same_in_another_process(self):
+        code = (
+            "from botohe_moo.study.loading import load_study\n"
+            f"print(*(run.digest for run in load_study({GOOD!r}).runs()))"
+        )
+        said = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
+        assert said.stdout.decode().split() == digests(GOOD)
+
+    def test_missions_differ_by_what_robots_meet_not_by_names(self):
+        toy = load_mission("toy")
+        graph = toy.graph.copy()
+        graph.graph["title"] = "Something else"
+        tail, head = next(iter(graph.edges))
+        assert mission_digest(Mission(graph, name="other")) == mission_digest(toy)
+        graph.edges[tail, head]["survival"] *= 0.99
+        assert mission_digest(Mission(graph)) != mission_digest(toy)
+
+    def test_an_edited_local_algorithm_is_another(self, tmp_path, monkeypatch):
+        module = tmp_path / "local_ants.py"
+        module.write_text("from botohe_moo import BOACO as Ants\n")
+        monkeypatch.syspath_prepend(tmp_path)
+        source = changed(algorithms={"ants": "local_ants:Ants"})
+        before = digests(source)
+        assert digests(source) == before
+        module.write_text(module.read_text() + "# edited\n")
+        assert not set(digests(source)) & set(before)
+
+
+class TestFaults:
+    def test_all_are_reported_at_once_with_lines(self, tmp_path):
+        path = written(
+            tmp_path,
+            """\
+name: my study
+titel: x
+missions:
+  a: art_museun
+  b:
+    mission: terrain
+    parameters: {nodes: "50", sed: 3}
+  c: {mission: missing.json}
+  d: {mission: toy, robots: 0}
+  e: toy
+  f: toy
+algorithms:
+  X: bo-acco
+  Y:
+    algorithm: nsga2
+    parameters:
+      pop_sise: 3
+      pop_size: 1.5
+  Z: {algorithm: bo-aco, grid: {n_ants: [10, 0, 10]}, parameters: {evaporation: 2.0}}
+  W: {algorithm: bo-aco, parameter: {}}
+  V: {algorithm: nsga2, parameters: {repair: best, sampling: [1]}}
+budget: {evaluations: 1e5, second: 3}
+seeds: [1, 1]
+comparison: {control: Q, significance: 2}
+indicators: [area, igd]
+""",
+        )
+        found = lines(path)
+        expected = [
+            (1, "name: Expected name of letters"),
+            (2, "titel: there is no key 'titel'; known are title,"),
+            (4, "'art_museun': there is no such mission; known are art_museum,"),
+            (7, "nodes: Expected nodes to be an integer, got '50'"),
+            (7, "sed: there is no parameter 'sed'; known are seed,"),
+            (8, "missing.json': there is no such file"),
+            (9, "robots: Expected robots >= 1, got 0"),
+            (11, "'f' is the same as 'e'"),
+            (13, "'bo-acco': there is no such algorithm; known are bo-aco,"),
+            (17, "there is no parameter 'pop_sise'; known are pop_size,"),
+            (18, "Expected pop_size to be an integer, got 1.5"),
+            (19, "Expected n_ants >= 1, got 0"),
+            (19, "grid.n_ants: expected different values"),
+            (19, "Expected evaporation in (0, 1), got 2.0"),
+            (20, "there is no key 'parameter'; known are parameters,"),
+            (21, "repair"),
+            (22, "Expected evaluations to be an integer, got 100000.0"),
+            (22, "there is no key 'second'; known are seconds,"),
+            (23, "expected each seed once, got 1 twice"),
+            (24, "Expected significance < 1"),
+            (25, "indicators[1]"),
+        ]
+        for line, said in expected:
+            assert any(entry.startswith(f"{path}:{line}: ") and said in entry for entry in found), (
+                line,
+                said,
+                found,
+            )
+
+    @pytest.mark.parametrize(
+        ("changes", "said"),
+        [
+            ({"name": None}, "name: expected the key 'name', which is missing."),
+            ({"missions": {}}, "missions"),
+            ({"missions": [1]}, "missions"),
+            ({"algorithms": []}, "algorithms"),
+            ({"algorithms": {"a": 3}}, "algorithms.a"),
+            ({"algorithms": {"a": {"algorithm": ""}}}, "algorithms.a.algorithm"),
+            ({"budget": {}}, "expected evaluations or seconds"),
+            ({"budget": None}, "missions.toy: expected a budget"),
+            ({"budget": {"evaluations": 0}}, "Expected evaluations >= 1, got 0."),
+            ({"budget": {"evaluations": True}}, "to be an integer, got True"),
+            ({"budget": {"seconds": 0}}, "seconds"),
+            ({"budget": {"seconds": float("inf")}}, "seconds"),
+            ({"seeds": 0}, "count"),
+            ({"seeds": "3"}, "count"),
+            ({"seeds": []}, "values"),
+            ({"seeds": [-1]}, "values[0]"),
+            ({"seeds": {"count": 1, "values": [1]}}, "either count or values"),
+            ({"recording": {"start": 0.5}}, "start"),
+            ({"indicators": []}, "indicators"),
+            ({"comparison": {"control": "ant"}}, "there is no algorithm 'ant'"),
+            ({"missions": {"t": {"mission": "toy", "parameters": {"x": 1}}}}, "parameter 'x'"),
+            ({"missions": {" a": "toy"}}, "without spaces around it, got ' a'"),
+            ({"algorithms": {"a\nb": "random"}}, "in one line"),
+            (
+                {"algorithms": {"a": {"algorithm": "bo-aco", "grid": {"n_ants": []}}}},
+                "n_ants",
+            ),
+            (
+                {
+                    "algorithms": {
+                        "a": {
+                            "algorithm": "bo-aco",
+                            "grid": {"n_ants": [1]},
+                            "parameters": {"n_ants": 2},
+                        }
+                    }
+                },
+                "stands in parameters, too",
+            ),
+            (
+                {"algorithms": {"a": {"algorithm": "bo-aco", "parameters": {"sampling": [1]}}}},
+                "sampling",
+            ),
+            (
+                {
+                    "seeds": 100_000,
+                    "algorithms": {
+                        "a": {"algorithm": "bo-aco", "grid": {"n_ants": list(range(1, 21))}}
+                    },
+                },
+                "at most 1,000,000 runs",
+            ),
+        ],
+    )
+    def test_each_is_named(self, changes, said):
+        found = lines(changed(**changes))
+        assert any(said in line for line in found), found
+        assert len(found) <= 2
+
+    @pytest.mark.parametrize("text", ["", "- a\n", "3\n", "just text\n"])
+    def test_what_is_no_mapping(self, tmp_path, text):
+        [line] = lines(written(tmp_path, text))
+        assert "expected a mapping with the keys of a study" in line
+
+    def test_broken_yaml(self, tmp_path):
+        [line] = lines(written(tmp_path, "name: x\nmissions: [\n"))
+        assert line.startswith(f"{tmp_path / 'study.yaml'}:3: not valid YAML")
+
+    def test_keys_that_stand_twice_beside_other_faults(self, tmp_path):
+        text = "name: x\nname: y\nmissions: [toy]\nalgorithms: [bo-aco]\nseeds: 0\n"
+        found = lines(written(tmp_path, text))
+        assert [line.partition("study.yaml:")[2][0] for line in found] == ["2", "3", "5"]
+
+    def test_files_that_are_not_there_or_no_text(self, tmp_path):
+        (tmp_path / "trials.yaml").write_text("")
+        [line] = lines(tmp_path / "trial.yaml")
+        assert line.endswith("there is no such file; beside it are trials.yaml.")
+        [line] = lines(tmp_path)
+        assert "cannot be read" in line
+        (tmp_path / "latin.yaml").write_bytes(b"name: caf\xe9\n")
+        assert "UTF-8" in lines(tmp_path / "latin.yaml")[0]
+
+    def test_mission_files_with_faults(self, tmp_path):
+        (tmp_path / "bad.json").write_text("{}")
+        found = lines(written(tmp_path, json.dumps(changed(missions=["bad.json"]))))
+        assert all("bad.json" in line for line in found)
+
+    def test_a_mission_function_that_raises(self, monkeypatch):
+        def broken(*_, **__):
+            raise RuntimeError("no such place")
+
+        monkeypatch.setattr("botohe_moo.study.loading.load_mission", broken)
+        [line] = lines(GOOD)
+        assert "RuntimeError: no such place" in line
+
+
+class TestSchema:
+    def test_it_is_json_and_knows_all_keys(self):
+        schema = json.loads(study_schema())
+        assert set(schema["properties"]) == set(StudyFile.model_fields)
+        assert schema["additionalProperties"] is False
+        assert all("description" in entry for entry in schema["properties"].values())
+
+    @pytest.mark.parametrize("path", EXPERIMENTS, ids=lambda path: path.stem)
+    def test_the_studies_keep_to_it(self, path):
+        # What the schema has to allow: shorthands of missions, algorithms and seeds.
+        jsonschema = pytest.importorskip("jsonschema")
+        jsonschema.validate(yaml.safe_load(path.read_text()), json.loads(study_schema()))
+
+
+@pytest.mark.parametrize("path", EXPERIMENTS, ids=lambda path: path.stem)
+def test_the_studies_of_this_project_are_well_formed(path):
+    study = load_study(path)
+    assert study.name == path.stem
+    assert len(study.runs()) == len(study.missions) * len(study.algorithms) * len(study.seeds)
+
+
+def test_there_are_studies():
+    assert {path.stem for path in EXPERIMENTS} >= {"smoke", "paper", "baselines"}
+
+
+def test_the_baselines_leave_no_algorithm_out():
+    study = load_study(next(path for path in EXPERIMENTS if path.stem == "baselines"))
+    compared = {algorithm.algorithm for algorithm in study.algorithms}
+    assert compared >= set(algorithm_names()) - {"exact", "pareto-local-search"}

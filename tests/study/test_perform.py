@@ -1,0 +1,319 @@
+"""Runs: their budgets, their records and how they end, in this process and in sandboxes."""
+
+import os
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from importlib.metadata import version
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pymoo.optimize import minimize
+
+from botohe_moo import BOTOHE, Mission, load_mission, make_algorithm
+from botohe_moo.study.metered import BudgetSpentError, MeteredBOTOHE
+from botohe_moo.study.perform import Task, perform, record_counts
+from botohe_moo.study.sandbox import Sandbox
+from tests.algorithms.test_contract import DOTTED, ENDS_BY_ITSELF, NAMES
+
+MADE = "tests.study.algorithms_made"
+
+
+def make_task(algorithm, *, mission="art_museum", evaluations=500, **changes):
+    task = Task(
+        digest="x",
+        mission=load_mission(mission),
+        min_survival=0.0,
+        algorithm=algorithm,
+        parameters={},
+        seed=1,
+        evaluations=evaluations,
+        seconds=None,
+        grace_seconds=1.0,
+        per_decade=20,
+        start=0.001,
+        at=(),
+        version=version("botohe-moo"),
+    )
+    return replace(task, **changes)
+
+
+def performed(task):
+    records = []
+    return perform(task, records.append), records
+
+
+class TestCounts:
+    def test_they_are_log_spaced_and_end_with_the_budget(self):
+        counts = record_counts(evaluations=1_000, per_decade=2, start=0.001, at=())
+        assert counts == [1, 3, 10, 32, 100, 316, 1_000]
+
+    def test_further_ones_are_added(self):
+        counts = record_counts(evaluations=100, per_decade=1, start=0.01, at=(7, 50, 200))
+        assert counts == [1, 7, 10, 50, 100]
+
+    def test_without_a_budget_they_go_on(self):
+        counts = record_counts(evaluations=None, per_decade=1, start=0.001, at=())
+        assert counts == [10**i for i in range(13)]
+
+    @given(
+        st.integers(1, 10**9),
+        st.integers(1, 50),
+        st.floats(1e-6, 0.01),
+        st.lists(st.integers(1, 10**9), max_size=3),
+    )
+    def test_they_begin_early_enough(self, evaluations, per_decade, start, at):
+        counts = record_counts(
+            evaluations=evaluations, per_decade=per_decade, start=start, at=tuple(at)
+        )
+        assert counts == sorted(set(counts))
+        assert 1 <= counts[0] <= max(1, np.ceil(0.01 * evaluations))
+        assert counts[-1] == evaluations
+        assert set(counts) >= {count for count in at if count <= evaluations}
+        spaced = [n for n in counts if n not in at or n == evaluations]
+        ratios = [b / a for a, b in pairwise(spaced) if a >= 100]
+        assert at or all(ratio <= 10 ** (1 / per_decade) * 1.02 for ratio in ratios)
+
+
+class Counted:
+    """Counts the plans whose objectives are computed, whoever asks for them."""
+
+    def __init__(self, monkeypatch):
+        self.n = 0
+        usual = Mission.evaluate
+
+        def evaluate(mission, plans):
+            F = usual(mission, plans)
+            self.n += len(F)
+            return F
+
+        monkeypatch.setattr(Mission, "evaluate", evaluate)
+
+
+# Simulated annealing computes objectives within its kernel, step by step.
+WATCHED = [name for name in NAMES if name != "simulated-annealing"]
+
+
+class TestBudgets:
+    @pytest.mark.parametrize("name", [*WATCHED, *DOTTED, f"{MADE}:Sampler"])
+    @pytest.mark.parametrize("budget", [1, 97, 1_009])
+    def test_nobody_is_given_more(self, name, budget, monkeypatch):
+        counted = Counted(monkeypatch)
+        verified = []
+        monkeypatch.setattr(
+            "botohe_moo.study.perform._verify", lambda task, archive: verified.append(counted.n)
+        )
+        outcome, records = performed(make_task(name, evaluations=budget))
+        assert outcome.status == "done", outcome.error
+        assert verified == [outcome.evaluations] == [records[-1].evaluations]
+        assert outcome.evaluations <= budget
+        if name not in ENDS_BY_ITSELF:
+            assert outcome.evaluations == budget
+            assert outcome.stopped_by == "evaluations"
+
+    @pytest.mark.parametrize("schedule", ["cooled", "journal"])
+    def test_nor_is_annealing_which_evaluates_in_its_kernel(self, schedule):
+        # As plain Python, where somebody can watch the kernel.
+        code = f"""
+from botohe_moo import Mission
+from botohe_moo.kernels import anneal
+from tests.study.test_perform import make_task, performed
+
+n, appraise, evaluate = [0], anneal._appraise, Mission.evaluate
+def watched(*arguments):
+    n[0] += 1
+    return appraise(*arguments)
+def evaluated(mission, plans):
+    F = evaluate(mission, plans)
+    n[0] += len(F)
+    return F
+anneal._appraise, Mission.evaluate = watched, evaluated
+for budget in (1, 97, 331):
+    n[0] = 0
+    task = make_task("simulated-annealing", evaluations=budget, parameters={{"schedule": {schedule!r}}})
+    outcome, records = performed(task)
+    print(outcome.evaluations, n[0] - records[-1].front_size)  # the front is evaluated again
+"""
+        said = subprocess.run(
+            [sys.executable, "-c", code],
+            check=True,
+            capture_output=True,
+            text=True,
+            env={**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": os.pathsep.join(sys.path)},
+        )
+        for budget, line in zip((1, 97, 331), said.stdout.splitlines(), strict=True):
+            reported, counted = map(int, line.split())
+            assert reported == counted <= budget
+
+    def test_the_last_generation_is_cut_where_the_budget_is(self):
+        outcome, records = performed(make_task(f"{MADE}:Sampler", evaluations=1_000))
+        assert outcome.evaluations == records[-1].evaluations == 1_000
+        problem = BOTOHE(load_mission("art_museum"))
+        algorithm = make_algorithm(f"{MADE}:Sampler")
+        algorithm.setup(problem, termination=("n_eval", 1_000), seed=1)
+        algorithm.run()
+        assert algorithm.evaluator.n_eval == 1_050  # what pymoo alone lets it spend
+
+    def test_overdrawing_is_a_failure(self):
+        outcome, _ = performed(make_task(f"{MADE}:Overdrawing", evaluations=100))
+        assert outcome.status == "failed"
+        assert "evaluated 120 plans of the 100 allowed" in outcome.error
+
+    def test_seconds_end_a_run_at_the_end_of_an_iteration(self):
+        task = make_task(
+            f"{MADE}:Slow", evaluations=None, seconds=0.2, parameters={"seconds": 0.02}
+        )
+        outcome, _ = performed(task)
+        assert (outcome.status, outcome.stopped_by) == ("done", "seconds")
+        assert outcome.seconds >= 0.2
+        assert outcome.evaluations % 10 == 0
+
+    def test_whichever_is_spent_first(self):
+        outcome, _ = performed(make_task("random", evaluations=300, seconds=1_000.0))
+        assert (outcome.stopped_by, outcome.evaluations) == ("evaluations", 300)
+
+
+class TestMeter:
+    def test_it_archives_what_the_budget_allows(self):
+        mission = load_mission("toy")
+        problem = MeteredBOTOHE(mission, min_survival=0.5, evaluations=25)
+        sampled = make_algorithm("random", n_ants=40)
+        batch = mission.batch(
+            minimize(BOTOHE(mission), sampled, ("n_gen", 1), seed=1).algorithm.archive.plans
+        )
+        batch = batch.take(np.arange(40) % len(batch))
+        problem.evaluate_batch(batch[:20])
+        with pytest.raises(BudgetSpentError):
+            problem.evaluate_batch(batch[20:])
+        assert problem.spent == 25
+        assert (mission.robot_survival(problem.archive.plans) >= 0.5 * (1 - 1e-12)).all()
+        with pytest.raises(BudgetSpentError):
+            problem.evaluate_batch(batch[:1])
+        assert problem.spent == 25
+
+
+class TestRecords:
+    @pytest.mark.parametrize("name", [*NAMES, f"{MADE}:Sampler"])
+    def test_a_smaller_budget_can_be_read_off(self, name):
+        outcome, records = performed(make_task(name, evaluations=2_000))
+        counts = [record.evaluations for record in records]
+        assert counts == sorted(counts)
+        if name not in ENDS_BY_ITSELF:
+            assert counts[0] <= 200  # the first generation, where 1 % is less
+            steps = np.diff(np.unique(counts))
+            assert (steps <= np.maximum(100, 0.15 * np.array(sorted(set(counts))[1:])) + 100).all()
+        mission = load_mission("art_museum")
+        plans, objectives = records[-1].plans
+        assert np.allclose(mission.evaluate(plans), objectives, rtol=1e-9)
+        assert len(plans) == records[-1].front_size
+        assert {tuple(p) for p in objectives} == {tuple(p) for p in records[-1].objectives}
+        assert (np.diff(records[-1].objectives[:, 0]) < 0).all()
+        assert outcome.recording_seconds > 0
+
+    def test_recording_does_not_change_the_run(self):
+        _, records = performed(make_task("nsga2", evaluations=777))
+        result = minimize(
+            BOTOHE(load_mission("art_museum")), make_algorithm("nsga2"), ("n_eval", 777), seed=1
+        )
+        assert {tuple(p) for p in -result.F} == {tuple(p) for p in records[-1].objectives}
+
+    def test_times_leave_recording_out(self, monkeypatch):
+        from botohe_moo.archive import PlanArchive
+
+        usual = PlanArchive.plans.fget
+
+        def slow(archive):
+            time.sleep(0.2)
+            return usual(archive)
+
+        monkeypatch.setattr(PlanArchive, "plans", property(slow))
+        monkeypatch.setattr("botohe_moo.study.perform._verify", lambda *_: None)
+        task = make_task("random", evaluations=500, seconds=1_000.0)  # keeps plans each time
+        outcome, records = performed(task)
+        assert len(records) >= 5
+        assert outcome.recording_seconds >= 0.2 * len(records)
+        assert outcome.seconds < 0.2 * len(records)
+        assert records[-1].seconds < 0.2 * len(records)
+
+
+class TestFailures:
+    def test_what_an_algorithm_raises(self):
+        outcome, _ = performed(make_task(f"{MADE}:Raising", parameters={"message": "no way"}))
+        assert outcome.status == "failed"
+        assert outcome.error == "RuntimeError: no way"
+        assert "_advance" in outcome.traceback
+        assert outcome.evaluations == 20
+
+    def test_objectives_are_not_taken_on_trust(self):
+        outcome, _ = performed(make_task(f"{MADE}:Lying", evaluations=100))
+        assert outcome.status == "failed"
+        assert "claimed to bring" in outcome.error
+
+    def test_nothing_feasible(self):
+        task = make_task(f"{MADE}:Infeasible", mission="power_plant", min_survival=0.9999)
+        outcome, records = performed(replace(task, evaluations=100))
+        assert outcome.status == "infeasible", outcome.error
+        assert outcome.evaluations > 0
+        assert records == []
+
+
+@pytest.fixture(scope="module")
+def sandbox():
+    made = Sandbox()
+    yield made
+    made.close()
+
+
+def sandboxed(sandbox, task):
+    return sandbox.perform(task, stopped=lambda: False, note=lambda _: None)
+
+
+class TestSandbox:
+    def test_it_gives_the_same_as_this_process(self, sandbox):
+        task = make_task("bo-aco", evaluations=1_000)
+        outcome, records = performed(task)
+        other = sandboxed(sandbox, task)
+        assert (other.status, other.evaluations) == (outcome.status, outcome.evaluations)
+        last = {record.evaluations: record.objectives.tolist() for record in records}
+        assert {r.evaluations: r.objectives.tolist() for r in other.records} == last
+        assert other.environment["botohe_moo"] == version("botohe-moo")
+        assert [r.plans is None for r in other.records] == [True] * (len(other.records) - 1) + [
+            False
+        ]
+
+    @pytest.mark.parametrize("busy", [False, True])
+    def test_what_never_ends_is_killed(self, sandbox, busy):
+        task = make_task(f"{MADE}:NeverEnding", seconds=0.3, parameters={"busy": busy})
+        outcome = sandboxed(sandbox, task)
+        assert (outcome.status, outcome.stopped_by) == ("timeout", "limit")
+        assert "killed" in outcome.error
+        assert outcome.evaluations == 20
+        assert len(outcome.records[-1].plans[0]) == outcome.records[-1].front_size
+
+    def test_a_process_that_dies_fails_its_run_only(self, sandbox):
+        outcome = sandboxed(sandbox, make_task(f"{MADE}:Dying"))
+        assert outcome.status == "failed"
+        assert "SIGABRT" in outcome.error
+        assert "last words" in outcome.traceback
+        assert sandboxed(sandbox, make_task("random")).status == "done"
+
+    def test_what_is_printed_does_not_come_between(self, sandbox):
+        outcome = sandboxed(sandbox, make_task(f"{MADE}:Printing", evaluations=30))
+        assert outcome.status == "done"
+
+    def test_it_stops_when_told(self, sandbox):
+        task = make_task(f"{MADE}:NeverEnding")
+        started = time.monotonic()
+        stopped = sandbox.perform(
+            task, stopped=lambda: time.monotonic() - started > 0.5, note=lambda _: None
+        )
+        assert stopped is None
+
+    def test_another_version_is_refused(self, sandbox):
+        outcome = sandboxed(sandbox, make_task("random", version="99.0"))
+        assert outcome.status == "failed"
+        assert "the study 99.0" in outcome.error

@@ -1,0 +1,293 @@
+"""Reference fronts and indicators of runs, against unions and distances found by hand."""
+
+import hashlib
+import struct
+import warnings
+
+import networkx as nx
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from botohe_moo.indicators import area_indicator, epsilon_indicator, igd_plus_indicator
+from botohe_moo.mission import Mission
+from botohe_moo.study.config import INDICATOR_NAMES
+from botohe_moo.study.scores import INDICATORS, as_table, reference_fronts, score_runs
+from botohe_moo.study.tables import SCHEMAS, to_arrow
+
+MEASURED = {"area", "igd_plus", "epsilon"}
+
+
+def quay(reward=10):
+    """Dock (base) and reef, which alone pays; two robots: the objective space is 10 × 2."""
+    graph = nx.DiGraph()
+    graph.add_node("dock", reward=0)
+    graph.add_node("reef", reward=reward)
+    graph.add_edge("dock", "reef", survival=0.5)
+    graph.add_edge("reef", "dock", survival=0.5)
+    return Mission(graph, base="dock", robots=2)
+
+
+def tables(found):
+    """Runs and final fronts from (mission, algorithm, seed, points) or (..., points, status)."""
+    runs, fronts = [], []
+    for mission, algorithm, seed, points, *status in found:
+        run = f"{mission}/{algorithm}/{seed}"
+        identity = {"run": run, "mission": mission, "algorithm": algorithm, "seed": seed}
+        runs.append(
+            {
+                **identity,
+                "status": status[0] if status else "done" if points else "infeasible",
+                "stopped_by": "evaluations",
+                "evaluations": 100 * seed,
+                "seconds": 0.5 * seed,
+                "recording_seconds": 0.0,
+                "min_survival": 0.0,
+                "area": area_indicator(points, quay()),
+                "front_size": len(points),
+                "environment": "here",
+            }
+        )
+        fronts += [{**identity, "evaluations": 9, "reward": r, "survivors": s} for r, s in points]
+    return as_table("runs", runs), as_table("fronts", fronts)
+
+
+def scored(found, indicators=tuple(INDICATORS)):
+    runs, fronts = tables(found)
+    missions = dict.fromkeys(runs["mission"], quay())
+    references = reference_fronts(runs, fronts)
+    return score_runs(runs, fronts, references, missions=missions, indicators=indicators)
+
+
+def points_of(references, mission):
+    return references.loc[references["mission"] == mission, ["reward", "survivors"]].values.tolist()
+
+
+coordinates = st.one_of(st.sampled_from([0.0, 1.0, 2.0]), st.floats(0, 2))
+fronts = st.lists(st.tuples(coordinates, coordinates), max_size=3)
+
+
+@st.composite
+def studies(draw):
+    """Runs of a study, some of which found nothing or were killed with a front."""
+    missions = ["<i>", "b", "c", "d", "e", "f"][: draw(st.integers(1, 6))]
+    algorithms = ["A & B", "x", "y", "z"][: draw(st.integers(1, 4))]
+    seeds = range(1, draw(st.integers(1, 4)) + 1)
+    fails = draw(st.sampled_from(["nobody", "somebody", "everybody"]))
+    found = []
+    for mission in missions:
+        for algorithm in algorithms:
+            for seed in seeds:
+                points = draw(fronts) if fails == "somebody" else [draw(fronts.filter(len))[0]]
+                if fails == "everybody":
+                    points = []
+                options = ["done", "timeout"] if points else ["infeasible", "timeout", "failed"]
+                found.append((mission, algorithm, seed, points, draw(st.sampled_from(options))))
+    return missions, algorithms, found
+
+
+TWO_MISSIONS = [
+    ("m", "a", 1, [(8, 0.5), (4, 1)]),
+    ("m", "b", 1, [(4, 1), (2, 2), (3, 0.75)]),
+    ("n", "a", 1, [(1, 1)]),
+    ("n", "b", 1, []),
+]
+
+
+class TestReferenceFronts:
+    def test_it_is_the_union_without_what_is_dominated_or_there_twice(self):
+        references = reference_fronts(*tables(TWO_MISSIONS))
+        assert points_of(references, "m") == [[8, 0.5], [4, 1], [2, 2]]
+        assert points_of(references, "n") == [[1, 1]]
+        assert list(references["mission"]) == ["m", "m", "m", "n"]
+
+    def test_its_name_is_the_digest_of_its_points(self):
+        references = reference_fronts(*tables(TWO_MISSIONS))
+        content = struct.pack("<6d", 8, 0.5, 4, 1, 2, 2)
+        digest = hashlib.sha256(content).hexdigest()[:16]
+        assert set(references.loc[references["mission"] == "m", "reference"]) == {digest}
+
+    def test_equal_fronts_of_two_missions_have_one_name(self):
+        references = reference_fronts(*tables([("m", "a", 1, [(1, 1)]), ("n", "a", 1, [(1, 1)])]))
+        assert len(set(references["reference"])) == 1
+
+    def test_where_nothing_was_found_it_is_nothing_brought_back(self):
+        references = reference_fronts(*tables([("m", "a", 1, []), ("m", "a", 2, [])]))
+        assert points_of(references, "m") == [[0, 0]]
+
+    def test_the_sign_of_zero_does_not_count(self):
+        names = [
+            reference_fronts(*tables([("m", "a", 1, [(zero, 2)])]))["reference"][0]
+            for zero in (0.0, -0.0)
+        ]
+        assert names[0] == names[1]
+
+    def test_a_table_of_fronts_without_rows_needs_no_types(self):
+        runs, _ = tables([("m", "a", 1, [])])
+        empty = pd.DataFrame(columns=["run", "reward", "survivors"])
+        assert points_of(reference_fronts(runs, empty), "m") == [[0, 0]]
+
+    def test_without_runs_there_are_none(self):
+        references = reference_fronts(*tables([]))
+        assert len(references) == 0
+        to_arrow("references", references)
+
+    @given(studies(), st.randoms(use_true_random=False))
+    def test_the_order_of_rows_does_not_count(self, study, random):
+        runs, final = tables(study[2])
+        expected = reference_fronts(runs, final)
+        order = random.sample(range(len(final)), len(final))
+        shuffled = reference_fronts(runs, final.iloc[order])
+        pd.testing.assert_frame_equal(shuffled, expected)
+
+    @given(studies())
+    def test_every_point_is_covered_and_no_point_covers_another(self, study):
+        missions, _, found = study
+        references = reference_fronts(*tables(found))
+        to_arrow("references", references)
+        for mission in missions:
+            union = points_of(references, mission)
+            for r, s in (point for run in found if run[0] == mission for point in run[3]):
+                assert any(r <= right and s <= up for right, up in union)
+            rewards, survivors = zip(*union, strict=True)
+            assert all(np.diff(rewards) < 0)
+            assert all(np.diff(survivors) > 0)
+
+
+HALVES = [("m", "a", 1, [(10, 1), (5, 2)]), ("m", "b", 1, [(5, 1)]), ("m", "c", 7, [])]
+
+
+class TestScores:
+    def value(self, indicator, algorithm):
+        table = scored(HALVES)
+        chosen = (table["indicator"] == indicator) & (table["algorithm"] == algorithm)
+        [value] = table.loc[chosen, "value"]
+        return value
+
+    def test_what_a_found_is_the_reference(self):
+        # 10 × 1 + 5 × 1 of 20.
+        assert self.value("area", "a") == 0.75
+        assert self.value("igd_plus", "a") == self.value("epsilon", "a") == 0.0
+        assert self.value("front_size", "a") == 2.0
+
+    def test_what_b_found_lacks_half_of_one_objective_each_time(self):
+        assert self.value("area", "b") == 0.25
+        assert self.value("igd_plus", "b") == 0.5
+        assert self.value("epsilon", "b") == 0.5
+
+    def test_what_c_found_is_scored_as_nothing_brought_back(self):
+        # From (0, 0) to (1, 0.5) and (0.5, 1).
+        assert self.value("area", "c") == 0.0
+        assert self.value("igd_plus", "c") == pytest.approx(1.25**0.5, rel=1e-15)
+        assert self.value("epsilon", "c") == 1.0
+        assert self.value("front_size", "c") == 0.0
+
+    def test_there_is_a_row_for_each_run_and_indicator_in_order(self):
+        table = scored(HALVES, ["epsilon", "area"])
+        assert table[["algorithm", "seed", "indicator"]].values.tolist() == [
+            [algorithm, seed, indicator]
+            for algorithm, seed in (("a", 1), ("b", 1), ("c", 7))
+            for indicator in ("epsilon", "area")
+        ]
+        assert list(table["run"].unique()) == ["m/a/1", "m/b/1", "m/c/7"]
+
+    def test_the_reference_is_recorded_where_there_is_one(self):
+        runs, final = tables(HALVES)
+        [name] = reference_fronts(runs, final)["reference"].unique()
+        found = scored(HALVES).groupby("indicator")["reference"].agg(lambda r: set(r.dropna()))
+        assert found.to_dict() == {
+            "area": set(),
+            "front_size": set(),
+            "igd_plus": {name},
+            "epsilon": {name},
+        }
+
+    def test_plans_are_counted_also_where_they_share_a_point(self):
+        runs, final = tables([("m", "a", 1, [(10, 1)])])
+        runs["front_size"] = 4
+        table = score_runs(
+            runs,
+            final,
+            reference_fronts(runs, final),
+            missions={"m": quay()},
+            indicators=["front_size"],
+        )
+        assert list(table["value"]) == [4.0]
+
+    def test_a_front_of_a_killed_run_counts(self):
+        assert list(scored([("m", "a", 1, [(10, 1)], "timeout")], ["area"])["value"]) == [0.5]
+
+    def test_unknown_indicators_are_refused(self):
+        with pytest.raises(ValueError, match="no indicator 'igd'; known are igd_plus, "):
+            scored(HALVES, ["area", "igd"])
+
+    @pytest.mark.parametrize(("size", "kept"), [(0, 2), (2, 0)])
+    def test_plans_without_points_are_refused_and_points_without_plans(self, size, kept):
+        runs, final = tables([("m", "a", 1, [(10, 1), (5, 2)])])
+        references = reference_fronts(runs, final)
+        runs["front_size"] = size
+        with pytest.raises(ValueError, match=f"^Run m/a/1: .*got {size} plans and {kept} points"):
+            score_runs(
+                runs,
+                final.head(kept),
+                references,
+                missions={"m": quay()},
+                indicators=["area"],
+            )
+
+    def test_a_missing_reference_is_named(self):
+        runs, final = tables([("m", "a", 1, [(10, 1)])])
+        empty = as_table("references", [])
+        options = {"missions": {"m": quay()}}
+        with pytest.raises(ValueError, match="Expected a reference front of mission 'm'"):
+            score_runs(runs, final, empty, indicators=["epsilon"], **options)
+        assert len(score_runs(runs, final, empty, indicators=["area"], **options)) == 1
+
+    @given(studies())
+    def test_scores_are_those_of_the_indicators_and_fit_the_table(self, study):
+        _, _, found = study
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            table = scored(found)
+        to_arrow("indicators", table)
+        assert len(table) == 4 * len(found)
+        references = reference_fronts(*tables(found))
+        values = table.set_index(["run", "indicator"])["value"]
+        for mission, algorithm, seed, points, _ in found:
+            union = points_of(references, mission)
+            run = values[f"{mission}/{algorithm}/{seed}"]
+            assert run["area"] == area_indicator(points, quay())
+            assert run["igd_plus"] == igd_plus_indicator(points or [(0, 0)], union, quay())
+            assert run["epsilon"] == epsilon_indicator(points or [(0, 0)], union, quay())
+            assert run["front_size"] == len(points)
+
+    @given(studies())
+    def test_no_front_is_worse_than_none(self, study):
+        table = scored([*study[2], (study[0][0], "nothing", 1, [])])
+        of_mission = table[table["mission"] == study[0][0]]
+        for name in MEASURED:
+            signed = of_mission[of_mission["indicator"] == name].set_index("algorithm")["value"]
+            signed = signed if INDICATORS[name].higher_is_better else -signed
+            assert signed["nothing"] <= signed.min() + 1e-15
+
+
+class TestIndicators:
+    def test_they_are_those_that_a_study_file_may_name(self):
+        assert tuple(INDICATORS) == INDICATOR_NAMES
+
+    def test_those_that_judge_have_a_direction(self):
+        directions = {name: known.higher_is_better for name, known in INDICATORS.items()}
+        assert directions == {
+            "area": True,
+            "igd_plus": False,
+            "epsilon": False,
+            "front_size": None,
+        }
+        assert all(known.label for known in INDICATORS.values())
+
+
+@pytest.mark.parametrize("name", SCHEMAS)
+def test_tables_without_rows_fit(name):
+    assert to_arrow(name, as_table(name, [])).num_rows == 0

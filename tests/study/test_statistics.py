@@ -1,0 +1,760 @@
+"""Statistics against numbers found by hand, against scipy's examples, and on drawn studies."""
+
+import itertools
+import math
+import re
+import warnings
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import stats
+
+from botohe_moo.study.pairs import a12, a12_interval, holm, mann_whitney, smallest_p
+from botohe_moo.study.resampling import friedman, generator_for, median_interval
+from botohe_moo.study.scores import INDICATORS, as_table, reference_fronts, score_runs
+from botohe_moo.study.statistics import MIN_BLOCKS, compare_algorithms, rank_algorithms, summarise
+from botohe_moo.study.tables import to_arrow
+from botohe_moo.study.verdicts import effect_size
+from tests.study.test_scores import quay, studies, tables
+
+# The example of scipy.stats.mannwhitneyu.
+MALES, FEMALES = [19, 22, 16, 29, 24], [20, 11, 17, 12]
+
+samples = st.lists(
+    st.one_of(st.sampled_from([0.0, 0.5, 1.0]), st.floats(0, 1)), min_size=1, max_size=12
+)
+levels = st.floats(0.5, 0.999)
+
+
+def rng(seed=1):
+    return np.random.default_rng(seed)
+
+
+class TestMedianInterval:
+    def test_of_three_by_hand(self):
+        # 27 resamples: 7 have the median 1, 13 the median 2, 7 the median 3.
+        assert median_interval([3, 1, 2], confidence=0.95, rng=rng()) == (2, 1, 3)
+        assert median_interval([3, 1, 2], confidence=0.40, rng=rng()) == (2, 2, 2)
+
+    def test_it_is_that_of_scipy(self):
+        values = np.sort(rng(5).random(9))
+        expected = stats.bootstrap(
+            (values,), np.median, method="percentile", confidence_level=0.9, rng=rng(7)
+        ).confidence_interval
+        found = median_interval(values, confidence=0.9, rng=rng(7))
+        assert found == (np.median(values), expected.low, expected.high)
+
+    @pytest.mark.parametrize("values", [[0.3], [0.3, 0.3], [0.0] * 30])
+    def test_equal_values_have_no_width_and_raise_no_warning(self, values):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            found = median_interval(values, confidence=0.95, rng=rng())
+        assert found == (values[0],) * 3
+
+    @given(samples, levels, st.randoms(use_true_random=False))
+    @settings(max_examples=30)
+    def test_it_holds_the_median_and_the_order_does_not_count(self, values, level, random):
+        median, low, high = median_interval(values, confidence=level, rng=rng())
+        assert min(values) <= low <= median <= high <= max(values)
+        shuffled = random.sample(values, len(values))
+        assert median_interval(shuffled, confidence=level, rng=rng()) == (median, low, high)
+
+    def test_more_confidence_is_wider(self):
+        values = rng(3).random(20)
+        widths = [
+            np.ptp(median_interval(values, confidence=level, rng=rng())[1:])
+            for level in (0.5, 0.8, 0.95, 0.99)
+        ]
+        assert widths == sorted(widths)
+        assert widths[0] < widths[-1]
+
+    @pytest.mark.parametrize("values", [[], [1, np.nan], [np.inf], [[1, 2]], 3])
+    def test_other_values_are_refused(self, values):
+        with pytest.raises(ValueError, match="Expected values to be one or more finite numbers"):
+            median_interval(values, confidence=0.95, rng=rng())
+
+    @pytest.mark.parametrize("confidence", [0, 1, 1.3, np.nan])
+    def test_confidence_out_of_range(self, confidence):
+        with pytest.raises(ValueError, match=r"Expected confidence in \(0, 1\)"):
+            median_interval([1, 2], confidence=confidence, rng=rng())
+
+    def test_the_generator_depends_on_the_values_alone(self):
+        def drawn(values):
+            return generator_for(values).random()
+
+        assert drawn([1, 2]) == drawn(np.array([1.0, 2.0])) == drawn(np.array([1, 9, 2])[::2])
+        assert len({drawn(v) for v in ([1, 2], [2, 1], [1, 2, 2], [1])}) == 4
+
+
+class TestHolm:
+    @pytest.mark.parametrize(
+        ("given", "corrected"),
+        [
+            # Times 4, 3, 2, 1 from the smallest, and never below one before.
+            ([0.01, 0.04, 0.03, 0.005], [0.03, 0.06, 0.06, 0.02]),
+            ([0.5, 0.4, 0.3], [0.9, 0.9, 0.9]),
+            ([0.6, 0.6], [1.0, 1.0]),
+            ([0.2], [0.2]),
+            ([0.0, 1.0], [0.0, 1.0]),
+            ([], []),
+        ],
+    )
+    def test_by_hand(self, given, corrected):
+        assert holm(given).tolist() == pytest.approx(corrected, abs=1e-15)
+
+    @given(st.lists(st.floats(0, 1), max_size=12), st.randoms(use_true_random=False))
+    def test_properties(self, given, random):
+        corrected = holm(given)
+        assert ((corrected >= given) & (corrected <= 1)).all()
+        assert (corrected <= np.minimum(np.array(given) * len(given), 1)).all()  # Bonferroni
+        order = random.sample(range(len(given)), len(given))
+        assert holm([given[i] for i in order]).tolist() == corrected[order].tolist()
+        for i, j in itertools.combinations(range(len(given)), 2):
+            if given[i] <= given[j]:
+                assert corrected[i] <= corrected[j]
+
+    @given(st.lists(st.floats(0, 1), min_size=1, max_size=8), st.data())
+    def test_a_smaller_p_value_makes_no_other_larger(self, given, data):
+        # What the verdict of too few runs rests on.
+        before = holm(given)
+        row = data.draw(st.integers(0, len(given) - 1))
+        given[row] = data.draw(st.floats(0, given[row]))
+        assert (holm(given) <= before + 1e-15).all()
+
+    @pytest.mark.parametrize("given", [[1.1], [-0.1], [np.nan], [[0.1]], 0.1])
+    def test_what_are_no_p_values(self, given):
+        with pytest.raises(ValueError, match="Expected p_values"):
+            holm(given)
+
+
+class TestMannWhitney:
+    def test_the_example_of_scipy(self):
+        assert mann_whitney(MALES, FEMALES) == pytest.approx(0.1111111111111111, rel=1e-14)
+        assert a12(MALES, FEMALES) == 17 / 20
+
+    def test_four_against_four_by_hand(self):
+        # Of 70 arrangements one has U = 16, and 12 have U >= 12.
+        assert mann_whitney([5, 6, 7, 8], [1, 2, 3, 4]) == pytest.approx(2 / 70, rel=1e-12)
+        assert mann_whitney([5, 6, 7, 8], [1, 2, 3, 9]) == pytest.approx(24 / 70, rel=1e-12)
+
+    @pytest.mark.parametrize("n", [1, 3, 9])
+    def test_equal_values(self, n):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            assert mann_whitney([0.1] * n, [0.1] * 4) == 1.0
+
+    def test_ties_are_no_way_below_what_arrangements_allow(self):
+        assert stats.mannwhitneyu([1] * 3, [0] * 3).pvalue < 0.05
+        assert mann_whitney([1] * 3, [0] * 3) == 0.1  # 2 of 20 arrangements
+
+    @given(samples, samples)
+    def test_it_is_that_of_scipy_and_symmetrical(self, x, y):
+        found = mann_whitney(x, y)
+        assert mann_whitney(y, x) == pytest.approx(found, rel=1e-12)
+        assert smallest_p(len(x), len(y)) <= found <= 1
+        if len({*x, *y}) > 1:
+            assert found == max(
+                stats.mannwhitneyu(x, y).pvalue, 2 / math.comb(len(x) + len(y), len(x))
+            )
+
+    @pytest.mark.parametrize("n", range(1, 9))
+    def test_the_smallest_is_reached_without_ties(self, n):
+        found = mann_whitney(range(n), range(n, n + 5))
+        assert found == pytest.approx(smallest_p(n, 5), rel=1e-12)
+
+
+class TestA12:
+    @pytest.mark.parametrize(
+        ("x", "y", "expected"),
+        [
+            ([2], [1], 1),
+            ([1], [2], 0),
+            ([1], [1], 0.5),
+            ([1, 2], [1, 2], 0.5),
+            ([1, 3], [2], 0.5),
+            ([1, 2, 3], [2, 2], 0.5),
+            # 3 > 1, 3 > 2, 2 > 1 and one tie, of 6.
+            ([2, 3], [1, 2, 9], 3.5 / 6),
+        ],
+    )
+    def test_by_hand(self, x, y, expected):
+        assert a12(x, y) == pytest.approx(expected, abs=1e-15)
+
+    @given(samples, samples)
+    def test_it_counts_pairs(self, x, y):
+        won = sum((a > b) + (a == b) / 2 for a in x for b in y)
+        assert a12(x, y) == pytest.approx(won / (len(x) * len(y)), abs=1e-15)
+        assert a12(x, y) + a12(y, x) == pytest.approx(1, abs=1e-15)
+
+    @pytest.mark.parametrize("bad", [[], [np.nan], [[1.0]]])
+    def test_what_is_no_sample(self, bad):
+        with pytest.raises(ValueError, match="Expected y to be one or more finite numbers"):
+            a12([1], bad)
+
+    def test_words(self):
+        bounds = {0.5: "negligible", 0.56: "small", 0.64: "medium", 0.71: "large", 1.0: "large"}
+        for least, word in bounds.items():
+            assert effect_size(least) == effect_size(1 - least) == word
+        assert effect_size(0.559) == "negligible"
+        assert effect_size(0.361) == "small"
+        assert effect_size(0.7099) == "medium"
+
+
+class TestA12Interval:
+    Z2 = 3.841458820694124  # the square of 1.96
+
+    def test_of_one_run_each_by_hand(self):
+        # V = t (1 - t): 1 - t = z² t.
+        low, high = a12_interval([2], [1], confidence=0.95)
+        assert (low, high) == (pytest.approx(1 / (1 + self.Z2), abs=1e-11), 1.0)
+        assert a12_interval([1], [2], confidence=0.95) == pytest.approx((0, 1 - low), abs=1e-11)
+
+    def test_of_a_tie_by_hand(self):
+        # (0.5 - t)² = z² t (1 - t), a quadratic in t.
+        half = 0.5 * math.sqrt(self.Z2 / (1 + self.Z2))
+        found = a12_interval([1], [1], confidence=0.95)
+        assert found == pytest.approx((0.5 - half, 0.5 + half), abs=1e-11)
+
+    @given(samples, samples, levels)
+    def test_the_ends_solve_the_equation(self, x, y, level):
+        estimate = a12(x, y)
+        n, m = len(x), len(y)
+        z = stats.norm.ppf((1 + level) / 2)
+        ends = a12_interval(x, y, confidence=level)
+        assert 0 <= ends[0] <= estimate + 1e-12
+        assert estimate - 1e-12 <= ends[1] <= 1
+        assert ends[0] < 0.999
+        assert ends[1] > 0.001
+        for t in ends:
+            # Hanley and McNeil: Q1 = t / (2 - t), Q2 = 2 t² / (1 + t).
+            q1, q2, mean = t / (2 - t), 2 * t**2 / (1 + t), (n + m) / 2
+            variance = (t * (1 - t) + (mean - 1) * (q1 - t**2) + (mean - 1) * (q2 - t**2)) / (n * m)
+            assert (estimate - t) ** 2 == pytest.approx(z**2 * variance, abs=1e-9)
+
+    @given(samples, samples)
+    def test_the_other_side_sees_it_mirrored(self, x, y):
+        low, high = a12_interval(x, y, confidence=0.95)
+        mirrored = a12_interval(y, x, confidence=0.95)
+        assert mirrored == pytest.approx((1 - high, 1 - low), abs=1e-10)
+
+    def test_more_runs_and_less_confidence_are_narrower(self):
+        def low(n, confidence):
+            return a12_interval(range(n, 2 * n), range(n), confidence=confidence)[0]
+
+        assert low(3, 0.95) < low(10, 0.95) < low(30, 0.95) < 1
+        assert low(10, 0.99) < low(10, 0.95) < low(10, 0.8)
+
+    @pytest.mark.parametrize(("n", "m"), [(10, 10), (30, 30), (5, 20)])
+    @pytest.mark.parametrize("truth", [0.5, 0.8, 0.95])
+    def test_it_covers_the_truth_as_often_as_it_says(self, n, m, truth):
+        shift = math.sqrt(2) * stats.norm.ppf(truth)
+        drawn = rng(11).normal(size=(1_000, n + m))
+        drawn[:, :n] += shift
+        ends = [a12_interval(row[:n], row[n:], confidence=0.95) for row in drawn]
+        covered = np.mean([low <= truth <= high for low, high in ends])
+        assert 0.92 <= covered <= 0.99
+
+
+class TestFriedman:
+    def test_the_example_of_scipy(self):
+        x = np.random.default_rng(seed=18).random((6, 10))
+        statistic, p_value = friedman(x.T, rng=rng())
+        assert statistic == pytest.approx(11.428571428571416, rel=1e-12)
+        # The approximation gives 0.0435; 9 999 permutations know p to about 0.002.
+        assert 0.025 < p_value < 0.05
+
+    @pytest.mark.parametrize("n", [2, 3, 4, 5])
+    def test_one_order_on_all_blocks_by_hand(self, n):
+        # Rank sums n, 2n, 3n: 12 / (12 n) × 14 n² - 12 n = 2 n. 6 of 6^n permutations agree.
+        statistic, p_value = friedman([[1, 2, 3]] * n, rng=rng())
+        assert statistic == pytest.approx(2 * n, rel=1e-12)
+        assert p_value == pytest.approx(6 / 6**n, rel=1e-12)
+
+    def test_two_opposed_blocks_are_the_least_there_is(self):
+        statistic, p_value = friedman([[1, 2, 3], [3, 2, 1]], rng=rng())
+        assert statistic == pytest.approx(0, abs=1e-12)
+        assert p_value == 1.0
+
+    def test_all_tied_is_nothing_to_test(self):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            assert friedman([[1, 1, 1], [2, 2, 2]], rng=rng()) == (None, None)
+
+    @given(
+        st.lists(st.tuples(*[st.sampled_from([0.0, 0.5, 1.0])] * 3), min_size=2, max_size=4),
+        st.sampled_from([1, -1]),
+    )
+    @settings(max_examples=30)
+    def test_against_all_permutations_one_by_one(self, blocks, sign):
+        blocks = sign * np.array(blocks)
+        statistic, p_value = friedman(blocks, rng=rng())
+        if statistic is None:
+            assert (blocks == blocks[:, :1]).all()
+            return
+        assert statistic == stats.friedmanchisquare(*blocks.T).statistic
+        orders = itertools.product(*(list(itertools.permutations(block)) for block in blocks))
+        others = [stats.rankdata(order, axis=1).sum(axis=0) for order in orders]
+        spread = np.array([(sums**2).sum() for sums in others])
+        observed = (stats.rankdata(blocks, axis=1).sum(axis=0) ** 2).sum()
+        assert p_value == pytest.approx(np.mean(spread >= observed), rel=1e-12)
+
+    @pytest.mark.parametrize("shape", [(4, 2), (0, 3), (3,)])
+    def test_other_shapes(self, shape):
+        with pytest.raises(ValueError, match=r"Expected blocks of shape \(n, 3 or more\)"):
+            friedman(np.zeros(shape), rng=rng())
+
+
+def indicator_table(values, indicator="area"):
+    """The table from {mission: {algorithm: values}}."""
+    rows = [
+        {
+            "run": f"{mission}/{algorithm}/{seed}",
+            "mission": mission,
+            "algorithm": algorithm,
+            "seed": seed,
+            "indicator": indicator,
+            "value": value,
+        }
+        for mission, of_mission in values.items()
+        for algorithm, of_algorithm in of_mission.items()
+        for seed, value in enumerate(of_algorithm, 1)
+    ]
+    return as_table("indicators", rows)
+
+
+def runs_table(lost=()):
+    """Runs without a front: (mission, algorithm) for each."""
+    return tables([(m, a, i, []) for i, (m, a) in enumerate(lost, 1)])[0]
+
+
+def compared(values, *, indicator="area", algorithms=None, control=None, level=0.05, lost=()):
+    algorithms = algorithms or list(next(iter(values.values())))
+    table = compare_algorithms(
+        indicator_table(values, indicator),
+        runs=runs_table(lost),
+        algorithms=algorithms,
+        control=control,
+        significance=level,
+    )
+    to_arrow("comparisons", table)
+    return table
+
+
+def ten(start):
+    return [start + i / 1000 for i in range(10)]
+
+
+TINY = {
+    "m": {
+        "A": [0.5, 0.6, 0.7, 0.8],
+        "B": [0.1, 0.2, 0.3, 0.4],
+        "C": [0.15, 0.25, 0.35, 0.9],
+    }
+}
+
+
+class TestCompare:
+    def test_the_tiny_table_by_hand(self):
+        table = compared(TINY, level=0.1)
+        assert table[["algorithm", "other"]].values.tolist() == [["A", "B"], ["A", "C"], ["B", "C"]]
+        assert table["median"].tolist() == pytest.approx([0.65, 0.65, 0.25])
+        assert table["median_other"].tolist() == pytest.approx([0.25, 0.3, 0.3])
+        assert table["a12"].tolist() == [1.0, 12 / 16, 6 / 16]
+        # U = 16, 12 and 6: 1, 12 and 24 of 70 arrangements are at least as far out on a side.
+        assert table["p_value"].tolist() == pytest.approx([2 / 70, 24 / 70, 48 / 70])
+        assert table["p_holm"].tolist() == pytest.approx([6 / 70, 48 / 70, 48 / 70])
+        assert table["significant"].tolist() == [True, False, False]
+        assert set(table["n"]) == set(table["n_other"]) == {4}
+        low, high = a12_interval(TINY["m"]["A"], TINY["m"]["B"], confidence=0.9)
+        assert (table["a12_low"][0], table["a12_high"][0]) == (low, high)
+        shown = f"A12 1.00 [{low:.2f}, 1.00], large, p 0.086"
+        assert table["verdict"][0] == f"A is better than B: {shown}"
+        assert table["verdict"][2].startswith("no difference found: A12 0.38 [")
+        assert table["verdict"][2].endswith("], small, p 0.69")
+
+    def test_where_runs_are_too_few_it_is_said(self):
+        table = compared(TINY)
+        assert not table["significant"].any()
+        expected = (
+            "4 and 4 runs cannot reach 0.05 in 3 comparisons: even if every run of one were "
+            "better than all of the other, p would be 0.086; A12 1.00 ["
+        )
+        assert table["verdict"][0].startswith(expected)
+
+    def test_against_a_control(self):
+        table = compared(TINY, control="B")
+        assert table[["algorithm", "other"]].values.tolist() == [["A", "B"], ["C", "B"]]
+        assert table["a12"].tolist() == [1.0, 10 / 16]
+        assert table["p_holm"].tolist() == pytest.approx([4 / 70, 48 / 70])
+        assert "cannot reach 0.05 in 2 comparisons" in table["verdict"][0]
+
+    def test_alone_four_against_four_suffice(self):
+        table = compared(TINY, algorithms=["A", "B"])
+        assert table["p_holm"].tolist() == pytest.approx([2 / 70])
+        assert table["significant"].tolist() == [True]
+
+    def test_three_against_three_never_suffice(self):
+        [verdict] = compared({"m": {"A": [3, 4, 5], "B": [1, 1, 1]}})["verdict"]
+        assert verdict.startswith("3 and 3 runs cannot reach 0.05 in 1 comparison: ")
+        assert "p would be 0.1;" in verdict
+
+    def test_what_few_runs_can_reach_depends_on_the_others(self):
+        # 3 against 3 reach 0.1, and the other comparison comes before it in Holm's steps.
+        many = [10 + i for i in range(30)]
+        table = compared(
+            {"m": {"A": many, "B": [4, 5, 6], "C": [1, 2, 3]}}, control="C", level=0.15
+        )
+        assert table["significant"].tolist() == [True, True]
+        assert table["p_holm"][1] == pytest.approx(0.1)
+
+    @pytest.mark.parametrize("indicator", ["igd_plus", "epsilon"])
+    def test_less_is_better_for_distances(self, indicator):
+        table = compared({"m": {"A": ten(0.1), "B": ten(0.5)}}, indicator=indicator)
+        assert table["a12"].tolist() == [1.0]
+        assert table["median"].tolist() == pytest.approx([0.1045])
+        assert table["verdict"][0].startswith("A is better than B: A12 1.00 [")
+
+    def test_worse_is_said_too(self):
+        table = compared({"m": {"A": ten(0.1), "B": ten(0.5)}})
+        assert table["a12"].tolist() == [0.0]
+        assert re.fullmatch(
+            r"A is worse than B: A12 0\.00 \[0\.00, 0\.\d\d\], large, p 0\.00018",
+            table["verdict"][0],
+        )
+        assert table["p_value"][0] == stats.mannwhitneyu(ten(0.1), ten(0.5)).pvalue
+
+    def test_tiny_p_values_are_not_written_out(self):
+        values = {"A": np.arange(60.0), "B": np.arange(100.0, 160.0)}
+        assert compared({"m": values})["verdict"][0].endswith("large, p < 0.0001")
+
+    def test_the_number_of_plans_does_not_judge(self):
+        assert len(compared({"m": {"A": [1, 2], "B": [3, 4]}}, indicator="front_size")) == 0
+
+    def test_equal_values_are_equal(self):
+        [row] = compared({"m": {"A": [0.3] * 4, "B": [0.3] * 9}}).to_dict("records")
+        assert (row["p_value"], row["p_holm"], row["a12"]) == (1.0, 1.0, 0.5)
+        assert row["verdict"] == "equal: all runs have the same value"
+        assert not row["significant"]
+
+    def test_rounding_errors_are_ties(self):
+        values = {"A": [0.3] * 10, "B": [0.3 + 1e-16 * 2**i for i in range(10)]}
+        assert values["B"][9] > 0.3
+        assert compared({"m": values})["verdict"].tolist() == [
+            "equal: all runs have the same value"
+        ]
+
+    def test_a_single_run_is_not_tested_and_costs_the_others_nothing(self):
+        values = {"m": {"A": [1, 2, 3, 4], "B": [5, 6, 7, 8], "greedy": [9]}}
+        table = compared(values, control="A")
+        assert table["p_holm"].tolist() == [pytest.approx(2 / 70), 1.0]
+        assert table["p_value"][1] == 1.0
+        assert table["verdict"][1].startswith("too few runs to test: 1 and 4 runs; A12 1.00 [")
+
+    def test_runs_without_a_front_are_mentioned(self):
+        values = {"m": {"A": ten(0.5), "B": [0, 0, *ten(0.1)[2:]]}, "n": {"A": [1], "B": [1]}}
+        table = compared(values, lost=[("m", "B"), ("m", "B"), ("n", "A"), ("n", "B")])
+        ending = "; without a front, and scored as bringing nothing back: "
+        assert table["verdict"][0].endswith(f", p 0.00018{ending}2 of 10 runs of B")
+        assert table["verdict"][1].endswith(f"{ending}1 of 1 runs of A, 1 of 1 runs of B")
+
+    def test_holm_is_by_mission_and_by_indicator(self):
+        by_area = indicator_table({"m": TINY["m"], "n": TINY["m"]})
+        by_epsilon = indicator_table(TINY, "epsilon")
+        table = compare_algorithms(
+            pd.concat([by_area, by_epsilon]),
+            runs=runs_table(),
+            algorithms=["A", "B", "C"],
+            control=None,
+            significance=0.1,
+        )
+        families = table.groupby(["mission", "indicator"], sort=False)
+        assert list(families.groups) == [("m", "area"), ("n", "area"), ("m", "epsilon")]
+        for _, family in families:
+            assert family["p_holm"].tolist() == pytest.approx([6 / 70, 48 / 70, 48 / 70])
+
+    def test_one_algorithm_has_nobody_to_be_compared_with(self):
+        assert len(compared({"m": {"A": [1, 2]}})) == 0
+        assert len(compared({"m": {"A": [1, 2]}}, control="A")) == 0
+
+    def test_an_interrupted_study_is_compared_as_far_as_it_got(self):
+        values = {"m": {"A": [1, 2], "B": [3, 4], "C": [5, 6]}, "n": {"A": [1, 2]}}
+        table = compared(values)
+        assert table["mission"].tolist() == ["m"] * 3
+
+    def test_an_unknown_control(self):
+        with pytest.raises(ValueError, match="Expected control among BO-ACO, A, got 'bo-aco'"):
+            compared({"m": {"A": [1], "BO-ACO": [2]}}, control="bo-aco")
+
+    @pytest.mark.parametrize("level", [0, 1, 5])
+    def test_significance_out_of_range(self, level):
+        with pytest.raises(ValueError, match=r"Expected significance in \(0, 1\)"):
+            compared(TINY, level=level)
+
+    def test_values_that_are_none(self):
+        with pytest.raises(ValueError, match=r"Expected finite values of indicators.*'m/A/2'"):
+            compared({"m": {"A": [1, np.inf], "B": [1, 2]}})
+
+    def test_unknown_indicators(self):
+        with pytest.raises(ValueError, match="no indicator 'aera'; known are area, "):
+            compared(TINY, indicator="aera")
+
+
+def ranked(values, *, indicator="area", algorithms=None, level=0.05):
+    algorithms = algorithms or list(next(iter(values.values())))
+    table = rank_algorithms(
+        indicator_table(values, indicator), algorithms=algorithms, significance=level
+    )
+    to_arrow("ranks", table)
+    return table
+
+
+FIVE = {f"m{i}": {"A": [0.3, 0.9, 0.9], "B": [0.5], "C": [0.1, 0.2]} for i in range(5)}
+
+
+class TestRanks:
+    def test_by_hand(self):
+        # Medians 0.9, 0.5 and 0.15 everywhere.
+        table = ranked(FIVE)
+        assert table["algorithm"].tolist() == ["A", "B", "C"]
+        assert table["average_rank"].tolist() == [1, 2, 3]
+        assert table["statistic"].tolist() == pytest.approx([10] * 3)
+        assert table["p_value"].tolist() == pytest.approx([6 / 6**5] * 3)
+        assert set(table["n_missions"]) == {5}
+        assert set(table["note"]) == {"the algorithms differ: Friedman over 5 missions, p 0.00077"}
+
+    def test_less_is_better_for_distances(self):
+        table = ranked(FIVE, indicator="epsilon")
+        assert table["average_rank"].tolist() == [3, 2, 1]
+        assert table["statistic"].tolist() == pytest.approx([10] * 3)
+
+    def test_ties_share_their_ranks(self):
+        values = {
+            "m": {"A": [0.5], "B": [0.5 + 1e-16], "C": [0.1]},
+            "n": {"A": [1], "B": [0], "C": [0]},
+        }
+        assert values["m"]["B"] >= values["m"]["A"]
+        assert ranked(values)["average_rank"].tolist() == [1.25, 2, 2.75]
+
+    def test_the_statistic_is_that_of_scipy(self):
+        medians = rng(4).random((7, 4))
+        values = {
+            f"m{i}": {label: [value] for label, value in zip("ABCD", row, strict=True)}
+            for i, row in enumerate(medians)
+        }
+        table = ranked(values)
+        expected = stats.friedmanchisquare(*medians.T)
+        assert table["statistic"].tolist() == pytest.approx([expected.statistic] * 4)
+        assert table["p_value"][0] == pytest.approx(expected.pvalue, abs=0.05)
+        averages = stats.rankdata(-medians, axis=1).mean(axis=0)
+        assert table["average_rank"].tolist() == pytest.approx(averages.tolist())
+        assert ranked(values).equals(table)
+
+    @pytest.mark.parametrize(
+        ("n_missions", "algorithms", "note"),
+        [
+            (
+                MIN_BLOCKS - 1,
+                "ABC",
+                "no Friedman test: 4 missions, at least 5 are needed as blocks, and seeds are no "
+                "blocks",
+            ),
+            (MIN_BLOCKS, "AB", "no Friedman test: 2 algorithms, at least 3 are needed"),
+            (
+                1,
+                "A",
+                "no Friedman test: 1 algorithm, at least 3 are needed; 1 mission, at least 5 are "
+                "needed as blocks, and seeds are no blocks",
+            ),
+        ],
+    )
+    def test_why_there_is_no_test(self, n_missions, algorithms, note):
+        values = dict(list(FIVE.items())[:n_missions])
+        table = ranked(values, algorithms=list(algorithms))
+        assert len(table) == len(algorithms)
+        assert table["statistic"].isna().all()
+        assert table["p_value"].isna().all()
+        assert set(table["note"]) == {note}
+
+    def test_seeds_are_no_blocks(self):
+        table = ranked({"m": {label: ten(0.1 * i) for i, label in enumerate("ABC")}})
+        assert table["p_value"].isna().all()
+        assert set(table["n_missions"]) == {1}
+
+    def test_all_equal(self):
+        values = {f"m{i}": {label: [i, i] for label in "ABC"} for i in range(6)}
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            table = ranked(values)
+        assert table["average_rank"].tolist() == [2, 2, 2]
+        assert table["statistic"].isna().all()
+        [note] = set(table["note"])
+        assert note == "no Friedman test: all algorithms have the same median on every mission"
+
+    def test_no_difference(self):
+        orders = itertools.cycle(itertools.permutations([0.1, 0.2, 0.3]))
+        values = {
+            f"m{i}": {a: [v] for a, v in zip("ABC", next(orders), strict=True)} for i in range(6)
+        }
+        table = ranked(values)
+        assert table["statistic"].tolist() == pytest.approx([0] * 3, abs=1e-12)
+        assert set(table["note"]) == {"no difference found: Friedman over 6 missions, p 1"}
+
+    def test_missions_that_lack_an_algorithm_are_left_out(self):
+        values = {**FIVE, "late": {"A": [0.1]}}
+        table = ranked(values)
+        assert set(table["n_missions"]) == {5}
+        assert table["note"][0].endswith("; 1 mission left out, where an algorithm has no run")
+        assert len(ranked({"late": {"A": [0.1]}}, algorithms=["A", "B"])) == 0
+
+    def test_the_number_of_plans_does_not_judge(self):
+        assert len(ranked(FIVE, indicator="front_size")) == 0
+
+
+def pipeline(missions, algorithms, found, *, control=None, level=0.05):
+    runs, final = tables(found)
+    references = reference_fronts(runs, final)
+    known = dict.fromkeys(missions, quay())
+    scores = score_runs(runs, final, references, missions=known, indicators=list(INDICATORS))
+    options = {"algorithms": algorithms, "significance": level}
+    made = {
+        "comparisons": compare_algorithms(scores, runs=runs, control=control, **options),
+        "ranks": rank_algorithms(scores, **options),
+        "summary": summarise(runs, scores, missions=missions, **options),
+    }
+    for name, table in made.items():
+        to_arrow(name, table)
+    return made
+
+
+# Areas 0.5, 0.25, 0 and 0.1 of A; of B 0.2 twice.
+FOUND = [
+    ("m", "B", 1, [(4, 1)]),
+    ("m", "A", 1, [(10, 1)]),
+    ("m", "A", 2, [(5, 1)]),
+    ("m", "A", 3, [], "failed"),
+    ("m", "A", 4, [(1, 2)], "timeout"),
+    ("m", "B", 2, [(4, 1)]),
+]
+
+
+class TestSummary:
+    def summary(self, found=None, **options):
+        missions, algorithms = ["m"], ["A", "B"]
+        return pipeline(missions, algorithms, found or FOUND, **options)["summary"]
+
+    def test_by_hand(self):
+        a, b = self.summary().to_dict("records")
+        assert (a["mission"], a["algorithm"], b["algorithm"]) == ("m", "A", "B")
+        assert (a["n"], a["n_not_done"], b["n"], b["n_not_done"]) == (4, 2, 2, 0)
+        assert a["area_median"] == pytest.approx((0.25 + 0.1) / 2)
+        assert a["area_mean"] == pytest.approx(0.85 / 4)
+        # Deviations from 0.2125: 0.2875, 0.0375, -0.2125, -0.1125.
+        squares = 0.2875**2 + 0.0375**2 + 0.2125**2 + 0.1125**2
+        assert a["area_sd"] == pytest.approx(math.sqrt(squares / 3))
+        assert a["area_best"] == 0.5
+        assert (a["area_low"], a["area_high"]) == (0.0, 0.5)
+        assert (b["area_median"], b["area_low"], b["area_high"]) == (0.2, 0.2, 0.2)
+        assert b["area_sd"] == 0.0
+        assert (a["rank"], b["rank"]) == (2, 1)
+        assert (a["front_size_median"], b["front_size_median"]) == (1, 1)
+        assert (a["evaluations_median"], a["seconds_median"]) == (250, 1.25)
+
+    def test_distances_by_hand(self):
+        # The union is (1, 0.5) and (0.1, 1) as shares; B's (0.4, 0.5) lacks 0.6 and 0.5 of them.
+        b = self.summary().to_dict("records")[1]
+        assert b["igd_plus_median"] == pytest.approx((0.6 + 0.5) / 2)
+        assert b["epsilon_median"] == pytest.approx(0.6)
+
+    def test_a_single_run_has_no_spread(self):
+        [row] = self.summary([("m", "A", 1, [(10, 1)])]).to_dict("records")
+        assert (row["area_median"], row["area_low"], row["area_high"]) == (0.5, 0.5, 0.5)
+        assert np.isnan(row["area_sd"])
+
+    def test_what_is_not_computed_is_missing(self):
+        runs, final = tables(FOUND)
+        options = {"missions": {"m": quay()}, "indicators": ["epsilon"]}
+        scores = score_runs(runs, final, reference_fronts(runs, final), **options)
+        table = summarise(runs, scores, missions=["m"], algorithms=["A", "B"], significance=0.05)
+        to_arrow("summary", table)
+        assert table["igd_plus_median"].isna().all()
+        assert table["epsilon_median"].notna().all()
+        assert table["area_median"].tolist() == pytest.approx([0.175, 0.2])
+
+    def test_another_algorithm_does_not_move_the_intervals(self):
+        areas = rng(8).random(40)
+        found = [("m", "AB"[i % 2], i, [(10 * area, 2)]) for i, area in enumerate(areas)]
+        alone = self.summary(found[::2])
+        both = self.summary(found[::-1])
+        columns = [name for name in alone if name.startswith("area")]
+        assert both.loc[0, columns].tolist() == alone.loc[0, columns].tolist()
+        assert alone["area_low"][0] < alone["area_median"][0] < alone["area_high"][0]
+
+    def test_intervals_cover_what_the_level_leaves(self):
+        areas = rng(8).random(40)
+        found = [("m", "A", i, [(10 * area, 2)]) for i, area in enumerate(areas)]
+        wide, narrow = (self.summary(found, level=level) for level in (0.01, 0.5))
+        assert wide["area_low"][0] < narrow["area_low"][0]
+        assert wide["area_high"][0] > narrow["area_high"][0]
+
+    def test_rows_are_in_the_order_asked_for(self):
+        found = [(m, a, 1, [(1, 1)]) for m in "nm" for a in "BA"]
+        table = pipeline(["m", "n"], ["A", "B"], found)["summary"]
+        assert table[["mission", "algorithm"]].values.tolist() == [
+            ["m", "A"],
+            ["m", "B"],
+            ["n", "A"],
+            ["n", "B"],
+        ]
+        assert table["rank"].tolist() == [1.5] * 4
+
+    def test_what_has_not_run_has_no_row(self):
+        table = pipeline(["m", "n"], ["A", "B"], FOUND[1:5])["summary"]
+        assert table[["mission", "algorithm"]].values.tolist() == [["m", "A"]]
+
+
+class TestDrawnStudies:
+    @given(studies(), st.booleans(), st.sampled_from([0.01, 0.05, 0.3]))
+    @settings(max_examples=60)
+    def test_tables_fit_and_are_sound(self, study, controlled, level):
+        missions, algorithms, found = study
+        control = algorithms[-1] if controlled else None
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            made = pipeline(missions, algorithms, found, control=control, level=level)
+        n = len(algorithms)
+        n_pairs = n - 1 if controlled else n * (n - 1) // 2
+        comparisons, ranks, summary = made["comparisons"], made["ranks"], made["summary"]
+        assert len(comparisons) == 3 * len(missions) * n_pairs
+        self.check_comparisons(comparisons, level)
+        assert len(ranks) == 3 * n
+        averages = ranks.groupby("indicator")["average_rank"].mean()
+        assert averages.tolist() == pytest.approx([(n + 1) / 2] * 3)
+        assert ranks["p_value"].dropna().between(0, 1, inclusive="right").all()
+        assert summary[["mission", "algorithm"]].values.tolist() == [
+            [mission, algorithm] for mission in missions for algorithm in algorithms
+        ]
+        assert (summary["area_low"] <= summary["area_median"]).all()
+        assert (summary["area_median"] <= summary["area_high"]).all()
+        assert (summary["area_high"] <= summary["area_best"]).all()
+        not_done = sum(status != "done" for *_, status in found)
+        assert summary["n_not_done"].sum() == not_done
+
+    def check_comparisons(self, table, level):
+        assert (table["p_holm"] >= table["p_value"]).all()
+        assert table["p_holm"].between(0, 1).all()
+        assert (table["a12_low"] <= table["a12"] + 1e-12).all()
+        assert (table["a12"] <= table["a12_high"] + 1e-12).all()
+        for row in table.to_dict("records"):
+            assert row["significant"] == (row["p_holm"] < level)
+            assert row["significant"] == (" is better than " in row["verdict"]) | (
+                " is worse than " in row["verdict"]
+            )
+            if row["significant"]:
+                assert row["p_value"] >= smallest_p(row["n"], row["n_other"])
+                better = " is better than " in row["verdict"]
+                assert better == (row["a12"] > 0.5)
+            if row["n"] == 1:
+                assert row["verdict"].startswith("too few runs to test: 1 and 1 runs")
