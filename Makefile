@@ -4,13 +4,16 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: help demo test check format bench clean clean-kernels
+.PHONY: help demo test check format bench smoke paper baselines clean clean-kernels
 
 help:
 	@echo "make demo    plan the art museum with BO-ACO and write tables and pictures to results/demo/"
 	@echo "make test    run the tests"
 	@echo "make check   ruff (lint and format) and mypy strict"
-	@echo "make bench   curves, speed and growth: the numbers this project claims"
+	@echo "make bench   the numbers this project claims"
+	@echo "make smoke   a study of seconds, with its report"
+	@echo "make paper   the paper's study, with its report, beside what was published"
+	@echo "make baselines  BO-ACO and the baselines, ten seeds on four missions: an hour"
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
@@ -34,6 +37,15 @@ format: $(READY)
 
 bench: $(READY)
 	$(BIN)/python -m benchmarks
+
+smoke baselines: $(READY)
+	$(BIN)/botohe study run experiments/$@.yaml
+	$(BIN)/botohe study report results/$@
+
+paper: $(READY)
+	$(BIN)/botohe study run experiments/paper.yaml
+	$(BIN)/botohe study report results/paper
+	$(BIN)/python -m benchmarks.paper results/paper
 
 # Numba's cache does not see changes in helpers that a kernel inlines from another file.
 clean-kernels:

@@ -1,7 +1,7 @@
 """Run the benchmarks, by default all: ``python -m benchmarks [NAME ...]``.
 
-The names are curves, speed, growth (results/bo-aco/), operators and annealing
-(results/operators/). The exit status is 1 if a curve is not the published
+The names are curves, speed, growth (results/bo-aco/), operators, annealing (results/operators/)
+and studies (results/studies/). The exit status is 1 if a curve is not the published
 one or a ratio of times misses its bound; times themselves are never judged, machines differ.
 """
 
@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from benchmarks import annealing, curves, growth, operators, speed
+from benchmarks import annealing, curves, growth, operators, speed, studies
 
 RESULTS = Path(__file__).parents[1] / "results"
 BENCHMARKS = {
@@ -19,6 +19,7 @@ BENCHMARKS = {
     "curves": (curves.run, "bo-aco"),
     "annealing": (annealing.run, "operators"),
     "operators": (operators.run, "operators"),
+    "studies": (studies.run, "studies"),
 }
 
 

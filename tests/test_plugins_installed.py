@@ -19,6 +19,8 @@ from typing import NamedTuple
 
 import pytest
 
+from botohe_moo.study import read_study
+
 BOTOHE = Path(sys.executable).with_name("botohe")
 
 # An algorithm that knows nothing of this package but the problem, and a mission.
@@ -350,4 +352,73 @@ class TestBroken:
         assert "both register this name" in ended.err
 
 
-# Studies: tests of `botohe study` with the installed package go here; use `third_party_site`.
+STUDY = """\
+name: lagoons
+missions:
+  lagoon: {mission: lagoon, parameters: {depth: 5}}
+algorithms:
+  divers: {algorithm: diver, parameters: {breath: 0.5, n_dives: 7}}
+  ants: bo-aco
+budget: {evaluations: 100}
+seeds: 2
+"""
+
+
+@pytest.fixture(scope="module")
+def studied(third_party_site, tmp_path_factory):
+    """A folder in which the study has run, and the site it ran with."""
+    folder = tmp_path_factory.mktemp("study")
+    site = folder / "site"
+    shutil.copytree(third_party_site, site)
+    (folder / "lagoons.yaml").write_text(STUDY)
+    ended = botohe("study", "run", "lagoons.yaml", site=site, cwd=folder)
+    assert ended.status == 0, ended.err
+    return folder, site
+
+
+class TestStudies:
+    def test_both_are_in_the_study(self, studied):
+        tables = read_study(studied[0] / "results" / "lagoons")
+        runs = tables.runs[tables.runs["algorithm"] == "divers"]
+        assert runs["status"].tolist() == ["done", "done"]
+        # 100 is no multiple of 7: who knows only pymoo's own budgets would spend 105.
+        assert runs["evaluations"].tolist() == [100, 100]
+        assert len(tables.missions["lagoon"].nodes) == 6
+        entry = tables.manifest["algorithms"]["divers"]
+        assert (entry["package"], entry["version"]) == ("botohe-divers", "1.2")
+
+    def test_and_in_its_report(self, studied):
+        folder, site = studied
+        ended = botohe("study", "report", "results/lagoons", site=site, cwd=folder)
+        assert ended.status == 0, ended.err
+        page = (folder / "results" / "lagoons" / "report" / "report.html").read_text()
+        assert "divers" in page
+        assert "lagoon" in page
+
+    def test_wrong_parameters_are_named(self, studied, tmp_path):
+        _, site = studied
+        wrong = STUDY.replace("breath: 0.5", "breath: 0, breadth: 1").replace(
+            "depth: 5", "depth: 51"
+        )
+        (tmp_path / "wrong.yaml").write_text(wrong)
+        ended = botohe("study", "run", "wrong.yaml", site=site, cwd=tmp_path)
+        assert (ended.status, ended.out) == (2, "")
+        assert "wrong.yaml:3: missions.lagoon.parameters.depth: Expected depth" in ended.err
+        assert "wrong.yaml:5: algorithms.divers.parameters.breadth: there is no" in ended.err
+        assert "wrong.yaml:5: algorithms.divers.parameters.breath: Expected breath" in ended.err
+
+    def test_once_it_is_removed_the_study_says_so(self, studied):
+        folder, site = studied
+        away = site.rename(folder / "away")
+        try:
+            ended = botohe("study", "run", "lagoons.yaml", site=site, cwd=folder)
+        finally:
+            away.rename(site)
+        assert (ended.status, ended.out) == (2, "")
+        said = "is from the package botohe-divers 1.2, which is not installed."
+        lines = ended.err.splitlines()
+        assert any("'diver': there is no such algorithm" in line and said in line for line in lines)
+        assert any("'lagoon': there is no such mission" in line and said in line for line in lines)
+        # What is there can still be read and reported.
+        ended = botohe("study", "report", "results/lagoons", site=site, cwd=folder)
+        assert ended.status == 0, ended.err

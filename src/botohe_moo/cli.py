@@ -6,6 +6,7 @@ answers at once.
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -63,6 +64,8 @@ app.add_typer(study_app, name="study")
 
 def main() -> None:
     """Run the command line and end the process."""
+    # module:Class may stand in the current folder; last, so that it shadows nothing.
+    sys.path.append(str(Path.cwd()))
     run(app)
 
 

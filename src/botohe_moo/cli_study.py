@@ -57,18 +57,16 @@ def run(
 
     Ctrl-C stops; what is done stays done, and the same command goes on from there.
     """
-    from botohe_moo.study.loading import load_study
+    from botohe_moo.study.loading import load_study, study_folder
     from botohe_moo.study.progress import ProgressWatcher
-    from botohe_moo.study.runner import StudyInterrupted, run_study, study_folder
+    from botohe_moo.study.runner import StudyInterrupted, run_study
 
     with failing():
-        study = load_study(file)
-    folder = study_folder(study, out)
+        study = load_study(file, out=out)
+    folder = study_folder(study.name, out)
     try:
         with failing(FAILED), ProgressWatcher(say) as watcher:
-            tables = run_study(
-                study, folder, workers=_workers(workers), dask=dask, watcher=watcher
-            )
+            tables = run_study(study, folder, workers=_workers(workers), dask=dask, watcher=watcher)
     except StudyInterrupted:
         fail(f"stopped; what is done is in {folder}. Run it again to go on.", INTERRUPTED)
     tell(_outcome(tables))
@@ -106,12 +104,12 @@ def _outcome(tables: StudyTables) -> str:
 def plan(file: FileArgument, out: OutOption = None, workers: WorkersOption = None) -> None:
     """List the runs, what is already there, and how long the rest will take."""
     from botohe_moo.study.estimate import estimate_times
-    from botohe_moo.study.loading import load_study
-    from botohe_moo.study.runner import plan_study, study_folder
+    from botohe_moo.study.loading import load_study, study_folder
+    from botohe_moo.study.runner import plan_study
 
     with failing():
-        study = load_study(file)
-        folder = study_folder(study, out)
+        study = load_study(file, out=out)
+        folder = study_folder(study.name, out)
         planned = plan_study(study, folder)
     for fault in planned.damaged.values():
         say(f"{fault}; the run will be performed again.")
@@ -120,12 +118,13 @@ def plan(file: FileArgument, out: OutOption = None, workers: WorkersOption = Non
     n_there, n_runs = len(planned.finished), len(planned.runs)
     tell(f"\n{n_runs} runs: {n_there} are there, {n_runs - n_there} to go, in {folder}")
     n_workers = _workers(workers)
-    if n_there < n_runs:
-        left = sum(estimate.seconds_left for estimate in estimates) / n_workers
-        longest = max(e.seconds or 0.0 for e in estimates if e.n_there < e.n_runs)
-        unknown = any(e.seconds is None for e in estimates)
+    if waiting := [estimate for estimate in estimates if estimate.n_there < estimate.n_runs]:
+        left = sum(estimate.seconds_left for estimate in waiting) / n_workers
+        longest = max(estimate.seconds or 0.0 for estimate in waiting)
+        about = "at most about" if any(e.at_most for e in waiting) else "about"
+        unknown = any(estimate.seconds is None for estimate in waiting)
         tell(
-            f"about {_duration(max(left, longest))} with {n_workers} at a time"
+            f"{about} {_duration(max(left, longest))} with {n_workers} at a time"
             f"{', besides what is unknown' if unknown else ''}"
         )
 
@@ -153,8 +152,8 @@ def _plan_table(estimates: list[Estimate]) -> str:
 def _each(estimate: Estimate) -> str:
     if estimate.seconds is None:
         return "unknown: a trial failed"
-    about = _duration(estimate.seconds)
-    return about if estimate.measured else f"~{about}"
+    sign = "" if estimate.measured else "at most ~" if estimate.at_most else "~"
+    return f"{sign}{_duration(estimate.seconds)}"
 
 
 def _duration(seconds: float) -> str:

@@ -122,7 +122,7 @@ def study_tables(missions, algorithms, records, *, control=None):
         ],
         "environments": [ENVIRONMENT],
     }
-    runs = pd.DataFrame(frames["runs"])
+    runs = pd.DataFrame(frames["runs"], columns=SCHEMAS["runs"].names)
     summary = [row for label in missions for row in _summary(label, runs[runs["mission"] == label])]
     frames["summary"] = summary
     frames["comparisons"] = [

@@ -148,8 +148,7 @@ def test_faults_have_lines(text, line, said):
 
 def test_aliases_cannot_make_a_file_huge():
     lines = ["a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]"]
-    for i in range(1, 9):
-        lines.append(f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]")
+    lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]" for i in range(1, 9)]
     [(_, message)] = faults("\n".join(lines))
     assert "too large" in message
 

@@ -134,7 +134,8 @@ def evaluated(mission, plans):
 anneal._appraise, Mission.evaluate = watched, evaluated
 for budget in (1, 97, 331):
     n[0] = 0
-    task = make_task("simulated-annealing", evaluations=budget, parameters={{"schedule": {schedule!r}}})
+    schedule = {{"schedule": {schedule!r}}}
+    task = make_task("simulated-annealing", evaluations=budget, parameters=schedule)
     outcome, records = performed(task)
     print(outcome.evaluations, n[0] - records[-1].front_size)  # the front is evaluated again
 """

@@ -409,6 +409,9 @@ class TestCompare:
         )
         assert table["significant"].tolist() == [True, True]
         assert table["p_holm"][1] == pytest.approx(0.1)
+        mixed = {"m": {"A": many, "B": [0, 5, 6], "C": [1, 2, 3]}}
+        table = compared(mixed, control="C", level=0.15)
+        assert table["verdict"][1].startswith("no difference found: A12 0.67 [")
 
     @pytest.mark.parametrize("indicator", ["igd_plus", "epsilon"])
     def test_less_is_better_for_distances(self, indicator):

@@ -200,6 +200,36 @@ def mission_names() -> tuple[str, ...]:
     return _PLUGINS.names()
 
 
+def mission_origin(name_or_path: str | os.PathLike[str]) -> dict[str, str | None]:
+    """Say which package registers a mission.
+
+    Parameters
+    ----------
+    name_or_path
+        As for `load_mission`.
+
+    Returns
+    -------
+    dict
+        ``package`` and ``version``; None for files, and for what nobody has registered.
+
+    Raises
+    ------
+    MissionError
+        If two packages claim the name.
+    """
+    owner = None
+    if isinstance(name_or_path, str) and name_or_path in _PLUGINS.claims():
+        try:
+            owner = _PLUGINS.entry(name_or_path).dist
+        except PluginError as error:
+            raise MissionError(str(error), _source(name_or_path)) from error
+    return {
+        "package": owner.name if owner else None,
+        "version": owner.version if owner else None,
+    }
+
+
 def mission_parameters(name_or_path: str | os.PathLike[str]) -> tuple[Parameter, ...]:
     """List the parameters that a named mission states besides ``robots``; a file has none.
 

@@ -1,8 +1,28 @@
-"""Pictures of missions, plans, fronts and pheromone: one function each."""
+"""Pictures of missions, plans, fronts, pheromone and studies: one function each."""
 
+from botohe_moo.plots.algorithms import AlgorithmStyle, algorithm_styles
+from botohe_moo.plots.areas import plot_areas
+from botohe_moo.plots.attainment import plot_attainment
+from botohe_moo.plots.curves import plot_curves
+from botohe_moo.plots.difference import plot_attainment_difference
 from botohe_moo.plots.front import plot_front
+from botohe_moo.plots.fronts import plot_fronts
 from botohe_moo.plots.mission import plot_mission
 from botohe_moo.plots.pheromone import plot_pheromone
 from botohe_moo.plots.style import save_figure, save_plot, theme
 
-__all__ = ["plot_front", "plot_mission", "plot_pheromone", "save_figure", "save_plot", "theme"]
+__all__ = [
+    "AlgorithmStyle",
+    "algorithm_styles",
+    "plot_areas",
+    "plot_attainment",
+    "plot_attainment_difference",
+    "plot_curves",
+    "plot_front",
+    "plot_fronts",
+    "plot_mission",
+    "plot_pheromone",
+    "save_figure",
+    "save_plot",
+    "theme",
+]

@@ -6,9 +6,9 @@ the process at the other end lives.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import select
-import sys
 import threading
 import time
 from multiprocessing.connection import Connection
@@ -43,10 +43,8 @@ def main() -> None:
         key = task.algorithm, repr(task.parameters)
         if key not in warm:
             warm.add(key)
-            try:
+            with contextlib.suppress(Exception):  # which the run will raise again, and report
                 warm_up(task)
-            except Exception:  # it will come up again in the run, and be reported there
-                pass
         answers.send(("begin", None, found))
         mail = _Mail(answers, at_once=task.seconds is not None)
         outcome = perform(task, mail.put)
@@ -86,4 +84,4 @@ def _end_with_parent(descriptor: int) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -6,7 +6,7 @@ import json
 import types
 import typing
 from collections.abc import Callable, Iterator, Sequence
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import (
     BaseModel,
@@ -33,7 +33,7 @@ __all__ = [
     "study_schema",
 ]
 
-INDICATOR_NAMES = ("area", "igd_plus", "epsilon", "front_size")
+IndicatorName = Literal["area", "igd_plus", "epsilon", "front_size"]
 MAX_EVALUATIONS = 10**12
 MAX_SEED = 2**32 - 1
 MAX_SEEDS = 100_000
@@ -202,9 +202,7 @@ class StudyFile(_Entry):
     """A count, or a list of seeds."""
     recording: Recording = Recording()
     """When fronts are recorded."""
-    indicators: Annotated[
-        list[Literal["area", "igd_plus", "epsilon", "front_size"]], Field(min_length=1)
-    ] = list(INDICATOR_NAMES)
+    indicators: Annotated[list[IndicatorName], Field(min_length=1)] = list(get_args(IndicatorName))
     """What fronts are judged by."""
     comparison: Comparison = Comparison()
     """The control algorithm, if any, and the significance level."""
@@ -257,10 +255,10 @@ def file_faults(content: Any) -> Iterator[tuple[tuple[int | str, ...], str]]:
         return
     try:
         StudyFile.model_validate(content)
-    except ValidationError as error:
-        for found in error.errors(include_url=False):
-            path = tuple(step for step in found["loc"] if step != "[key]")
-            yield path, _said(path, found)
+    except ValidationError as invalid:
+        for error in invalid.errors(include_url=False):
+            path = tuple(step for step in error["loc"] if step != "[key]")
+            yield path, _said(path, error)
 
 
 def _said(path: Sequence[int | str], found: Any) -> str:
@@ -306,7 +304,7 @@ def _known_keys(path: Sequence[int | str]) -> list[str]:
         if isinstance(known, type) and issubclass(known, BaseModel):
             known = known.model_fields[str(step)].annotation
         else:  # a mapping from labels to entries
-            known = typing.get_args(known)[1]
+            known = get_args(known)[1]
         while typing.get_origin(known) in (Annotated, typing.Union, types.UnionType):
-            known = typing.get_args(known)[0]
+            known = get_args(known)[0]
     return list(known.model_fields)

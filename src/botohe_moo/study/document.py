@@ -149,7 +149,7 @@ class Document:
             self._note_repeated(node)
             loader.flatten_mapping(node)
             return {
-                self._key(loader, key): self._value(loader, value, (*above, node))
+                self._key(key): self._value(loader, value, (*above, node))
                 for key, value in node.value
             }
         if isinstance(node, SequenceNode):
@@ -163,7 +163,7 @@ class Document:
             self.faults.append(Fault(line, "expected a number of less than 4 300 digits."))
         return None
 
-    def _key(self, loader: _Loader, node: Node) -> Hashable:
+    def _key(self, node: Node) -> Hashable:
         # Labels and names are texts, whatever YAML takes them for: 2, true, null.
         if isinstance(node, ScalarNode):
             return str(node.value)

@@ -6,7 +6,6 @@ import statistics
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from botohe_moo.study.perform import Record
 from botohe_moo.study.runner import make_task
 from botohe_moo.study.sandbox import Sandbox
 
@@ -14,12 +13,13 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from botohe_moo.study.grid import Run
+    from botohe_moo.study.perform import Outcome, Record
     from botohe_moo.study.runner import Plan
 
 __all__ = ["Estimate", "estimate_times"]
 
-_TRIAL_SECONDS = 0.3
-_GRACE_SECONDS = 5.0
+_TRIAL_SECONDS = 0.5
+_GRACE_SECONDS = 10.0
 
 
 @dataclass(frozen=True)
@@ -36,6 +36,8 @@ class Estimate:
         How long one will take; None where a trial did not come to an end.
     measured
         Whether that is known from finished runs, and not from a trial.
+    at_most
+        Whether a run may end by itself long before, or a trial was too short to tell.
     """
 
     mission: str
@@ -45,6 +47,7 @@ class Estimate:
     n_failed: int
     seconds: float | None
     measured: bool
+    at_most: bool
 
     @property
     def seconds_left(self) -> float:
@@ -55,8 +58,8 @@ class Estimate:
 def estimate_times(plan: Plan) -> Iterator[Estimate]:
     """Estimate how long each mission and algorithm will take.
 
-    Where no run is finished, a run is tried for a third of a second, and what it did in that time
-    is scaled up to its budget.
+    Where no run is finished, a run is tried for half a second. What an evaluation takes after its
+    first iteration, which may have much to prepare, is scaled up to its budget.
 
     Parameters
     ----------
@@ -70,7 +73,9 @@ def estimate_times(plan: Plan) -> Iterator[Estimate]:
     try:
         for (mission, algorithm), runs in cells.items():
             known = [plan.seconds[run.digest] for run in runs if run.digest in plan.seconds]
-            seconds = statistics.median(known) if known else _try(runs[0], sandbox)
+            seconds, at_most = (
+                (statistics.median(known), False) if known else _try(runs[0], sandbox)
+            )
             yield Estimate(
                 mission=mission,
                 algorithm=algorithm,
@@ -79,25 +84,38 @@ def estimate_times(plan: Plan) -> Iterator[Estimate]:
                 n_failed=sum(run.digest in plan.failed for run in runs),
                 seconds=seconds,
                 measured=bool(known),
+                at_most=at_most,
             )
     finally:
         sandbox.close()
 
 
-def _try(run: Run, sandbox: Sandbox) -> float | None:
+def _try(run: Run, sandbox: Sandbox) -> tuple[float | None, bool]:
+    """Give the seconds a run will take, None if unknown, and whether it may take less."""
     task = make_task(run)
     limit = min(task.seconds or _TRIAL_SECONDS, _TRIAL_SECONDS)
     trial = replace(task, seconds=limit, grace_seconds=_GRACE_SECONDS)
     outcome = sandbox.perform(trial, stopped=lambda: False, note=_ignore)
     if outcome is None or outcome.status in ("failed", "timeout"):
-        return None
+        return task.seconds, True
     if outcome.stopped_by != "seconds":
-        return outcome.seconds
-    scaled = float("inf")
+        return outcome.seconds, False
+    limits = [] if task.seconds is None else [task.seconds]
+    at_most = False
     if task.evaluations is not None:
-        scaled = outcome.seconds * task.evaluations / max(outcome.evaluations, 1)
-    return min(scaled, float("inf") if task.seconds is None else task.seconds)
+        scaled, at_most = _scaled(outcome, task.evaluations)
+        limits.append(scaled)
+    return min(limits), at_most
+
+
+def _scaled(outcome: Outcome, evaluations: int) -> tuple[float, bool]:
+    """Scale a trial up to a budget; its first iteration counts once, if there was another."""
+    first = outcome.records[0] if outcome.records else None
+    if first is not None and outcome.evaluations > first.evaluations:
+        pace = (outcome.seconds - first.seconds) / (outcome.evaluations - first.evaluations)
+        return first.seconds + pace * (evaluations - first.evaluations), False
+    return outcome.seconds * evaluations / max(outcome.evaluations, 1), True
 
 
 def _ignore(record: Record) -> None:
-    """Records of a trial are nobody's."""
+    """Let a record go by: the outcome has it, too."""

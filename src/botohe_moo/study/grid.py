@@ -29,6 +29,8 @@ class StudyMission:
         The mission itself.
     source
         What :func:`load_mission` made it from.
+    origin
+        Package and version it is from.
     min_survival
         Survival floor of every robot.
     budget
@@ -40,6 +42,7 @@ class StudyMission:
     label: str
     mission: Mission
     source: Mapping[str, Any]
+    origin: Mapping[str, str | None]
     min_survival: float
     budget: Budget
     digest: str
@@ -140,6 +143,7 @@ class Study:
                 mission.label: {
                     "file": f"missions/{mission.digest}.json",
                     "source": dict(mission.source),
+                    **mission.origin,
                     "min_survival": mission.min_survival,
                     "budget": mission.budget.model_dump(exclude={"grace_seconds"}),
                 }

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import itertools
 import json
+import math
 import os
 from collections.abc import Iterator, Mapping
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +17,7 @@ from pydantic import ValidationError
 from botohe_moo._checks import nearest_first
 from botohe_moo.algorithms.registry import algorithm_origin, check_algorithm
 from botohe_moo.mission.files import SUFFIXES
-from botohe_moo.mission.library import check_mission, load_mission
+from botohe_moo.mission.library import check_mission, load_mission, mission_origin
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.nodelink import mission_content
 from botohe_moo.study.config import (
@@ -29,21 +31,29 @@ from botohe_moo.study.config import (
 )
 from botohe_moo.study.document import Document, Fault
 from botohe_moo.study.grid import Study, StudyAlgorithm, StudyMission, canonical, mission_digest
-from botohe_moo.study.tables import StudyError
+from botohe_moo.study.tables import StudyError, read_manifest
 
-__all__ = ["load_study"]
+__all__ = ["load_study", "remembered_packages", "study_folder"]
 
 _MAX_RUNS = 1_000_000
+_MAX_COMBINATIONS = 1_000  # of a grid
 _Path = tuple[int | str, ...]
 
 
-def load_study(source: str | os.PathLike[str] | Mapping[str, Any]) -> Study:
+def load_study(
+    source: str | os.PathLike[str] | Mapping[str, Any],
+    *,
+    out: str | os.PathLike[str] | None = None,
+) -> Study:
     """Read a study file and check all it says, before anything runs.
 
     Parameters
     ----------
     source
         Path of a YAML file, or the content of one as a mapping.
+    out
+        Folder of the study's results, if not ``results/NAME``: it remembers which packages
+        algorithms and missions are from, to name those that are missing.
 
     Raises
     ------
@@ -63,8 +73,8 @@ def load_study(source: str | os.PathLike[str] | Mapping[str, Any]) -> Study:
     10
     """
     if isinstance(source, Mapping):
-        content: Any = json.loads(json.dumps(source, default=_no_json))
-        checked = _Checked(content, Path())
+        content = json.loads(json.dumps(source, default=_no_json))
+        checked = _Checked(content, Path(), out)
         faults = list(dict.fromkeys(f"{_dotted(at)}{said}" for at, said in checked.faults))
         text = json.dumps(content, indent=1) + "\n"  # JSON is YAML, too
     else:
@@ -72,13 +82,65 @@ def load_study(source: str | os.PathLike[str] | Mapping[str, Any]) -> Study:
         text = _text(path)
         document = Document.parse(text)
         found = list(document.faults)
-        checked = _Checked(document.content, path.parent) if not _broken(document) else None
-        for where, message in checked.faults if checked else []:
-            found.append(Fault(document.line(where), f"{_dotted(where)}{message}"))
+        checked = _Checked(document.content, path.parent, out)
+        if document.content is not None or not found:  # else there is nothing to check
+            found += [
+                Fault(document.line(at), f"{_dotted(at)}{said}") for at, said in checked.faults
+            ]
         faults = [f"{path}:{fault.line}: {fault.message}" for fault in sorted(set(found))]
-    if faults or checked is None:
+    if faults:
         raise StudyError("\n".join(faults))
     return checked.study(text)
+
+
+def study_folder(name: object, out: str | os.PathLike[str] | None = None) -> Path:
+    """Give the folder of a study's results: ``out``, or ``results/NAME``.
+
+    Parameters
+    ----------
+    name
+        The study's name.
+    out
+        A folder that somebody has chosen.
+    """
+    return Path("results") / str(name) if out is None else Path(out)
+
+
+def remembered_packages(folder: Path) -> dict[str, str]:
+    """Find out which packages a study was from, and are not installed any more.
+
+    Parameters
+    ----------
+    folder
+        Folder of the study's results; need not exist.
+
+    Returns
+    -------
+    dict
+        Package and version by the name of an algorithm or a mission.
+    """
+    try:
+        manifest = read_manifest(folder)
+        entries = [
+            *((entry["algorithm"], entry) for entry in manifest["algorithms"].values()),
+            *((entry["source"]["name_or_path"], entry) for entry in manifest["missions"].values()),
+        ]
+        named = {name: (entry["package"], entry["version"]) for name, entry in entries}
+    except (StudyError, KeyError, TypeError, AttributeError):  # none, or not ours
+        return {}
+    return {
+        name: f"{package} {version}"
+        for name, (package, version) in named.items()
+        if package is not None and not _is_installed(package)
+    }
+
+
+def _is_installed(package: str) -> bool:
+    try:
+        metadata.distribution(package)
+    except metadata.PackageNotFoundError:
+        return False
+    return True
 
 
 def _no_json(value: Any) -> Any:
@@ -87,10 +149,6 @@ def _no_json(value: Any) -> Any:
     if isinstance(value, np.generic):
         return value.item()
     raise StudyError(f"Expected what a study file can hold, got {value!r}.")
-
-
-def _broken(document: Document) -> bool:
-    return document.content is None and bool(document.faults)
 
 
 def _text(path: Path) -> str:
@@ -115,13 +173,14 @@ def _dotted(path: _Path) -> str:
 class _Checked:
     """Everything that can be said of a study file's content at once."""
 
-    def __init__(self, content: Any, folder: Path) -> None:
+    def __init__(self, content: Any, folder: Path, out: str | os.PathLike[str] | None) -> None:
         self.faults: list[tuple[_Path, str]] = list(file_faults(content))
         self._folder = folder
         self._file: StudyFile | None = None
         if not self.faults:
             self._file = StudyFile.model_validate(content)
         content = content if isinstance(content, dict) else {}
+        self._packages = remembered_packages(study_folder(content.get("name"), out))
         self._default_budget = _valid(Budget, content.get("budget"))
         self._missions = list(self._read_missions(_entries(content, "missions", MissionEntry)))
         self._algorithms = list(
@@ -155,6 +214,7 @@ class _Checked:
                         label=full,
                         mission=mission,
                         source=source,
+                        origin=mission_origin(source["name_or_path"]),
                         min_survival=entry.min_survival,
                         budget=budget or Budget(evaluations=1),
                         digest=mission_digest(mission),
@@ -169,9 +229,9 @@ class _Checked:
 
     def _load(self, source: dict[str, Any], path: _Path) -> Mission | None:
         parameters = {key: value for key, value in source.items() if key != "name_or_path"}
-        found = check_mission(source["name_or_path"], parameters)
+        found = check_mission(source["name_or_path"], parameters, plain=True)
         for name, message in found:
-            said = message if name else f"{source['name_or_path']!r}: {message}"
+            said = message if name else self._said_of(source["name_or_path"], message)
             self._fault((*path, *_place(name)), said)
         if found:
             return None
@@ -188,13 +248,19 @@ class _Checked:
             self._fault((*path, "mission"), f"mission {source['name_or_path']!r} raised {said}")
         return None
 
+    def _said_of(self, name: str, message: str) -> str:
+        """Say what is wrong with a whole, and which package that it was from is missing."""
+        package = self._packages.get(name)
+        missing = f" It is from the package {package}, which is not installed." if package else ""
+        return f"{name!r}: {message}{missing}"
+
     def _read_algorithms(self, entries: Mapping[str, AlgorithmEntry]) -> Iterator[StudyAlgorithm]:
         for label, entry in entries.items():
             path: _Path = ("algorithms", label)
             for full, parameters in self._expanded(label, entry, path):
                 found = check_algorithm(entry.algorithm, parameters, plain=True)
                 for name, message in found:
-                    said = message if name else f"{entry.algorithm!r}: {message}"
+                    said = message if name else self._said_of(entry.algorithm, message)
                     self._fault((*path, *_place(name, entry)), said)
                 if not found:
                     origin = algorithm_origin(entry.algorithm)
@@ -209,8 +275,13 @@ class _Checked:
         for name, values in entry.grid.items():
             if len({canonical(value) for value in values}) < len(values):
                 self._fault((*path, "grid", name), "expected different values.")
-        for values in itertools.product(*entry.grid.values()):
-            chosen = dict(zip(entry.grid, values, strict=True))
+        n_combinations = math.prod(map(len, entry.grid.values()))
+        if n_combinations > _MAX_COMBINATIONS:
+            said = f"expected at most {_MAX_COMBINATIONS:,} combinations, got {n_combinations:,}."
+            self._fault((*path, "grid"), said)
+            return
+        for combination in itertools.product(*entry.grid.values()):
+            chosen = dict(zip(entry.grid, combination, strict=True))
             named = ", ".join(f"{name}={_brief(value)}" for name, value in chosen.items())
             yield f"{label} ({named})" if named else label, {**entry.parameters, **chosen}
 
@@ -224,8 +295,10 @@ class _Checked:
         for algorithm in self._algorithms:
             key = canonical([algorithm.algorithm, dict(algorithm.parameters)])
             self._note("algorithms", algorithm.label, key, seen)
-        for kind in (self._missions, self._algorithms):
-            labels = [entry.label for entry in kind]
+        for labels in (
+            [mission.label for mission in self._missions],
+            [algorithm.label for algorithm in self._algorithms],
+        ):
             for label in sorted({label for label in labels if labels.count(label) > 1}):
                 self._fault((), f"two entries have the label {label!r}.")
 

@@ -143,7 +143,8 @@ def _lower_end(estimate: float, n: int, m: int, z: float) -> float:
 def mann_whitney(x: ArrayLike, y: ArrayLike) -> float:
     """Give the p-value of the two-sided Mann-Whitney test.
 
-    Exact for up to 8 values without ties, by the normal approximation otherwise, as scipy decides.
+    Exact where one sample has at most 8 values and none are tied, by the normal approximation
+    otherwise, as scipy decides.
 
     Parameters
     ----------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import queue
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
@@ -15,7 +16,7 @@ from botohe_moo.study.tables import StudyError
 __all__ = ["dask_outcomes", "local_outcomes"]
 
 _SECONDS_BETWEEN_LOOKS = 0.2
-_SECONDS_TO_CONNECT = 20
+_SECONDS_TO_CONNECT = 10
 
 Outcomes = Iterator[tuple[Task, Outcome]]
 
@@ -95,31 +96,32 @@ def dask_outcomes(tasks: Sequence[Task], *, address: str, stopped: Callable[[], 
         If ``distributed`` is not installed, or nobody answers at the address.
     """
     try:
-        from distributed import Client, wait
+        from distributed import Client
     except ImportError:
         raise StudyError(
             "A Dask cluster needs the package distributed: pip install 'botohe-moo[dask]'."
         ) from None
+    connect: Any = Client  # untyped
     try:
-        client = Client(address, timeout=_SECONDS_TO_CONNECT, set_as_default=False)
+        client = connect(address, timeout=_SECONDS_TO_CONNECT, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:  # a timeout is an OSError
         said = str(error).partition("\n")[0]
         raise StudyError(f"No Dask scheduler answers at {address!r} ({said}).") from None
+    ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
     with client:
         waiting = {
             client.submit(_perform_on_worker, task, key=f"run-{task.digest}", pure=False): task
             for task in tasks
         }
+        for future in waiting:
+            future.add_done_callback(ended.put)
         try:
             while waiting and not stopped():
                 try:
-                    done = wait(
-                        list(waiting), timeout=_SECONDS_BETWEEN_LOOKS, return_when="FIRST_COMPLETED"
-                    ).done
-                except TimeoutError:
+                    future = ended.get(timeout=_SECONDS_BETWEEN_LOOKS)
+                except queue.Empty:
                     continue
-                for future in done:
-                    yield waiting.pop(future), _outcome_of(future)
+                yield waiting.pop(future), _outcome_of(future)
         finally:
             client.cancel(list(waiting))
 

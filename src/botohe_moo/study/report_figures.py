@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from botohe_moo.plots.algorithms import AlgorithmStyle
+    from botohe_moo.plots.curves import Progress
     from botohe_moo.study.tables import StudyTables
 
 __all__ = ["KINDS", "ReportFigure", "draw_figures", "rivals"]
@@ -68,9 +69,9 @@ def draw_figures(
         The figures of each mission; none for a mission without runs.
     """
     styles = algorithm_styles(tables.algorithm_labels)
-    figures = {}
+    figures: dict[str, list[ReportFigure]] = {}
     for label in tables.mission_labels:
-        figures[label] = list[ReportFigure]()
+        figures[label] = []
         for kind, ax, caption, alternative in _Pictures(tables, label, styles):
             path = folder / f"{kind}-{slugs[label]}.png"
             save_plot(ax, path)
@@ -92,7 +93,7 @@ def rivals(tables: StudyTables, mission: str) -> tuple[str, str] | None:
     ranked = sorted(order, key=lambda label: -float(medians[label]))
     if tables.control in order:
         other = next(label for label in ranked if label != tables.control)
-        return tables.control, other  # type: ignore[return-value]
+        return tables.control, other
     first, second = sorted(ranked[:2], key=order.index)
     return first, second
 
@@ -144,7 +145,7 @@ class _Pictures:
             "is that of the last one. A curve begins where all runs have a record, and is thin "
             f"where all have ended.{lost if absent else ''}"
         )
-        captions = {
+        captions: dict[Progress, str] = {
             "evaluations": f"The area of the front over the number of evaluations. {reading}",
             "seconds": "The same over the algorithms' own time, which recording is no part of.",
         }

@@ -39,14 +39,14 @@ def fixed(value: Any, decimals: int = 4) -> str:
 
 
 def significant(value: Any, digits: int = 3) -> str:
-    """Write a number with so many significant digits, without an exponent where it can do."""
+    """Write a number with so many significant digits, a large one whole, a tiny one as 1.2e-09."""
     if pd.isna(value):
         return _DASH
     number = float(value)
     if number == 0 or not math.isfinite(number):
         return f"{number:g}"
     places = digits - 1 - math.floor(math.log10(abs(number)))
-    return f"{number:,.{places}f}" if 0 <= places <= 8 else f"{number:,.{digits}g}"
+    return f"{number:,.{max(places, 0)}f}" if places <= 8 else f"{number:.{digits}g}"
 
 
 def count(value: Any) -> str:

@@ -14,13 +14,13 @@ from botohe_moo._checks import check_integer
 from botohe_moo.console.waiting import hold_interrupt
 from botohe_moo.study.collect import collect_tables
 from botohe_moo.study.grid import Run, Study
-from botohe_moo.study.loading import load_study
+from botohe_moo.study.loading import load_study, study_folder
 from botohe_moo.study.perform import Outcome, Record, Task
 from botohe_moo.study.pool import Outcomes, dask_outcomes, local_outcomes
 from botohe_moo.study.store import DamagedError, Store
 from botohe_moo.study.tables import StudyTables, read_study
 
-__all__ = ["Plan", "StudyInterrupted", "make_task", "plan_study", "run_study", "study_folder"]
+__all__ = ["Plan", "StudyInterrupted", "make_task", "plan_study", "run_study"]
 
 
 class StudyInterrupted(KeyboardInterrupt):
@@ -86,19 +86,6 @@ class Plan:
     def missing(self) -> tuple[Run, ...]:
         """The runs that are to be performed."""
         return tuple(run for run in self.runs if run.digest not in self.finished)
-
-
-def study_folder(study: Study, out: str | os.PathLike[str] | None = None) -> Path:
-    """Give the folder of a study: ``out``, or ``results/NAME``.
-
-    Parameters
-    ----------
-    study
-        The study.
-    out
-        A folder that somebody has chosen.
-    """
-    return Path("results") / study.name if out is None else Path(out)
 
 
 def plan_study(study: Study, folder: Path) -> Plan:
@@ -190,8 +177,8 @@ def run_study(
     [['random', 1, 'done'], ['random', 2, 'done'], ['greedy', 1, 'done'], ['greedy', 2, 'done']]
     """
     workers = check_integer("workers", workers, at_least=1, at_most=1_024)
-    study = source if isinstance(source, Study) else load_study(source)
-    folder = study_folder(study, out)
+    study = source if isinstance(source, Study) else load_study(source, out=out)
+    folder = study_folder(study.name, out)
     store = Store(folder)
     store.check(study)
     with store.locked():

@@ -63,7 +63,8 @@ class Sandbox:
         path = os.pathsep.join(entry or os.getcwd() for entry in sys.path)  # noqa: PTH109
         threads = {name: os.environ.get(name, "1") for name in THREAD_SETTINGS}
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "botohe_moo.study.child"],
+            # -P: a file of the current folder must not stand in for a standard module.
+            [sys.executable, "-P", "-m", "botohe_moo.study.child"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._said,

@@ -183,7 +183,8 @@ def as_table(name: str, rows: list[dict[str, Any]]) -> pd.DataFrame:
 
 
 def _by_run(final_fronts: pd.DataFrame) -> dict[str, FloatArray]:
-    return {str(run): _points(front) for run, front in final_fronts.groupby("run", sort=False)}
+    points, rows = _points(final_fronts), final_fronts.groupby("run", sort=False).indices
+    return {str(run): points[of_run] for run, of_run in rows.items()}
 
 
 def _points(front: pd.DataFrame) -> FloatArray:

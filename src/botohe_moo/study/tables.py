@@ -324,11 +324,12 @@ def read_table(path: Path) -> pd.DataFrame:
         If it is missing or damaged.
     """
     try:
-        return pq.read_table(io.BytesIO(path.read_bytes())).to_pandas()
+        table: pd.DataFrame = pq.read_table(io.BytesIO(path.read_bytes())).to_pandas()
     except FileNotFoundError:
         raise StudyError(f"{path}: there is no such table; `botohe study run` makes it.") from None
     except (OSError, pa.ArrowException) as error:
         raise StudyError(f"{path}: cannot be read ({error}); run the study again.") from error
+    return table
 
 
 def read_study(folder: str | os.PathLike[str]) -> StudyTables:

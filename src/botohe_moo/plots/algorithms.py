@@ -1,0 +1,111 @@
+"""How algorithms look: the same colour, marker and line in every figure of a report."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from botohe_moo._checks import nearest_first
+from botohe_moo.plots.style import MARKERS, Colour, colours
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    import pandas as pd
+
+__all__ = ["AlgorithmStyle", "algorithm_styles", "chosen_algorithms", "shortened", "styles_of"]
+
+Line = tuple[int, tuple[float, ...] | None]
+
+# Colours repeat after ten, then the line changes; the marker has a period of its own.
+_LINES: tuple[Line, ...] = ((0, None), (0, (5, 1.6)), (0, (1.2, 1.2)), (0, (6, 1.5, 1.2, 1.5)))
+_LONGEST = 30
+
+
+@dataclass(frozen=True)
+class AlgorithmStyle:
+    """Colour, marker and line of one algorithm.
+
+    Attributes
+    ----------
+    colour
+        Red, green and blue in [0, 1].
+    marker
+        Marker, as matplotlib calls it.
+    line
+        Line style, as matplotlib takes it: offset and lengths of dashes and gaps.
+    """
+
+    colour: Colour
+    marker: str
+    line: Line
+
+
+def algorithm_styles(labels: Iterable[str]) -> dict[str, AlgorithmStyle]:
+    """Give every algorithm a look of its own, by its place among all of them.
+
+    Parameters
+    ----------
+    labels
+        Labels of all algorithms of the study, in the order of its file. Ten have colours of their
+        own, forty a colour and a line of their own.
+
+    Returns
+    -------
+    dict
+        The style of each label, for the plots' option ``styles``.
+    """
+    labels = list(dict.fromkeys(labels))
+    return {
+        label: AlgorithmStyle(colour, MARKERS[i % len(MARKERS)], _LINES[i // 10 % len(_LINES)])
+        for i, (label, colour) in enumerate(zip(labels, colours(len(labels)), strict=True))
+    }
+
+
+def styles_of(
+    algorithms: Sequence[str], styles: Mapping[str, AlgorithmStyle] | None
+) -> Mapping[str, AlgorithmStyle]:
+    """Give the styles to draw ``algorithms`` in: those given, or new ones.
+
+    Raises
+    ------
+    ValueError
+        If an algorithm has no style among those given.
+    """
+    if styles is None:
+        return algorithm_styles(algorithms)
+    if absent := [label for label in algorithms if label not in styles]:
+        raise ValueError(f"Expected a style for every algorithm, missing: {', '.join(absent)}.")
+    return styles
+
+
+def chosen_algorithms(
+    name: str, frame: pd.DataFrame, columns: Sequence[str], algorithms: Sequence[str] | None
+) -> list[str]:
+    """Check a table of one mission, and give the algorithms to draw: all by default.
+
+    Raises
+    ------
+    ValueError
+        If the table lacks a column or holds several missions, or an algorithm is not in it.
+    """
+    if missing := [column for column in columns if column not in frame.columns]:
+        raise ValueError(f"Expected {name} with columns {tuple(columns)}, it lacks {missing}.")
+    missions = list(frame["mission"].unique()) if "mission" in frame.columns else []
+    if len(missions) > 1:
+        found = ", ".join(map(repr, missions))
+        raise ValueError(f"Expected {name} of one mission, got {found}.")
+    known = list(frame["algorithm"].unique())
+    if algorithms is None:
+        return known
+    for label in algorithms:
+        if label not in known:
+            among = ", ".join(nearest_first(str(label), known))
+            raise ValueError(f"Expected an algorithm of {name}, got {label!r}; known are {among}.")
+    return list(dict.fromkeys(algorithms))
+
+
+def shortened(label: str) -> str:
+    """Give a label that leaves room for the plot, its middle left out if it is long."""
+    half = (_LONGEST - 1) // 2
+    return label if len(label) <= _LONGEST else f"{label[:half]}…{label[-half:]}"

@@ -1,0 +1,199 @@
+"""Empirical attainment: what share of an algorithm's runs reaches which rewards and survivors."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from botohe_moo.plots.algorithms import shortened, styles_of
+from botohe_moo.plots.front import staircase
+from botohe_moo.plots.fronts import final_fronts, objective_axes
+from botohe_moo.plots.scales import title_above
+from botohe_moo.plots.style import new_axes, theme
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+    from botohe_moo._types import FloatArray
+    from botohe_moo.plots.algorithms import AlgorithmStyle
+
+__all__ = ["attainment_difference", "attainment_surface", "plot_attainment"]
+
+_BAND = (25, 75)
+_MAX_STEPS = 120  # more would take half a minute
+
+
+def plot_attainment(
+    plans: pd.DataFrame,
+    runs: pd.DataFrame,
+    *,
+    algorithms: Sequence[str] | None = None,
+    styles: Mapping[str, AlgorithmStyle] | None = None,
+    title: str | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw each algorithm's median attainment surface, between those of a quarter of its runs.
+
+    Below and left of the line lies what at least half of the runs reach; the band lies between
+    what a quarter and what three quarters of them reach. A run without a front reaches nothing.
+
+    Parameters
+    ----------
+    plans
+        Rows of one mission in a study's plans: columns ``algorithm``, ``seed``, ``reward`` and
+        ``survivors``.
+    runs
+        Rows of the same mission in its runs: columns ``algorithm``, ``seed`` and ``area``.
+    algorithms
+        Labels of the algorithms to draw. Default: all of them.
+    styles
+        Style of each label, as ``algorithm_styles`` gives them.
+    title
+        Name of the mission.
+    ax
+        Axes to draw on. One will be created if not given.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes drawn on.
+
+    Raises
+    ------
+    ValueError
+        If a column is missing, there are rows of several missions, or an algorithm is not known.
+    """
+    fronts = final_fronts(plans, runs, algorithms)
+    styles = styles_of(list(fronts), styles)
+    with theme():
+        if ax is None:
+            ax = new_axes(8.4, 5.2)
+        for label, found in fronts.items():
+            few, half, most = (
+                staircase(attainment_surface(found.values(), percent))[:-1]
+                for percent in (_BAND[0], 50, _BAND[1])
+            )
+            style = styles[label]
+            if len(found) > 1:
+                ax.fill(
+                    *np.concatenate([few, most[::-1]]).T,
+                    facecolor=style.colour,
+                    alpha=0.2,
+                    linewidth=0,
+                    zorder=1,
+                    gid="band",
+                )
+            ax.plot(
+                *half.T,
+                color=style.colour,
+                linestyle=style.line,
+                linewidth=1.6,
+                marker=style.marker,
+                markersize=5,
+                markeredgecolor="white",
+                markeredgewidth=0.5,
+                # Ends of stairs, not plans: a few are enough to tell the lines apart.
+                markevery=max(1, len(half) // 8),
+                zorder=2,
+                label=shortened(label),
+                gid="median",
+            )
+        objective_axes(ax)
+        title_above(ax, title, "reached by half of the runs; bands: by a quarter to three quarters")
+        ax.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False)
+    return ax
+
+
+def attainment_surface(fronts: Iterable[FloatArray], percent: float) -> FloatArray:
+    """Corners of what at least ``percent`` of the runs reach.
+
+    Parameters
+    ----------
+    fronts
+        Points (n_plans, 2) of each run's front, both columns to be maximised; an empty one reaches
+        nothing but the origin.
+    percent
+        In [0, 100]; 0 stands for one run.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (n, 2), non-dominated.
+
+    References
+    ----------
+    Fonseca, Guerreiro, López-Ibáñez and Paquete, "On the computation of the empirical attainment
+    function", EMO 2011.
+    """
+    import moocore  # late, as other pictures need none of it
+
+    sets = _sets(fronts)
+    surface = moocore.eaf(-sets[:, :2], sets[:, 2], percentiles=[percent])
+    return np.asarray(-surface[:, :2] + 0.0)  # no negative zeros
+
+
+def attainment_difference(
+    fronts: Iterable[FloatArray], others: Iterable[FloatArray]
+) -> tuple[FloatArray, FloatArray]:
+    """Where one algorithm's runs reach more often than another's.
+
+    Parameters
+    ----------
+    fronts
+        Points (n_plans, 2) of each run's front, both columns to be maximised; an empty one reaches
+        nothing but the origin.
+    others
+        The same for the other algorithm, of any number of runs.
+
+    Returns
+    -------
+    rectangles : numpy.ndarray
+        Shape (n, 4): left, bottom, right and top; they do not overlap.
+    difference : numpy.ndarray
+        Shape (n,), in [-1, 1]: the share of the first's runs that reach the rectangle's inside,
+        less that of the other's. Nowhere else do they differ. Where the numbers of runs have no
+        common multiple up to 120, the difference is off by up to one run's share.
+    """
+    import moocore
+
+    fronts, others = list(fronts), list(others)
+    everybody = [*fronts, *others]
+    if np.array_equal(attainment_surface(everybody, 0), attainment_surface(everybody, 100)):
+        return np.empty((0, 4)), np.empty(0)  # all alike, which moocore cannot say
+    first, second = _sets(fronts), _sets(others)
+    n_first, n_second = (len(np.unique(sets[:, 2])) for sets in (first, second))
+    # Moocore gives whole steps, at most half as many as there are runs: with as many of either
+    # all differences are whole ones.
+    steps = math.lcm(n_first, n_second)
+    if steps <= _MAX_STEPS:
+        first, second = _repeated(first, steps // n_first), _repeated(second, steps // n_second)
+    else:
+        steps = (n_first + n_second) // 2
+    found = moocore.eafdiff(first, second, intervals=steps, maximise=True, rectangles=True)
+    corners = np.maximum(found[:, :4], 0.0)  # unbounded ones reach to the axes
+    low = np.minimum(corners[:, :2], corners[:, 2:])
+    high = np.maximum(corners[:, :2], corners[:, 2:])
+    real = (low < high).all(axis=1) & (found[:, 4] != 0)
+    return np.hstack([low, high])[real], found[real, 4] / steps
+
+
+def _sets(fronts: Iterable[FloatArray]) -> FloatArray:
+    """Points of all runs with the number of their run; moocore does not take empty sets."""
+    rows = []
+    for number, front in enumerate(fronts):
+        points = front if len(front) else np.zeros((1, 2))
+        rows.append(np.column_stack([points, np.full(len(points), float(number))]))
+    if not rows:
+        raise ValueError("Expected the front of at least one run, got none.")
+    return np.concatenate(rows)
+
+
+def _repeated(sets: FloatArray, times: int) -> FloatArray:
+    n_sets = len(np.unique(sets[:, 2]))
+    copies = [sets + np.array([0.0, 0.0, n_sets * copy]) for copy in range(times)]
+    return np.concatenate(copies)

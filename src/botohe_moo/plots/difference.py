@@ -1,0 +1,147 @@
+"""The picture of where one algorithm reaches more often than another."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.collections import PolyCollection
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from botohe_moo.plots.algorithms import shortened, styles_of
+from botohe_moo.plots.attainment import attainment_difference, attainment_surface
+from botohe_moo.plots.front import staircase
+from botohe_moo.plots.fronts import final_fronts, objective_axes
+from botohe_moo.plots.style import INK, MUTED, theme, tint
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    import pandas as pd
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+
+    from botohe_moo._types import FloatArray
+    from botohe_moo.plots.algorithms import AlgorithmStyle
+    from botohe_moo.plots.style import Colour
+
+__all__ = ["plot_attainment_difference"]
+
+_SHADES = 5  # as many as are told apart
+_DASHED = (0, (4, 2))
+
+
+def plot_attainment_difference(
+    plans: pd.DataFrame,
+    runs: pd.DataFrame,
+    algorithm: str,
+    other: str,
+    *,
+    styles: Mapping[str, AlgorithmStyle] | None = None,
+    title: str | None = None,
+    axes: Sequence[Axes] | None = None,
+) -> tuple[Axes, Axes]:
+    """Draw where more runs of one algorithm than of another reach, and where fewer do.
+
+    On the left what ``algorithm`` reaches more often, on the right what ``other`` does, the darker
+    the larger the difference between the shares of their runs. The solid line bounds what any run
+    of both reaches, the dashed one what half of the panel's algorithm's runs reach. A run without a
+    front reaches nothing.
+
+    Parameters
+    ----------
+    plans
+        Rows of one mission in a study's plans: columns ``algorithm``, ``seed``, ``reward`` and
+        ``survivors``.
+    runs
+        Rows of the same mission in its runs: columns ``algorithm``, ``seed`` and ``area``.
+    algorithm
+        Label of the algorithm on the left.
+    other
+        Label of the one on the right.
+    styles
+        Style of each label, as ``algorithm_styles`` gives them.
+    title
+        Name of the mission.
+    axes
+        The two axes to draw on. A figure with two will be created if not given.
+
+    Returns
+    -------
+    tuple of matplotlib.axes.Axes
+        The left and the right axes.
+
+    Raises
+    ------
+    ValueError
+        If a column is missing, there are rows of several missions, or an algorithm is not known.
+    """
+    fronts = final_fronts(plans, runs, [algorithm, other])
+    styles = styles_of([algorithm, other], styles)
+    mine, theirs = (list(fronts[label].values()) for label in (algorithm, other))
+    rectangles, difference = attainment_difference(mine, theirs)
+    reach = staircase(attainment_surface([*mine, *theirs], 0))[:-1]
+    with theme():
+        if axes is None:
+            _, drawn = plt.subplots(
+                1, 2, figsize=(9.6, 4.7), layout="constrained", sharex=True, sharey=True
+            )
+            axes = list(drawn)
+        left, right = axes
+        sides = ((left, algorithm, mine, difference), (right, other, theirs, -difference))
+        for ax, label, found, ahead in sides:
+            colour = styles[label].colour
+            _shade(ax, rectangles[ahead > 0], ahead[ahead > 0], colour)
+            ax.plot(*reach.T, color=INK, linewidth=1.0, zorder=3, gid="best")
+            half = staircase(attainment_surface(found, 50))[:-1]
+            ax.plot(*half.T, color=INK, linewidth=1.0, linestyle=_DASHED, zorder=3, gid="median")
+            objective_axes(ax)
+            ax.set_title(f"{shortened(label)} reaches more often", fontsize=11)
+            ax.legend(handles=_key(colour), loc="lower left", title="share of its runs, ahead by")
+        right.set_ylabel("")
+        if title:
+            left.figure.suptitle(title, fontweight="bold", fontsize=12)
+    return left, right
+
+
+def _level(ahead: FloatArray) -> FloatArray:
+    """Give the numbers of the shades, from 1; a difference of 1/5 is still in the first."""
+    return np.asarray(np.ceil(ahead * _SHADES - 1e-9))
+
+
+def _shade(ax: Axes, rectangles: FloatArray, ahead: FloatArray, colour: Colour) -> None:
+    shades = [tint(colour, level / _SHADES) for level in _level(ahead)]
+    left, low, right, top = rectangles.T
+    corners = np.stack([left, low, right, low, right, top, left, top], axis=1).reshape(-1, 4, 2)
+    # Edges of their own colour hide the seams between neighbours.
+    ax.add_collection(
+        PolyCollection(
+            list(corners),
+            facecolors=shades,
+            edgecolors=shades,
+            linewidths=0.3,
+            zorder=1,
+            gid="ahead",
+        )
+    )
+
+
+def _key(colour: Colour) -> list[Artist]:
+    steps = [round(100 * i / _SHADES) for i in range(_SHADES + 1)]
+    shades = [
+        Patch(
+            facecolor=tint(colour, (i + 1) / _SHADES),
+            edgecolor=MUTED,
+            linewidth=0.4,
+            label=f"{low}–{high} %",
+        )
+        for i, (low, high) in enumerate(pairwise(steps))
+    ]
+    lines = [
+        Line2D([], [], color=INK, linewidth=1.0, label="any run of both"),
+        Line2D([], [], color=INK, linewidth=1.0, linestyle=_DASHED, label="half of its runs"),
+    ]
+    return [*shades, *lines]

@@ -1,0 +1,314 @@
+"""Studies as real processes: killed, stopped, two at a time, on a full disk, on a cluster."""
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import psutil
+import pytest
+
+from botohe_moo.study import read_study, run_study
+from tests.study.test_runner import MADE, Watcher, assert_same, without_times
+
+ROOT = Path(__file__).parents[2]
+
+STUDY = f"""
+name: trial
+missions: [toy, art_museum]
+algorithms:
+  slow: {{algorithm: "{MADE}:Slow", parameters: {{seconds: 0.02}}}}
+  ants: bo-aco
+  random: random
+budget: {{evaluations: 150}}
+seeds: 4
+comparison: {{control: random}}
+"""
+
+
+def start(*arguments, **options):
+    """Start ``botohe study`` as a user would, from the folder that has the tests' algorithms."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "botohe_moo.cli", "study", *map(str, arguments)],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        **options,
+    )
+
+
+def finish(process, timeout=120):
+    out, err = process.communicate(timeout=timeout)
+    return process.returncode, out, err
+
+
+@pytest.fixture(scope="module")
+def study_file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("file") / "study.yaml"
+    path.write_text(STUDY)
+    return path
+
+
+@pytest.fixture(scope="module")
+def uninterrupted(study_file, tmp_path_factory):
+    return run_study(study_file, tmp_path_factory.mktemp("one"))
+
+
+def wait_until(condition, timeout=60):
+    deadline = time.monotonic() + timeout
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def children_of(folder):
+    """Processes that still perform runs for nobody: they have the study's tests in their path."""
+    found = []
+    for process in psutil.process_iter(["cmdline", "environ"]):
+        command = process.info["cmdline"] or []
+        marked = (process.info["environ"] or {}).get("BOTOHE_TEST_FOLDER") == str(folder)
+        if "botohe_moo.study.child" in command and marked:
+            found.append(process)
+    return found
+
+
+def test_ten_kills_at_random_moments_change_nothing(study_file, uninterrupted, tmp_path):
+    folder = tmp_path / "killed"
+    environment = {**os.environ, "BOTOHE_TEST_FOLDER": str(folder)}
+    rng = random.Random(5)
+    n_runs, n_done = 24, []
+    for _ in range(10):
+        process = start("run", study_file, "--out", folder, "--workers", 2, env=environment)
+        # Past the start, so that some of the kills meet runs and files; never waits for the end.
+        before = len(list(folder.glob("runs/*.npz")))
+        aim = min(before + rng.randint(0, 3), n_runs)
+        wait_until(
+            lambda aim=aim, process=process: (
+                len(list(folder.glob("runs/*.npz"))) >= aim or process.poll() is not None
+            )
+        )
+        time.sleep(rng.random() * 0.3)
+        process.kill()
+        process.communicate()
+        n_done.append(len(list(folder.glob("runs/*.npz"))))
+    assert n_done == sorted(n_done)  # what is done stays done
+    assert n_done[-1] > 0
+    wait_until(lambda: not children_of(folder), timeout=20)  # nobody works for a dead runner
+    status, _, err = finish(start("run", study_file, "--out", folder, "--workers", 2))
+    assert status == 0, err
+    assert f"{n_done[-1]} are there" in err
+    assert_same(read_study(folder), uninterrupted)
+    assert not list(folder.rglob("*.tmp"))
+
+
+def test_ctrl_c_stops_cleanly_and_keeps_what_is_done(study_file, uninterrupted, tmp_path):
+    folder = tmp_path / "stopped"
+    environment = {**os.environ, "BOTOHE_TEST_FOLDER": str(folder)}
+    process = start("run", study_file, "--out", folder, "--workers", 1, env=environment)
+    wait_until(lambda: len(list(folder.glob("runs/*.npz"))) >= 2)
+    os.kill(process.pid, signal.SIGINT)
+    status, _, err = finish(process)
+    assert status == 130, err
+    assert "stopped; what is done is in" in err
+    assert "Traceback" not in err
+    assert not children_of(folder)
+    partial = read_study(folder)
+    assert 2 <= len(partial.runs) < 24
+    assert set(partial.runs["status"]) == {"done"}
+    kept = len(list(folder.glob("runs/*.npz")))
+    assert kept == len(partial.runs)
+    status, _, err = finish(start("run", study_file, "--out", folder))
+    assert status == 0, err
+    assert f"{kept} are there" in err
+    assert_same(read_study(folder), uninterrupted)
+
+
+def test_a_second_runner_says_so_and_stops(study_file, uninterrupted, tmp_path):
+    folder = tmp_path / "two"
+    first = start("run", study_file, "--out", folder)
+    wait_until(lambda: (folder / ".runner").exists())
+    status, _, err = finish(start("run", study_file, "--out", folder))
+    assert status == 1
+    assert f"another runner is at work in this folder (process {first.pid})" in err
+    assert "Traceback" not in err
+    status, _, err = finish(first)
+    assert status == 0, err
+    assert_same(read_study(folder), uninterrupted)
+
+
+def mounted(folder, size):
+    """A real file system of that size; None where this process may not mount one."""
+    folder.mkdir()
+    done = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(folder)], capture_output=True
+    )
+    return done.returncode == 0
+
+
+def test_a_full_disk_ends_in_a_clear_message(study_file, uninterrupted, tmp_path):
+    folder = tmp_path / "small"
+    limit = 6_000  # bytes a file may have, where no small disk can be made
+    if mounted(folder, "64k"):
+        try:
+            status, _, err = finish(start("run", study_file, "--out", folder / "study"))
+            kept = list((folder / "study" / "runs").glob("*.npz"))
+            check_full(status, err)
+            whole = tmp_path / "copied"
+            subprocess.run(["cp", "-r", folder / "study", whole], check=True)
+        finally:
+            subprocess.run(["umount", str(folder)], check=True)
+    else:
+        import resource
+
+        whole = folder / "study"
+        process = start(
+            "run", study_file, "--out", whole,
+            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
+        )  # fmt: skip
+        status, _, err = finish(process)
+        kept = list((whole / "runs").glob("*.npz"))
+        check_full(status, err)
+    watcher = Watcher()
+    tables = run_study(study_file, whole, watcher=watcher)
+    assert len(watcher.performed) == 24 - len(kept)
+    assert_same(tables, uninterrupted)
+
+
+def check_full(status, err):
+    assert status == 1, err
+    assert "the disk is full. All runs that are finished are kept" in err
+    assert "Traceback" not in err
+    assert len(err.strip().splitlines()) <= 3
+
+
+def test_two_workers_give_the_same(study_file, uninterrupted, tmp_path):
+    assert_same(run_study(study_file, tmp_path, workers=2), uninterrupted)
+
+
+def test_two_workers_work_at_the_same_time(tmp_path):
+    # Runs that sleep: at the same time they overlap, whatever else the machine does.
+    source = {
+        "name": "sleepers",
+        "missions": ["toy"],
+        "algorithms": {"slow": {"algorithm": f"{MADE}:Slow", "parameters": {"seconds": 0.2}}},
+        "budget": {"evaluations": 60},
+        "seeds": 4,
+    }
+
+    class Overlap(Watcher):
+        active, most = frozenset(), 0
+
+        def record(self, run, record):
+            self.active |= {run.digest}
+            self.most = max(self.most, len(self.active))
+
+        def end(self, run, outcome):
+            self.active -= {run.digest}
+
+    one, two = Overlap(), Overlap()
+    run_study(source, tmp_path / "one", workers=1, watcher=one)
+    run_study(source, tmp_path / "two", workers=2, watcher=two)
+    assert one.most == 1
+    assert two.most == 2
+
+
+def test_a_dask_cluster_gives_the_same(study_file, uninterrupted, tmp_path):
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=2,
+        threads_per_worker=1,
+        processes=True,
+        dashboard_address=None,
+        local_directory=tmp_path / "dask",
+    ) as cluster:
+        tables = run_study(study_file, tmp_path / "out", dask=cluster.scheduler_address)
+    assert_same(tables, uninterrupted)
+
+
+def test_nobody_at_the_address(study_file, tmp_path, monkeypatch):
+    pytest.importorskip("distributed")
+    status, _, err = finish(
+        start("run", study_file, "--out", tmp_path, "--dask", "tcp://127.0.0.1:1")
+    )
+    assert status == 1
+    assert "No Dask scheduler answers at 'tcp://127.0.0.1:1'" in err
+    assert "Traceback" not in err
+
+
+class TestCommands:
+    def test_run_plan_and_report(self, tmp_path):
+        path, folder = tmp_path / "s.yaml", tmp_path / "out"
+        path.write_text(
+            "name: s\nmissions: [toy]\nalgorithms: [random, greedy]\n"
+            "budget: {evaluations: 200}\nseeds: 2\n"
+        )
+        status, out, err = finish(start("plan", path, "--out", folder))
+        assert (status, err) == (0, "")
+        assert "4 runs: 0 are there, 4 to go" in out
+        assert not folder.exists()
+        status, out, err = finish(start("run", path, "--out", folder))
+        assert status == 0, err
+        assert "greedy" in out
+        status, out, err = finish(start("plan", path, "--out", folder))
+        assert "4 runs: 4 are there, 0 to go" in out
+        status, out, err = finish(start("report", folder))
+        assert status == 0, err
+        assert (folder / "report" / "report.html").exists()
+        assert (folder / "report" / "summary.csv").exists()
+
+    def test_the_current_folder_has_algorithms(self, tmp_path):
+        (tmp_path / "mine.py").write_text("from botohe_moo import BOACO as Ants\n")
+        (tmp_path / "random.py").write_text("raise SystemExit('not the standard module')\n")
+        (tmp_path / "s.yaml").write_text(
+            "name: s\nmissions: [toy]\nalgorithms: {mine: 'mine:Ants'}\n"
+            "budget: {evaluations: 50}\nseeds: 1\n"
+        )
+        botohe = Path(sys.executable).parent / "botohe"
+        done = subprocess.run(
+            [botohe, "study", "run", "s.yaml"], cwd=tmp_path, capture_output=True, text=True
+        )
+        assert done.returncode == 0, done.stderr
+        assert set(read_study(tmp_path / "results" / "s").runs["status"]) == {"done"}
+
+    def test_failed_runs_show_in_the_exit_status(self, tmp_path):
+        path = tmp_path / "s.yaml"
+        path.write_text(
+            f"name: s\nmissions: [toy]\nalgorithms: {{bad: '{MADE}:Raising', good: random}}\n"
+            "budget: {evaluations: 50}\nseeds: 1\n"
+        )
+        status, out, err = finish(start("run", path, "--out", tmp_path / "out"))
+        assert status == 1
+        assert "bad on toy, seed 1: failed: RuntimeError: out of luck" in err
+        assert "1 run failed" in err
+        assert "good" in out
+
+    @pytest.mark.parametrize(
+        ("arguments", "said"),
+        [
+            (["run", "missing.yaml"], "missing.yaml: there is no such file"),
+            (["plan", "missing.yaml"], "missing.yaml: there is no such file"),
+            (["report", "nowhere"], "nowhere: there is no study in this folder"),
+            (["run", "x.yaml", "--workers", "0"], "expected an integer >= 1, got 0"),
+        ],
+    )
+    def test_bad_input(self, arguments, said):
+        status, _, err = finish(start(*arguments))
+        assert status == 2
+        assert said in err
+        assert "Traceback" not in err
+
+    def test_the_schema_is_printed(self):
+        status, out, _ = finish(start("schema"))
+        assert status == 0
+        assert '"$schema"' in out
+
+
+def test_times_are_all_that_is_left_out_of_comparisons(uninterrupted):
+    kept = without_times(uninterrupted)
+    assert {"area", "evaluations", "status", "environment"} <= set(kept["runs"])
+    assert {"trails", "reward"} <= set(kept["plans"])

@@ -1,0 +1,467 @@
+"""The report of a study: what is written, what the page says, and that nothing breaks it."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+from html.parser import HTMLParser
+
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from botohe_moo import load_mission
+from botohe_moo.study.report import rounded_summary, slug, write_report
+from botohe_moo.study.report_figures import KINDS, rivals
+from botohe_moo.study.report_latex import escape_latex
+from botohe_moo.study.report_words import (
+    budget_words,
+    count,
+    fixed,
+    leader,
+    p_value,
+    parameter_words,
+    seed_words,
+    significant,
+    verdict_words,
+)
+from botohe_moo.study.tables import StudyTables, read_study
+from tests.study.made import Record, make_study, random_record
+
+TOY = load_mission("toy")
+ODD = "a/b_c$ <b>&\"' 50%"
+FIXED_NAMES = ["report.html", "summary.csv", "summary.tex", "comparisons.tex", "ranks.tex"]
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _backend():
+    mpl.use("Agg")
+    yield
+    plt.close("all")
+
+
+def algorithms(*labels):
+    return {label: {"algorithm": "nsga2", "parameters": {}} for label in labels}
+
+
+def study(folder, missions, records, *, control=None, labels=None, **manifest):
+    folder.mkdir(parents=True, exist_ok=True)
+    labels = labels or dict.fromkeys(record.algorithm for record in records)
+    made = dict.fromkeys(missions, TOY)
+    return make_study(folder, made, algorithms(*labels), records, control=control, **manifest)
+
+
+def random_records(missions, labels, seeds, **options):
+    rng = np.random.default_rng(0)
+    return [
+        random_record(rng, mission, TOY, label, seed, strength=0.4 + 0.05 * i, **options)
+        for mission in missions
+        for i, label in enumerate(labels)
+        for seed in seeds
+    ]
+
+
+def lost(mission, label, seeds, status="failed", error="ValueError: <boom> & bust"):
+    return [Record(mission, label, seed, [], status, error) for seed in seeds]
+
+
+VOID = {"meta", "img", "br", "hr", "link", "input"}
+
+
+class Page(HTMLParser):
+    """Checks that tags balance, and keeps what tests ask for."""
+
+    def __init__(self, text):
+        super().__init__(convert_charrefs=True)
+        self.open, self.tags, self.attributes, self.texts = [], [], [], []
+        self.feed(text)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        self.attributes += [(tag, name, value) for name, value in attrs]
+        assert len({name for name, _ in attrs}) == len(attrs)
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if self.open and self.open[-1] != "style":
+            self.texts.append(data)
+
+    @property
+    def text(self):
+        return re.sub(r"\s+", " ", " ".join(self.texts))
+
+    def values(self, *names):
+        return [value for _, name, value in self.attributes if name in names]
+
+
+def page_of(tables):
+    text = (tables.folder / "report" / "report.html").read_text("utf-8")
+    assert text.startswith("<!DOCTYPE html>\n")
+    page = Page(text)
+    ids = page.values("id")
+    assert len(set(ids)) == len(ids)
+    for address in page.values("href", "src"):
+        assert address.startswith("data:image/png;base64,") or address[1:] in ids
+    style = text[text.index("<style>") : text.index("</style>")]
+    assert "url(" not in style
+    assert "@import" not in style
+    assert not {"script", "link", "iframe", "object"} & set(page.tags)
+    assert not [name for _, name, _ in page.attributes if name.startswith("on")]
+    assert page.tags.count("img") == len([value for value in page.values("alt") if value])
+    return page
+
+
+def rows_of(latex):
+    """Cells of the rows that are no headings of blocks."""
+    lines = [line for line in latex.splitlines() if line.endswith(r"\\")]
+    return [
+        [cell.strip() for cell in re.split(r"(?<!\\)&", line.removesuffix(r"\\"))]
+        for line in lines
+        if not line.startswith(r"\multicolumn")
+    ]
+
+
+@pytest.fixture(scope="module")
+def odd(tmp_path_factory):
+    """Two missions, one with an odd label; odd and lost algorithms; and its report."""
+    records = [
+        *random_records(["toy", ODD], ["BO-ACO", ODD], (1, 2, 3)),
+        *random_records(["toy", ODD], ["single"], (1,), n_records=1),
+        *lost("toy", "lost", (1, 2, 3)),
+        *random_records([ODD], ["lost"], (1, 2)),
+        *lost(ODD, "lost", (3,), "timeout", "stopped after 60 seconds"),
+    ]
+    tables = study(
+        tmp_path_factory.mktemp("odd"),
+        ["toy", ODD],
+        records,
+        control="BO-ACO",
+        title="Title <i>& more",
+        description="About <script>alert(1)</script> it.",
+    )
+    return tables, write_report(tables)
+
+
+class TestFiles:
+    def test_all_are_written_and_named(self, odd):
+        tables, paths = odd
+        folder = tables.folder / "report"
+        figures = [f"{kind}-{slug(label)}.png" for label in ("toy", ODD) for kind in KINDS]
+        assert sorted(path.name for path in paths) == sorted([*FIXED_NAMES, *figures])
+        assert sorted(folder.iterdir()) == sorted(paths)
+        assert all(path.stat().st_size for path in paths)
+
+    def test_the_same_tables_give_the_same_bytes(self, odd, tmp_path):
+        tables, _ = odd
+        again = dataclasses.replace(read_study(tables.folder), folder=tmp_path)
+        for entry in tables.manifest["missions"].values():
+            copy = tmp_path / entry["file"]
+            copy.parent.mkdir(exist_ok=True)
+            copy.write_bytes((tables.folder / entry["file"]).read_bytes())
+        for path in write_report(again):
+            assert path.read_bytes() == (tables.folder / "report" / path.name).read_bytes()
+
+    def test_only_figures_of_ours_that_are_stale_are_removed(self, tmp_path):
+        tables = study(tmp_path, ["toy"], lost("toy", "A", (1,)))
+        folder = tmp_path / "report"
+        folder.mkdir()
+        stale = ["curves-toy.png", "difference-gone-1a2b3c4d.png"]
+        foreign = ["my-toy.png", "curves-Toy.png", "curves-toy.svg", "curves-.png", "notes.txt"]
+        for name in (*stale, *foreign):
+            (folder / name).write_text("x")
+        write_report(tables)
+        kept = {path.name for path in folder.iterdir()}
+        assert kept == {*FIXED_NAMES, *foreign, "areas-toy.png"}
+
+    def test_a_figure_of_a_mission_that_is_drawn_is_replaced(self, tmp_path):
+        tables = study(tmp_path, ["toy"], lost("toy", "A", (1,)))
+        (tmp_path / "report").mkdir()
+        (tmp_path / "report" / "areas-toy.png").write_text("x")
+        write_report(tables)
+        assert (tmp_path / "report" / "areas-toy.png").read_bytes().startswith(b"\x89PNG")
+
+    def test_a_plain_label_is_its_own_slug(self):
+        assert slug("art_museum") == "art_museum"
+        assert re.fullmatch(r"art-museum-[0-9a-f]{8}", slug("Art museum"))
+        assert re.fullmatch(r"[0-9a-f]{8}", slug("../.."))
+
+    @given(st.text(min_size=1), st.text(min_size=1))
+    def test_slugs_are_safe_and_tell_labels_apart(self, one, other):
+        assert re.fullmatch(r"[a-z0-9][a-z0-9._-]*", slug(one))
+        assert len(slug(one)) < 80
+        assert (slug(one) == slug(other)) == (one == other)
+
+
+class TestPage:
+    def test_labels_are_text_whatever_they_are(self, odd):
+        page = page_of(odd[0])
+        assert "b" not in page.tags
+        assert "i" not in page.tags
+        assert "Title <i>& more" in page.text
+        assert "About <script>alert(1)</script> it." in page.text
+        assert ODD in page.texts
+        assert "ValueError: <boom> & bust" in page.texts
+        assert any(ODD in alternative for alternative in page.values("alt"))
+
+    def test_the_outcome_comes_first(self, odd):
+        tables, _ = odd
+        text = page_of(tables).text
+        outcome = text[text.index("Outcome") : text.index("What was run Missions")]
+        for label in ("toy", ODD):
+            assert f"{label} {leader(tables, label)}" in outcome
+        for verdict in tables.comparisons["verdict"].unique():
+            assert verdict in outcome
+        assert "no test: 2 missions are too few as blocks" in outcome
+        assert "4 runs are not done , and scored all the same" in outcome
+
+    def test_what_was_run(self, odd):
+        text = page_of(odd[0]).text
+        assert "2 missions, 4 algorithms, 3 seeds; 20 runs, 16 done." in text
+        assert "10,000 evaluations" in text
+        assert "Seeds 1–3" in text
+        assert "others with BO-ACO, at a significance level of 0.05" in text
+        toy = f"toy {TOY.title} name=toy, robots=2 10,000 evaluations 0 5 12 2 10.00"
+        assert toy in text
+
+    def test_what_is_lost_is_said(self, odd):
+        text = page_of(odd[0]).text
+        assert "scored as the plan that brings nothing back: area 0" in text
+        assert "toy lost failed error ValueError: <boom> & bust 1 0.0000" in text
+        assert f"{ODD} lost timeout error stopped after 60 seconds 3 0.0000" in text
+        assert "Runs without any recorded front are not in it: 3 of lost." in text
+        assert "Runs without a front reach nothing: 1 of lost." in text
+        assert "3 (3 not done)" in text
+
+    def test_figures_are_in_it(self, odd):
+        tables, _ = odd
+        page = page_of(tables)
+        assert page.tags.count("img") == 12
+        assert page.tags.count("figcaption") == 12
+        first = next(value for value in page.values("src"))
+        assert first.startswith("data:image/png;base64,iVBORw0KGgo")
+
+    def test_captions_say_what_lines_and_bands_are(self, odd):
+        text = page_of(odd[0]).text
+        for said in (
+            "bands reach one standard deviation up and down",
+            "its 95 % bootstrap interval (line)",
+            "the run with the median area, of the middle two the one with less",
+            "at least half of the runs reach; bands lie between what a quarter and what three",
+            "the control and the best of the others",
+        ):
+            assert said in text
+
+    def test_environments(self, odd):
+        text = page_of(odd[0]).text
+        assert "botohe_moo 0.1.0 Python 3.12.1, numpy==2.4.0 pymoo==0.6.2 Linux, made" in text
+
+    def test_many_comparisons_fold(self, tmp_path):
+        records = random_records(["toy"], [f"a{i}" for i in range(9)], (1,), n_records=1)
+        tables = study(tmp_path, ["toy"], records)
+        write_report(tables)
+        page = page_of(tables)
+        assert page.tags.count("details") == 1
+        assert "All 36 rows" in page.text
+
+    def test_without_control_the_outcome_speaks_of_the_best(self, tmp_path):
+        tables = study(tmp_path, ["toy"], random_records(["toy"], "ABC", (1, 2)))
+        write_report(tables)
+        text = page_of(tables).text
+        outcome = text[text.index("Outcome") : text.index("Over missions")]
+        assert "C has the largest median area" in outcome
+        named = set(re.findall(r"([ABC]) (?:is \w+ than|against) ([ABC])", outcome))
+        assert named == {("A", "C"), ("B", "C")}
+        assert "Compared all pairs, at" in text
+
+
+class TestHardStudies:
+    def test_one_mission_one_algorithm_one_seed(self, tmp_path):
+        tables = study(tmp_path, ["toy"], random_records(["toy"], "A", (1,)))
+        names = {path.name for path in write_report(tables)}
+        assert names == {
+            *FIXED_NAMES,
+            *(f"{kind}-toy.png" for kind in KINDS if kind != "difference"),
+        }
+        text = page_of(tables).text
+        assert "1 mission, 1 algorithm, 1 seed; 1 run, all done." in text
+        assert re.search(r"A has a median area of 0\.\d{4}\.", text)
+        assert "All runs are done." in text
+
+    def test_no_run_has_a_front(self, tmp_path):
+        tables = study(tmp_path, ["toy"], [r for x in "AB" for r in lost("toy", x, (1, 2))])
+        names = {path.name for path in write_report(tables)}
+        assert names == {*FIXED_NAMES, "areas-toy.png"}
+        assert "All 2 algorithms have the same median area, 0.0000." in page_of(tables).text
+
+    def test_a_mission_without_runs(self, tmp_path):
+        labels = ["A", "B"]
+        tables = study(
+            tmp_path, ["toy", "later"], random_records(["toy"], "A", (1,)), labels=labels
+        )
+        names = {path.name for path in write_report(tables)}
+        assert not any("later" in name for name in names)
+        assert "later No runs yet." in page_of(tables).text
+        assert r"\emph{later}" in (tmp_path / "report" / "summary.tex").read_text()
+
+    def test_a_study_without_any_run(self, tmp_path):
+        tables = study(tmp_path, ["toy"], [], labels=["A"])
+        assert {path.name for path in write_report(tables)} == set(FIXED_NAMES)
+        assert "0 runs" in page_of(tables).text
+
+    def test_twelve_algorithms_thirty_seeds(self, tmp_path):
+        labels = [f"algorithm {i}" for i in range(12)]
+        records = random_records(["toy"], labels, range(1, 31), n_records=8)
+        tables = study(tmp_path, ["toy"], records, control=labels[3])
+        assert len(write_report(tables)) == len(FIXED_NAMES) + len(KINDS)
+        assert "Seeds 1–30" in page_of(tables).text
+
+
+class TestRivals:
+    def test_the_control_and_the_best_other(self, tmp_path):
+        records = random_records(["toy"], "ABC", (1, 2), n_records=1)
+        for control, expected in (("A", ("A", "C")), ("C", ("C", "B")), (None, ("B", "C"))):
+            tables = study(tmp_path / str(control), ["toy"], records, control=control)
+            assert rivals(tables, "toy") == expected
+
+    def test_one_alone_has_none(self, tmp_path):
+        tables = study(tmp_path, ["toy"], random_records(["toy"], "A", (1,)))
+        assert rivals(tables, "toy") is None
+
+
+class TestLatex:
+    @pytest.mark.parametrize(
+        ("text", "escaped"),
+        [
+            ("a_b & 5%", r"a\_b \& 5\%"),
+            (r"\x{1}", r"\textbackslash{}x\{1\}"),
+            ("$<>|", r"\$\textless{}\textgreater{}\textbar{}"),
+            ("~^#", r"\textasciitilde{}\textasciicircum{}\#"),
+            ('say "[1]"', r"say \textquotedbl{}{[}1{]}\textquotedbl{}"),
+            ("1–2\n3", "1--2 3"),
+        ],
+    )
+    def test_labels_are_escaped(self, text, escaped):
+        assert escape_latex(text) == escaped
+
+    @given(st.text())
+    def test_nothing_special_is_left(self, text):
+        rest = escape_latex(text)
+        for command in (r"\textbackslash{}", r"\textasciitilde{}", r"\textasciicircum{}"):
+            rest = rest.replace(command, "")
+        assert not re.search(r"(?<!\\)[$&#%_]|[~^<>|\"\n]", rest)
+
+    @pytest.mark.parametrize(
+        ("name", "n_columns", "n_rows"),
+        [("summary", 10, 8), ("comparisons", 7, 6), ("ranks", 3, 4)],
+    )
+    def test_rows_have_all_columns(self, odd, name, n_columns, n_rows):
+        latex = (odd[0].folder / "report" / f"{name}.tex").read_text("utf-8")
+        header, *rows = rows_of(latex)
+        assert len(header) == n_columns
+        assert [len(row) for row in rows] == [n_columns] * n_rows
+        columns = re.search(r"\\begin{tabular}{(\w+)}", latex)[1]
+        assert len(columns) == n_columns
+        for rule in (r"\toprule", r"\midrule", r"\bottomrule", r"\end{tabular}"):
+            assert rule in latex
+        bare = re.sub(r"\\[{}]", "", latex)
+        assert bare.count("{") == bare.count("}")
+
+    def test_the_best_median_is_bold_and_ties_are(self, tmp_path):
+        front = np.array([[5.0, 1.0]])  # 5 of 10 times 1 of 2: a quarter
+        worse = np.array([[2.0, 1.0]])
+        records = [
+            Record("toy", label, 1, [(10, 0.1, points)])
+            for label, points in (("A", front), ("B", worse), ("C", front))
+        ]
+        tables = study(tmp_path, ["toy"], records)
+        write_report(tables)
+        _, *rows = rows_of((tmp_path / "report" / "summary.tex").read_text())
+        assert [row[2] for row in rows] == [r"\textbf{0.2500}", "0.1000", r"\textbf{0.2500}"]
+        assert leader(tables, "toy") == "A and C share the largest median area, 0.2500."
+
+    def test_significant_p_values_are_bold(self, odd):
+        latex = (odd[0].folder / "report" / "comparisons.tex").read_text("utf-8")
+        bold = sum(r"\textbf" in row[4] for row in rows_of(latex)[1:])
+        assert bold == odd[0].comparisons["significant"].sum()
+        assert bold > 0
+
+    def test_notes_stand_under_ranks(self, odd):
+        latex = (odd[0].folder / "report" / "ranks.tex").read_text("utf-8")
+        assert r"\footnotesize no test: 2 missions are too few as blocks" in latex
+
+
+class TestSummary:
+    def test_digits_that_mean_nothing_go(self, odd):
+        tables, _ = odd
+        written = pd.read_csv(tables.folder / "report" / "summary.csv")
+        assert list(written) == list(tables.summary)
+        assert len(written) == len(tables.summary) == 8
+        np.testing.assert_allclose(written["area_median"], tables.summary["area_median"], atol=5e-5)
+        assert (written["area_median"] == written["area_median"].round(4)).all()
+        assert written["epsilon_median"].isna().all()
+
+    def test_the_table_itself_stays(self, odd):
+        before = odd[0].summary.copy()
+        rounded_summary(odd[0].summary)
+        pd.testing.assert_frame_equal(odd[0].summary, before)
+
+
+class TestWords:
+    @pytest.mark.parametrize(
+        ("written", "text"),
+        [
+            (fixed(0.12345), "0.1235"),
+            (fixed(math.nan), "–"),
+            (fixed(None, 2), "–"),
+            (significant(0.00123456), "0.00123"),
+            (significant(123456.0), "123,456"),
+            (significant(1.234e-9), "1.23e-09"),
+            (significant(12.345), "12.3"),
+            (significant(0), "0"),
+            (significant(math.inf), "inf"),
+            (count(10_000), "10,000"),
+            (count(3.5), "3.5"),
+            (count(100.0), "100"),
+            (p_value(0.00004), "< 0.0001"),
+            (p_value(0.012345), "0.012"),
+            (p_value(None), "–"),
+            (seed_words([1, 2, 3]), "1–3"),
+            (seed_words([1, 2]), "1, 2"),
+            (seed_words([5, 1, 9]), "5, 1, 9"),
+            (budget_words({"evaluations": 1000, "seconds": None}), "1,000 evaluations"),
+            (budget_words({"evaluations": 9, "seconds": 2.5}), "9 evaluations or 2.5 seconds"),
+            (budget_words({"evaluations": None, "seconds": None}), "no limit"),
+            (
+                parameter_words({"a": 1, "b": None, "c": "x", "d": [0.5]}),
+                "a=1, b=null, c=x, d=[0.5]",
+            ),
+        ],
+    )
+    def test_numbers_and_settings(self, written, text):
+        assert written == text
+
+    @pytest.mark.parametrize(
+        ("verdict", "said"),
+        [
+            ("A is better than B: p 0.01", "A is better than B: p 0.01"),
+            ("no difference found: p 0.6", "A against B: no difference found: p 0.6"),
+            ("equal; lost: 1 of A, 2 of B", "A against B: equal; lost: 1 of A, 2 of B"),
+        ],
+    )
+    def test_verdicts_name_both(self, verdict, said):
+        assert verdict_words({"algorithm": "A", "other": "B", "verdict": verdict}) == said
+
+    def test_tables_are_what_the_runner_writes(self, odd):
+        assert isinstance(odd[0], StudyTables)
+        assert set(odd[0].runs["status"]) == {"done", "failed", "timeout"}

@@ -1,0 +1,418 @@
+"""Studies in this process: what is run, what is kept, what becomes of it."""
+
+import errno
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from botohe_moo import BOTOHE, area_indicator, load_mission
+from botohe_moo.study import read_study, run_study
+from botohe_moo.study.loading import load_study
+from botohe_moo.study.runner import plan_study
+from botohe_moo.study.store import Store
+from botohe_moo.study.tables import SCHEMAS, StudyError, to_arrow
+
+MADE = "tests.study.algorithms_made"
+TIMES = {"seconds", "recording_seconds", "seconds_median", "traceback"}
+TABLES = tuple(SCHEMAS)
+
+
+def study_of(**changes):
+    return {
+        "name": "trial",
+        "missions": ["toy"],
+        "algorithms": ["random", "greedy"],
+        "budget": {"evaluations": 300},
+        "seeds": 2,
+        **changes,
+    }
+
+
+def without_times(tables, leave_out=()):
+    return {
+        name: getattr(tables, name).drop(
+            columns=[c for c in getattr(tables, name) if c in TIMES or c in leave_out]
+        )
+        for name in TABLES
+    }
+
+
+def assert_same(one, other):
+    one, other = without_times(one), without_times(other)
+    for name in TABLES:
+        pd.testing.assert_frame_equal(one[name], other[name], obj=name)
+
+
+class Watcher:
+    """Notes what is performed."""
+
+    def __init__(self):
+        self.performed, self.plan, self.records = [], None, 0
+
+    def begin(self, plan):
+        self.plan = plan
+
+    def record(self, run, record):
+        self.records += 1
+
+    def end(self, run, outcome):
+        self.performed.append((run.algorithm.label, run.seed, outcome.status))
+
+
+def watched(source, folder, **options):
+    watcher = Watcher()
+    tables = run_study(source, folder, watcher=watcher, **options)
+    return tables, watcher
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory):
+    """A study of everything that can come of a run."""
+    folder = tmp_path_factory.mktemp("study")
+    source = study_of(
+        missions={
+            "museum": "art_museum",
+            "plant": {"mission": "power_plant", "min_survival": 0.999, "robots": 3},
+        },
+        algorithms={
+            "random": "random",
+            "sampler": f"{MADE}:Sampler",
+            "raising": f"{MADE}:Raising",
+            "infeasible": f"{MADE}:Infeasible",
+            "never": f"{MADE}:NeverEnding",
+            "dying": f"{MADE}:Dying",
+        },
+        budget={"evaluations": 200, "seconds": 2, "grace_seconds": 0.5},
+        seeds=2,
+        comparison={"control": "random"},
+    )
+    return run_study(source, folder, workers=2)
+
+
+def runs_of(tables, algorithm, mission="plant"):
+    runs = tables.runs
+    return runs[(runs["algorithm"] == algorithm) & (runs["mission"] == mission)]
+
+
+class TestWhatComesOfRuns:
+    def test_each_is_reported_as_such(self, done):
+        by = {label: set(runs_of(done, label)["status"]) for label in done.algorithm_labels}
+        assert by == {
+            "random": {"done"},
+            "sampler": {"done"},
+            "raising": {"failed"},
+            "infeasible": {"infeasible"},
+            "never": {"timeout"},
+            "dying": {"failed"},
+        }
+        stopped = {
+            label: set(runs_of(done, label)["stopped_by"]) for label in done.algorithm_labels
+        }
+        assert stopped["never"] == {"limit"}
+        assert stopped["raising"] == stopped["dying"] == {"error"}
+        assert stopped["sampler"] == {"evaluations"}
+
+    def test_what_went_wrong_is_told(self, done):
+        assert set(runs_of(done, "raising")["error"]) == {"RuntimeError: out of luck"}
+        assert runs_of(done, "raising")["traceback"].str.contains("_advance").all()
+        assert runs_of(done, "dying")["error"].str.contains("SIGABRT").all()
+        assert runs_of(done, "never")["error"].str.contains("killed").all()
+        assert runs_of(done, "random")["error"].isna().all()
+
+    def test_nobody_spends_more_than_the_budget(self, done):
+        assert (done.runs["evaluations"] <= 200).all()
+        assert (runs_of(done, "sampler")["evaluations"] == 200).all()
+
+    def test_runs_without_a_front_are_scored_as_bringing_nothing(self, done):
+        values = done.indicators.set_index(["indicator", "algorithm"])["value"]
+        for label in ("raising", "infeasible", "dying"):
+            assert (runs_of(done, label)["area"] == 0).all()
+            # NaN-free, and as bad as the base alone.
+            assert (values["igd_plus"][label] > 0).all() or label == "infeasible"
+            assert np.isfinite(values["igd_plus"][label]).all()
+        assert (values["front_size"]["raising"] == 0).all()
+
+    def test_what_a_killed_run_had_found_counts(self, done):
+        never = runs_of(done, "never", "museum")
+        assert (never["area"] > 0).all()
+        assert (never["evaluations"] == 20).all()
+        found = done.plans[done.plans["run"] == never["run"].iloc[0]]
+        assert len(found) == never["front_size"].iloc[0]
+
+    def test_verdicts_mention_them(self, done):
+        rows = done.comparisons[done.comparisons["algorithm"] == "raising"]
+        assert rows["verdict"].str.contains("failed").all()
+        summary = done.summary.set_index(["mission", "algorithm"])["n_not_done"]
+        assert summary["plant", "raising"] == summary["plant", "never"] == 2
+        assert summary["plant", "random"] == 0
+
+    def test_the_floor_is_kept(self, done):
+        mission = done.missions["plant"]
+        for row in done.plans[done.plans["mission"] == "plant"].itertuples():
+            survival = mission.robot_survival([done.plan(row.run, row.plan_id)])
+            assert survival.min() >= 0.999 * (1 - 1e-12)
+
+
+class TestTables:
+    def test_they_are_of_their_schemas(self, done):
+        for name in TABLES:
+            to_arrow(name, getattr(done, name))
+
+    def test_every_row_can_be_evaluated_again(self, done):
+        for (label, run), rows in done.plans.groupby(["mission", "run"]):
+            mission = done.missions[label]
+            plans = [done.plan(run, plan_id) for plan_id in rows["plan_id"]]
+            found = mission.evaluate(plans)
+            assert np.allclose(found, rows[["reward", "survivors"]], rtol=1e-9)
+            area = done.runs.set_index("run")["area"][run]
+            assert area_indicator(found, mission) == pytest.approx(area, rel=1e-9)
+
+    def test_runs_trace_and_fronts_agree(self, done):
+        last = done.trace.groupby("run").last()
+        runs = done.runs.set_index("run")
+        for column in ("evaluations", "area", "front_size"):
+            assert (last[column] == runs.loc[last.index, column]).all()
+        for (run, evaluations), points in done.fronts.groupby(["run", "evaluations"]):
+            mission = done.missions[points["mission"].iloc[0]]
+            row = done.trace[
+                (done.trace["run"] == run) & (done.trace["evaluations"] == evaluations)
+            ]
+            [area] = row["area"]
+            assert area_indicator(points[["reward", "survivors"]], mission) == area
+
+    def test_a_run_can_be_repeated_from_its_row(self, done):
+        row = runs_of(done, "random", "museum").iloc[0]
+        from pymoo.optimize import minimize
+
+        from botohe_moo import make_algorithm
+
+        result = minimize(
+            BOTOHE(load_mission("art_museum")),
+            make_algorithm("random"),
+            ("n_eval", int(row["evaluations"])),
+            seed=int(row["seed"]),
+        )
+        assert area_indicator(-result.F, load_mission("art_museum")) == row["area"]
+
+    def test_csv_and_parquet_agree(self, done):
+        for name in ("runs", "summary", "comparisons", "indicators", "ranks", "environments"):
+            read = pd.read_csv(done.folder / f"{name}.csv", float_precision="round_trip")
+            frame = getattr(done, name)
+            assert len(read) == len(frame)
+            for column in frame.select_dtypes("number"):
+                assert np.allclose(
+                    read[column].astype(float), frame[column].astype(float), equal_nan=True, rtol=0
+                )
+
+    def test_missing_columns_and_wrong_types_are_found(self, done):
+        with pytest.raises(StudyError, match="Table runs: expected columns"):
+            to_arrow("runs", done.runs.drop(columns="area"))
+        with pytest.raises(StudyError, match="Table runs"):
+            to_arrow("runs", done.runs.assign(area="high"))
+        with pytest.raises(StudyError, match=r"Table trace.*evaluations"):
+            to_arrow("trace", done.trace.assign(evaluations=0.5))
+        with pytest.raises(StudyError, match=r"Table trace.*mission"):
+            to_arrow("trace", done.trace.assign(mission=None))
+
+    def test_plans_that_are_not_there(self, done):
+        with pytest.raises(KeyError, match="found 0"):
+            done.plan(done.runs["run"].iloc[0], 10**6)
+
+    @pytest.mark.parametrize("damage", [b"", b"not parquet", None])
+    def test_damaged_tables_are_named(self, tmp_path, damage):
+        run_study(study_of(seeds=1, algorithms=["random"]), tmp_path)
+        path = tmp_path / "trace.parquet"
+        if damage is None:
+            path.unlink()
+        else:
+            path.write_bytes(damage)
+        with pytest.raises(StudyError, match=r"trace\.parquet"):
+            read_study(tmp_path)
+
+    def test_folders_without_a_study(self, tmp_path):
+        with pytest.raises(StudyError, match="there is no study in this folder"):
+            read_study(tmp_path / "nowhere")
+        (tmp_path / "study.json").write_text("[1, 2]")
+        with pytest.raises(StudyError, match=r"study.json: cannot be read"):
+            read_study(tmp_path)
+
+
+class TestAgain:
+    def test_nothing_is_performed_twice(self, tmp_path):
+        first, one = watched(study_of(), tmp_path)
+        second, two = watched(study_of(), tmp_path)
+        assert len(one.performed) == 4
+        assert two.performed == []
+        assert_same(first, second)
+        # Times, too, for nothing ran.
+        pd.testing.assert_frame_equal(first.runs, second.runs)
+
+    def test_only_what_is_new_is_performed(self, tmp_path):
+        run_study(study_of(), tmp_path)
+        source = study_of(algorithms={"new": "bo-aco", "random": "random", "g": "greedy"}, seeds=3)
+        tables, watcher = watched(source, tmp_path)
+        assert sorted(watcher.performed) == [
+            ("g", 3, "done"),
+            ("new", 1, "done"),
+            ("new", 2, "done"),
+            ("new", 3, "done"),
+            ("random", 3, "done"),
+        ]
+        fresh = run_study(source, tmp_path / "fresh")
+        assert_same(tables, fresh)
+
+    def test_what_is_left_out_is_not_in_the_tables_but_kept(self, tmp_path):
+        run_study(study_of(), tmp_path)
+        tables, watcher = watched(study_of(algorithms=["greedy"]), tmp_path)
+        assert watcher.performed == []
+        assert set(tables.runs["algorithm"]) == {"greedy"}
+        _, watcher = watched(study_of(), tmp_path)
+        assert watcher.performed == []
+
+    def test_failed_runs_are_tried_again(self, tmp_path):
+        stone = tmp_path / "stone"
+        stone.touch()
+        source = study_of(
+            algorithms={
+                "x": {"algorithm": f"{MADE}:RaisingOnce", "parameters": {"path": str(stone)}}
+            }
+        )
+        folder = tmp_path / "study"
+        tables, watcher = watched(source, folder)
+        assert set(tables.runs["status"]) == {"failed"}
+        _, watcher = watched(source, folder)
+        assert [status for *_, status in watcher.performed] == ["failed", "failed"]
+        assert len(watcher.plan.failed) == 2
+        stone.unlink()
+        tables, watcher = watched(source, folder)
+        assert [status for *_, status in watcher.performed] == ["done", "done"]
+        assert tables.runs["error"].isna().all()
+        _, watcher = watched(source, folder)
+        assert watcher.performed == []
+        assert not watcher.plan.failed
+
+    @pytest.mark.parametrize(
+        "damage",
+        [
+            lambda data: data[: len(data) // 2],
+            lambda data: b"",
+            lambda data: b"PK" + data[2:-30],
+            lambda data: data[:200] + bytes([data[200] ^ 1]) + data[201:],
+            lambda data: data[:-200] + bytes(200),
+            lambda data: b"\x80\x04K\x01.",  # a pickle
+        ],
+        ids=["half", "empty", "cut", "a bit", "zeros", "pickle"],
+    )
+    def test_damaged_files_are_named_and_performed_again(self, tmp_path, damage):
+        first = run_study(study_of(), tmp_path)
+        path = tmp_path / "runs" / f"{first.runs['run'][1]}.npz"
+        path.write_bytes(damage(path.read_bytes()))
+        second, watcher = watched(study_of(), tmp_path)
+        assert watcher.performed == [("random", 2, "done")]
+        [said] = watcher.plan.damaged.values()
+        assert str(path) in said
+        assert_same(first, second)
+
+    def test_another_runs_file_is_damage(self, tmp_path):
+        first = run_study(study_of(), tmp_path)
+        one, other = (tmp_path / "runs" / f"{first.runs['run'][i]}.npz" for i in (0, 1))
+        other.write_bytes(one.read_bytes())
+        _, watcher = watched(study_of(), tmp_path)
+        assert [list(watcher.plan.damaged)] == [[first.runs["run"][1]]]
+
+    def test_every_bit_of_a_file_counts_or_changes_nothing(self, tmp_path):
+        source = study_of(seeds=1, algorithms=["random"])
+        first = run_study(source, tmp_path)
+        study = load_study(source)
+        [run] = study.runs()
+        store = Store(tmp_path)
+        path = tmp_path / "runs" / f"{run.digest}.npz"
+        whole = path.read_bytes()
+        good = store.load(run)
+        rng = np.random.default_rng(0)
+        n_noticed = 0
+        for position in rng.integers(len(whole), size=150):
+            data = bytearray(whole)
+            data[position] ^= 1 << int(rng.integers(8))
+            path.write_bytes(bytes(data))
+            if plan_study(study, tmp_path).damaged:
+                n_noticed += 1
+                continue
+            found = store.load(run)
+            assert found.evaluations == good.evaluations
+            assert [r.objectives.tolist() for r in found.records] == [
+                r.objectives.tolist() for r in good.records
+            ]
+        assert n_noticed > 100
+        assert len(first.runs) == 1
+
+
+class TestPlan:
+    def test_it_tells_what_is_there(self, tmp_path):
+        study = load_study(study_of())
+        assert len(plan_study(study, tmp_path / "none").missing) == 4
+        assert not (tmp_path / "none").exists()
+        run_study(study_of(seeds=1), tmp_path)
+        plan = plan_study(study, tmp_path)
+        assert [run.seed for run in plan.missing] == [2, 2]
+        assert set(plan.seconds) == set(plan.finished)
+
+
+class TestFolder:
+    def test_another_study_is_not_overwritten(self, tmp_path):
+        run_study(study_of(), tmp_path)
+        with pytest.raises(StudyError, match="holds the study 'trial', not 'other'"):
+            run_study(study_of(name="other"), tmp_path)
+
+    def test_a_file_is_no_folder(self, tmp_path):
+        (tmp_path / "file").touch()
+        with pytest.raises(StudyError, match="expected a folder to write to"):
+            run_study(study_of(), tmp_path / "file")
+
+    def test_a_second_runner_stops(self, tmp_path):
+        with (
+            Store(tmp_path).locked(),
+            pytest.raises(StudyError, match=r"another runner is at work in this folder \(process"),
+        ):
+            run_study(study_of(), tmp_path)
+        run_study(study_of(), tmp_path)
+
+    def test_a_full_disk_loses_nothing(self, tmp_path, monkeypatch):
+        from botohe_moo.study import store
+
+        usual, n = store.replace_file, [0]
+
+        def replace_file(path, data):
+            n[0] += path.suffix == ".npz"
+            if n[0] == 3:
+                raise OSError(errno.ENOSPC, "No space left on device", str(path))
+            usual(path, data)
+
+        monkeypatch.setattr(store, "replace_file", replace_file)
+        with pytest.raises(StudyError, match=r"the disk is full.*are kept; run the study again"):
+            run_study(study_of(), tmp_path)
+        monkeypatch.undo()
+        _, watcher = watched(study_of(), tmp_path)
+        assert len(watcher.performed) == 2
+
+    def test_leftovers_of_a_killed_runner_are_removed(self, tmp_path):
+        run_study(study_of(), tmp_path)
+        leftover = tmp_path / "runs" / ".0123.tmp"
+        leftover.write_bytes(b"half")
+        run_study(study_of(), tmp_path)
+        assert not leftover.exists()
+
+    def test_the_study_is_kept_with_its_results(self, tmp_path):
+        path = tmp_path / "mine.yaml"
+        path.write_text("# mine\n" + json.dumps(study_of()))
+        tables = run_study(path, tmp_path / "out")
+        assert (tmp_path / "out" / "study.yaml").read_text() == path.read_text()
+        assert tables.missions["toy"] == load_mission("toy")
+        assert len(load_study(tmp_path / "out" / "study.yaml").runs()) == 4
+
+
+def test_workers_are_checked(tmp_path):
+    with pytest.raises(ValueError, match="Expected workers >= 1, got 0"):
+        run_study(study_of(), tmp_path, workers=0)
