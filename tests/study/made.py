@@ -143,7 +143,7 @@ def make_study(folder, missions, algorithms, records, *, control=None, **manifes
         save_mission(mission, folder / "missions" / f"m{i}.json")
         entries[label] = {
             "file": f"missions/m{i}.json",
-            "source": {"name": mission.name, "robots": mission.robots},
+            "source": {"name_or_path": mission.name, "robots": mission.robots},
             "min_survival": 0.0,
             "budget": {"evaluations": 10_000, "seconds": None},
         }

@@ -231,7 +231,7 @@ class TestPage:
         assert "10,000 evaluations" in text
         assert "Seeds 1–3" in text
         assert "others with BO-ACO, at a significance level of 0.05" in text
-        toy = f"toy {TOY.title} name=toy, robots=2 10,000 evaluations 0 5 12 2 10.00"
+        toy = f"toy {TOY.title} toy (robots=2) 10,000 evaluations 0 5 12 2 10.00"
         assert toy in text
 
     def test_what_is_lost_is_said(self, odd):

@@ -2,6 +2,7 @@
 
 import errno
 import json
+import shutil
 
 import numpy as np
 import pandas as pd
@@ -143,7 +144,7 @@ class TestWhatComesOfRuns:
 
     def test_verdicts_mention_them(self, done):
         rows = done.comparisons[done.comparisons["algorithm"] == "raising"]
-        assert rows["verdict"].str.contains("failed").all()
+        assert rows["verdict"].str.contains("2 of 2 runs of raising").all()
         summary = done.summary.set_index(["mission", "algorithm"])["n_not_done"]
         assert summary["plant", "raising"] == summary["plant", "never"] == 2
         assert summary["plant", "random"] == 0
@@ -221,15 +222,14 @@ class TestTables:
             done.plan(done.runs["run"].iloc[0], 10**6)
 
     @pytest.mark.parametrize("damage", [b"", b"not parquet", None])
-    def test_damaged_tables_are_named(self, tmp_path, damage):
-        run_study(study_of(seeds=1, algorithms=["random"]), tmp_path)
-        path = tmp_path / "trace.parquet"
+    def test_damaged_tables_are_named(self, small, damage):
+        path = small / "trace.parquet"
         if damage is None:
             path.unlink()
         else:
             path.write_bytes(damage)
         with pytest.raises(StudyError, match=r"trace\.parquet"):
-            read_study(tmp_path)
+            read_study(small)
 
     def test_folders_without_a_study(self, tmp_path):
         with pytest.raises(StudyError, match="there is no study in this folder"):
@@ -239,20 +239,36 @@ class TestTables:
             read_study(tmp_path)
 
 
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("finished")
+    run_study(study_of(), folder)
+    return folder
+
+
+@pytest.fixture
+def small(finished, tmp_path):
+    """A copy of a finished study's folder."""
+    return shutil.copytree(finished, tmp_path / "copy")
+
+
+def a_run_of(folder):
+    digest = read_study(folder).runs["run"][1]
+    return folder / "runs" / f"{digest}.npz", digest
+
+
 class TestAgain:
-    def test_nothing_is_performed_twice(self, tmp_path):
-        first, one = watched(study_of(), tmp_path)
-        second, two = watched(study_of(), tmp_path)
-        assert len(one.performed) == 4
-        assert two.performed == []
+    def test_nothing_is_performed_twice(self, small):
+        first = read_study(small)
+        second, watcher = watched(study_of(), small)
+        assert watcher.performed == []
         assert_same(first, second)
         # Times, too, for nothing ran.
         pd.testing.assert_frame_equal(first.runs, second.runs)
 
-    def test_only_what_is_new_is_performed(self, tmp_path):
-        run_study(study_of(), tmp_path)
+    def test_only_what_is_new_is_performed(self, small, tmp_path):
         source = study_of(algorithms={"new": "bo-aco", "random": "random", "g": "greedy"}, seeds=3)
-        tables, watcher = watched(source, tmp_path)
+        tables, watcher = watched(source, small)
         assert sorted(watcher.performed) == [
             ("g", 3, "done"),
             ("new", 1, "done"),
@@ -263,12 +279,11 @@ class TestAgain:
         fresh = run_study(source, tmp_path / "fresh")
         assert_same(tables, fresh)
 
-    def test_what_is_left_out_is_not_in_the_tables_but_kept(self, tmp_path):
-        run_study(study_of(), tmp_path)
-        tables, watcher = watched(study_of(algorithms=["greedy"]), tmp_path)
+    def test_what_is_left_out_is_not_in_the_tables_but_kept(self, small):
+        tables, watcher = watched(study_of(algorithms=["greedy"]), small)
         assert watcher.performed == []
         assert set(tables.runs["algorithm"]) == {"greedy"}
-        _, watcher = watched(study_of(), tmp_path)
+        _, watcher = watched(study_of(), small)
         assert watcher.performed == []
 
     def test_failed_runs_are_tried_again(self, tmp_path):
@@ -305,22 +320,27 @@ class TestAgain:
         ],
         ids=["half", "empty", "cut", "a bit", "zeros", "pickle"],
     )
-    def test_damaged_files_are_named_and_performed_again(self, tmp_path, damage):
-        first = run_study(study_of(), tmp_path)
-        path = tmp_path / "runs" / f"{first.runs['run'][1]}.npz"
+    def test_damaged_files_are_named(self, small, damage):
+        path, first = a_run_of(small)
         path.write_bytes(damage(path.read_bytes()))
-        second, watcher = watched(study_of(), tmp_path)
-        assert watcher.performed == [("random", 2, "done")]
-        [said] = watcher.plan.damaged.values()
-        assert str(path) in said
-        assert_same(first, second)
+        plan = plan_study(load_study(study_of()), small)
+        assert [run.digest for run in plan.missing] == [first]
+        [said] = plan.damaged.values()
+        assert said.startswith(f"{path}: damaged (")
 
-    def test_another_runs_file_is_damage(self, tmp_path):
-        first = run_study(study_of(), tmp_path)
-        one, other = (tmp_path / "runs" / f"{first.runs['run'][i]}.npz" for i in (0, 1))
-        other.write_bytes(one.read_bytes())
-        _, watcher = watched(study_of(), tmp_path)
-        assert [list(watcher.plan.damaged)] == [[first.runs["run"][1]]]
+    def test_another_runs_file_is_damage(self, small):
+        path, first = a_run_of(small)
+        other = next(file for file in path.parent.glob("*.npz") if file != path)
+        path.write_bytes(other.read_bytes())
+        assert list(plan_study(load_study(study_of()), small).damaged) == [first]
+
+    def test_damaged_runs_are_performed_again(self, small):
+        before = read_study(small)
+        path, first = a_run_of(small)
+        path.write_bytes(path.read_bytes()[:-100])
+        after, watcher = watched(study_of(), small)
+        assert [(digest, len(watcher.performed)) for digest in watcher.plan.damaged] == [(first, 1)]
+        assert_same(before, after)
 
     def test_every_bit_of_a_file_counts_or_changes_nothing(self, tmp_path):
         source = study_of(seeds=1, algorithms=["random"])
@@ -350,34 +370,32 @@ class TestAgain:
 
 
 class TestPlan:
-    def test_it_tells_what_is_there(self, tmp_path):
+    def test_it_tells_what_is_there(self, small, tmp_path):
         study = load_study(study_of())
         assert len(plan_study(study, tmp_path / "none").missing) == 4
         assert not (tmp_path / "none").exists()
-        run_study(study_of(seeds=1), tmp_path)
-        plan = plan_study(study, tmp_path)
-        assert [run.seed for run in plan.missing] == [2, 2]
+        plan = plan_study(load_study(study_of(seeds=[2, 3])), small)
+        assert [run.seed for run in plan.missing] == [3, 3]
         assert set(plan.seconds) == set(plan.finished)
 
 
 class TestFolder:
-    def test_another_study_is_not_overwritten(self, tmp_path):
-        run_study(study_of(), tmp_path)
+    def test_another_study_is_not_overwritten(self, small):
         with pytest.raises(StudyError, match="holds the study 'trial', not 'other'"):
-            run_study(study_of(name="other"), tmp_path)
+            run_study(study_of(name="other"), small)
 
     def test_a_file_is_no_folder(self, tmp_path):
         (tmp_path / "file").touch()
         with pytest.raises(StudyError, match="expected a folder to write to"):
             run_study(study_of(), tmp_path / "file")
 
-    def test_a_second_runner_stops(self, tmp_path):
+    def test_a_second_runner_stops(self, small):
         with (
-            Store(tmp_path).locked(),
+            Store(small).locked(),
             pytest.raises(StudyError, match=r"another runner is at work in this folder \(process"),
         ):
-            run_study(study_of(), tmp_path)
-        run_study(study_of(), tmp_path)
+            run_study(study_of(), small)
+        run_study(study_of(), small)
 
     def test_a_full_disk_loses_nothing(self, tmp_path, monkeypatch):
         from botohe_moo.study import store
@@ -397,11 +415,10 @@ class TestFolder:
         _, watcher = watched(study_of(), tmp_path)
         assert len(watcher.performed) == 2
 
-    def test_leftovers_of_a_killed_runner_are_removed(self, tmp_path):
-        run_study(study_of(), tmp_path)
-        leftover = tmp_path / "runs" / ".0123.tmp"
+    def test_leftovers_of_a_killed_runner_are_removed(self, small):
+        leftover = small / "runs" / ".0123.tmp"
         leftover.write_bytes(b"half")
-        run_study(study_of(), tmp_path)
+        run_study(study_of(), small)
         assert not leftover.exists()
 
     def test_the_study_is_kept_with_its_results(self, tmp_path):

@@ -147,7 +147,7 @@ def _missions(tables: StudyTables) -> Grid:
             [
                 label,
                 mission.title,
-                parameter_words(entry.get("source") or {}),
+                _origin(entry["source"]),
                 budget_words(entry["budget"]),
                 significant(entry["min_survival"]),
                 count(mission.graph.number_of_nodes()),
@@ -158,6 +158,13 @@ def _missions(tables: StudyTables) -> Grid:
         )
     header = ["mission", "title", "from", "budget of a run", "survival floor"]
     return Grid([*header, "nodes", "arcs", "robots", "total reward"], rows, texts=4)
+
+
+def _origin(source: Mapping[str, Any]) -> str:
+    """Say what a mission was made from."""
+    parameters = {key: value for key, value in source.items() if key != "name_or_path"}
+    named = f" ({parameter_words(parameters)})" if parameters else ""
+    return f"{source['name_or_path']}{named}"
 
 
 def _algorithms(tables: StudyTables) -> Grid:
