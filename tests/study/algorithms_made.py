@@ -1,5 +1,6 @@
 """Algorithms for studies that go wrong, and some that do not: named as ``module:Class``."""
 
+import copy
 import os
 import time
 from pathlib import Path
@@ -131,4 +132,74 @@ class Printing(Slow):
     def _advance(self, **_):
         print("on standard output", flush=True)
         os.write(1, b"more of it\n")
+        super()._advance()
+
+
+class Forking(ArchiveAlgorithm):
+    """Leaves a process of its own behind, and dies; or stays, and never ends."""
+
+    def __init__(self, stay: bool = False):
+        super().__init__()
+        self.stay = stay
+
+    def _advance(self, **_):
+        if os.fork() == 0:
+            time.sleep(3600)
+            os._exit(0)
+        if not self.stay:
+            os._exit(3)
+        time.sleep(3600)
+
+
+class Asking(ArchiveAlgorithm):
+    """Asks somebody at the keyboard."""
+
+    def _advance(self, **_):
+        input("How many? ")
+
+
+class Exiting(ArchiveAlgorithm):
+    """Ends the process as if all were well."""
+
+    def _advance(self, **_):
+        raise SystemExit(0)
+
+
+class Overstating(ArchiveAlgorithm):
+    """Claims more than its plans bring, and never ends."""
+
+    def _advance(self, **_):
+        if not self.evaluator.n_eval:
+            sample(self, 20)
+            self.archive._objectives = self.archive._objectives * 1.5
+            return
+        time.sleep(3600)
+
+
+class Understating(ArchiveAlgorithm):
+    """Evaluates fifty plans an iteration, and counts one."""
+
+    def _advance(self, **_):
+        problem = self.problem
+        batch = RandomTrailSampling().sample_batch(problem, 50, self.random_state)
+        problem.evaluate_batch(batch)
+        self._take_in(batch[:1])
+
+
+class Copying(Sampler):
+    """Evaluates on copies of its problem, some of which allow plans that are none."""
+
+    def _advance(self, infills=None, **_):
+        super()._advance(infills)
+        drawn = RandomTrailSampling().do(self.problem, 30, random_state=self.random_state)
+        batch = self.problem.mission.batch(drawn.get("X"))
+        copy.copy(self.problem).evaluate_batch(batch)
+        self.problem.allowing_invalid().evaluate_batch(batch)
+
+
+class Chatty(Slow):
+    """Has something to say in every iteration, which takes a while."""
+
+    def _advance(self, **_):
+        time.sleep(0.06)
         super()._advance()

@@ -9,15 +9,19 @@ from importlib.metadata import version
 from itertools import pairwise
 
 import numpy as np
+import psutil
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from pymoo.optimize import minimize
 
 from botohe_moo import BOTOHE, Mission, load_mission, make_algorithm
+from botohe_moo.algorithms.registry import algorithm_origin
 from botohe_moo.study.metered import BudgetSpentError, MeteredBOTOHE
-from botohe_moo.study.perform import Task, perform, record_counts
+from botohe_moo.study.perform import perform
+from botohe_moo.study.recording import record_counts
 from botohe_moo.study.sandbox import Sandbox
+from botohe_moo.study.task import Task
 from tests.algorithms.test_contract import DOTTED, ENDS_BY_ITSELF, NAMES
 
 MADE = "tests.study.algorithms_made"
@@ -30,6 +34,7 @@ def make_task(algorithm, *, mission="art_museum", evaluations=500, **changes):
         min_survival=0.0,
         algorithm=algorithm,
         parameters={},
+        origin={},
         seed=1,
         evaluations=evaluations,
         seconds=None,
@@ -39,7 +44,8 @@ def make_task(algorithm, *, mission="art_museum", evaluations=500, **changes):
         at=(),
         version=version("botohe-moo"),
     )
-    return replace(task, **changes)
+    task = replace(task, **changes)
+    return replace(task, origin=algorithm_origin(task.algorithm))
 
 
 def performed(task):
@@ -74,9 +80,10 @@ class TestCounts:
         assert 1 <= counts[0] <= max(1, np.ceil(0.01 * evaluations))
         assert counts[-1] == evaluations
         assert set(counts) >= {count for count in at if count <= evaluations}
-        spaced = [n for n in counts if n not in at or n == evaluations]
+        spaced = record_counts(evaluations=evaluations, per_decade=per_decade, start=start, at=())
+        assert set(spaced) <= set(counts)
         ratios = [b / a for a, b in pairwise(spaced) if a >= 100]
-        assert at or all(ratio <= 10 ** (1 / per_decade) * 1.02 for ratio in ratios)
+        assert all(ratio <= 10 ** (1 / per_decade) * 1.02 for ratio in ratios)
 
 
 class Counted:
@@ -105,7 +112,7 @@ class TestBudgets:
         counted = Counted(monkeypatch)
         verified = []
         monkeypatch.setattr(
-            "botohe_moo.study.perform._verify", lambda task, archive: verified.append(counted.n)
+            "botohe_moo.study.perform.verify", lambda *_: verified.append(counted.n)
         )
         outcome, records = performed(make_task(name, evaluations=budget))
         assert outcome.status == "done", outcome.error
@@ -164,6 +171,16 @@ for budget in (1, 97, 331):
         assert outcome.status == "failed"
         assert "evaluated 120 plans of the 100 allowed" in outcome.error
 
+    def test_what_copies_of_the_problem_evaluate_counts(self):
+        outcome, records = performed(make_task(f"{MADE}:Copying", evaluations=200))
+        assert (outcome.status, outcome.evaluations) == ("done", 200)
+        assert records[-1].evaluations == 200
+
+    def test_so_does_what_an_algorithm_keeps_to_itself(self):
+        outcome, _ = performed(make_task(f"{MADE}:Understating", evaluations=10))
+        assert outcome.status == "failed"
+        assert "of the 10 allowed" in outcome.error
+
     def test_seconds_end_a_run_at_the_end_of_an_iteration(self):
         task = make_task(
             f"{MADE}:Slow", evaluations=None, seconds=0.2, parameters={"seconds": 0.02}
@@ -190,11 +207,11 @@ class TestMeter:
         problem.evaluate_batch(batch[:20])
         with pytest.raises(BudgetSpentError):
             problem.evaluate_batch(batch[20:])
-        assert problem.spent == 25
+        assert problem.meter.spent == 25
         assert (mission.robot_survival(problem.archive.plans) >= 0.5 * (1 - 1e-12)).all()
         with pytest.raises(BudgetSpentError):
             problem.evaluate_batch(batch[:1])
-        assert problem.spent == 25
+        assert problem.meter.spent == 25
 
 
 class TestRecords:
@@ -232,7 +249,6 @@ class TestRecords:
             return usual(archive)
 
         monkeypatch.setattr(PlanArchive, "plans", property(slow))
-        monkeypatch.setattr("botohe_moo.study.perform._verify", lambda *_: None)
         task = make_task("random", evaluations=500, seconds=1_000.0)  # keeps plans each time
         outcome, records = performed(task)
         assert len(records) >= 5
@@ -254,6 +270,10 @@ class TestFailures:
         assert outcome.status == "failed"
         assert "claimed to bring" in outcome.error
 
+    def test_ending_the_process_as_if_all_were_well(self):
+        outcome, _ = performed(make_task(f"{MADE}:Exiting"))
+        assert (outcome.status, outcome.error) == ("failed", "SystemExit: 0")
+
     def test_nothing_feasible(self):
         task = make_task(f"{MADE}:Infeasible", mission="power_plant", min_survival=0.9999)
         outcome, records = performed(replace(task, evaluations=100))
@@ -267,6 +287,16 @@ def sandbox():
     made = Sandbox()
     yield made
     made.close()
+
+
+def marked_processes(folder):
+    """Processes that perform runs, started with that folder in their environment."""
+    found = []
+    for process in psutil.process_iter(["cmdline", "environ"]):
+        marked = (process.info["environ"] or {}).get("BOTOHE_TEST_FOLDER") == str(folder)
+        if "botohe_moo.study.child" in (process.info["cmdline"] or []) and marked:
+            found.append(process)
+    return found
 
 
 def sandboxed(sandbox, task):
@@ -302,6 +332,55 @@ class TestSandbox:
         assert "last words" in outcome.traceback
         assert sandboxed(sandbox, make_task("random")).status == "done"
 
+    @pytest.mark.parametrize("stay", [False, True])
+    def test_no_process_is_left_behind(self, stay, monkeypatch, tmp_path):
+        monkeypatch.setenv("BOTOHE_TEST_FOLDER", str(tmp_path))
+        sandbox = Sandbox()
+        task = make_task(f"{MADE}:Forking", seconds=0.3, parameters={"stay": stay})
+        outcome = sandboxed(sandbox, task)
+        if stay:
+            assert outcome.status == "timeout"
+        else:
+            assert outcome.error == "its process died (exit status 3)"
+        time.sleep(0.1)
+        assert marked_processes(tmp_path) == []
+
+    def test_nobody_answers_questions(self, sandbox):
+        outcome = sandboxed(sandbox, make_task(f"{MADE}:Asking"))
+        assert outcome.status == "failed"
+        assert "EOFError" in outcome.error
+
+    def test_claims_of_killed_runs_are_not_taken_on_trust(self, sandbox):
+        outcome = sandboxed(sandbox, make_task(f"{MADE}:Overstating", seconds=0.3))
+        assert outcome.status == "failed"
+        assert "claimed to bring" in outcome.error
+        assert outcome.records == ()
+
+    def test_it_stops_at_once_while_records_come(self, sandbox):
+        asked = []
+
+        def stopped():
+            asked.append(time.monotonic())
+            return len(asked) > 20
+
+        task = make_task(f"{MADE}:Chatty", evaluations=5_000, seconds=600.0, at=tuple(range(5_000)))
+        assert sandbox.perform(task, stopped=stopped, note=lambda _: None) is None
+        assert len(asked) == 21
+
+    def test_last_words_are_those_of_the_run(self, sandbox):
+        assert sandboxed(sandbox, make_task(f"{MADE}:Printing", evaluations=30)).status == "done"
+        outcome = sandboxed(sandbox, make_task(f"{MADE}:Dying"))
+        assert "last words" in outcome.traceback
+        assert "more of it" not in outcome.traceback
+
+    def test_who_notes_records_may_raise(self, sandbox):
+        def note(record):
+            raise BrokenPipeError("nobody reads")
+
+        with pytest.raises(BrokenPipeError):
+            sandbox.perform(make_task("random"), stopped=lambda: False, note=note)
+        assert sandboxed(sandbox, make_task("random")).status == "done"
+
     def test_what_is_printed_does_not_come_between(self, sandbox):
         outcome = sandboxed(sandbox, make_task(f"{MADE}:Printing", evaluations=30))
         assert outcome.status == "done"
@@ -318,3 +397,6 @@ class TestSandbox:
         outcome = sandboxed(sandbox, make_task("random", version="99.0"))
         assert outcome.status == "failed"
         assert "the study 99.0" in outcome.error
+        origin = {"package": "other", "version": "1", "source": None}
+        outcome = sandboxed(sandbox, replace(make_task("random"), origin=origin))
+        assert "the study from" in outcome.error

@@ -8,10 +8,10 @@ import sys
 import time
 from pathlib import Path
 
-import psutil
 import pytest
 
 from botohe_moo.study import read_study, run_study
+from tests.study.test_perform import marked_processes
 from tests.study.test_runner import MADE, Watcher, assert_same, without_times
 
 ROOT = Path(__file__).parents[2]
@@ -66,17 +66,6 @@ def wait_until(condition, timeout=60):
         time.sleep(0.02)
 
 
-def children_of(folder):
-    """Processes that still perform runs for nobody: they have the study's tests in their path."""
-    found = []
-    for process in psutil.process_iter(["cmdline", "environ"]):
-        command = process.info["cmdline"] or []
-        marked = (process.info["environ"] or {}).get("BOTOHE_TEST_FOLDER") == str(folder)
-        if "botohe_moo.study.child" in command and marked:
-            found.append(process)
-    return found
-
-
 def test_ten_kills_at_random_moments_change_nothing(study_file, uninterrupted, tmp_path):
     folder = tmp_path / "killed"
     environment = {**os.environ, "BOTOHE_TEST_FOLDER": str(folder)}
@@ -98,7 +87,7 @@ def test_ten_kills_at_random_moments_change_nothing(study_file, uninterrupted, t
         n_done.append(len(list(folder.glob("runs/*.npz"))))
     assert n_done == sorted(n_done)  # what is done stays done
     assert n_done[-1] > 0
-    wait_until(lambda: not children_of(folder), timeout=20)  # nobody works for a dead runner
+    wait_until(lambda: not marked_processes(folder), timeout=20)  # nobody works for a dead runner
     status, _, err = finish(start("run", study_file, "--out", folder, "--workers", 2))
     assert status == 0, err
     assert f"{n_done[-1]} are there" in err
@@ -116,7 +105,7 @@ def test_ctrl_c_stops_cleanly_and_keeps_what_is_done(study_file, uninterrupted, 
     assert status == 130, err
     assert "stopped; what is done is in" in err
     assert "Traceback" not in err
-    assert not children_of(folder)
+    assert not marked_processes(folder)
     partial = read_study(folder)
     assert 2 <= len(partial.runs) < 24
     assert set(partial.runs["status"]) == {"done"}
@@ -195,26 +184,29 @@ def test_two_workers_work_at_the_same_time(tmp_path):
     source = {
         "name": "sleepers",
         "missions": ["toy"],
-        "algorithms": {"slow": {"algorithm": f"{MADE}:Slow", "parameters": {"seconds": 0.2}}},
-        "budget": {"evaluations": 60},
+        "algorithms": {"slow": {"algorithm": f"{MADE}:Slow", "parameters": {"seconds": 0.3}}},
+        "budget": {"evaluations": 60, "seconds": 60},  # each record is sent at once
         "seeds": 4,
     }
 
     class Overlap(Watcher):
-        active, most = frozenset(), 0
+        def __init__(self):
+            super().__init__()
+            self.times = {}
 
         def record(self, run, record):
-            self.active |= {run.digest}
-            self.most = max(self.most, len(self.active))
+            self.times.setdefault(run.digest, []).append(time.monotonic())
 
-        def end(self, run, outcome):
-            self.active -= {run.digest}
+        def most(self):
+            """Most runs that were at work at one moment."""
+            spans = [(min(times), max(times)) for times in self.times.values()]
+            return max(sum(a <= moment <= b for a, b in spans) for moment, _ in spans)
 
     one, two = Overlap(), Overlap()
     run_study(source, tmp_path / "one", workers=1, watcher=one)
     run_study(source, tmp_path / "two", workers=2, watcher=two)
-    assert one.most == 1
-    assert two.most == 2
+    assert one.most() == 1
+    assert two.most() == 2
 
 
 def test_a_dask_cluster_gives_the_same(study_file, uninterrupted, tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import zip_longest
 from typing import TYPE_CHECKING
 
 from botohe_moo._checks import nearest_first
@@ -20,6 +21,7 @@ Line = tuple[int, tuple[float, ...] | None]
 # Colours repeat after ten, then the line changes; the marker has a period of its own.
 _LINES: tuple[Line, ...] = ((0, None), (0, (5, 1.6)), (0, (1.2, 1.2)), (0, (6, 1.5, 1.2, 1.5)))
 _LONGEST = 30
+_HEAD = 8  # letters that stay of a label whose beginning others share
 
 
 @dataclass(frozen=True)
@@ -105,7 +107,21 @@ def chosen_algorithms(
     return list(dict.fromkeys(algorithms))
 
 
-def shortened(label: str) -> str:
-    """Give a label that leaves room for the plot, its middle left out if it is long."""
-    half = (_LONGEST - 1) // 2
+def shortened(labels: Iterable[str]) -> dict[str, str]:
+    """Give labels that leave room for the plot, and differ where the whole ones do.
+
+    The middle of a long one is left out; where that would make two alike, what is left out is
+    what they have in common.
+    """
+    short = {label: _cut(label, (_LONGEST - 1) // 2) for label in labels}
+    for text in {text for text in short.values() if list(short.values()).count(text) > 1}:
+        alike = [label for label in short if short[label] == text]
+        n_common = next(i for i, letters in enumerate(zip_longest(*alike)) if len(set(letters)) > 1)
+        for number, label in enumerate(alike, 1):
+            told = f"{label[:_HEAD]}…{label[max(n_common - 4, _HEAD) :][: _LONGEST - _HEAD - 1]}"
+            short[label] = told if told not in short.values() else f"{text} #{number}"
+    return short
+
+
+def _cut(label: str, half: int) -> str:
     return label if len(label) <= _LONGEST else f"{label[:half]}…{label[-half:]}"

@@ -74,7 +74,7 @@ def plot_areas(
         for row, label in enumerate(labels):
             _draw_runs(ax, row, runs[runs["algorithm"] == label], styles[label])
             _draw_median(ax, row, *medians.loc[label, list(interval[1:])].to_numpy(float))
-        ax.set_yticks(range(len(labels)), [shortened(label) for label in labels])
+        ax.set_yticks(range(len(labels)), list(shortened(labels).values()))
         ax.set_ylim(len(labels) - 0.4, -0.6)
         ax.tick_params(axis="y", length=0)
         ax.set_xlabel("area of the final front (normalised hypervolume)")

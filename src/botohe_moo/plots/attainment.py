@@ -73,6 +73,7 @@ def plot_attainment(
     with theme():
         if ax is None:
             ax = new_axes(8.4, 5.2)
+        short = shortened(fronts)
         for label, found in fronts.items():
             few, half, most = (
                 staircase(attainment_surface(found.values(), percent))[:-1]
@@ -100,7 +101,7 @@ def plot_attainment(
                 # Ends of stairs, not plans: a few are enough to tell the lines apart.
                 markevery=max(1, len(half) // 8),
                 zorder=2,
-                label=shortened(label),
+                label=short[label],
                 gid="median",
             )
         objective_axes(ax)

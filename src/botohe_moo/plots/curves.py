@@ -118,8 +118,9 @@ def plot_curves(
         ax.set_xlabel(_NAMES[x])
         ax.set_ylabel("area (normalised hypervolume)")
         title_above(ax, title, _in_words(list(curves.values()), band) + cut)
-        ends = {shortened(label): float(curve.mean[-1]) for label, curve in curves.items()}
-        marks = {shortened(label): styles[label] for label in curves}
+        short = shortened(curves)
+        ends = {short[label]: float(curve.mean[-1]) for label, curve in curves.items()}
+        marks = {short[label]: styles[label] for label in curves}
         label_ends(ax, ends, marks)
     return ax
 

@@ -91,6 +91,7 @@ def plot_attainment_difference(
             )
             axes = list(drawn)
         left, right = axes
+        short = shortened([algorithm, other])
         sides = ((left, algorithm, mine, difference), (right, other, theirs, -difference))
         for ax, label, found, ahead in sides:
             colour = styles[label].colour
@@ -99,7 +100,7 @@ def plot_attainment_difference(
             half = staircase(attainment_surface(found, 50))[:-1]
             ax.plot(*half.T, color=INK, linewidth=1.0, linestyle=_DASHED, zorder=3, gid="median")
             objective_axes(ax)
-            ax.set_title(f"{shortened(label)} reaches more often", fontsize=11)
+            ax.set_title(f"{short[label]} reaches more often", fontsize=11)
             ax.legend(handles=_key(colour), loc="lower left", title="share of its runs, ahead by")
         right.set_ylabel("")
         if title:

@@ -80,9 +80,10 @@ def plot_fronts(
                 label="all runs together",
                 gid="reference",
             )
+        short = shortened(fronts)
         for label, found in fronts.items():
             seed = median_run(runs[runs["algorithm"] == label])
-            _draw(ax, found[seed], styles[label], f"{shortened(label)} (seed {seed})")
+            _draw(ax, found[seed], styles[label], f"{short[label]} (seed {seed})")
         objective_axes(ax)
         title_above(ax, title, "final fronts of the runs with the median area")
         ax.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False)

@@ -9,9 +9,15 @@ from __future__ import annotations
 import contextlib
 import os
 import select
+import signal
 import threading
 import time
 from multiprocessing.connection import Connection
+
+from botohe_moo.algorithms.registry import algorithm_origin
+from botohe_moo.study.environment import environment
+from botohe_moo.study.perform import perform, warm_up
+from botohe_moo.study.task import Task, failure
 
 __all__ = ["main"]
 
@@ -24,10 +30,8 @@ def main() -> None:
     answers = Connection(os.dup(1), readable=False)
     os.dup2(2, 1)
     tasks = Connection(os.dup(0), writable=False)
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)  # nor may it read what is not for it
     threading.Thread(target=_end_with_parent, args=(tasks.fileno(),), daemon=True).start()
-
-    from botohe_moo.study.environment import environment
-    from botohe_moo.study.perform import Task, failure, perform, warm_up
 
     warm: set[tuple[str, str]] = set()
     while True:
@@ -36,9 +40,8 @@ def main() -> None:
         except EOFError:
             return
         found = environment()
-        if task.version != found["botohe_moo"]:
-            said = f"the worker has botohe-moo {found['botohe_moo']}, the study {task.version}"
-            answers.send(("end", failure(said), found))
+        if other := _other_code(task, found["botohe_moo"]):
+            answers.send(("end", failure(other), found))
             continue
         key = task.algorithm, repr(task.parameters)
         if key not in warm:
@@ -50,6 +53,19 @@ def main() -> None:
         outcome = perform(task, mail.put)
         mail.send()
         answers.send(("end", outcome, found))
+
+
+def _other_code(task: Task, ours: str) -> str | None:
+    """Say how the code here differs from that which the study was checked with."""
+    if task.version != ours:
+        return f"the worker has botohe-moo {ours}, the study {task.version}"
+    try:
+        here = algorithm_origin(task.algorithm)
+    except Exception as error:
+        return f"the worker cannot import the algorithm: {error}"
+    if here != task.origin:
+        return f"the worker has {task.algorithm} from {here}, the study from {task.origin}"
+    return None
 
 
 class _Mail:
@@ -80,6 +96,8 @@ def _end_with_parent(descriptor: int) -> None:
     poll = select.poll()
     poll.register(descriptor, 0)  # hanging up is reported unasked
     poll.poll()
+    if os.getpgid(0) == os.getpid():  # with all that algorithms have started
+        os.killpg(0, signal.SIGKILL)
     os._exit(1)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from collections.abc import Iterator
 from typing import Any
@@ -12,11 +13,11 @@ import pandas as pd
 from botohe_moo.indicators import area_indicator
 from botohe_moo.study.environment import environment
 from botohe_moo.study.grid import Run, Study
-from botohe_moo.study.perform import Outcome
 from botohe_moo.study.scores import reference_fronts, score_runs
 from botohe_moo.study.statistics import compare_algorithms, rank_algorithms, summarise
 from botohe_moo.study.store import DamagedError, Store, writing
 from botohe_moo.study.tables import SCHEMAS, write_tables
+from botohe_moo.study.task import Outcome
 
 __all__ = ["collect_tables"]
 
@@ -78,10 +79,9 @@ def _outcomes(study: Study, store: Store) -> Iterator[tuple[Run, Outcome]]:
     for run in study.runs():
         outcome = None
         if store.finished(run.digest):
-            try:
+            # Where it is damaged, how it failed the last time counts, if it did.
+            with contextlib.suppress(DamagedError):
                 outcome = store.load(run)
-            except DamagedError:
-                continue
         outcome = outcome or store.failure(run.digest)
         if outcome is not None:
             yield run, outcome
@@ -200,7 +200,10 @@ def _judged(study: Study, runs: pd.DataFrame, points: pd.DataFrame) -> dict[str,
             significance=comparison.significance,
         ),
         "ranks": rank_algorithms(
-            indicators, algorithms=algorithms, significance=comparison.significance
+            indicators,
+            algorithms=algorithms,
+            significance=comparison.significance,
+            digests={mission.label: mission.digest for mission in study.missions},
         ),
         "summary": summarise(
             runs,

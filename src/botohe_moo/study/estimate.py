@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from botohe_moo.study.grid import Run
-    from botohe_moo.study.perform import Outcome, Record
     from botohe_moo.study.runner import Plan
+    from botohe_moo.study.task import Outcome, Record
 
 __all__ = ["Estimate", "estimate_times"]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import version
@@ -146,6 +147,7 @@ class Study:
                     **mission.origin,
                     "min_survival": mission.min_survival,
                     "budget": mission.budget.model_dump(exclude={"grace_seconds"}),
+                    "digest": mission.digest,
                 }
                 for mission in self.missions
             },
@@ -171,13 +173,25 @@ def _run(mission: StudyMission, algorithm: StudyAlgorithm, seed: int, recording:
         "algorithm": algorithm.algorithm,
         "parameters": dict(algorithm.parameters),
         "origin": dict(algorithm.origin),
-        "budget": mission.budget.model_dump(),
-        "recording": recording.model_dump(),
+        "budget": _spent(mission.budget),
+        "recording": _recorded(recording, mission.budget),
         "seed": seed,
         "version": version("botohe-moo"),
+        "pymoo": version("pymoo"),  # whose algorithms this package's derive from
     }
     digest = hashlib.sha256(canonical(identity).encode()).hexdigest()[:16]
     return Run(mission, algorithm, seed, recording, identity, digest)
+
+
+def _spent(budget: Budget) -> dict[str, Any]:
+    """Give what a result depends on of a budget: nobody is killed who has no limit of time."""
+    return budget.model_dump(exclude={"grace_seconds"} if budget.seconds is None else None)
+
+
+def _recorded(recording: Recording, budget: Budget) -> dict[str, Any]:
+    """Give what a result depends on of a recording: further counts in order, within the budget."""
+    limit = math.inf if budget.evaluations is None else budget.evaluations
+    return {**recording.model_dump(), "at": sorted({n for n in recording.at if n <= limit})}
 
 
 def mission_digest(mission: Mission) -> str:
@@ -212,4 +226,13 @@ def canonical(value: Any) -> str:
     value
         Mappings, lists, texts, numbers, flags and None.
     """
-    return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=True)
+    return json.dumps(_one_number(value), sort_keys=True, separators=(",", ":"))
+
+
+def _one_number(value: Any) -> Any:
+    """Write 1.0 as 1: whether a number may be one is checked before, and it is the same number."""
+    if isinstance(value, float) and value.is_integer():
+        return int(value)
+    if isinstance(value, dict):
+        return {key: _one_number(item) for key, item in value.items()}
+    return [_one_number(item) for item in value] if isinstance(value, list | tuple) else value

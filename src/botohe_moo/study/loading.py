@@ -2,42 +2,23 @@
 
 from __future__ import annotations
 
-import itertools
 import json
-import math
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import ValidationError
 
 from botohe_moo._checks import nearest_first
-from botohe_moo.algorithms.registry import algorithm_origin, check_algorithm
-from botohe_moo.mission.files import SUFFIXES
-from botohe_moo.mission.library import check_mission, load_mission, mission_origin
-from botohe_moo.mission.model import Mission
-from botohe_moo.mission.nodelink import mission_content
-from botohe_moo.study.config import (
-    AlgorithmEntry,
-    Budget,
-    MissionEntry,
-    Seeds,
-    StudyFile,
-    file_faults,
-    printable,
-)
+from botohe_moo.study.checking import CheckedContent
+from botohe_moo.study.config import printable
 from botohe_moo.study.document import Document, Fault
-from botohe_moo.study.grid import Study, StudyAlgorithm, StudyMission, canonical, mission_digest
+from botohe_moo.study.grid import Study
 from botohe_moo.study.tables import StudyError, read_manifest
 
 __all__ = ["load_study", "remembered_packages", "study_folder"]
-
-_MAX_RUNS = 1_000_000
-_MAX_COMBINATIONS = 1_000  # of a grid
-_Path = tuple[int | str, ...]
 
 
 def load_study(
@@ -73,8 +54,8 @@ def load_study(
     10
     """
     if isinstance(source, Mapping):
-        content = json.loads(json.dumps(source, default=_no_json))
-        checked = _Checked(content, Path(), out)
+        content = _as_json(source)
+        checked = CheckedContent(content, Path(), _missing(content, out))
         faults = list(dict.fromkeys(f"{_dotted(at)}{said}" for at, said in checked.faults))
         text = json.dumps(content, indent=1) + "\n"  # JSON is YAML, too
     else:
@@ -82,7 +63,7 @@ def load_study(
         text = _text(path)
         document = Document.parse(text)
         found = list(document.faults)
-        checked = _Checked(document.content, path.parent, out)
+        checked = CheckedContent(document.content, path.parent, _missing(document.content, out))
         if document.content is not None or not found:  # else there is nothing to check
             found += [
                 Fault(document.line(at), f"{_dotted(at)}{said}") for at, said in checked.faults
@@ -91,6 +72,41 @@ def load_study(
     if faults:
         raise StudyError("\n".join(faults))
     return checked.study(text)
+
+
+def _as_json(source: Mapping[str, Any]) -> Any:
+    """Give a mapping as a file would say it."""
+    try:
+        return json.loads(json.dumps(source, default=_no_json))
+    except (TypeError, RecursionError) as error:
+        raise StudyError(f"Expected what a study file can hold: {error}.") from None
+    except StudyError:
+        raise
+    except ValueError as error:  # a mapping that holds itself
+        raise StudyError(f"Expected what a study file can hold: {error}.") from None
+
+
+def _no_json(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return dict(value)
+    if isinstance(value, np.generic):
+        return value.item()
+    raise StudyError(f"Expected what a study file can hold, got {value!r}.")
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_bytes().decode("utf-8-sig")
+    except FileNotFoundError:
+        among = sorted(p.name for p in path.parent.glob("*.y*ml"))
+        near = f"; beside it are {', '.join(nearest_first(path.name, among))}" if among else ""
+        raise StudyError(f"{path}: there is no such file{near}.") from None
+    except OSError as error:
+        raise StudyError(f"{path}: cannot be read ({error.strerror}).") from None
+    except UnicodeDecodeError as error:
+        raise StudyError(
+            f"{path}: expected UTF-8 text, found byte {error.start} is none."
+        ) from None
 
 
 def study_folder(name: object, out: str | os.PathLike[str] | None = None) -> Path:
@@ -143,223 +159,10 @@ def _is_installed(package: str) -> bool:
     return True
 
 
-def _no_json(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return dict(value)
-    if isinstance(value, np.generic):
-        return value.item()
-    raise StudyError(f"Expected what a study file can hold, got {value!r}.")
+def _missing(content: Any, out: str | os.PathLike[str] | None) -> dict[str, str]:
+    name = content.get("name") if isinstance(content, dict) else None
+    return remembered_packages(study_folder(name, out))
 
 
-def _text(path: Path) -> str:
-    try:
-        return path.read_bytes().decode("utf-8-sig")
-    except FileNotFoundError:
-        among = sorted(p.name for p in path.parent.glob("*.y*ml"))
-        near = f"; beside it are {', '.join(nearest_first(path.name, among))}" if among else ""
-        raise StudyError(f"{path}: there is no such file{near}.") from None
-    except OSError as error:
-        raise StudyError(f"{path}: cannot be read ({error.strerror}).") from None
-    except UnicodeDecodeError as error:
-        raise StudyError(
-            f"{path}: expected UTF-8 text, found byte {error.start} is none."
-        ) from None
-
-
-def _dotted(path: _Path) -> str:
+def _dotted(path: tuple[int | str, ...]) -> str:
     return f"{'.'.join(map(printable, path))}: " if path else ""
-
-
-class _Checked:
-    """Everything that can be said of a study file's content at once."""
-
-    def __init__(self, content: Any, folder: Path, out: str | os.PathLike[str] | None) -> None:
-        self.faults: list[tuple[_Path, str]] = list(file_faults(content))
-        self._folder = folder
-        self._file: StudyFile | None = None
-        if not self.faults:
-            self._file = StudyFile.model_validate(content)
-        content = content if isinstance(content, dict) else {}
-        self._packages = remembered_packages(study_folder(content.get("name"), out))
-        self._default_budget = _valid(Budget, content.get("budget"))
-        self._missions = list(self._read_missions(_entries(content, "missions", MissionEntry)))
-        self._algorithms = list(
-            self._read_algorithms(_entries(content, "algorithms", AlgorithmEntry))
-        )
-        self._check_different()
-        self._check_control(content)
-        self._seeds = _seeds(self._file.seeds) if self._file else ()
-        n_runs = len(self._missions) * len(self._algorithms) * len(self._seeds)
-        if n_runs > _MAX_RUNS:
-            self._fault(("seeds",), f"expected at most {_MAX_RUNS:,} runs, found {n_runs:,}.")
-
-    def study(self, text: str) -> Study:
-        """Give the study, if there are no faults."""
-        assert self._file is not None  # there would be faults
-        return Study(self._file, text, tuple(self._missions), tuple(self._algorithms), self._seeds)
-
-    def _fault(self, path: _Path, message: str) -> None:
-        self.faults.append((path, message))
-
-    def _read_missions(self, entries: Mapping[str, MissionEntry]) -> Iterator[StudyMission]:
-        for label, entry in entries.items():
-            path: _Path = ("missions", label)
-            budget = entry.budget or self._default_budget
-            if budget is None and not any(where[:1] == ("budget",) for where, _ in self.faults):
-                self._fault(path, "expected a budget, the mission's own or the study's.")
-            for full, parameters in self._expanded(label, entry, path):
-                source = self._mission_source(entry, parameters)
-                if mission := self._load(source, path):
-                    yield StudyMission(
-                        label=full,
-                        mission=mission,
-                        source=source,
-                        origin=mission_origin(source["name_or_path"]),
-                        min_survival=entry.min_survival,
-                        budget=budget or Budget(evaluations=1),
-                        digest=mission_digest(mission),
-                    )
-
-    def _mission_source(self, entry: MissionEntry, parameters: dict[str, Any]) -> dict[str, Any]:
-        name = entry.mission
-        if Path(name).suffix.lower() in SUFFIXES or "/" in name or os.sep in name:
-            name = str(self._folder / name)
-        robots = {} if entry.robots is None else {"robots": entry.robots}
-        return {"name_or_path": name, **robots, **parameters}
-
-    def _load(self, source: dict[str, Any], path: _Path) -> Mission | None:
-        parameters = {key: value for key, value in source.items() if key != "name_or_path"}
-        found = check_mission(source["name_or_path"], parameters, plain=True)
-        for name, message in found:
-            said = message if name else self._said_of(source["name_or_path"], message)
-            self._fault((*path, *_place(name)), said)
-        if found:
-            return None
-        try:
-            mission = load_mission(**source)
-            mission_content(mission)  # it will be saved with the study
-            return mission
-        except ValueError as error:
-            self._fault((*path, "mission"), str(error))
-        except OSError as error:
-            self._fault((*path, "mission"), f"{error.filename}: {error.strerror}.")
-        except Exception as error:  # whatever another package's code may raise
-            said = f"{type(error).__name__}: {error}"
-            self._fault((*path, "mission"), f"mission {source['name_or_path']!r} raised {said}")
-        return None
-
-    def _said_of(self, name: str, message: str) -> str:
-        """Say what is wrong with a whole, and which package that it was from is missing."""
-        package = self._packages.get(name)
-        missing = f" It is from the package {package}, which is not installed." if package else ""
-        return f"{name!r}: {message}{missing}"
-
-    def _read_algorithms(self, entries: Mapping[str, AlgorithmEntry]) -> Iterator[StudyAlgorithm]:
-        for label, entry in entries.items():
-            path: _Path = ("algorithms", label)
-            for full, parameters in self._expanded(label, entry, path):
-                found = check_algorithm(entry.algorithm, parameters, plain=True)
-                for name, message in found:
-                    said = message if name else self._said_of(entry.algorithm, message)
-                    self._fault((*path, *_place(name, entry)), said)
-                if not found:
-                    origin = algorithm_origin(entry.algorithm)
-                    yield StudyAlgorithm(full, entry.algorithm, parameters, origin)
-
-    def _expanded(
-        self, label: str, entry: MissionEntry | AlgorithmEntry, path: _Path
-    ) -> Iterator[tuple[str, dict[str, Any]]]:
-        """Give label and parameters of every combination of a grid."""
-        for name in entry.grid.keys() & entry.parameters.keys():
-            self._fault((*path, "grid", name), f"{name} stands in parameters, too.")
-        for name, values in entry.grid.items():
-            if len({canonical(value) for value in values}) < len(values):
-                self._fault((*path, "grid", name), "expected different values.")
-        n_combinations = math.prod(map(len, entry.grid.values()))
-        if n_combinations > _MAX_COMBINATIONS:
-            said = f"expected at most {_MAX_COMBINATIONS:,} combinations, got {n_combinations:,}."
-            self._fault((*path, "grid"), said)
-            return
-        for combination in itertools.product(*entry.grid.values()):
-            chosen = dict(zip(entry.grid, combination, strict=True))
-            named = ", ".join(f"{name}={_brief(value)}" for name, value in chosen.items())
-            yield f"{label} ({named})" if named else label, {**entry.parameters, **chosen}
-
-    def _check_different(self) -> None:
-        """Refuse what stands in a study under two labels: its runs would be the same."""
-        seen: dict[str, str] = {}
-        for mission in self._missions:
-            key = canonical([mission.digest, mission.min_survival, mission.budget.model_dump()])
-            self._note("missions", mission.label, key, seen)
-        seen = {}
-        for algorithm in self._algorithms:
-            key = canonical([algorithm.algorithm, dict(algorithm.parameters)])
-            self._note("algorithms", algorithm.label, key, seen)
-        for labels in (
-            [mission.label for mission in self._missions],
-            [algorithm.label for algorithm in self._algorithms],
-        ):
-            for label in sorted({label for label in labels if labels.count(label) > 1}):
-                self._fault((), f"two entries have the label {label!r}.")
-
-    def _note(self, kind: str, label: str, key: str, seen: dict[str, str]) -> None:
-        if key in seen and seen[key] != label:
-            self._fault(
-                (kind, label.partition(" (")[0]), f"{label!r} is the same as {seen[key]!r}."
-            )
-        seen.setdefault(key, label)
-
-    def _check_control(self, content: Mapping[str, Any]) -> None:
-        comparison = content.get("comparison")
-        control = comparison.get("control") if isinstance(comparison, dict) else None
-        labels = [algorithm.label for algorithm in self._algorithms]
-        wrong = any(path[:1] == ("algorithms",) for path, _ in self.faults)
-        if isinstance(control, str) and control not in labels and not wrong:
-            known = ", ".join(nearest_first(control, labels))
-            self._fault(
-                ("comparison", "control"),
-                f"there is no algorithm {control!r} in this study; its labels are {known}.",
-            )
-
-
-def _entries(content: Mapping[str, Any], key: str, model: type[Any]) -> dict[str, Any]:
-    """Give those entries that are well-formed, whatever is wrong with the others."""
-    given = content.get(key)
-    if isinstance(given, list):
-        given = {name: name for name in given if isinstance(name, str)}
-    if not isinstance(given, dict):
-        return {}
-    valid = {label: _valid(model, entry) for label, entry in given.items()}
-    return {label: entry for label, entry in valid.items() if entry is not None}
-
-
-def _valid(model: type[Any], content: Any) -> Any:
-    try:
-        return None if content is None else model.model_validate(content)
-    except ValidationError:
-        return None
-
-
-def _place(name: str | None, entry: AlgorithmEntry | None = None) -> _Path:
-    """Say where in an entry a parameter stands."""
-    if name is None:
-        return ("algorithm",) if entry else ("mission",)
-    if name == "robots" and entry is None:
-        return ("robots",)
-    return ("grid", name) if entry and name in entry.grid else ("parameters", name)
-
-
-def _seeds(seeds: Seeds) -> tuple[int, ...]:
-    """Give the seeds of the repetitions; a repetition's never depends on how many there are."""
-    if seeds.values is not None:
-        return tuple(seeds.values)
-    numbers = range(1, (seeds.count or 0) + 1)
-    if seeds.seed is None:
-        return tuple(numbers)
-    return tuple(
-        int(np.random.SeedSequence([seeds.seed, number]).generate_state(1)[0]) for number in numbers
-    )
-
-
-def _brief(value: Any) -> str:
-    return value if isinstance(value, str) else json.dumps(value)

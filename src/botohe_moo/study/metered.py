@@ -1,8 +1,9 @@
-"""A problem that counts and bounds evaluations itself, for algorithms that might not."""
+"""Problems that count evaluations themselves, for algorithms that might not."""
 
 from __future__ import annotations
 
 import sys
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,14 +14,67 @@ from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import PlanBatch
 
-__all__ = ["BudgetSpentError", "MeteredBOTOHE"]
+__all__ = ["BudgetSpentError", "CountedBOTOHE", "Meter", "MeteredBOTOHE"]
 
 
 class BudgetSpentError(Exception):
     """Ends a run from within an evaluation: the budget is spent."""
 
 
-class MeteredBOTOHE(BOTOHE):
+@dataclass
+class Meter:
+    """What all copies of a problem have evaluated together.
+
+    Attributes
+    ----------
+    spent
+        Plans evaluated so far.
+    """
+
+    spent: int = 0
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Meter:
+        return self  # pymoo copies algorithms with their problem; there is one meter
+
+
+class CountedBOTOHE(BOTOHE):
+    """BOTOHE that counts what it evaluates.
+
+    Parameters
+    ----------
+    mission
+        What to plan for.
+    min_survival
+        Survival floor of every robot, in [0, 1].
+
+    Attributes
+    ----------
+    meter
+        The count, shared by copies of the problem.
+    """
+
+    def __init__(self, mission: Mission, *, min_survival: float = 0.0) -> None:
+        super().__init__(mission, min_survival=min_survival)
+        self.meter = Meter()
+
+    def evaluate_batch(self, batch: PlanBatch) -> FloatArray:
+        """Compute the objectives of many plans, and count them.
+
+        Parameters
+        ----------
+        batch
+            Plans for the mission's team.
+
+        Returns
+        -------
+        numpy.ndarray
+            F of shape (n, 2), to be minimised.
+        """
+        self.meter.spent += len(batch)
+        return super().evaluate_batch(batch)
+
+
+class MeteredBOTOHE(CountedBOTOHE):
     """BOTOHE that refuses to evaluate more plans than the budget, and archives what it evaluates.
 
     pymoo looks at ``("n_eval", N)`` between generations, so that a population of 70 spends 1 050
@@ -37,10 +91,10 @@ class MeteredBOTOHE(BOTOHE):
 
     Attributes
     ----------
-    spent
-        Plans evaluated so far.
+    meter
+        The count, shared by copies of the problem.
     archive
-        All non-dominated feasible plans among them.
+        All non-dominated feasible plans among those evaluated, shared by copies, too.
     """
 
     def __init__(
@@ -48,7 +102,6 @@ class MeteredBOTOHE(BOTOHE):
     ) -> None:
         super().__init__(mission, min_survival=min_survival)
         self.evaluations = sys.maxsize if evaluations is None else evaluations
-        self.spent = 0
         self.archive = PlanArchive(mission.robots)
 
     def evaluate_batch(self, batch: PlanBatch) -> FloatArray:
@@ -57,7 +110,7 @@ class MeteredBOTOHE(BOTOHE):
         Parameters
         ----------
         batch
-            Valid plans for the mission's team.
+            Plans for the mission's team, valid ones unless ``allow_invalid`` is set.
 
         Returns
         -------
@@ -71,18 +124,17 @@ class MeteredBOTOHE(BOTOHE):
         PlanError
             If a plan is not valid.
         """
-        allowed = batch[: max(self.evaluations - self.spent, 0)]
+        allowed = batch[: max(self.evaluations - self.meter.spent, 0)]
         F = super().evaluate_batch(allowed)
-        self.spent += len(allowed)
-        feasible = allowed, -F
+        feasible, objectives = allowed, -F
         if self.n_ieq_constr:
             kept = np.flatnonzero((self.constrain_batch(allowed) <= 0).all(axis=1))
-            feasible = allowed.take(kept), -F[kept]
-        if len(feasible[0]):
-            self.archive.absorb(*feasible)
+            feasible, objectives = allowed.take(kept), objectives[kept]
+        if len(feasible):
+            self.archive.absorb(feasible, objectives)
         if len(allowed) < len(batch):
             raise BudgetSpentError
         return F
 
     def __deepcopy__(self, memo: dict[int, Any]) -> MeteredBOTOHE:
-        return self  # pymoo copies algorithms with their problem; there is one meter
+        return self

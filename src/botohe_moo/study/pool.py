@@ -9,9 +9,9 @@ from typing import Any
 
 import joblib
 
-from botohe_moo.study.perform import Outcome, Record, Task, failure
 from botohe_moo.study.sandbox import SandboxPool
 from botohe_moo.study.tables import StudyError
+from botohe_moo.study.task import Outcome, Record, Task, failure
 
 __all__ = ["dask_outcomes", "local_outcomes"]
 
@@ -127,6 +127,11 @@ def dask_outcomes(tasks: Sequence[Task], *, address: str, stopped: Callable[[], 
 
 
 def _outcome_of(future: Any) -> Outcome:
+    if future.status in ("cancelled", "lost"):
+        raise StudyError(
+            "The Dask scheduler is gone. All runs that are finished are kept; run the study again "
+            "to go on."
+        )
     error = future.exception()
     if error is None:
         outcome: Outcome = future.result()

@@ -15,10 +15,10 @@ from botohe_moo.console.waiting import hold_interrupt
 from botohe_moo.study.collect import collect_tables
 from botohe_moo.study.grid import Run, Study
 from botohe_moo.study.loading import load_study, study_folder
-from botohe_moo.study.perform import Outcome, Record, Task
 from botohe_moo.study.pool import Outcomes, dask_outcomes, local_outcomes
 from botohe_moo.study.store import DamagedError, Store
 from botohe_moo.study.tables import StudyTables, read_study
+from botohe_moo.study.task import Outcome, Record, Task
 
 __all__ = ["Plan", "StudyInterrupted", "make_task", "plan_study", "run_study"]
 
@@ -241,6 +241,7 @@ def make_task(run: Run) -> Task:
         min_survival=run.mission.min_survival,
         algorithm=run.algorithm.algorithm,
         parameters=dict(run.algorithm.parameters),
+        origin=dict(run.algorithm.origin),
         seed=run.seed,
         evaluations=budget.evaluations,
         seconds=budget.seconds,

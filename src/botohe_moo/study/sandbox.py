@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import fcntl
+import math
 import os
 import signal
 import subprocess
@@ -10,18 +13,71 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from multiprocessing.connection import Connection
-from typing import Any
+from typing import IO, Any
 
 from botohe_moo.study.environment import THREAD_SETTINGS, environment
-from botohe_moo.study.perform import Outcome, Record, Task, failure
+from botohe_moo.study.perform import verify
+from botohe_moo.study.task import Outcome, Record, Task, failure
 
 __all__ = ["Sandbox", "SandboxPool"]
 
 _SECONDS_BETWEEN_LOOKS = 0.1
 _MOST_SECONDS_TO_START = 600.0  # kernels are compiled then, perhaps on a slow machine
-_LINES_OF_LAST_WORDS = 20
+_SECONDS_TO_DIE = 5.0  # a core may be written meanwhile
+_LAST_WORDS = 4_000  # bytes
+
+
+@dataclass
+class _Story:
+    """What is known of a run while it goes on."""
+
+    task: Task
+    environment: dict[str, Any]
+    deadline: float
+    begun: bool = False
+    records: list[Record] = field(default_factory=list)
+
+    def note(self, record: Record) -> None:
+        """Add a record; a later one at the same number of evaluations stands for both."""
+        if self.records and self.records[-1].evaluations == record.evaluations:
+            self.records.pop()
+        self.records.append(record)
+
+    def failed(self, error: str, where: str | None = None) -> Outcome:
+        last = self.records[-1] if self.records else None
+        return replace(failure(error, where, last), environment=self.environment)
+
+    def ended(self, outcome: Outcome) -> Outcome:
+        """Put together what was sent piece by piece; a failed run has no result."""
+        # Only the last record's plans are kept.
+        kept = [replace(record, plans=None) for record in self.records[:-1]] + self.records[-1:]
+        records = () if outcome.status == "failed" else tuple(kept)
+        return replace(outcome, records=records, environment=self.environment)
+
+    def killed(self) -> Outcome:
+        """Tell of a run that had to be killed; what it had recorded is evaluated again."""
+        task, last = self.task, self.records[-1] if self.records else None
+        if task.seconds is None or not self.begun:
+            return self.failed(f"killed: it did not start within {_MOST_SECONDS_TO_START:g} s")
+        if last is not None and last.plans is not None:
+            try:
+                verify(task, *last.plans)
+            except ValueError as error:
+                return self.failed(f"killed, and {error}")
+        outcome = Outcome(
+            status="timeout",
+            stopped_by="limit",
+            evaluations=last.evaluations if last else 0,
+            seconds=task.seconds,
+            recording_seconds=0.0,
+            error=(
+                f"killed: {task.grace_seconds:g} s after its {task.seconds:g} s were up it had "
+                "still not come to the end of an iteration"
+            ),
+        )
+        return self.ended(outcome)
 
 
 class Sandbox:
@@ -42,7 +98,7 @@ class Sandbox:
         stopped
             Asked ten times a second; ends the run when it says so.
         note
-            Is given every record.
+            Is given the latest record whenever there are new ones.
 
         Returns
         -------
@@ -59,10 +115,11 @@ class Sandbox:
             raise
 
     def _start(self) -> None:
-        self._said = tempfile.TemporaryFile()  # noqa: SIM115
+        self._said: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115
+        fcntl.fcntl(self._said, fcntl.F_SETFL, os.O_RDWR | os.O_APPEND)  # it will be cut
         path = os.pathsep.join(entry or os.getcwd() for entry in sys.path)  # noqa: PTH109
         threads = {name: os.environ.get(name, "1") for name in THREAD_SETTINGS}
-        self._process = subprocess.Popen(
+        process = subprocess.Popen(
             # -P: a file of the current folder must not stand in for a standard module.
             [sys.executable, "-P", "-m", "botohe_moo.study.child"],
             stdin=subprocess.PIPE,
@@ -71,101 +128,88 @@ class Sandbox:
             env={**os.environ, **threads, "PYTHONPATH": path},
             start_new_session=True,  # Ctrl-C is for the runner alone
         )
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        self._tasks = Connection(os.dup(self._process.stdin.fileno()), readable=False)
-        self._answers = Connection(os.dup(self._process.stdout.fileno()), writable=False)
-        self._process.stdin.close()
-        self._process.stdout.close()
+        assert process.stdin is not None
+        assert process.stdout is not None
+        self._tasks = Connection(os.dup(process.stdin.fileno()), readable=False)
+        self._answers = Connection(os.dup(process.stdout.fileno()), writable=False)
+        process.stdin.close()
+        process.stdout.close()
+        self._process = process
 
     def _follow(
         self, task: Task, stopped: Callable[[], bool], note: Callable[[Record], None]
     ) -> Outcome | None:
-        records: list[Record] = []
-        found: dict[str, Any] = environment()
-        deadline = time.monotonic() + _MOST_SECONDS_TO_START
-        try:
+        story = _Story(task, environment(), time.monotonic() + _MOST_SECONDS_TO_START)
+        self._said.truncate(0)  # what earlier runs have said
+        with contextlib.suppress(OSError):  # it died while nobody looked: seen below
             self._tasks.send(task)
-            while True:
-                while not self._answers.poll(_SECONDS_BETWEEN_LOOKS):
-                    if stopped():
-                        self.close()
-                        return None
-                    if time.monotonic() > deadline:
-                        self.close()
-                        return self._killed(task, records, found)
-                kind, content, seen_in = self._answers.recv()
-                found = seen_in or found
-                if kind == "begin":
-                    deadline = time.monotonic() + (
-                        float("inf") if task.seconds is None else task.seconds + task.grace_seconds
-                    )
-                elif kind == "records":
-                    for record in content:
-                        if records and records[-1].evaluations == record.evaluations:
-                            records.pop()
-                        records.append(record)
-                    if records:
-                        note(records[-1])
-                else:
-                    return _complete(content, records, found)
+        while True:
+            if stopped():
+                self.close()
+                return None
+            answer = self._answer()
+            if answer is None:
+                if time.monotonic() > story.deadline:
+                    self.close()
+                    return story.killed()
+                continue
+            kind, content, seen_in = answer
+            story.environment = seen_in or story.environment
+            if kind == "died":
+                return self._died(story)
+            if kind == "end":
+                return story.ended(content)
+            if kind == "begin":
+                story.begun = True
+                limit = math.inf if task.seconds is None else task.seconds + task.grace_seconds
+                story.deadline = time.monotonic() + limit
+            else:
+                for record in content:
+                    story.note(record)
+                if content:
+                    note(content[-1])
+
+    def _answer(self) -> tuple[str, Any, dict[str, Any] | None] | None:
+        """Give what the process says next, or that it died; None if it says nothing for a while."""
+        assert self._process is not None
+        try:
+            if self._answers.poll(_SECONDS_BETWEEN_LOOKS):
+                return self._answers.recv()  # type: ignore[no-any-return]
+            # A process of its own that it leaves behind keeps the connection open.
+            if self._process.poll() is None or self._answers.poll(0):
+                return None
         except (EOFError, OSError):  # the other end is no more
-            return self._crashed(records, found)
+            pass
+        return "died", None, None
 
-    def _killed(self, task: Task, records: list[Record], found: dict[str, Any]) -> Outcome:
-        last = records[-1] if records else None
-        if task.seconds is None:
-            outcome = failure(f"killed: it did not start within {_MOST_SECONDS_TO_START:g} s")
-            return replace(outcome, environment=found)
-        return Outcome(
-            status="timeout",
-            stopped_by="limit",
-            evaluations=last.evaluations if last else 0,
-            seconds=task.seconds,
-            recording_seconds=0.0,
-            records=tuple(_without_plans(records)),
-            error=(
-                f"killed: {task.grace_seconds:g} s after its {task.seconds:g} s were up it had "
-                "still not come to the end of an iteration"
-            ),
-            environment=found,
-        )
-
-    def _crashed(self, records: list[Record], found: dict[str, Any]) -> Outcome:
+    def _died(self, story: _Story) -> Outcome:
         process, said = self._process, self._last_words()
-        status = process.wait() if process is not None else 0
+        assert process is not None
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(_SECONDS_TO_DIE)  # it may still be about to
+        status = process.poll()
         self.close()
-        how = f"signal {signal.Signals(-status).name}" if status < 0 else f"exit status {status}"
-        outcome = failure(
-            f"its process died ({how})", said or None, records[-1] if records else None
-        )
-        return replace(outcome, environment=found)
+        if status is None:
+            return story.failed("its process closed the connection", said or None)
+        known = {member.value: member.name for member in signal.Signals}
+        how = f"signal {known.get(-status, -status)}" if status < 0 else f"exit status {status}"
+        return story.failed(f"its process died ({how})", said or None)
 
     def _last_words(self) -> str:
-        self._said.seek(0)
-        lines = self._said.read().decode(errors="replace").splitlines()
-        return "\n".join(lines[-_LINES_OF_LAST_WORDS:])
+        size = self._said.seek(0, os.SEEK_END)
+        self._said.seek(max(0, size - _LAST_WORDS))
+        return self._said.read().decode(errors="replace").strip()
 
     def close(self) -> None:
-        """End the process, whatever it does."""
+        """End the process and all it has started, whatever they do."""
         if self._process is not None:
-            self._process.kill()
+            with contextlib.suppress(ProcessLookupError, PermissionError):
+                os.killpg(self._process.pid, signal.SIGKILL)
             self._process.wait()
             self._tasks.close()
             self._answers.close()
             self._said.close()
             self._process = None
-
-
-def _complete(outcome: Outcome, records: list[Record], found: dict[str, Any]) -> Outcome:
-    """Put together what was sent piece by piece; a failed run has no result."""
-    kept = () if outcome.status == "failed" else tuple(_without_plans(records))
-    return replace(outcome, records=kept, environment=found)
-
-
-def _without_plans(records: list[Record]) -> list[Record]:
-    """Keep the plans of the last record only."""
-    return [*(replace(record, plans=None) for record in records[:-1]), *records[-1:]]
 
 
 class SandboxPool:
@@ -174,6 +218,7 @@ class SandboxPool:
     def __init__(self) -> None:
         self._idle: list[Sandbox] = []
         self._lock = threading.Lock()
+        self._closed = False
 
     def perform(
         self, task: Task, *, stopped: Callable[[], bool], note: Callable[[Record], None]
@@ -191,10 +236,14 @@ class SandboxPool:
             return sandbox.perform(task, stopped=stopped, note=note)
         finally:
             with self._lock:
-                self._idle.append(sandbox)
+                if self._closed:
+                    sandbox.close()
+                else:
+                    self._idle.append(sandbox)
 
     def close(self) -> None:
-        """End all processes that are not at work."""
+        """End all processes: those at work when their run has ended or been stopped."""
         with self._lock:
+            self._closed = True
             while self._idle:
                 self._idle.pop().close()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 from typing import Any, TypeAlias
 
@@ -100,7 +100,11 @@ def compare_algorithms(
 
 
 def rank_algorithms(
-    indicators: pd.DataFrame, *, algorithms: Sequence[str], significance: float
+    indicators: pd.DataFrame,
+    *,
+    algorithms: Sequence[str],
+    significance: float,
+    digests: Mapping[str, str] | None = None,
 ) -> pd.DataFrame:
     """Average the ranks of the algorithms' medians over missions, and test them by Friedman.
 
@@ -117,6 +121,9 @@ def rank_algorithms(
         Labels of those to rank, in the order wanted.
     significance
         Significance level, in (0, 1).
+    digests
+        Digest of each mission by its label: one mission under several labels, with other budgets
+        or survival floors, is one block, and there is no test then. Default: all differ.
 
     Returns
     -------
@@ -132,18 +139,25 @@ def rank_algorithms(
         infinite.
     """
     level = check_number("significance", significance, above=0.0, below=1.0)
-    by_indicator: dict[str, list[dict[str, FloatArray]]] = {}
-    for (_, indicator), samples in _samples(indicators).items():
+    by_indicator: dict[str, dict[str, dict[str, FloatArray]]] = {}
+    for (mission, indicator), samples in _samples(indicators).items():
         if _sign(indicator):
-            by_indicator.setdefault(indicator, []).append(samples)
+            by_indicator.setdefault(indicator, {})[mission] = samples
     rows: list[dict[str, Any]] = []
     for indicator, missions in by_indicator.items():
-        complete = [samples for samples in missions if all(a in samples for a in algorithms)]
+        complete = {
+            mission: samples
+            for mission, samples in missions.items()
+            if all(a in samples for a in algorithms)
+        }
         if not complete or not algorithms:
             continue
-        medians = np.array([[_best_first(indicator, s[a]) for a in algorithms] for s in complete])
+        medians = np.array(
+            [[_best_first(indicator, s[a]) for a in algorithms] for s in complete.values()]
+        )
+        n_blocks = len({(digests or {}).get(mission, mission) for mission in complete})
         averages = stats.rankdata(medians, axis=1).mean(axis=0)
-        statistic, p_value, note = _tested(medians, level)
+        statistic, p_value, note = _tested(medians, n_blocks, level)
         if left_out := len(missions) - len(complete):
             note += f"; {_missions(left_out)} left out, where an algorithm has no run"
         rows += [
@@ -161,16 +175,21 @@ def rank_algorithms(
     return as_table("ranks", rows)
 
 
-def _tested(medians: FloatArray, level: float) -> tuple[float | None, float | None, str]:
+def _tested(
+    medians: FloatArray, n_blocks: int, level: float
+) -> tuple[float | None, float | None, str]:
     """Give Friedman's statistic, its p-value, and the outcome in words."""
     n_missions, n_algorithms = medians.shape
     lacking = []
     if n_algorithms < MIN_ALGORITHMS:
         needed = f"at least {MIN_ALGORITHMS} are needed"
         lacking.append(f"{n_algorithms} algorithm{'s' * (n_algorithms > 1)}, {needed}")
-    if n_missions < MIN_BLOCKS:
+    if n_blocks < n_missions:
+        several = f"{n_missions} labels stand for {_missions(n_blocks)}"
+        lacking.append(f"{several}, and a mission under several labels is one block")
+    if n_blocks < MIN_BLOCKS:
         needed = f"at least {MIN_BLOCKS} are needed as blocks, and seeds are no blocks"
-        lacking.append(f"{_missions(n_missions)}, {needed}")
+        lacking.append(f"{_missions(n_blocks)}, {needed}")
     if lacking:
         return None, None, f"no Friedman test: {'; '.join(lacking)}"
     statistic, p_value = friedman(medians, rng=generator_for(medians.ravel()))

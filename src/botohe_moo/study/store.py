@@ -7,6 +7,7 @@ import errno
 import io
 import json
 import os
+import re
 import zipfile
 import zlib
 from collections.abc import Iterator
@@ -20,16 +21,17 @@ import numpy as np
 from botohe_moo._files import replace_file
 from botohe_moo.mission.files import save_mission
 from botohe_moo.study.grid import Run, Study
-from botohe_moo.study.perform import Outcome, Record
 from botohe_moo.study.tables import MANIFEST, StudyError, read_manifest
+from botohe_moo.study.task import Outcome, Record
 from botohe_moo.trails import PlanBatch
 
 __all__ = ["DamagedError", "Store"]
 
 _FORMAT = 1
+_TEMPORARY = re.compile(r"\.[0-9a-f]{16}\.tmp$")  # as replace_file names them
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _DAMAGE = (
-    OSError, ValueError, KeyError, TypeError, EOFError, NotImplementedError,
+    OSError, ValueError, KeyError, TypeError, EOFError, RuntimeError, MemoryError, OverflowError,
     zipfile.BadZipFile, zlib.error,
 )  # fmt: skip
 
@@ -103,7 +105,8 @@ class Store:
         """Remove what a runner that was killed has begun to write."""
         for folder in (self.folder, self._runs, self._failures, self.folder / "missions"):
             for leftover in folder.glob(".*.tmp"):
-                leftover.unlink(missing_ok=True)
+                if _TEMPORARY.match(leftover.name):
+                    leftover.unlink(missing_ok=True)
 
     def check(self, study: Study) -> None:
         """Make sure that the folder is this study's, or nobody's.
@@ -111,8 +114,9 @@ class Store:
         Raises
         ------
         StudyError
-            If it holds a study of another name.
+            If it holds a study of another name, or something else.
         """
+        self._check_ours()
         try:
             name = read_manifest(self.folder)["name"]
         except StudyError:  # there is none, or it is damaged and will be written again
@@ -121,6 +125,19 @@ class Store:
             raise StudyError(
                 f"{self.folder}: holds the study {name!r}, not {study.name!r}; give another "
                 "folder by --out."
+            )
+
+    def _check_ours(self) -> None:
+        """Refuse a folder that holds something else than a study."""
+        ours = (MANIFEST, self._lock_file.name)
+        try:
+            names = sorted(path.name for path in self.folder.iterdir())
+        except OSError:  # it is not there, or will be complained of when it is written to
+            return
+        if names and not any(name in names for name in ours):
+            raise StudyError(
+                f"{self.folder}: expected an empty folder or that of a study, found {names[0]!r} "
+                "in it; give another folder by --out."
             )
 
     def write_study(self, study: Study) -> None:

@@ -17,6 +17,7 @@ import pyarrow.parquet as pq
 from botohe_moo._checks import nearest_first
 from botohe_moo._files import replace_file
 from botohe_moo.mission.files import read_mission
+from botohe_moo.study.schemas import SCHEMAS
 
 if TYPE_CHECKING:
     import os
@@ -26,139 +27,12 @@ if TYPE_CHECKING:
 
 __all__ = ["SCHEMAS", "StudyError", "StudyTables", "read_study", "write_tables"]
 
-TEXT, INTEGER, NUMBER, FLAG = pa.string(), pa.int64(), pa.float64(), pa.bool_()
 SMALL = ("runs", "indicators", "comparisons", "ranks", "environments", "summary")
 MANIFEST = "study.json"
 
 
 class StudyError(ValueError):
     """What is wrong with a study or its folder, and where; one line for each fault."""
-
-
-def _schema(*columns: tuple[str, pa.DataType, str], optional: tuple[str, ...] = ()) -> pa.Schema:
-    return pa.schema(
-        pa.field(name, dtype, name in optional, {"description": description})
-        for name, dtype, description in columns
-    )
-
-
-_RUN = (
-    ("run", TEXT, "identity of the run: digest of everything its result depends on"),
-    ("mission", TEXT, "label of the mission in the study file"),
-    ("algorithm", TEXT, "label of the algorithm in the study file"),
-    ("seed", INTEGER, "seed of the run's random numbers"),
-)
-_PLAN = (
-    ("reward", NUMBER, "E[R], expected team reward"),
-    ("survivors", NUMBER, "E[S], expected number of surviving robots"),
-)
-_EVALUATIONS = ("evaluations", INTEGER, "trail plans evaluated so far")
-_SECONDS = ("seconds", NUMBER, "the algorithm's own time so far, without recording")
-
-SCHEMAS: dict[str, pa.Schema] = {
-    "runs": _schema(
-        *_RUN,
-        ("status", TEXT, "done, infeasible, timeout or failed"),
-        ("stopped_by", TEXT, "evaluations, seconds, itself, limit (killed) or error"),
-        ("evaluations", INTEGER, "trail plans evaluated"),
-        ("seconds", NUMBER, "the algorithm's own time, without recording and indicators"),
-        ("recording_seconds", NUMBER, "time spent on recording fronts"),
-        ("budget_evaluations", INTEGER, "evaluations allowed; missing where there is no limit"),
-        ("budget_seconds", NUMBER, "seconds allowed; missing where there is no limit"),
-        ("min_survival", NUMBER, "survival floor of every robot"),
-        ("area", NUMBER, "area of the final front, in [0, 1]"),
-        ("front_size", INTEGER, "plans on the final front"),
-        ("environment", TEXT, "where it ran: a row of environments"),
-        ("error", TEXT, "what went wrong, in a line; missing where nothing did"),
-        ("traceback", TEXT, "where it went wrong; missing where nothing did"),
-        optional=("budget_evaluations", "budget_seconds", "error", "traceback"),
-    ),
-    "trace": _schema(
-        *_RUN,
-        _EVALUATIONS,
-        _SECONDS,
-        ("area", NUMBER, "area of the front, in [0, 1]"),
-        ("front_size", INTEGER, "plans on the front"),
-    ),
-    "fronts": _schema(*_RUN, _EVALUATIONS, *_PLAN),
-    "plans": _schema(
-        *_RUN,
-        ("plan_id", INTEGER, "number of the plan on the final front, by descending reward"),
-        *_PLAN,
-        ("trails", TEXT, "the robots' trails, lists of node labels as JSON"),
-    ),
-    "indicators": _schema(
-        *_RUN,
-        ("indicator", TEXT, "area, igd_plus, epsilon or front_size"),
-        ("value", NUMBER, "its value for the final front"),
-        ("reference", TEXT, "the reference front, a key of references; missing if it needs none"),
-        optional=("reference",),
-    ),
-    "references": _schema(
-        ("reference", TEXT, "digest of the front's points"),
-        ("mission", TEXT, "label of the mission in the study file"),
-        *_PLAN,
-    ),
-    "comparisons": _schema(
-        ("mission", TEXT, "label of the mission in the study file"),
-        ("indicator", TEXT, "what is compared"),
-        ("algorithm", TEXT, "label of the first algorithm"),
-        ("other", TEXT, "label of the second, the control where there is one"),
-        ("n", INTEGER, "runs of the first"),
-        ("n_other", INTEGER, "runs of the second"),
-        ("median", NUMBER, "median of the first"),
-        ("median_other", NUMBER, "median of the second"),
-        ("p_value", NUMBER, "of the two-sided Mann-Whitney test"),
-        ("p_holm", NUMBER, "corrected by Holm over the mission's comparisons by this indicator"),
-        ("a12", NUMBER, "probability that a run of the first is better, ties counted half"),
-        ("a12_low", NUMBER, "lower end of its confidence interval"),
-        ("a12_high", NUMBER, "upper end of its confidence interval"),
-        ("significant", FLAG, "whether p_holm is below the significance level"),
-        ("verdict", TEXT, "the same in words"),
-    ),
-    "ranks": _schema(
-        ("indicator", TEXT, "what is ranked by"),
-        ("algorithm", TEXT, "label of the algorithm"),
-        ("average_rank", NUMBER, "mean over missions of the rank of its median; 1 is best"),
-        ("n_missions", INTEGER, "missions, the blocks of the test"),
-        ("statistic", NUMBER, "Friedman's statistic; missing where there is no test"),
-        ("p_value", NUMBER, "of the Friedman test; missing where there is no test"),
-        ("note", TEXT, "the outcome in words, or why there is no test"),
-        optional=("statistic", "p_value"),
-    ),
-    "summary": _schema(
-        ("mission", TEXT, "label of the mission in the study file"),
-        ("algorithm", TEXT, "label of the algorithm"),
-        ("n", INTEGER, "runs"),
-        ("n_not_done", INTEGER, "runs among them that failed, timed out or found nothing feasible"),
-        ("area_median", NUMBER, "median area"),
-        ("area_low", NUMBER, "lower end of the median's bootstrap confidence interval"),
-        ("area_high", NUMBER, "upper end of it"),
-        ("area_mean", NUMBER, "mean area"),
-        ("area_sd", NUMBER, "standard deviation of the areas; missing for a single run"),
-        ("area_best", NUMBER, "largest area"),
-        ("igd_plus_median", NUMBER, "median IGD+; missing where it is not computed"),
-        ("epsilon_median", NUMBER, "median additive epsilon; missing where it is not computed"),
-        ("front_size_median", NUMBER, "median number of plans on the front"),
-        ("rank", NUMBER, "rank of the median area on this mission; 1 is best"),
-        ("evaluations_median", NUMBER, "median number of evaluations"),
-        ("seconds_median", NUMBER, "median of the algorithm's own time"),
-        optional=("area_sd", "igd_plus_median", "epsilon_median"),
-    ),
-    "environments": _schema(
-        ("environment", TEXT, "digest of the other columns"),
-        ("botohe_moo", TEXT, "version of this package"),
-        ("commit", TEXT, "commit of its source, with + where it was changed; missing if installed"),
-        ("python", TEXT, "version"),
-        ("packages", TEXT, "versions of the packages that compute, as name==version"),
-        ("system", TEXT, "operating system"),
-        ("machine", TEXT, "name of the machine"),
-        ("processor", TEXT, "model of the processor"),
-        ("n_cpus", INTEGER, "processors that may be used"),
-        ("threads", TEXT, "settings of thread pools, as NAME=VALUE"),
-        optional=("commit",),
-    ),
-}
 
 
 @dataclass(frozen=True, eq=False)

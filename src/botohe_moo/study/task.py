@@ -1,0 +1,125 @@
+"""What passes between a study and its workers: tasks, records, outcomes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from botohe_moo._types import FloatArray
+from botohe_moo.mission.model import Mission
+from botohe_moo.trails import PlanBatch
+
+__all__ = ["Outcome", "Record", "Task", "failure"]
+
+
+@dataclass(frozen=True)
+class Task:
+    """What a worker is told of a run.
+
+    Attributes
+    ----------
+    digest
+        The run's name.
+    mission, min_survival
+        What is planned for.
+    algorithm, parameters
+        What plans: a registered name or ``module:Class``.
+    origin
+        Package, version and source that it is from.
+    seed
+        Seed of the random numbers.
+    evaluations, seconds, grace_seconds
+        The budget; None for no limit.
+    per_decade, start, at
+        When the front is recorded.
+    version
+        Version of this package that the study was planned with.
+    """
+
+    digest: str
+    mission: Mission
+    min_survival: float
+    algorithm: str
+    parameters: dict[str, Any]
+    origin: dict[str, str | None]
+    seed: int
+    evaluations: int | None
+    seconds: float | None
+    grace_seconds: float
+    per_decade: int
+    start: float
+    at: tuple[int, ...]
+    version: str
+
+
+@dataclass(frozen=True)
+class Record:
+    """A run's front at some moment.
+
+    Attributes
+    ----------
+    evaluations
+        Trail plans evaluated so far.
+    seconds
+        The algorithm's own time so far.
+    objectives
+        E[R] and E[S] of the front's distinct points, shape (n, 2), by descending reward.
+    front_size
+        Plans on the front, also those with equal objectives.
+    plans
+        The plans with their objectives, (batch, (front_size, 2)); kept where the run may be
+        killed, and of the last record.
+    """
+
+    evaluations: int
+    seconds: float
+    objectives: FloatArray
+    front_size: int
+    plans: tuple[PlanBatch, FloatArray] | None = None
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a run ended.
+
+    Attributes
+    ----------
+    status
+        ``done``, ``infeasible`` (no feasible plan was found), ``timeout`` (it had to be killed)
+        or ``failed``.
+    stopped_by
+        ``evaluations``, ``seconds``, ``itself``, ``limit`` or ``error``.
+    evaluations, seconds
+        What was spent, without recording.
+    recording_seconds
+        Time spent on recording.
+    records
+        The fronts; the last one has the plans. Empty where nothing feasible was found.
+    error, traceback
+        What went wrong, and where.
+    environment
+        Where it ran.
+    """
+
+    status: str
+    stopped_by: str
+    evaluations: int
+    seconds: float
+    recording_seconds: float
+    records: tuple[Record, ...] = ()
+    error: str | None = None
+    traceback: str | None = None
+    environment: dict[str, Any] = field(default_factory=dict)
+
+
+def failure(error: str, where: str | None = None, last: Record | None = None) -> Outcome:
+    """Give the outcome of a run that went wrong."""
+    return Outcome(
+        status="failed",
+        stopped_by="error",
+        evaluations=last.evaluations if last else 0,
+        seconds=last.seconds if last else 0.0,
+        recording_seconds=0.0,
+        error=error,
+        traceback=where,
+    )
