@@ -99,7 +99,7 @@ def _recording() -> pd.DataFrame:
             for label in chosen:
                 runs = tables.runs[tables.runs["algorithm"] == label]
                 records = tables.trace[tables.trace["algorithm"] == label]
-                alone = statistics.median(_alone(mission, label, evaluations) for _ in range(REPETITIONS))
+                times = [_alone(mission, label, evaluations) for _ in range(REPETITIONS)]
                 rows.append(
                     {
                         "mission": mission,
@@ -111,7 +111,7 @@ def _recording() -> pd.DataFrame:
                         "recording / run": round(
                             (runs["recording_seconds"] / runs["seconds"]).median(), 4
                         ),
-                        "run by minimize, s": round(alone, 3),
+                        "run by minimize, s": round(statistics.median(times), 3),
                     }
                 )
     return pd.DataFrame(rows)

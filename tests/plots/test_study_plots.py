@@ -121,8 +121,28 @@ class TestStyles:
             plot_curves(trace_of(TWO), styles=algorithm_styles("A"))
 
     def test_long_labels_lose_their_middle(self):
-        assert shortened("x" * 30) == "x" * 30
-        assert shortened("BO-ACO " + "x" * 40 + " no heuristic") == "BO-ACO xxxxxxx…x no heuristic"
+        assert shortened(["x" * 30]) == {"x" * 30: "x" * 30}
+        long = "BO-ACO " + "x" * 40 + " no heuristic"
+        assert shortened([long]) == {long: "BO-ACO xxxxxxx…x no heuristic"}
+
+    @example(["a" * 40, "a" * 40 + "b", "a" * 41])
+    @given(
+        st.lists(
+            st.builds("".join, st.tuples(*[st.sampled_from(["a" * 20, "b", "n=50"])] * 4)),
+            unique=True,
+        )
+    )
+    def test_shortened_labels_differ_as_whole_ones_do(self, labels):
+        short = shortened(labels)
+        assert list(short) == labels
+        assert len(set(short.values())) == len(labels)
+        assert all(len(text) <= 34 for text in short.values())
+
+    def test_grids_stay_apart(self):
+        labels = [f"BO-ACO (n_ants={n}, evaporation=0.1, exploration=0.01)" for n in (50, 500)]
+        one, other = shortened(labels).values()
+        assert "50," in one
+        assert "500" in other
 
 
 # Curves

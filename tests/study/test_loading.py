@@ -3,8 +3,10 @@
 import json
 import subprocess
 import sys
+from importlib import metadata
 from pathlib import Path
 
+import jsonschema
 import numpy as np
 import pytest
 import yaml
@@ -136,9 +138,37 @@ class TestIdentity:
     def test_whatever_a_result_depends_on_is(self, changes):
         assert not set(digests(GOOD)) & set(digests(changed(**changes)))
 
-    def test_so_is_the_version(self, monkeypatch):
+    @pytest.mark.parametrize(
+        "changes",
+        [
+            {"budget": {"evaluations": 100, "grace_seconds": 1}},
+            {"recording": {"at": [101]}},
+            {"comparison": {"control": "ants"}},
+            {"indicators": ["area"]},
+            {"title": "x"},
+        ],
+    )
+    def test_nothing_else_is(self, changes):
+        assert digests(changed(**changes)) == digests(GOOD)
+
+    def test_equal_numbers_are_the_same(self):
+        whole, broken, order = (
+            digests(changed(algorithms={"N": {"algorithm": "nsga2", "parameters": p}}))
+            for p in (
+                {"prob_mutation": 1, "pop_size": 20},
+                {"prob_mutation": 1.0, "pop_size": 20},
+                {"pop_size": 20, "prob_mutation": 1.0},
+            )
+        )
+        assert whole == broken == order
+
+    @pytest.mark.parametrize("package", ["botohe-moo", "pymoo"])
+    def test_so_are_the_versions(self, monkeypatch, package):
         before = digests(GOOD)
-        monkeypatch.setattr("botohe_moo.study.grid.version", lambda _: "99.0")
+        monkeypatch.setattr(
+            "botohe_moo.study.grid.version",
+            lambda name: "99.0" if name == package else metadata.version(name),
+        )
         assert not set(before) & set(digests(GOOD))
 
     def test_more_seeds_and_algorithms_leave_the_others(self):
@@ -260,6 +290,14 @@ indicators: [area, igd]
             ({"indicators": []}, "indicators"),
             ({"comparison": {"control": "ant"}}, "there is no algorithm 'ant'"),
             ({"missions": {"t": {"mission": "toy", "parameters": {"x": 1}}}}, "parameter 'x'"),
+            (
+                {"missions": {"a": {"mission": "toy", "parameters": {"name_or_path": "x"}}}},
+                "name_or_path stands in the mission's own keys",
+            ),
+            (
+                {"missions": {"a": {"mission": "toy", "robots": 1, "grid": {"robots": [2]}}}},
+                "robots stands in the mission's own keys",
+            ),
             ({"missions": {" a": "toy"}}, "without spaces around it, got ' a'"),
             ({"algorithms": {"a\nb": "random"}}, "in one line"),
             (
@@ -326,11 +364,22 @@ indicators: [area, igd]
         found = lines(written(tmp_path, json.dumps(changed(missions=["bad.json"]))))
         assert all("bad.json" in line for line in found)
 
+    @pytest.mark.parametrize("content", [{("a", "b"): 1}, {"x": object()}, {"x": {1, 2}}])
+    def test_mappings_that_no_file_can_hold(self, content):
+        [line] = lines(content)
+        assert "what a study file can hold" in line
+
+    def test_a_mapping_that_holds_itself(self):
+        content = changed()
+        content["missions"] = content
+        [line] = lines(content)
+        assert "what a study file can hold" in line
+
     def test_a_mission_function_that_raises(self, monkeypatch):
         def broken(*_, **__):
             raise RuntimeError("no such place")
 
-        monkeypatch.setattr("botohe_moo.study.loading.load_mission", broken)
+        monkeypatch.setattr("botohe_moo.study.checking.load_mission", broken)
         [line] = lines(GOOD)
         assert "RuntimeError: no such place" in line
 
@@ -345,8 +394,32 @@ class TestSchema:
     @pytest.mark.parametrize("path", EXPERIMENTS, ids=lambda path: path.stem)
     def test_the_studies_keep_to_it(self, path):
         # What the schema has to allow: shorthands of missions, algorithms and seeds.
-        jsonschema = pytest.importorskip("jsonschema")
         jsonschema.validate(yaml.safe_load(path.read_text()), json.loads(study_schema()))
+
+    @pytest.mark.parametrize(
+        "changes",
+        [
+            {"seeds": [3, 4], "missions": ["toy"], "algorithms": {"a": {"algorithm": "nsga2"}}},
+            {"seeds": {"count": 3, "seed": 1}},
+        ],
+    )
+    def test_shorthands_are_allowed(self, changes):
+        jsonschema.validate(changed(**changes), json.loads(study_schema()))
+
+    @pytest.mark.parametrize(
+        "changes",
+        [
+            {"seeds": 0},
+            {"titel": "x"},
+            {"missions": {"a": 3}},
+            {"algorithms": {"a": {"algorithm": "x", "parameter": {}}}},
+            {"budget": {"evaluations": 0}},
+            {"indicators": ["igd"]},
+        ],
+    )
+    def test_and_nothing_else(self, changes):
+        with pytest.raises(jsonschema.ValidationError):
+            jsonschema.validate(changed(**changes), json.loads(study_schema()))
 
 
 @pytest.mark.parametrize("path", EXPERIMENTS, ids=lambda path: path.stem)

@@ -342,6 +342,25 @@ class TestAgain:
         assert [(digest, len(watcher.performed)) for digest in watcher.plan.damaged] == [(first, 1)]
         assert_same(before, after)
 
+    def test_flags_that_zip_files_have_are_damage_too(self, small):
+        path, first = a_run_of(small)
+        data = bytearray(path.read_bytes())
+        data[data.rindex(b"PK\x01\x02") + 8] |= 1  # "encrypted", in the directory
+        path.write_bytes(bytes(data))
+        assert list(plan_study(load_study(study_of()), small).damaged) == [first]
+
+    def test_a_damaged_run_that_fails_when_performed_again_is_a_failed_run(self, tmp_path):
+        stone = tmp_path / "stone"
+        entry = {"algorithm": f"{MADE}:RaisingOnce", "parameters": {"path": str(stone)}}
+        source = study_of(algorithms={"x": entry, "random": "random"})
+        before = run_study(source, tmp_path / "study")
+        [path] = (tmp_path / "study" / "runs").glob(f"{before.runs['run'][0]}.npz")
+        path.write_bytes(b"x")
+        stone.touch()
+        after = run_study(source, tmp_path / "study")
+        assert after.runs["status"].tolist() == ["failed", "done", "done", "done"]
+        assert after.summary["n"].tolist() == [2, 2]
+
     def test_every_bit_of_a_file_counts_or_changes_nothing(self, tmp_path):
         source = study_of(seeds=1, algorithms=["random"])
         first = run_study(source, tmp_path)
@@ -384,6 +403,13 @@ class TestFolder:
         with pytest.raises(StudyError, match="holds the study 'trial', not 'other'"):
             run_study(study_of(name="other"), small)
 
+    def test_other_peoples_folders_are_left_alone(self, tmp_path):
+        (tmp_path / "runs.csv").write_text("mine")
+        (tmp_path / ".important.tmp").write_text("mine")
+        with pytest.raises(StudyError, match="expected an empty folder or that of a study"):
+            run_study(study_of(), tmp_path)
+        assert sorted(path.name for path in tmp_path.iterdir()) == [".important.tmp", "runs.csv"]
+
     def test_a_file_is_no_folder(self, tmp_path):
         (tmp_path / "file").touch()
         with pytest.raises(StudyError, match="expected a folder to write to"):
@@ -416,10 +442,13 @@ class TestFolder:
         assert len(watcher.performed) == 2
 
     def test_leftovers_of_a_killed_runner_are_removed(self, small):
-        leftover = small / "runs" / ".0123.tmp"
+        leftover = small / "runs" / ".0123456789abcdef.tmp"
         leftover.write_bytes(b"half")
+        other = small / "runs" / ".mine.tmp"
+        other.write_bytes(b"whole")
         run_study(study_of(), small)
         assert not leftover.exists()
+        assert other.exists()
 
     def test_the_study_is_kept_with_its_results(self, tmp_path):
         path = tmp_path / "mine.yaml"

@@ -528,6 +528,19 @@ class TestRanks:
         assert set(table["n_missions"]) == {5}
         assert set(table["note"]) == {"the algorithms differ: Friedman over 5 missions, p 0.00077"}
 
+    def test_one_mission_under_several_labels_is_one_block(self):
+        digests = {"m0": "a", "m1": "a", "m2": "b", "m3": "c", "m4": "d"}
+        table = rank_algorithms(
+            indicator_table(FIVE, "area"),
+            algorithms=list("ABC"),
+            significance=0.05,
+            digests=digests,
+        )
+        assert table["p_value"].isna().all()
+        assert table["average_rank"].tolist() == [1, 2, 3]
+        [note] = set(table["note"])
+        assert note.startswith("no Friedman test: 5 labels stand for 4 missions")
+
     def test_less_is_better_for_distances(self):
         table = ranked(FIVE, indicator="epsilon")
         assert table["average_rank"].tolist() == [3, 2, 1]

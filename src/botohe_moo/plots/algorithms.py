@@ -114,7 +114,8 @@ def shortened(labels: Iterable[str]) -> dict[str, str]:
     what they have in common.
     """
     short = {label: _cut(label, (_LONGEST - 1) // 2) for label in labels}
-    for text in {text for text in short.values() if list(short.values()).count(text) > 1}:
+    texts = list(short.values())
+    for text in dict.fromkeys(text for text in texts if texts.count(text) > 1):
         alike = [label for label in short if short[label] == text]
         n_common = next(i for i, letters in enumerate(zip_longest(*alike)) if len(set(letters)) > 1)
         for number, label in enumerate(alike, 1):
