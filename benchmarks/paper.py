@@ -9,7 +9,7 @@ from benchmarks.curves import MARKS, OTHERS, PUBLISHED, TOLERANCE
 from botohe_moo.study import StudyTables, read_study
 
 ANTS = 100  # evaluations of an iteration
-MISSION = "art museum"
+MISSION = "art-museum"
 ORDER = ("BO-ACO", "no pheromone", "no heuristic", "random")
 
 

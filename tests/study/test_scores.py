@@ -3,6 +3,7 @@
 import hashlib
 import struct
 import warnings
+from typing import get_args
 
 import networkx as nx
 import numpy as np
@@ -13,7 +14,7 @@ from hypothesis import strategies as st
 
 from botohe_moo.indicators import area_indicator, epsilon_indicator, igd_plus_indicator
 from botohe_moo.mission import Mission
-from botohe_moo.study.config import INDICATOR_NAMES
+from botohe_moo.study.config import IndicatorName
 from botohe_moo.study.scores import INDICATORS, as_table, reference_fronts, score_runs
 from botohe_moo.study.tables import SCHEMAS, to_arrow
 
@@ -275,7 +276,7 @@ class TestScores:
 
 class TestIndicators:
     def test_they_are_those_that_a_study_file_may_name(self):
-        assert tuple(INDICATORS) == INDICATOR_NAMES
+        assert tuple(INDICATORS) == get_args(IndicatorName)
 
     def test_those_that_judge_have_a_direction(self):
         directions = {name: known.higher_is_better for name, known in INDICATORS.items()}
