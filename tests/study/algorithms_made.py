@@ -2,13 +2,16 @@
 
 import copy
 import os
+import random
 import time
 from pathlib import Path
 
+import numpy as np
 from pymoo.core.algorithm import Algorithm
 from pymoo.core.population import Population
 
 from botohe_moo import BOTOHE
+from botohe_moo import load_mission as generated
 from botohe_moo.algorithms.base import ArchiveAlgorithm
 from botohe_moo.operators import RandomTrailSampling
 
@@ -203,3 +206,46 @@ class Chatty(Slow):
     def _advance(self, **_):
         time.sleep(0.06)
         super()._advance()
+
+
+class Changing(ArchiveAlgorithm):
+    """Makes its mission pay ten times as much."""
+
+    def _advance(self, **_):
+        reward = self.problem.mission.arrays.reward
+        reward.setflags(write=True)
+        reward *= 10
+        sample(self, min(20, self._n_left()))
+
+
+class Remembering(ArchiveAlgorithm):
+    """Remembers, for all runs of its process, that it has run."""
+
+    runs = ()
+
+    def _advance(self, **_):
+        if len(set(Remembering.runs) | {id(self)}) > 1:
+            raise RuntimeError("somebody was here before")
+        Remembering.runs = (id(self),)
+        sample(self, min(20, self._n_left()))
+
+
+class Doubling(ArchiveAlgorithm):
+    """Goes on in two processes."""
+
+    def _advance(self, **_):
+        if not self.evaluator.n_eval:
+            os.fork()
+        sample(self, min(20, self._n_left()))
+
+
+class Drawing(ArchiveAlgorithm):
+    """Draws from the generators that everybody shares, and says what."""
+
+    def _advance(self, **_):
+        raise RuntimeError(f"{random.random()} {np.random.random()}")  # noqa: NPY002
+
+
+def changing_mission():
+    """Give another mission each time."""
+    return generated("terrain", nodes=8, seed=int(time.monotonic_ns() % 10**9))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from dataclasses import dataclass, field
 from itertools import combinations
 
@@ -12,7 +11,8 @@ import pandas as pd
 
 from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.files import save_mission
-from botohe_moo.study.tables import MANIFEST, SCHEMAS, read_study, write_tables
+from botohe_moo.study.grid import mission_digest
+from botohe_moo.study.tables import SCHEMAS, read_study, write_tables
 
 ENVIRONMENT = {
     "environment": "e1",
@@ -136,13 +136,15 @@ def study_tables(missions, algorithms, records, *, control=None):
 
 def make_study(folder, missions, algorithms, records, *, control=None, **manifest):
     """Write a study's folder, and read it again as ``StudyTables``."""
-    write_tables(folder, study_tables(missions, algorithms, records, control=control))
     (folder / "missions").mkdir(exist_ok=True)
     entries = {}
     for i, (label, mission) in enumerate(missions.items()):
         save_mission(mission, folder / "missions" / f"m{i}.json")
         entries[label] = {
             "file": f"missions/m{i}.json",
+            "digest": mission_digest(mission),
+            "package": "botohe-moo",
+            "version": "0.1.0",
             "source": {"name_or_path": mission.name, "robots": mission.robots},
             "min_survival": 0.0,
             "budget": {"evaluations": 10_000, "seconds": None},
@@ -151,15 +153,19 @@ def make_study(folder, missions, algorithms, records, *, control=None, **manifes
         "name": "made",
         "title": "A made study",
         "description": "Fronts at random.",
-        "version": 1,
+        "version": "0.1.0",
         "missions": entries,
-        "algorithms": algorithms,
+        "algorithms": {
+            label: {"package": "botohe-moo", "version": "0.1.0", **entry}
+            for label, entry in algorithms.items()
+        },
         "seeds": sorted({r.seed for r in records}),
         "indicators": ["area", "igd_plus", "epsilon", "front_size"],
         "comparison": {"control": control, "significance": 0.05},
         **manifest,
     }
-    (folder / MANIFEST).write_text(json.dumps(content))
+    tables = study_tables(missions, algorithms, records, control=control)
+    write_tables(folder, tables, content)
     return read_study(folder)
 
 

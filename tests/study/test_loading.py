@@ -288,6 +288,14 @@ indicators: [area, igd]
             ({"seeds": {"count": 1, "values": [1]}}, "either count or values"),
             ({"recording": {"start": 0.5}}, "start"),
             ({"indicators": []}, "indicators"),
+            ({"indicators": ["area", "area"]}, "expected each once, got 'area' 2 times"),
+            ({"algorithms": ["random", "random"]}, "expected each once, got 'random' 2 times"),
+            ({"algorithms": {"_a": "random"}}, "does not begin with _"),
+            ({"algorithms": {"a\x1bb": "random"}}, "printable"),
+            (
+                {"missions": {"m": {"mission": "tests.study.algorithms_made:changing_mission"}}},
+                "gives another mission each time",
+            ),
             ({"comparison": {"control": "ant"}}, "there is no algorithm 'ant'"),
             ({"missions": {"t": {"mission": "toy", "parameters": {"x": 1}}}}, "parameter 'x'"),
             (

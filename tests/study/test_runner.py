@@ -156,6 +156,10 @@ class TestWhatComesOfRuns:
             assert survival.min() >= 0.999 * (1 - 1e-12)
 
 
+def read_study_again(folder):
+    return run_study(study_of(), folder)
+
+
 class TestTables:
     def test_they_are_of_their_schemas(self, done):
         for name in TABLES:
@@ -199,12 +203,15 @@ class TestTables:
 
     def test_csv_and_parquet_agree(self, done):
         for name in ("runs", "summary", "comparisons", "indicators", "ranks", "environments"):
-            read = pd.read_csv(done.folder / f"{name}.csv", float_precision="round_trip")
+            read = pd.read_csv(done.folder / f"{name}.csv")
             frame = getattr(done, name)
             assert len(read) == len(frame)
             for column in frame.select_dtypes("number"):
                 assert np.allclose(
-                    read[column].astype(float), frame[column].astype(float), equal_nan=True, rtol=0
+                    read[column].astype(float),
+                    frame[column].astype(float),
+                    equal_nan=True,
+                    rtol=1e-15,
                 )
 
     def test_missing_columns_and_wrong_types_are_found(self, done):
@@ -230,6 +237,43 @@ class TestTables:
             path.write_bytes(damage)
         with pytest.raises(StudyError, match=r"trace\.parquet"):
             read_study(small)
+
+    def test_tables_of_another_moment_are_noticed(self, small, tmp_path):
+        older = (small / "summary.parquet").read_bytes()
+        run_study(study_of(seeds=3), small)
+        (small / "summary.parquet").write_bytes(older)
+        with pytest.raises(StudyError, match=r"summary\.parquet: damaged, or of another moment"):
+            read_study(small)
+
+    def test_so_is_a_study_that_is_not_finished(self, small):
+        Store(small).write_study(load_study(study_of(seeds=3)))
+        with pytest.raises(StudyError, match="its tables are not made yet"):
+            read_study(small)
+
+    def test_so_are_changed_missions(self, small):
+        [path] = (small / "missions").glob("*.json")
+        content = json.loads(path.read_text())
+        content["nodes"][1]["reward"] += 1
+        path.write_text(json.dumps(content))
+        tables = read_study(small)
+        with pytest.raises(StudyError, match="not the mission that was planned for"):
+            tables.plan(tables.runs["run"][0], 0)
+
+    @pytest.mark.parametrize(
+        "content",
+        [
+            '{"name": "s", "missions": {}, "algorithms": {}}',
+            '{"name": "s", "missions": {"toy": null}}',
+            "[" * 100_000,
+            "",
+        ],
+    )
+    def test_damaged_manifests_are_named(self, small, content):
+        (small / "study.json").write_text(content)
+        with pytest.raises(StudyError, match=r"study\.json: cannot be read"):
+            read_study(small)
+        first = read_study_again(small)
+        assert len(first.runs) == 4
 
     def test_folders_without_a_study(self, tmp_path):
         with pytest.raises(StudyError, match="there is no study in this folder"):

@@ -87,7 +87,7 @@ class CheckedContent:
         return Study(self._file, text, tuple(self._missions), tuple(self._algorithms), self._seeds)
 
     def _fault(self, path: _Path, message: str) -> None:
-        self.faults.append((path, message))
+        self.faults.append((path, " ".join(message.split())))  # a fault is a line
 
     def _read_missions(self, entries: Mapping[str, MissionEntry]) -> Iterator[StudyMission]:
         for label, entry in entries.items():
@@ -130,6 +130,10 @@ class CheckedContent:
             for name, message in found or [(None, unknown)]:
                 said = message if name else self._said_of(source["name_or_path"], message)
                 self._fault((*path, *_place(name)), said)
+            return None
+        if _is_foreign(source["name_or_path"]) and load_mission(**source) != mission:
+            said = "gives another mission each time; it needs a seed among its parameters"
+            self._fault((*path, "mission"), f"{source['name_or_path']!r} {said}.")
             return None
         try:
             mission_content(mission)  # it will be saved with the study
@@ -210,6 +214,11 @@ class CheckedContent:
                 ("comparison", "control"),
                 f"there is no algorithm {control!r} in this study; its labels are {known}.",
             )
+
+
+def _is_foreign(mission: str) -> bool:
+    """Tell whether a mission is made by a function that is not this package's."""
+    return ":" in mission or mission_origin(mission)["package"] not in (None, "botohe-moo")
 
 
 def _entries(content: Mapping[str, Any], key: str, model: type[Any]) -> dict[str, Any]:

@@ -8,11 +8,14 @@ from __future__ import annotations
 
 import contextlib
 import os
+import random
 import select
 import signal
 import threading
 import time
 from multiprocessing.connection import Connection
+
+import numpy as np
 
 from botohe_moo.algorithms.registry import algorithm_origin
 from botohe_moo.study.environment import environment
@@ -41,18 +44,22 @@ def main() -> None:
             return
         found = environment()
         if other := _other_code(task, found["botohe_moo"]):
-            answers.send(("end", failure(other), found))
+            answers.send(("end", task.digest, failure(other), found))
             continue
         key = task.algorithm, repr(task.parameters)
         if key not in warm:
             warm.add(key)
             with contextlib.suppress(Exception):  # which the run will raise again, and report
                 warm_up(task)
-        answers.send(("begin", None, found))
-        mail = _Mail(answers, at_once=task.seconds is not None)
+        mail = _Mail(answers, task)
+        mail.send("begin", None)
+        # Algorithms are given a generator of their own; those that draw from everybody's all the
+        # same shall at least draw the same again.
+        random.seed(task.seed)
+        np.random.seed(task.seed % 2**32)  # noqa: NPY002
         outcome = perform(task, mail.put)
-        mail.send()
-        answers.send(("end", outcome, found))
+        mail.send_records()
+        mail.send("end", outcome)
 
 
 def _other_code(task: Task, ours: str) -> str | None:
@@ -69,26 +76,33 @@ def _other_code(task: Task, ours: str) -> str | None:
 
 
 class _Mail:
-    """Sends records together: one at a time they would take longer than what they record.
+    """Tells of a run; records together, for one at a time would take longer than what they record.
 
     A run that may be killed sends each at once, for it may never come to send the next.
     """
 
-    def __init__(self, answers: Connection, *, at_once: bool) -> None:
+    def __init__(self, answers: Connection, task: Task) -> None:
         self._answers = answers
-        self._pause = 0.0 if at_once else _SECONDS_BETWEEN_MAILS
+        self._digest = task.digest
+        self._process = os.getpid()
+        self._pause = 0.0 if task.seconds is not None else _SECONDS_BETWEEN_MAILS
         self._waiting: list[object] = []
         self._sent_at = time.monotonic()
 
     def put(self, record: object) -> None:
         self._waiting.append(record)
         if time.monotonic() - self._sent_at >= self._pause:
-            self.send()
+            self.send_records()
 
-    def send(self) -> None:
-        self._answers.send(("records", self._waiting, None))
+    def send_records(self) -> None:
+        self.send("records", self._waiting)
         self._waiting = []
         self._sent_at = time.monotonic()
+
+    def send(self, kind: str, content: object) -> None:
+        if os.getpid() != self._process:  # a copy that an algorithm has made
+            os._exit(0)
+        self._answers.send((kind, self._digest, content, environment()))
 
 
 def _end_with_parent(descriptor: int) -> None:

@@ -71,7 +71,7 @@ def collect_tables(study: Study, store: Store) -> dict[str, pd.DataFrame]:
     tables |= _judged(study, tables["runs"], points)
     ordered = {name: tables[name] for name in SCHEMAS}
     with writing(store.folder):
-        write_tables(store.folder, ordered)
+        write_tables(store.folder, ordered, study.manifest())
     return ordered
 
 

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import (
+    AfterValidator,
     BaseModel,
     ConfigDict,
     Field,
@@ -38,8 +39,26 @@ MAX_EVALUATIONS = 10**12
 MAX_SEED = 2**32 - 1
 MAX_SEEDS = 100_000
 
+
+def _label(value: str) -> str:
+    """Refuse what files, figures and LaTeX cannot show; matplotlib hides what begins with _."""
+    if not value.isprintable() or value.startswith("_"):
+        raise ValueError(
+            f"expected a label of printable characters that does not begin with _, got {value!r}"
+        )
+    return value
+
+
+def _different(values: list[str]) -> list[str]:
+    for value in values:
+        if values.count(value) > 1:
+            raise ValueError(f"expected each once, got {value!r} {values.count(value)} times")
+    return values
+
+
 _NAME = r"^[A-Za-z0-9][A-Za-z0-9._-]*$"
 Text = Annotated[str, StringConstraints(min_length=1, max_length=200, pattern=r"^\S(.*\S)?$")]
+Label = Annotated[Text, AfterValidator(_label)]
 Name = Annotated[str, StringConstraints(max_length=100, pattern=_NAME)]
 Count = Annotated[int, Field(ge=1, le=MAX_EVALUATIONS)]
 Seed = Annotated[int, Field(ge=0, le=MAX_SEED)]
@@ -177,7 +196,7 @@ class Recording(_Entry):
 class Comparison(_Entry):
     """How algorithms are compared."""
 
-    control: Text | None = None
+    control: Label | None = None
     """Label of the algorithm that all others are compared with; default: all pairs."""
     significance: Annotated[float, Field(gt=0, lt=1)] = 0.05
     """Significance level; intervals cover 1 minus this."""
@@ -192,9 +211,9 @@ class StudyFile(_Entry):
     """What the study is, in a line."""
     description: str | None = None
     """What the study is for."""
-    missions: Annotated[dict[Text, MissionEntry], Field(min_length=1)]
+    missions: Annotated[dict[Label, MissionEntry], Field(min_length=1)]
     """Missions under labels of your own; or a list of names and files, which are the labels."""
-    algorithms: Annotated[dict[Text, AlgorithmEntry], Field(min_length=1)]
+    algorithms: Annotated[dict[Label, AlgorithmEntry], Field(min_length=1)]
     """Algorithms under labels of your own; or a list of names, which are the labels."""
     budget: Budget | None = None
     """What each run may spend; a mission may have its own."""
@@ -202,7 +221,11 @@ class StudyFile(_Entry):
     """A count, or a list of seeds."""
     recording: Recording = Recording()
     """When fronts are recorded."""
-    indicators: Annotated[list[IndicatorName], Field(min_length=1)] = list(get_args(IndicatorName))
+    indicators: Annotated[
+        list[IndicatorName],
+        Field(min_length=1, json_schema_extra={"uniqueItems": True}),
+        AfterValidator(_different),
+    ] = list(get_args(IndicatorName))
     """What fronts are judged by."""
     comparison: Comparison = Comparison()
     """The control algorithm, if any, and the significance level."""
@@ -212,11 +235,10 @@ class StudyFile(_Entry):
     def _label_lists(cls, value: Any) -> Any:
         if not isinstance(value, dict):
             return value
-        listed = {
-            key: {name: name for name in value[key]}
-            for key in ("missions", "algorithms")
-            if _is_list_of_names(value.get(key))
-        }
+        listed = {}
+        for key in ("missions", "algorithms"):
+            if _is_list_of_names(value.get(key)):
+                listed[key] = {name: name for name in _different(value[key])}
         return {**value, **listed}
 
 
@@ -273,6 +295,8 @@ def _said(path: Sequence[int | str], found: Any) -> str:
         return f"expected the key {name!r}, which is missing."
     if found["type"] == "value_error":
         return f"{found['ctx']['error']}."
+    if found["type"] in ("too_short", "string_too_short"):
+        return f"Expected {name} not to be empty, got {found['input']!r}."
     if found["type"] == "string_pattern_mismatch":
         kind = (
             "of letters, digits, dots, dashes and underscores"

@@ -17,6 +17,9 @@ from botohe_moo.study.config import Budget, Recording, StudyFile
 
 __all__ = ["Run", "Study", "StudyAlgorithm", "StudyMission", "canonical", "mission_digest"]
 
+# pymoo's algorithms are what this package's derive from.
+_VERSIONS = {"version": "botohe-moo", "pymoo": "pymoo"}
+
 
 @dataclass(frozen=True)
 class StudyMission:
@@ -126,8 +129,9 @@ class Study:
 
     def runs(self) -> tuple[Run, ...]:
         """List the runs: mission by mission, algorithm by algorithm, seed by seed."""
+        versions = {name: version(package) for name, package in _VERSIONS.items()}
         return tuple(
-            _run(mission, algorithm, seed, self.file.recording)
+            _run(mission, algorithm, seed, self.file.recording, versions)
             for mission in self.missions
             for algorithm in self.algorithms
             for seed in self.seeds
@@ -163,10 +167,17 @@ class Study:
             "recording": self.file.recording.model_dump(),
             "indicators": list(self.file.indicators),
             "comparison": self.file.comparison.model_dump(),
+            "tables": None,
         }
 
 
-def _run(mission: StudyMission, algorithm: StudyAlgorithm, seed: int, recording: Recording) -> Run:
+def _run(
+    mission: StudyMission,
+    algorithm: StudyAlgorithm,
+    seed: int,
+    recording: Recording,
+    versions: Mapping[str, str],
+) -> Run:
     identity = {
         "mission": mission.digest,
         "min_survival": float(mission.min_survival),
@@ -176,8 +187,7 @@ def _run(mission: StudyMission, algorithm: StudyAlgorithm, seed: int, recording:
         "budget": _spent(mission.budget),
         "recording": _recorded(recording, mission.budget),
         "seed": seed,
-        "version": version("botohe-moo"),
-        "pymoo": version("pymoo"),  # whose algorithms this package's derive from
+        **versions,
     }
     digest = hashlib.sha256(canonical(identity).encode()).hexdigest()[:16]
     return Run(mission, algorithm, seed, recording, identity, digest)

@@ -50,7 +50,16 @@ class _Story:
         return replace(failure(error, where, last), environment=self.environment)
 
     def ended(self, outcome: Outcome) -> Outcome:
-        """Put together what was sent piece by piece; a failed run has no result."""
+        """Put together what was sent piece by piece; a failed run has no result.
+
+        The final front is evaluated again, here, where no algorithm has been.
+        """
+        last = self.records[-1] if self.records else None
+        if outcome.status != "failed" and last is not None and last.plans is not None:
+            try:
+                verify(self.task, *last.plans)
+            except ValueError as error:
+                return self.failed(str(error))
         # Only the last record's plans are kept.
         kept = [replace(record, plans=None) for record in self.records[:-1]] + self.records[-1:]
         records = () if outcome.status == "failed" else tuple(kept)
@@ -61,11 +70,6 @@ class _Story:
         task, last = self.task, self.records[-1] if self.records else None
         if task.seconds is None or not self.begun:
             return self.failed(f"killed: it did not start within {_MOST_SECONDS_TO_START:g} s")
-        if last is not None and last.plans is not None:
-            try:
-                verify(task, *last.plans)
-            except ValueError as error:
-                return self.failed(f"killed, and {error}")
         outcome = Outcome(
             status="timeout",
             stopped_by="limit",
@@ -109,10 +113,13 @@ class Sandbox:
             self.close()
             self._start()
         try:
-            return self._follow(task, stopped, note)
+            outcome = self._follow(task, stopped, note)
         except BaseException:
             self.close()
             raise
+        if task.origin["source"] is not None:  # who knows what it leaves behind for other runs
+            self.close()
+        return outcome
 
     def _start(self) -> None:
         self._said: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115
@@ -153,7 +160,9 @@ class Sandbox:
                     self.close()
                     return story.killed()
                 continue
-            kind, content, seen_in = answer
+            kind, digest, content, seen_in = answer
+            if digest not in (task.digest, None):  # from a copy of the process, of another run
+                continue
             story.environment = seen_in or story.environment
             if kind == "died":
                 return self._died(story)
@@ -169,7 +178,7 @@ class Sandbox:
                 if content:
                     note(content[-1])
 
-    def _answer(self) -> tuple[str, Any, dict[str, Any] | None] | None:
+    def _answer(self) -> tuple[str, str | None, Any, dict[str, Any] | None] | None:
         """Give what the process says next, or that it died; None if it says nothing for a while."""
         assert self._process is not None
         try:
@@ -178,9 +187,9 @@ class Sandbox:
             # A process of its own that it leaves behind keeps the connection open.
             if self._process.poll() is None or self._answers.poll(0):
                 return None
-        except (EOFError, OSError):  # the other end is no more
+        except Exception:  # the other end is no more, or somebody else has written to it
             pass
-        return "died", None, None
+        return "died", None, None, None
 
     def _died(self, story: _Story) -> Outcome:
         process, said = self._process, self._last_words()

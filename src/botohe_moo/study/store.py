@@ -21,7 +21,7 @@ import numpy as np
 from botohe_moo._files import replace_file
 from botohe_moo.mission.files import save_mission
 from botohe_moo.study.grid import Run, Study
-from botohe_moo.study.tables import MANIFEST, StudyError, read_manifest
+from botohe_moo.study.tables import MANIFEST, StudyError, read_manifest, write_manifest
 from botohe_moo.study.task import Outcome, Record
 from botohe_moo.trails import PlanBatch
 
@@ -153,8 +153,7 @@ class Store:
                 path = self.folder / "missions" / f"{mission.digest}.json"
                 save_mission(mission.mission, path)
             replace_file(self.folder / "study.yaml", study.text.encode())
-            manifest = json.dumps(study.manifest(), indent=1) + "\n"
-            replace_file(self.folder / MANIFEST, manifest.encode())
+            write_manifest(self.folder, study.manifest())
 
     def finished(self, digest: str) -> bool:
         """Tell whether there is a file of a run; it may be damaged.
@@ -177,7 +176,7 @@ class Store:
         try:
             content = json.loads((self._failures / f"{digest}.json").read_bytes())
             return Outcome(**content)
-        except (OSError, ValueError, TypeError):
+        except (OSError, ValueError, TypeError, RecursionError):
             return None
 
     def save(self, run: Run, outcome: Outcome) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import io
 import json
 from dataclasses import dataclass
@@ -13,14 +14,17 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
+from pydantic import BaseModel
 
 from botohe_moo._checks import nearest_first
 from botohe_moo._files import replace_file
 from botohe_moo.mission.files import read_mission
+from botohe_moo.study.grid import mission_digest
 from botohe_moo.study.schemas import SCHEMAS
 
 if TYPE_CHECKING:
     import os
+    from collections.abc import Mapping
 
     from botohe_moo.mission.model import Mission
     from botohe_moo.trails import TrailPlan
@@ -114,7 +118,7 @@ class StudyTables:
     def missions(self) -> dict[str, Mission]:
         """The missions by label."""
         return {
-            label: read_mission(self.folder / entry["file"])
+            label: _read_mission(self.folder / entry["file"], entry["digest"])
             for label, entry in self.manifest["missions"].items()
         }
 
@@ -143,6 +147,15 @@ class StudyTables:
         return self.missions[row["mission"]].plan([[_label(v) for v in trail] for trail in trails])
 
 
+def _read_mission(path: Path, digest: str) -> Mission:
+    mission = read_mission(path)
+    if mission_digest(mission) != digest:
+        raise StudyError(
+            f"{path}: not the mission that was planned for any more; run the study again."
+        )
+    return mission
+
+
 def _label(value: Any) -> Any:
     """Give a node label as missions have it: JSON knows no tuples."""
     return tuple(map(_label, value)) if isinstance(value, list) else value
@@ -169,8 +182,20 @@ def to_arrow(name: str, frame: pd.DataFrame) -> pa.Table:
     return table
 
 
-def write_tables(folder: Path, tables: dict[str, pd.DataFrame]) -> None:
-    """Write tables as Parquet, the small ones as CSV, too; each appears whole or not at all.
+def write_tables(
+    folder: Path, tables: Mapping[str, pd.DataFrame], manifest: Mapping[str, Any]
+) -> None:
+    """Write tables as Parquet, the small ones as CSV, too, and the manifest that vouches for them.
+
+    Parameters
+    ----------
+    folder
+        The study's folder.
+    tables
+        All tables by name.
+    manifest
+        What the study is; the digests of the tables are added, so that tables of different
+        moments are never taken for one study's.
 
     Raises
     ------
@@ -180,29 +205,48 @@ def write_tables(folder: Path, tables: dict[str, pd.DataFrame]) -> None:
         If the folder cannot be written to.
     """
     checked = {name: to_arrow(name, frame) for name, frame in tables.items()}
+    digests = {}
     for name, table in checked.items():
         buffer = io.BytesIO()
         pq.write_table(table, buffer, compression="zstd")
-        replace_file(folder / f"{name}.parquet", buffer.getvalue())
+        data = buffer.getvalue()
+        digests[name] = hashlib.sha256(data).hexdigest()
+        replace_file(folder / f"{name}.parquet", data)
         if name in SMALL:
             text = tables[name].to_csv(index=False, lineterminator="\n")
             replace_file(folder / f"{name}.csv", text.encode())
+    write_manifest(folder, {**manifest, "tables": digests})
 
 
-def read_table(path: Path) -> pd.DataFrame:
-    """Read one Parquet file.
+def write_manifest(folder: Path, manifest: Mapping[str, Any]) -> None:
+    """Write what a study is.
+
+    Parameters
+    ----------
+    folder
+        The study's folder.
+    manifest
+        What :func:`read_manifest` will give.
 
     Raises
     ------
-    StudyError
-        If it is missing or damaged.
+    OSError
+        If the folder cannot be written to.
     """
+    replace_file(folder / MANIFEST, (json.dumps(manifest, indent=1) + "\n").encode())
+
+
+def _read_table(path: Path, digest: str) -> pd.DataFrame:
+    again = "run the study again to make it"
     try:
-        table: pd.DataFrame = pq.read_table(io.BytesIO(path.read_bytes())).to_pandas()
+        data = path.read_bytes()
+        if hashlib.sha256(data).hexdigest() != digest:
+            raise StudyError(f"{path}: damaged, or of another moment than the others; {again}.")
+        table: pd.DataFrame = pq.read_table(io.BytesIO(data)).to_pandas()
     except FileNotFoundError:
-        raise StudyError(f"{path}: there is no such table; `botohe study run` makes it.") from None
+        raise StudyError(f"{path}: there is no such table; {again}.") from None
     except (OSError, pa.ArrowException) as error:
-        raise StudyError(f"{path}: cannot be read ({error}); run the study again.") from error
+        raise StudyError(f"{path}: cannot be read ({error}); {again}.") from error
     return table
 
 
@@ -221,8 +265,14 @@ def read_study(folder: str | os.PathLike[str]) -> StudyTables:
     """
     folder = Path(folder)
     manifest = read_manifest(folder)
+    digests = manifest["tables"]
     names = [field.name for field in dataclasses.fields(StudyTables)][2:]
-    tables = {name: read_table(folder / f"{name}.parquet") for name in names}
+    if digests is None or not digests.keys() >= set(names):
+        raise StudyError(
+            f"{folder}: its tables are not made yet: a runner is at work, or was killed. Run the "
+            "study again to go on."
+        )
+    tables = {name: _read_table(folder / f"{name}.parquet", digests[name]) for name in names}
     return StudyTables(folder, manifest, **tables)
 
 
@@ -236,14 +286,51 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     """
     path = folder / MANIFEST
     try:
-        content = json.loads(path.read_bytes())
-        if not (isinstance(content, dict) and content.keys() >= {"name", "missions", "algorithms"}):
-            raise ValueError("not a study's")
+        content: dict[str, Any] = json.loads(path.read_bytes())
+        _Manifest.model_validate(content)
     except FileNotFoundError:
         among = sorted(p.parent.name for p in folder.parent.glob(f"*/{MANIFEST}"))
         near = nearest_first(folder.name, among)
         known = f"; studies beside it are {', '.join(near)}" if near else ""
         raise StudyError(f"{folder}: there is no study in this folder{known}.") from None
-    except (OSError, ValueError) as error:
-        raise StudyError(f"{path}: cannot be read ({error}); run the study again.") from error
+    except (OSError, ValueError, RecursionError) as error:
+        said = " ".join(str(error).split()[:20])
+        raise StudyError(f"{path}: cannot be read ({said}); run the study again.") from error
     return content
+
+
+class _MissionEntry(BaseModel):
+    file: str
+    digest: str
+    source: dict[str, Any]
+    package: str | None
+    version: str | None
+    min_survival: float
+    budget: dict[str, float | None]
+
+
+class _AlgorithmEntry(BaseModel):
+    algorithm: str
+    parameters: dict[str, Any]
+    package: str | None
+    version: str | None
+
+
+class _ComparisonEntry(BaseModel):
+    control: str | None
+    significance: float
+
+
+class _Manifest(BaseModel):
+    """What readers of a manifest rely on."""
+
+    name: str
+    title: str | None
+    description: str | None
+    version: str
+    missions: dict[str, _MissionEntry]
+    algorithms: dict[str, _AlgorithmEntry]
+    seeds: list[int]
+    indicators: list[str]
+    comparison: _ComparisonEntry
+    tables: dict[str, str] | None

@@ -113,13 +113,13 @@ class Outcome:
 
 
 def failure(error: str, where: str | None = None, last: Record | None = None) -> Outcome:
-    """Give the outcome of a run that went wrong."""
+    """Give the outcome of a run that went wrong; ``error`` becomes a single line."""
     return Outcome(
         status="failed",
         stopped_by="error",
         evaluations=last.evaluations if last else 0,
         seconds=last.seconds if last else 0.0,
         recording_seconds=0.0,
-        error=error,
+        error=" ".join(error.split()),
         traceback=where,
     )
