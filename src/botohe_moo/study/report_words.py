@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
+from botohe_moo.study import scores
+
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
@@ -29,7 +31,7 @@ __all__ = [
     "verdict_words",
 ]
 
-INDICATORS = {"area": "area", "igd_plus": "IGD+", "epsilon": "epsilon", "front_size": "front size"}
+INDICATORS = {name: indicator.label for name, indicator in scores.INDICATORS.items()}
 _DASH = "–"
 
 

@@ -12,7 +12,6 @@ from typing import Any, Protocol
 
 from botohe_moo._checks import check_integer
 from botohe_moo.console.waiting import hold_interrupt
-from botohe_moo.study.collect import collect_tables
 from botohe_moo.study.grid import Run, Study
 from botohe_moo.study.loading import load_study, study_folder
 from botohe_moo.study.pool import Outcomes, dask_outcomes, local_outcomes
@@ -176,6 +175,9 @@ def run_study(
     >>> tables.runs[["algorithm", "seed", "status"]].values.tolist()
     [['random', 1, 'done'], ['random', 2, 'done'], ['greedy', 1, 'done'], ['greedy', 2, 'done']]
     """
+    # scipy.stats takes half a second to import, which every worker's process would wait for.
+    from botohe_moo.study.collect import collect_tables
+
     workers = check_integer("workers", workers, at_least=1, at_most=1_024)
     study = source if isinstance(source, Study) else load_study(source, out=out)
     folder = study_folder(study.name, out)

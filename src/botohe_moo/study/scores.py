@@ -33,7 +33,7 @@ class Indicator:
     Attributes
     ----------
     label
-        What figures and tables call it.
+        What reports call it.
     higher_is_better
         Whether a larger value is better; None for one that describes and does not judge.
     needs_reference
@@ -47,10 +47,10 @@ class Indicator:
 
 INDICATORS: Mapping[str, Indicator] = MappingProxyType(
     {
-        "area": Indicator("Area", higher_is_better=True, needs_reference=False),
+        "area": Indicator("area", higher_is_better=True, needs_reference=False),
         "igd_plus": Indicator("IGD+", higher_is_better=False, needs_reference=True),
-        "epsilon": Indicator("Additive ε", higher_is_better=False, needs_reference=True),
-        "front_size": Indicator("Plans on the front", higher_is_better=None, needs_reference=False),
+        "epsilon": Indicator("epsilon", higher_is_better=False, needs_reference=True),
+        "front_size": Indicator("front size", higher_is_better=None, needs_reference=False),
     }
 )
 
