@@ -16,7 +16,8 @@ from botohe_moo.algorithms import algorithm_names
 from botohe_moo.study.config import StudyFile, study_schema
 from botohe_moo.study.grid import mission_digest
 from botohe_moo.study.loading import load_study
-from botohe_moo.study.tables import StudyError
+from botohe_moo.study.store import Store
+from botohe_moo.study.tables import StudyError, read_manifest
 
 EXPERIMENTS = sorted((Path(__file__).parents[2] / "experiments").glob("*.yaml"))
 
@@ -435,6 +436,20 @@ def test_the_studies_of_this_project_are_well_formed(path):
     study = load_study(path)
     assert study.name == path.stem
     assert len(study.runs()) == len(study.missions) * len(study.algorithms) * len(study.seeds)
+
+
+@pytest.mark.parametrize("path", EXPERIMENTS, ids=lambda path: path.stem)
+def test_their_published_results_can_be_made_again(path):
+    # In a fresh clone the folder holds small tables only, and still has to be known as the study's.
+    study = load_study(path)
+    folder = path.parents[1] / "results" / study.name
+    tracked = subprocess.run(
+        ["git", "ls-files", "study.json"], cwd=folder, capture_output=True, text=True
+    )
+    if tracked.returncode == 0:  # not a copy without its history
+        assert tracked.stdout.strip() == "study.json"
+    Store(folder).check(study)
+    assert list(read_manifest(folder)["algorithms"]) == [a.label for a in study.algorithms]
 
 
 def test_there_are_studies():

@@ -21,8 +21,6 @@ from botohe_moo.study.task import Outcome
 
 __all__ = ["collect_tables"]
 
-_Columns = dict[str, list[Any]]
-
 
 def collect_tables(study: Study, store: Store) -> dict[str, pd.DataFrame]:
     """Make all tables of a study and write them to its folder.
