@@ -3,6 +3,7 @@
 import errno
 import json
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -454,6 +455,23 @@ class TestFolder:
         with pytest.raises(StudyError, match="expected an empty folder or that of a study"):
             run_study(study_of(), tmp_path)
         assert sorted(path.name for path in tmp_path.iterdir()) == [".important.tmp", "runs.csv"]
+
+    def test_a_folder_is_known_as_soon_as_anything_is_made_in_it(self, tmp_path, monkeypatch):
+        made = []
+        usual = Path.mkdir
+
+        def mkdir(path, *args, **kwargs):
+            if path.name == "runs":  # as if killed here
+                made.append(path)
+                raise KeyboardInterrupt
+            usual(path, *args, **kwargs)
+
+        monkeypatch.setattr(Path, "mkdir", mkdir)
+        with pytest.raises(KeyboardInterrupt):
+            run_study(study_of(), tmp_path / "out")
+        monkeypatch.undo()
+        assert made
+        assert len(run_study(study_of(), tmp_path / "out").runs) == 4
 
     def test_a_file_is_no_folder(self, tmp_path):
         (tmp_path / "file").touch()

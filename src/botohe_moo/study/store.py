@@ -46,7 +46,7 @@ class Store:
     Parameters
     ----------
     folder
-        Need not exist; nothing is made before :meth:`open`.
+        Need not exist; nothing is made before :meth:`locked`.
 
     Notes
     -----
@@ -69,13 +69,7 @@ class Store:
         StudyError
             If it cannot be made or written to, or another runner is at work in it.
         """
-        for folder in (self.folder, self._runs, self._failures, self.folder / "missions"):
-            try:
-                folder.mkdir(parents=True, exist_ok=True)
-            except OSError as error:
-                raise StudyError(
-                    f"{folder}: expected a folder to write to; {error.strerror}."
-                ) from None
+        _make_folder(self.folder)
         lock = filelock.FileLock(self._lock_file)
         try:
             lock.acquire(blocking=False)
@@ -87,6 +81,9 @@ class Store:
         except OSError as error:
             raise StudyError(f"{self.folder}: cannot be written to ({error.strerror}).") from None
         try:
+            # After the lock, by which a folder is known as a study's even if that is all it holds.
+            for folder in (self._runs, self._failures, self.folder / "missions"):
+                _make_folder(folder)
             with writing(self.folder):
                 replace_file(self.folder / ".runner", f"{os.getpid()}\n".encode())
             self._tidy()
@@ -224,6 +221,13 @@ class Store:
 
     def _path(self, digest: str) -> Path:
         return self._runs / f"{digest}.npz"
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StudyError(f"{folder}: expected a folder to write to; {error.strerror}.") from None
 
 
 @contextlib.contextmanager
