@@ -1,8 +1,9 @@
 """Run the benchmarks, by default all: ``python -m benchmarks [NAME ...]``.
 
-The names are curves, speed, growth (results/bo-aco/), operators, annealing (results/operators/)
-and studies (results/studies/). The exit status is 1 if a curve is not the published
-one or a ratio of times misses its bound; times themselves are never judged, machines differ.
+The names are curves, speed, growth, colonies (results/bo-aco/), operators, annealing
+(results/operators/) and studies (results/studies/). The exit status is 1 if a curve is not the
+published one or a ratio of times misses its bound; times themselves are never judged, machines
+differ.
 """
 
 import sys
@@ -10,13 +11,14 @@ from pathlib import Path
 
 import pandas as pd
 
-from benchmarks import annealing, curves, growth, operators, speed, studies
+from benchmarks import annealing, colonies, curves, growth, operators, speed, studies
 
 RESULTS = Path(__file__).parents[1] / "results"
 BENCHMARKS = {
     "speed": (speed.run, "bo-aco"),
     "growth": (growth.run, "bo-aco"),
     "curves": (curves.run, "bo-aco"),
+    "colonies": (colonies.run, "bo-aco"),
     "annealing": (annealing.run, "operators"),
     "operators": (operators.run, "operators"),
     "studies": (studies.run, "studies"),

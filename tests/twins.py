@@ -151,6 +151,63 @@ class Ant:
         return found
 
 
+class ConcurrentAnt(Ant):
+    """An ant whose robots are all out at once and take one hop each in turn.
+
+    ``out`` lists the robots that have not ended their trails, whose turn it is first.
+    """
+
+    def reaches(self, trail, node):
+        """Probability that a robot reaches the node by its trail so far."""
+        if node not in trail:
+            return 0.0
+        until = trail.index(node)
+        return prod(self.survival[arc] for arc in pairwise(trail[: until + 1]))
+
+    def unreached_by_others(self, trails, robot):
+        others = [trail for other, trail in enumerate(trails) if other != robot]
+        return {
+            node: prod(1 - self.reaches(trail, node) for trail in others)
+            for node in self.mission.graph
+        }
+
+    def next_hops(self, trails, out):
+        """Every hop of the robot whose turn it is: (probability, trails and robots out then)."""
+        robot, *later = out
+        trail = trails[robot]
+        for arc, probability in self.hops(
+            trail, self.unreached_by_others(trails, robot), robot
+        ).items():
+            if arc == self.loop:
+                yield probability, trails, later
+            else:
+                longer = [*trails[:robot], (*trail, arc[1]), *trails[robot + 1 :]]
+                yield probability, longer, [*later, robot]
+
+    def start(self):
+        robots = range(self.mission.robots)
+        return [(self.mission.base,) for _ in robots], list(robots)
+
+    def build(self, rng):
+        """Build one plan; ``rng`` is a random.Random."""
+        trails, out = self.start()
+        while out:
+            hops = list(self.next_hops(trails, out))
+            ((_, trails, out),) = rng.choices(hops, [probability for probability, *_ in hops])
+        return trails
+
+    def plan_probabilities(self):
+        """Every plan the ant may build, with its probability."""
+        found, unfinished = {}, [(1.0, *self.start())]
+        while unfinished:
+            probability, trails, out = unfinished.pop()
+            if out:
+                unfinished += [(probability * p, *then) for p, *then in self.next_hops(trails, out)]
+            else:
+                found[tuple(trails)] = found.get(tuple(trails), 0.0) + probability
+        return found
+
+
 class Repairer:
     """Both repairs, one rule a line; missions whose safest paths are unique give the same plans."""
 

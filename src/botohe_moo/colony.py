@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from botohe_moo._types import FloatArray, IntArray, OffsetArray
 from botohe_moo.archive import PlanArchive
+from botohe_moo.kernels.concurrent import construct_concurrently
 from botohe_moo.kernels.construct import construct
 from botohe_moo.kernels.pheromone import LOG_HIGH, learn, log_weights
 from botohe_moo.kernels.rng import seed_states
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import PlanBatch
 
-__all__ = ["Colony", "ColonyRule"]
+__all__ = ["Allocation", "AntThreads", "Colony", "ColonyRule", "exchange_archives"]
+
+Allocation = Literal["sequential", "concurrent"]
 
 
 @dataclass(frozen=True)
@@ -36,6 +39,36 @@ class ColonyRule:
     unvisited_bonus: float
     exploration: float
     pooled_deposit: bool
+    allocation: Allocation = "sequential"
+
+
+class AntThreads:
+    """Threads that build plans, which several colonies may share; they start when needed.
+
+    Parameters
+    ----------
+    n_threads
+        How many, the calling one among them.
+    """
+
+    def __init__(self, n_threads: int) -> None:
+        self.n_threads = n_threads
+        self._pool: ThreadPoolExecutor | None = None
+
+    def submit(self, job: Callable[..., Any], *args: Any) -> Future[Any]:
+        """Let another thread than the calling one do a job."""
+        if self._pool is None:
+            self._pool = ThreadPoolExecutor(self.n_threads - 1, "botohe-ants")
+        return self._pool.submit(job, *args)
+
+    def close(self) -> None:
+        """End the threads; the next job starts new ones."""
+        if self._pool is not None:
+            self._pool.shutdown()
+            self._pool = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_pool": None}
 
 
 class Colony:
@@ -49,8 +82,8 @@ class Colony:
         How ants choose and deposit.
     n_ants
         Size of the colony.
-    n_threads
-        Threads that build plans; results do not depend on it.
+    threads
+        Which build plans, by default the calling one alone; results do not depend on them.
     min_survival
         Probability with which every robot has to survive.
     random_state
@@ -63,13 +96,13 @@ class Colony:
         rule: ColonyRule,
         *,
         n_ants: int,
-        n_threads: int = 1,
+        threads: AntThreads | None = None,
         min_survival: float = 0.0,
         random_state: np.random.Generator,
     ) -> None:
         self.rule = rule
         self.n_robots = mission.robots
-        self.n_threads = n_threads
+        self.threads = threads or AntThreads(1)
         self.min_survival = min_survival
         self.walk = walk = mission.walk
         self._states = seed_states(random_state, n_ants)
@@ -96,7 +129,6 @@ class Colony:
         self._log_reward, self._log_survival = np.empty(shape), np.empty(shape)
         self._weigh()
         self._buffers: dict[int, tuple[IntArray, IntArray]] = {}
-        self._pool: ThreadPoolExecutor | None = None
 
     def _weigh(self) -> None:
         log_weights(
@@ -122,14 +154,14 @@ class Colony:
             each of their nodes, every trail ending with the base's self-loop.
         """
         lengths = np.empty(n_ants * self.n_robots, np.int64)
-        n_threads = min(self.n_threads, n_ants)
+        n_threads = min(self.threads.n_threads, n_ants)
         cuts = [n_ants * i // n_threads for i in range(n_threads + 1)]
         spans = list(pairwise(cuts))
         if n_threads == 1:
             parts = [self._construct_span(0, 0, n_ants, n_ants, lengths)]
         else:
             waiting = [
-                self._submit(self._construct_span, part, *span, n_ants, lengths)
+                self.threads.submit(self._construct_span, part, *span, n_ants, lengths)
                 for part, span in enumerate(spans[1:], start=1)
             ]
             parts = [self._construct_span(0, *spans[0], n_ants, lengths)]
@@ -143,11 +175,6 @@ class Colony:
             arcs = np.concatenate([arcs for _, arcs in parts])
         return PlanBatch._wrap(nodes, offsets, self.n_robots), arcs
 
-    def _submit(self, job: Callable[..., Any], *args: Any) -> Any:
-        if self._pool is None:
-            self._pool = ThreadPoolExecutor(self.n_threads - 1, "botohe-ants")
-        return self._pool.submit(job, *args)
-
     def _construct_span(
         self, part: int, begin: int, end: int, n_ants: int, lengths: OffsetArray
     ) -> tuple[IntArray, IntArray]:
@@ -156,7 +183,8 @@ class Colony:
             np.empty(4096, np.int32),
         )
         walk, rule = self.walk, self.rule
-        nodes, arcs, size = construct(
+        build = construct_concurrently if rule.allocation == "concurrent" else construct
+        nodes, arcs, size = build(
             walk.first,
             walk.head,
             walk.survival,
@@ -201,7 +229,7 @@ class Colony:
         members
             Indices of the iteration's Pareto set.
         archive
-            The global Pareto set.
+            The global Pareto set, of all plans or of those that the colony knows of.
         """
         if not self.rule.pheromone or len(archive) == 0:
             return
@@ -226,11 +254,20 @@ class Colony:
         self._deposited_version = archive.version
         self._weigh()
 
-    def close(self) -> None:
-        """End the threads; the next construction starts new ones."""
-        if self._pool is not None:
-            self._pool.shutdown()
-            self._pool = None
-
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_pool": None, "_buffers": {}}
+        return {**self.__dict__, "_buffers": {}}
+
+
+def exchange_archives(archives: Sequence[PlanArchive]) -> None:
+    """Let every colony's archive take in what the one before it holds, the first one the last's.
+
+    All of them at once: a plan goes no further than to the next archive of the ring.
+
+    Notes
+    -----
+    Circular exchange of the locally best plans, as in Middendorf, Reischle and Schmeck, "Multi
+    colony ant algorithms", Journal of Heuristics 8(3), 2002, with a front for their best one.
+    """
+    held = [(archive.plans, archive.objectives.copy()) for archive in archives]
+    for giver, archive in enumerate(archives, start=-1):
+        archive.absorb(*held[giver])

@@ -15,6 +15,8 @@ from pymoo.termination import get_termination
 from pymoo.termination.collection import TerminationCollection
 
 from botohe_moo import BOACO, BOTOHE, Mission, RandomTrails, TrailPlan, area_indicator, load_mission
+from botohe_moo.archive import PlanArchive
+from botohe_moo.colony import exchange_archives
 from tests.strategies import missions
 
 
@@ -58,6 +60,16 @@ VARIANTS = {
     "no heuristic": lambda **options: BOACO(heuristic=False, **options),
     "no pheromone": lambda **options: BOACO.journal(pheromone=False, **options),
     "per robot": lambda **options: BOACO.journal(pheromone_per_robot=True, **options),
+    "concurrent": lambda **options: BOACO.journal(allocation="concurrent", **options),
+    "colonies": lambda **options: BOACO.journal(n_colonies=3, exchange_every=2, **options),
+    "all of it": lambda **options: BOACO(
+        allocation="concurrent",
+        n_colonies=5,
+        exchange_every=None,
+        pheromone_per_robot=True,
+        exploration=0.5,
+        **options,
+    ),
     "random": RandomTrails,
 }
 variants = pytest.mark.parametrize("make", VARIANTS.values(), ids=VARIANTS.keys())
@@ -372,6 +384,134 @@ class TestPheromone:
         assert (result.algorithm.pheromone_maps[["reward", "survival"]] == 1).all(axis=None)
 
 
+class Pairs(BOTOHE):
+    """Feasible are plans in which at least two robots are expected to come back."""
+
+    def __init__(self, mission):
+        super().__init__(mission)
+        self.n_ieq_constr = 1
+
+    def constrain_batch(self, batch):
+        return 2.0 - self.mission.evaluate(batch)[:, 1:]
+
+
+def archived(archive):
+    return dict(zip(archive.plans, map(tuple, archive.objectives.tolist()), strict=True))
+
+
+def run(problem, algorithm, n_gen, seed=1):
+    """Run an algorithm for some iterations; give it as it is then."""
+    algorithm.setup(problem, termination=("n_gen", n_gen), seed=seed)
+    while algorithm.has_next():
+        algorithm.next()
+    return algorithm
+
+
+class TestColonies:
+    def test_without_exchange_each_is_on_its_own(self, museum):
+        """The first of two colonies is what it would be alone, with its share of the ants."""
+        problem, options = BOTOHE(museum), {"pheromone_per_robot": True}
+        alone = run(problem, BOACO.journal(n_ants=10, **options), 30)
+        two = run(
+            problem, BOACO.journal(n_ants=20, n_colonies=2, exchange_every=None, **options), 30
+        )
+        first, second = two.colonies
+        assert two.colony is first
+        assert first.pheromone.tobytes() == alone.colony.pheromone.tobytes()
+        assert first.pheromone.tobytes() != second.pheromone.tobytes()
+        assert archived(two._origins[0]) == archived(alone.archive)
+
+    def test_the_archive_is_common(self, museum):
+        colonies = run(BOTOHE(museum), BOACO.journal(n_ants=30, n_colonies=3), 25)
+        common = archived(colonies.archive)
+        held = {}
+        for origin in colonies._origins:
+            held |= archived(origin)
+        assert set(common) <= set(held)  # what nothing dominates is dominated in no colony either
+        assert all(held[plan] == objectives for plan, objectives in common.items())
+        assert len({frozenset(archived(origin)) for origin in colonies._origins}) > 1
+
+    def test_exchange_comes_when_it_is_due(self, museum):
+        def pheromone(n_gen, exchange_every):
+            algorithm = BOACO(n_ants=20, n_colonies=2, exchange_every=exchange_every)
+            return run(BOTOHE(museum), algorithm, n_gen).pheromone_maps
+
+        assert pheromone(5, 5).equals(pheromone(5, None))
+        assert not pheromone(6, 5).equals(pheromone(6, None))
+        assert not pheromone(6, 5).equals(pheromone(6, 1))
+
+    def test_plans_go_round(self):
+        """Three trails of which none dominates another, and one that the third dominates."""
+        graph = nx.DiGraph([(0, 1), (1, 0), (0, 2), (2, 0)])
+        nx.set_node_attributes(graph, {0: 0.0, 1: 1.0, 2: 5.0}, "reward")
+        survivals = {(0, 1): 1.0, (1, 0): 0.5, (0, 2): 0.4, (2, 0): 1.0}
+        nx.set_edge_attributes(graph, survivals, "survival")
+        mission = Mission(graph, base=0, robots=1)
+        home, near, far, both = ([0], [0, 1, 0], [0, 2, 0], [0, 1, 0, 2, 0])
+        assert mission.evaluate([mission.plan([t]) for t in (home, near, far, both)]).tolist() == [
+            [0.0, 1.0],
+            [1.0, 0.5],
+            [2.0, 0.4],
+            [pytest.approx(2.0), 0.2],
+        ]
+        archives = [PlanArchive(1) for _ in range(4)]
+        for archive, trail in zip(archives, (home, near, far, both), strict=True):
+            batch = mission.batch([mission.plan([trail])])
+            archive.absorb(batch, mission.evaluate(batch))
+
+        def held():
+            return [{plan.trails[0] for plan in archive.plans} for archive in archives]
+
+        home, near, far, both = map(tuple, (home, near, far, both))
+        exchange_archives(archives)
+        assert held() == [{home, both}, {home, near}, {near, far}, {far}]
+        exchange_archives(archives)
+        assert held() == [{home, far}, {home, near, both}, {home, near, far}, {near, far}]
+        exchange_archives(archives)
+        exchange_archives(archives)
+        assert held() == [{home, near, far}] * 4
+
+    def test_everybody_is_given_the_plans_to_start_from(self, museum):
+        plan = museum.plan([[1], [1], [1, 2, 21, 27, 25, 27, 21, 2, 1]])
+        maps = [
+            run(BOTOHE(museum), BOACO(n_ants=4, n_colonies=2, sampling=sampling), 1).pheromone_maps
+            for sampling in (None, [plan])
+        ]
+        without, given_plans = (
+            table.set_index(["colony", "tail", "head"])["survival"] for table in maps
+        )
+        for colony in (0, 1):
+            assert given_plans[colony, 27, 25] > without[colony, 27, 25]
+
+    def test_pheromone_maps(self, museum):
+        algorithm = BOACO.journal(n_ants=10, n_colonies=2, pheromone_per_robot=True)
+        maps = run(BOTOHE(museum), algorithm, 5).pheromone_maps
+        assert list(maps.columns) == ["colony", "robot", "tail", "head", "reward", "survival"]
+        for colony in (0, 1):
+            for robot in (0, 1, 2):
+                rows = maps[(maps["colony"] == colony) & (maps["robot"] == robot)]
+                levels = algorithm.colonies[colony].pheromone[robot]
+                assert np.array_equal(rows[["reward", "survival"]].to_numpy(), levels)
+
+    @pytest.mark.parametrize(("n_ants", "n_colonies"), [(10, 7), (8, 5), (7, 7)])
+    @pytest.mark.parametrize("budget", range(8, 15))
+    def test_few_evaluations_for_many_colonies(self, museum, n_ants, n_colonies, budget):
+        problem = Watched(museum)
+        algorithm = BOACO(n_ants=n_ants, n_colonies=n_colonies)
+        result = minimize(problem, algorithm, ("n_eval", budget), seed=1)
+        assert result.algorithm.evaluator.n_eval == budget
+
+    @pytest.mark.parametrize(
+        "problem", [BOTOHE(load_mission("art_museum"), min_survival=0.7), None]
+    )
+    def test_only_what_is_feasible_deposits(self, problem, museum):
+        problem = problem or Pairs(museum)
+        algorithm = run(problem, BOACO(n_ants=30, n_colonies=3, allocation="concurrent"), 15)
+        for archive in (algorithm.archive, *algorithm._origins):
+            assert len(archive)
+            assert (problem.constrain_batch(archive.plans) <= 0).all()
+
+
 @pytest.mark.parametrize(
     ("parameters", "message"),
     [
@@ -392,6 +532,17 @@ class TestPheromone:
         ({"unvisited_bonus": -0.1}, r"Expected unvisited_bonus >= 0, got -0\.1\."),
         ({"exploration": float("inf")}, r"Expected exploration >= 0 and finite, got inf\."),
         ({"pooled_deposit": None}, r"Expected pooled_deposit to be true or false, got None\."),
+        (
+            {"allocation": "parallel"},
+            r"Expected allocation to be 'sequential' or 'concurrent', got 'parallel'\.",
+        ),
+        ({"allocation": None}, "Expected allocation to be 'sequential' or 'concurrent', got None"),
+        ({"allocation": []}, r"Expected allocation to be 'sequential' or 'concurrent', got \[\]\."),
+        ({"n_colonies": 0}, r"Expected n_colonies >= 1, got 0\."),
+        ({"n_colonies": 101}, r"Expected n_colonies <= n_ants = 100, got 101\."),
+        ({"n_colonies": 3, "n_ants": 2}, r"Expected n_colonies <= n_ants = 2, got 3\."),
+        ({"exchange_every": 0}, r"Expected exchange_every >= 1, got 0\."),
+        ({"exchange_every": 1.5}, r"Expected exchange_every to be an integer >= 1, got"),
         ({"max_ties": 0}, r"Expected max_ties >= 1, got 0\."),
         ({"n_threads": 0}, r"Expected n_threads >= 1, got 0\."),
     ],

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from botohe_moo.colony import Colony, ColonyRule
+from botohe_moo.colony import AntThreads, Colony, ColonyRule
 from botohe_moo.kernels.construct import leads_home
 from botohe_moo.mission import Mission, load_mission
 from tests import twins
@@ -39,7 +39,7 @@ def colony(mission, *, n_ants, seed=0, n_threads=1, floor=0.0, **changes):
         mission,
         rule(**changes),
         n_ants=n_ants,
-        n_threads=n_threads,
+        threads=AntThreads(n_threads),
         min_survival=floor,
         random_state=random_state,
     )
@@ -52,8 +52,11 @@ rules = st.fixed_dictionaries(
         "pheromone_per_robot": st.booleans(),
         "unvisited_bonus": st.sampled_from([0.0, 0.05]),
         "exploration": st.sampled_from([0.0, 0.01, 2.0]),
+        "allocation": st.sampled_from(["sequential", "concurrent"]),
     }
 )
+ALLOCATIONS = {"sequential": twins.Ant, "concurrent": twins.ConcurrentAnt}
+allocations = pytest.mark.parametrize("allocation", ALLOCATIONS)
 
 
 @settings(max_examples=300)
@@ -72,11 +75,13 @@ def test_no_dead_ends_on_one_way_missions(mission, changes, seed):
         assert (objectives <= [mission.total_reward + 1e-9, mission.robots]).all()
 
 
+@allocations
 @pytest.mark.parametrize("seed", range(10))
-def test_no_dead_ends_on_larger_one_way_missions(seed):
+def test_no_dead_ends_on_larger_one_way_missions(seed, allocation):
     mission = one_way_mission(60, 150, seed)
     assert not mission.balanced
-    ants = colony(mission, n_ants=60, seed=seed, heuristic=False, pheromone=False)
+    flat = {"heuristic": False, "pheromone": False, "allocation": allocation}
+    ants = colony(mission, n_ants=60, seed=seed, **flat)
     batch, _ = ants.construct(60)
     mission.evaluate(batch)
     # Walks must run into places where a careless ant is lost, or this test shows nothing.
@@ -137,7 +142,30 @@ def crossing(robots):
     return Mission(graph)
 
 
-@pytest.mark.parametrize("robots", [1, 2])
+def assert_frequencies(ants, twin, n_times=20_000):
+    """Compare how often each plan is built, for λ = 0, 1/2 and 1, with its exact probability.
+
+    ``twin`` makes a readable ant of a λ. Gives the plans that each may build.
+    """
+    seen = [Counter(), Counter(), Counter()]
+    for _ in range(n_times):
+        for ant, plan in enumerate(ants.construct(3)[0]):
+            seen[ant][plan.trails] += 1
+    possible = []
+    for weight, counted in zip((0.0, 0.5, 1.0), seen, strict=True):
+        expected = twin(weight).plan_probabilities()
+        assert sum(expected.values()) == pytest.approx(1.0, abs=1e-12)
+        assert set(counted) <= set(expected)
+        for plan, probability in expected.items():
+            spread = (n_times * probability * (1 - probability)) ** 0.5
+            assert abs(counted[plan] - n_times * probability) <= 5 * spread + 1, plan
+        possible.append(set(expected))
+    return possible
+
+
+@pytest.mark.parametrize(
+    ("robots", "allocation"), [(1, "sequential"), (2, "sequential"), (2, "concurrent")]
+)
 @pytest.mark.parametrize(
     "changes",
     [
@@ -148,78 +176,113 @@ def crossing(robots):
     ],
     ids=["paper", "journal", "no heuristic", "per robot"],
 )
-def test_ants_choose_as_the_paper_says(robots, changes):
+def test_ants_choose_as_the_paper_says(robots, changes, allocation):
     """Frequencies of whole plans, for λ = 0, 1/2 and 1, against their exact probabilities."""
     mission = crossing(robots)
     assert not mission.balanced
-    ants = colony(mission, n_ants=3, seed=5, **changes)
+    ants = colony(mission, n_ants=3, seed=5, allocation=allocation, **changes)
     ants.pheromone[...] = np.random.default_rng(2).uniform(0.3, 3, ants.pheromone.shape)
     ants._weigh()
     walk = ants.walk
     arcs = list(zip(walk.tail.tolist(), walk.head.tolist(), strict=True))
     levels = [dict(zip(arcs, map(tuple, one.tolist()), strict=True)) for one in ants.pheromone]
     pheromone = levels * robots if len(levels) == 1 else levels
-
-    n_times = 20_000
-    seen = [Counter(), Counter(), Counter()]
-    for _ in range(n_times):
-        for ant, plan in enumerate(ants.construct(3)[0]):
-            seen[ant][plan.trails] += 1
-    for weight, counted in zip((0.0, 0.5, 1.0), seen, strict=True):
-        expected = twins.Ant(mission, ants.rule, pheromone, weight).plan_probabilities()
-        assert sum(expected.values()) == pytest.approx(1.0, abs=1e-12)
-        assert set(counted) <= set(expected)
-        for plan, probability in expected.items():
-            spread = (n_times * probability * (1 - probability)) ** 0.5
-            assert abs(counted[plan] - n_times * probability) <= 5 * spread + 1, plan
+    twin = ALLOCATIONS[allocation]
+    assert_frequencies(ants, lambda weight: twin(mission, ants.rule, pheromone, weight))
 
 
-@pytest.mark.parametrize("floor", [0.3, 0.45])
-def test_ants_keep_a_floor_and_choose_among_what_is_left(floor):
+@pytest.mark.parametrize(
+    ("floor", "robots", "allocation"),
+    [(0.3, 1, "sequential"), (0.45, 1, "sequential"), (0.3, 2, "concurrent")],
+)
+def test_ants_keep_a_floor_and_choose_among_what_is_left(floor, robots, allocation):
     """Frequencies of whole plans under a survival floor against their exact probabilities."""
-    mission = crossing(1)
-    ants = colony(mission, n_ants=3, seed=5, floor=floor, exploration=0.5)
-    seen = [Counter(), Counter(), Counter()]
-    for _ in range(20_000):
-        for ant, plan in enumerate(ants.construct(3)[0]):
-            seen[ant][plan.trails] += 1
-    levels = dict.fromkeys([*mission.graph.edges, (0, 0)], (1.0, 1.0))
-    free = twins.Ant(mission, ants.rule, [levels], 0.5).plan_probabilities()
-    for weight, counted in zip((0.0, 0.5, 1.0), seen, strict=True):
-        ant = twins.Ant(mission, ants.rule, [levels], weight, floor)
-        expected = ant.plan_probabilities()
-        assert len(expected) < len(free)
-        assert set(counted) <= set(expected)
-        for plan, probability in expected.items():
-            spread = (20_000 * probability * (1 - probability)) ** 0.5
-            assert abs(counted[plan] - 20_000 * probability) <= 5 * spread + 1, plan
+    mission, twin = crossing(robots), ALLOCATIONS[allocation]
+    ants = colony(mission, n_ants=3, seed=5, floor=floor, exploration=0.5, allocation=allocation)
+    levels = [dict.fromkeys([*mission.graph.edges, (0, 0)], (1.0, 1.0))] * robots
+    free = twin(mission, ants.rule, levels, 0.5).plan_probabilities()
+    for possible in assert_frequencies(
+        ants, lambda weight: twin(mission, ants.rule, levels, weight, floor)
+    ):
+        assert len(possible) < len(free)
+
+
+def two_leaves():
+    """Two robots at base 0, and nodes 1 and 2 with a way out and back each."""
+    graph = nx.DiGraph(base=0, robots=2)
+    graph.add_nodes_from([0, 1, 2], reward=1.0)
+    graph.add_weighted_edges_from([(0, 1, 0.5), (0, 2, 0.5), (1, 0, 1), (2, 0, 1)], "survival")
+    return Mission(graph)
+
+
+@pytest.mark.parametrize(
+    ("allocation", "ends"), [("sequential", 1 / 12), ("concurrent", 1 / 7)], ids=ALLOCATIONS
+)
+def test_what_the_first_robot_knows_of_the_second(allocation, ends):
+    """By hand, for λ = 0: one robot visits each leaf.
+
+    A leaf that nobody reaches weighs 0.05 + 0.5, one that the other robot reaches with
+    probability 1/2 weighs 0.05 + 0.25, and the end of the trail 0.05. When the first robot is
+    back, the second one has visited the other leaf only where they are out concurrently.
+    """
+    mission = two_leaves()
+    first, second, second_ends = 0.55 / 1.15, 0.55 / 0.9, 0.05 / 0.35
+    probability = first * ends * second * second_ends
+    plan = ((0, 1, 0), (0, 2, 0))
+    ants = colony(mission, n_ants=2, seed=4, allocation=allocation)
+    levels = [dict.fromkeys([*mission.graph.edges, (0, 0)], (1.0, 1.0))] * 2
+    twin = ALLOCATIONS[allocation](mission, ants.rule, levels, 0.0)
+    assert twin.plan_probabilities()[plan] == pytest.approx(probability, rel=1e-12)
+    n_times = 40_000
+    seen = sum(ants.construct(2)[0][0].trails == plan for _ in range(n_times))
+    assert abs(seen - n_times * probability) <= 5 * (n_times * probability) ** 0.5
+
+
+@settings(max_examples=100)
+@given(missions(max_nodes=8, max_robots=1), rules, st.integers(0, 2**32))
+def test_a_single_robot_is_allocated_the_same_trail_by_either(mission, changes, seed):
+    built = []
+    for allocation in ALLOCATIONS:
+        ants = colony(mission, n_ants=7, seed=seed, **{**changes, "allocation": allocation})
+        batch, arcs = ants.construct(7)
+        built.append((batch.nodes.tobytes(), batch.offsets.tobytes(), arcs.tobytes()))
+    assert built[0] == built[1]
 
 
 @settings(max_examples=200)
-@given(missions(max_nodes=8), st.sampled_from([0.05, 0.3, 0.7, 1.0]), st.integers(0, 2**32))
-def test_a_floor_is_kept_everywhere(mission, floor, seed):
-    ants = colony(mission, n_ants=7, seed=seed, floor=floor * (1 - 5e-13), exploration=0.5)
+@given(
+    missions(max_nodes=8),
+    st.sampled_from([0.05, 0.3, 0.7, 1.0]),
+    st.sampled_from(list(ALLOCATIONS)),
+    st.integers(0, 2**32),
+)
+def test_a_floor_is_kept_everywhere(mission, floor, allocation, seed):
+    changes = {"exploration": 0.5, "allocation": allocation}
+    ants = colony(mission, n_ants=7, seed=seed, floor=floor * (1 - 5e-13), **changes)
     batch, _ = ants.construct(7)
     mission.evaluate(batch)
     assert (mission.robot_survival(batch) >= floor * (1 - 1e-12)).all()
 
 
+@allocations
 @pytest.mark.parametrize("n_ants", [1, 2, 49, 50, 51, 130])
-def test_spans_do_not_change_what_ants_build(n_ants):
+def test_spans_do_not_change_what_ants_build(n_ants, allocation):
     mission = load_mission("art_museum")
     built = []
     for n_threads in (1, 2, 3, 7):
-        ants = colony(mission, n_ants=n_ants, seed=1, n_threads=n_threads)
+        ants = colony(mission, n_ants=n_ants, seed=1, n_threads=n_threads, allocation=allocation)
         batches = [ants.construct(n_ants) for _ in range(3)]
-        ants.close()
+        ants.threads.close()
         built.append([(b.nodes.tobytes(), b.offsets.tobytes(), a.tobytes()) for b, a in batches])
     assert built[0] == built[1] == built[2] == built[3]
     assert built[0][0] != built[0][1]
 
 
-def test_long_trails_outgrow_the_first_buffers():
+@allocations
+def test_long_trails_outgrow_the_first_buffers(allocation):
     mission = load_mission("terrain", nodes=300, seed=1)
-    ants = colony(mission, n_ants=20, heuristic=False, pheromone=False)
+    flat = {"heuristic": False, "pheromone": False, "allocation": allocation}
+    ants = colony(mission, n_ants=20, **flat)
     batch, arcs = ants.construct(20)
     assert len(batch.nodes) > 2 * 4096
     mission.evaluate(batch)
@@ -239,10 +302,11 @@ def test_homeward_arcs_lead_home(mission, data):
             assert hops < len(mission.nodes)
 
 
-def test_the_twin_builds_with_the_probabilities_it_states():
-    """It is what `make bench` measures the compiled ants against."""
+@pytest.mark.parametrize("twin", ALLOCATIONS.values(), ids=ALLOCATIONS)
+def test_the_twin_builds_with_the_probabilities_it_states(twin):
+    """The sequential one is what `make bench` measures the compiled ants against."""
     mission = crossing(2)
-    ant = twins.Ant(
+    ant = twin(
         mission, rule(), [dict.fromkeys([*mission.graph.edges, (0, 0)], (1.0, 1.0))] * 2, 0.5
     )
     rng, n_times, expected = random.Random(1), 2000, ant.plan_probabilities()

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any, Literal, Self
+from typing import Any, Literal, Self, get_args
 
 import pandas as pd
 
 from botohe_moo._checks import check_flag, check_integer, check_number
 from botohe_moo._types import ObjectArray
 from botohe_moo.algorithms.base import ArchiveAlgorithm
-from botohe_moo.colony import Colony, ColonyRule
+from botohe_moo.archive import PlanArchive
+from botohe_moo.colony import Allocation, AntThreads, Colony, ColonyRule, exchange_archives
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import TrailPlan
 
@@ -32,14 +33,25 @@ class BOACO(ArchiveAlgorithm):
     Parameters
     ----------
     n_ants
-        Ants in the colony, from 1 to 1 000 000: evaluations per iteration. A single ant has
-        λ = 1/2.
+        Ants, from 1 to 1 000 000: evaluations per iteration. Several colonies share them. A
+        single ant has λ = 1/2.
     evaporation
         Share ρ of the pheromone that evaporates in an iteration, in (0, 1).
     heuristic
         Whether heuristics guide the ants; without, η_R = η_S = 1.
     pheromone
         Whether pheromone guides the ants; without, τ_R = τ_S = 1.
+    allocation
+        How the robots' trails are allocated: ``"sequential"``, one robot's whole trail after
+        another's, or ``"concurrent"``, all robots out at once, which take one hop each in turn
+        until they end their trails. "Earlier" robots are then all others, by their trails so far.
+    n_colonies
+        Colonies with pheromone and random numbers of their own, from 1 to ``n_ants``. Their ants'
+        λ are spread over all of [0, 1] in each. ``archive`` is common, but each colony deposits by
+        its own iteration's Pareto set, and by an archive of plans that it found or was given.
+    exchange_every
+        After how many iterations, at least 1, each of several colonies is given the archive by
+        which the one before it deposits, the first one the last's; None for never.
     pheromone_per_robot
         Whether each robot has its own pair of pheromone maps; otherwise the robots share one.
     initial_pheromone
@@ -82,12 +94,23 @@ class BOACO(ArchiveAlgorithm):
     archive : PlanArchive
         All non-dominated plans found so far (``plans``, ``objectives``). Their pymoo population
         (``pop`` and ``opt``) is made when it is asked for.
+    colonies : list of Colony
+        The colonies, as soon as there is a problem; ``colony`` is the first of them.
 
     Notes
     -----
     Simon, Richley, Overbey and Perez-Lavin, "Bi-objective trail-planning for a robot team
     orienteering in a hazardous environment", 2025; after Iredi, Merkle and Middendorf,
     "Bi-criterion optimization with multi colony ant algorithms", EMO 2001.
+
+    The allocations are the sequential and the deterministic-concurrent one of Ke, Archetti and
+    Feng, "Ants can solve the team orienteering problem", Computers & Industrial Engineering 54(3),
+    2008. Of a single robot both build the same plans.
+
+    Several colonies are those of Iredi, Merkle and Middendorf with the same λ in each and pheromone
+    updated by origin, except that a colony's plans need not be in all colonies' common front to
+    deposit; plans go round as in Middendorf, Reischle and Schmeck, "Multi colony ant algorithms",
+    Journal of Heuristics 8(3), 2002.
 
     With ``("n_eval", n)`` as termination the last iteration has just as many ants as evaluations
     are left: no budget is overdrawn.
@@ -103,6 +126,9 @@ class BOACO(ArchiveAlgorithm):
         evaporation: float = 0.04,
         heuristic: bool = True,
         pheromone: bool = True,
+        allocation: Literal["sequential", "concurrent"] = "sequential",
+        n_colonies: int = 1,
+        exchange_every: int | None = 10,
         pheromone_per_robot: bool = False,
         initial_pheromone: float | Literal["bounds"] = 1.0,
         reward_epsilon: float = 0.05,
@@ -120,6 +146,19 @@ class BOACO(ArchiveAlgorithm):
         self.evaporation = check_number("evaporation", evaporation, above=0, below=1)
         self.heuristic = check_flag("heuristic", heuristic)
         self.pheromone = check_flag("pheromone", pheromone)
+        if allocation not in get_args(Allocation):
+            raise ValueError(
+                f"Expected allocation to be 'sequential' or 'concurrent', got {allocation!r}."
+            )
+        self.allocation = allocation
+        self.n_colonies = check_integer("n_colonies", n_colonies, at_least=1)
+        if self.n_colonies > self.n_ants:
+            raise ValueError(f"Expected n_colonies <= n_ants = {n_ants}, got {n_colonies}.")
+        self.exchange_every = (
+            None
+            if exchange_every is None
+            else check_integer("exchange_every", exchange_every, at_least=1)
+        )
         self.pheromone_per_robot = check_flag("pheromone_per_robot", pheromone_per_robot)
         self.initial_pheromone = (
             initial_pheromone
@@ -170,9 +209,10 @@ class BOACO(ArchiveAlgorithm):
     def pheromone_maps(self) -> pd.DataFrame:
         """The pheromone on each arc now.
 
-        One row an arc (and robot, where each has maps of its own): columns ``robot`` (only then),
-        ``tail`` and ``head`` (node labels; the base's self-loop has the base as both), ``reward``
-        and ``survival`` (the two pheromones).
+        One row an arc (and robot, where each has maps of its own, and colony, where there are
+        several): columns ``colony`` and ``robot`` (only then), ``tail`` and ``head`` (node labels;
+        the base's self-loop has the base as both), ``reward`` and ``survival`` (the two
+        pheromones).
 
         Raises
         ------
@@ -186,13 +226,21 @@ class BOACO(ArchiveAlgorithm):
             "tail": pd.Series([nodes[i] for i in walk.tail], dtype=object),
             "head": pd.Series([nodes[i] for i in walk.head], dtype=object),
         }
-        frames = [
-            pd.DataFrame({**arcs, "reward": levels[:, 0], "survival": levels[:, 1]})
-            for levels in self.colony.pheromone
-        ]
-        if not self.pheromone_per_robot:
-            return frames[0]
-        return pd.concat(frames, keys=range(len(frames)), names=["robot"]).reset_index("robot")
+        frames = {
+            (number, robot): pd.DataFrame(
+                {**arcs, "reward": levels[:, 0], "survival": levels[:, 1]}
+            )
+            for number, colony in enumerate(self.colonies)
+            for robot, levels in enumerate(colony.pheromone)
+        }
+        several = {"colony": self.n_colonies > 1, "robot": self.pheromone_per_robot}
+        maps = pd.concat(frames, names=[*several]).reset_index([*several]).reset_index(drop=True)
+        return maps.drop(columns=[name for name, is_there in several.items() if not is_there])
+
+    @property
+    def colony(self) -> Colony:
+        """The first colony."""
+        return self.colonies[0]
 
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
         super()._setup(problem)
@@ -214,23 +262,49 @@ class BOACO(ArchiveAlgorithm):
             unvisited_bonus=self.unvisited_bonus,
             exploration=self.exploration,
             pooled_deposit=self.pooled_deposit,
+            allocation=self.allocation,
         )
-        self.colony = Colony(
-            mission,
-            rule,
-            n_ants=self.n_ants,
-            n_threads=self.n_threads,
-            min_survival=problem.planning_floor,
-            random_state=self.random_state,
-        )
+        self._threads = AntThreads(self.n_threads)
+        self.colonies = [
+            Colony(
+                mission,
+                rule,
+                n_ants=share,
+                threads=self._threads,
+                min_survival=problem.planning_floor,
+                random_state=self.random_state,
+            )
+            for share in _shares(self.n_ants, self.n_colonies)
+        ]
+        self._origins = [self.archive]  # by which the colonies deposit
+        if self.n_colonies > 1:
+            self._origins = [
+                PlanArchive(mission.robots, max_ties=self.max_ties) for _ in self.colonies
+            ]
 
     def _advance(self, **_: Any) -> None:
         n_ants = min(self.n_ants, self._n_left())
         if n_ants == 0:  # the plans to start from have spent the budget
             return
-        batch, arcs = self.colony.construct(n_ants)
-        objectives, members = self._take_in(batch)
-        self.colony.learn(batch, arcs, objectives, members, self.archive)
+        if self.n_colonies > 1 and self.n_iter == 1 and len(self.archive):
+            for origin in self._origins:  # everybody is given the plans to start from
+                origin.absorb(self.archive.plans, self.archive.objectives.copy())
+        shares = _shares(n_ants, self.n_colonies)
+        for colony, origin, share in zip(self.colonies, self._origins, shares, strict=True):
+            if share == 0:
+                continue
+            batch, arcs = colony.construct(share)
+            objectives, members = self._take_in(batch)
+            if origin is not self.archive:
+                origin.absorb(batch.take(members), objectives[members])
+            colony.learn(batch, arcs, objectives, members, origin)
+        if self.n_colonies > 1 and self.exchange_every and self.n_iter % self.exchange_every == 0:
+            exchange_archives(self._origins)
 
     def _finalize(self) -> None:
-        self.colony.close()
+        self._threads.close()
+
+
+def _shares(n: int, parts: int) -> list[int]:
+    """Share ``n`` out as evenly as can be; nobody's share of less is larger."""
+    return [n // parts + (part < n % parts) for part in range(parts)]

@@ -130,7 +130,7 @@ def survives_home(
 
 
 @kernel
-def _tabulate(
+def tabulate(
     log_reward: FloatArray,
     log_survival: FloatArray,
     log_fresh: FloatArray,
@@ -145,6 +145,18 @@ def _tabulate(
 
     The ants' λ are evenly spaced, so that an arc's weight is a geometric progression over the
     ants: a few exponentials serve the whole block.
+
+    Parameters
+    ----------
+    log_reward, log_survival, log_fresh
+        As for ``construct``, of one map (n_arcs).
+    low, high
+        Which arcs.
+    lambda_first, lambda_step
+        λ of the block's first ant, and how much more each further one has.
+    seen, fresh
+        Output: the weights (``BLOCK``, n_arcs) for a head already in the trail, and for one that
+        no robot reaches yet.
     """
     for arc in range(low, high):
         slope = log_survival[arc] - log_reward[arc]
@@ -266,7 +278,7 @@ def construct(
                 low, high = first[here], first[here + 1]
                 if tabulated[which, here] != block:
                     tabulated[which, here] = block
-                    _tabulate(
+                    tabulate(
                         log_reward[which],
                         log_survival[which],
                         log_fresh,
@@ -360,7 +372,7 @@ def construct(
                         used[rejected[i]] = -1
                     n_rejected = 0
                 if size == nodes.shape[0]:
-                    nodes, arcs = _doubled(nodes), _doubled(arcs)
+                    nodes, arcs = doubled(nodes), doubled(arcs)
                 nodes[size] = here
                 arcs[size] = arc
                 size += 1
@@ -380,7 +392,8 @@ def construct(
 
 
 @kernel
-def _doubled(array: IntArray) -> IntArray:
+def doubled(array: IntArray) -> IntArray:
+    """Copy ``array`` into one of twice its size."""
     larger = np.empty(2 * array.shape[0], np.int32)
     larger[: array.shape[0]] = array
     return larger
