@@ -38,6 +38,7 @@ ORDER = [
     "archive",
     "colony",
     "sequential",
+    "exact",
     "operators",
     "algorithms",
     "decide",

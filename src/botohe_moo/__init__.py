@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from botohe_moo.algorithms import (
         BOACO,
+        Exact,
         Greedy,
         RandomTrails,
         SimulatedAnnealing,
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
         make_algorithm,
     )
     from botohe_moo.distribution import Distribution
+    from botohe_moo.exact import TooLargeError, exact_front
     from botohe_moo.indicators import area_indicator
     from botohe_moo.mission import (
         Mission,
@@ -43,6 +45,7 @@ __all__ = [
     "BOACO",
     "BOTOHE",
     "Distribution",
+    "Exact",
     "FrontOutput",
     "Greedy",
     "Mission",
@@ -52,9 +55,11 @@ __all__ = [
     "PlanError",
     "RandomTrails",
     "SimulatedAnnealing",
+    "TooLargeError",
     "TrailPlan",
     "algorithm_names",
     "area_indicator",
+    "exact_front",
     "load_mission",
     "make_algorithm",
     "mission_names",
@@ -72,6 +77,7 @@ __all__ = [
 _HOMES = {
     "algorithms": (
         "BOACO",
+        "Exact",
         "Greedy",
         "RandomTrails",
         "SimulatedAnnealing",
@@ -79,6 +85,7 @@ _HOMES = {
         "make_algorithm",
     ),
     "distribution": ("Distribution",),
+    "exact": ("TooLargeError", "exact_front"),
     "indicators": ("area_indicator",),
     "mission": (
         "Mission",

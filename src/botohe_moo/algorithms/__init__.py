@@ -1,6 +1,7 @@
 """Algorithms for BOTOHE problems, and the registry that makes them by name."""
 
 from botohe_moo.algorithms.bo_aco import BOACO
+from botohe_moo.algorithms.exact import Exact
 from botohe_moo.algorithms.greedy import Greedy
 from botohe_moo.algorithms.moead import PlanMOEAD
 from botohe_moo.algorithms.nsga2 import PlanNSGA2
@@ -13,6 +14,7 @@ from botohe_moo.algorithms.spea2 import PlanSPEA2
 
 __all__ = [
     "BOACO",
+    "Exact",
     "Greedy",
     "PlanMOEAD",
     "PlanNSGA2",

@@ -207,6 +207,20 @@ def check_options(algorithm: Algorithm, options: Iterable[str]) -> None:
             )
 
 
+def refuse_overrides(algorithm: Algorithm, problem: Any) -> None:
+    """Refuse, by a TypeError, a problem whose evaluation is not the one that kernels know."""
+    if not isinstance(problem, BOTOHE):
+        return
+    for method in ("evaluate_batch", "constrain_batch"):
+        own = getattr(type(problem), method) is not getattr(BOTOHE, method)
+        if own or method in vars(problem):
+            raise TypeError(
+                f"{type(problem).__name__} overrides {method}, which {type(algorithm).__name__} "
+                "does not call: it evaluates plans inside a kernel. Algorithms such as BOACO heed "
+                "it."
+            )
+
+
 def check_budget(termination: Termination) -> None:
     """Refuse, by a ValueError, a termination that allows no evaluation."""
     if budget(termination) < 1:

@@ -13,7 +13,7 @@ from pymoo.core.algorithm import Algorithm
 
 from botohe_moo._checks import check_integer, check_number
 from botohe_moo._types import FloatArray, IntArray, ObjectArray, OffsetArray
-from botohe_moo.algorithms.base import ArchiveAlgorithm, generation_limit
+from botohe_moo.algorithms.base import ArchiveAlgorithm, generation_limit, refuse_overrides
 from botohe_moo.kernels import anneal as kernels
 from botohe_moo.kernels.rng import seed_states
 from botohe_moo.operators.sampling import GuidedTrailSampling
@@ -165,15 +165,7 @@ class SimulatedAnnealing(ArchiveAlgorithm):
         ValueError
             As for every algorithm with an archive.
         """
-        if isinstance(problem, BOTOHE):
-            for method in ("evaluate_batch", "constrain_batch"):
-                own = getattr(type(problem), method) is not getattr(BOTOHE, method)
-                if own or method in vars(problem):
-                    raise TypeError(
-                        f"{type(problem).__name__} overrides {method}, which "
-                        f"{type(self).__name__} does not call: it evaluates plans inside a "
-                        "kernel. Algorithms such as BOACO heed it."
-                    )
+        refuse_overrides(self, problem)
         return super().setup(problem, **kwargs)
 
     def _setup(self, problem: BOTOHE, **_: Any) -> None:

@@ -1,0 +1,129 @@
+"""The true Pareto front of small missions, as an algorithm of pymoo's."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from pymoo.core.algorithm import Algorithm
+
+from botohe_moo._checks import check_number
+from botohe_moo._types import ObjectArray
+from botohe_moo.algorithms.base import ArchiveAlgorithm, refuse_overrides
+from botohe_moo.exact import MEMORY_LIMIT, TIME_LIMIT, FrontSearch
+from botohe_moo.problem import BOTOHE
+from botohe_moo.trails import TrailPlan
+
+__all__ = ["Exact"]
+
+
+class Exact(ArchiveAlgorithm):
+    """The true Pareto front, for small missions.
+
+    The plan with everybody at base is evaluated first. Then every iteration (a pymoo generation)
+    does a portion of the search. When that is done the plans of the front, one for each of its
+    points, are evaluated by descending E[R], and the run ends by itself, also where budget is left.
+    Nothing is random: every seed gives the same front.
+
+    Parameters
+    ----------
+    time_limit
+        Seconds that the search may take, above 0.
+    memory_limit
+        MiB that the search may take, above 0.
+    max_ties
+        Plans with equal objectives but different trails that the archive keeps, at least 1. The
+        search itself gives one of them.
+    sampling
+        Trail plans to start from, evaluated first and put into the archive; they do not change
+        what is searched. An iterable of plans, or ``X`` of another result.
+    **options
+        pymoo's own: ``termination``, ``callback``, ``output``, ``save_history``, ``seed``, ...
+
+    Raises
+    ------
+    TooLargeError
+        While it runs: if the mission is too large for the limits.
+    ValueError
+        If a parameter is out of its range.
+    TypeError
+        If an option is unknown, or the problem is no :class:`BOTOHE` or overrides
+        ``evaluate_batch`` or ``constrain_batch``, which the search does not call.
+
+    Attributes
+    ----------
+    archive : PlanArchive
+        The front (``plans``, ``objectives``); until the search is done only what was evaluated
+        first.
+
+    Notes
+    -----
+    See :func:`~botohe_moo.exact.exact_front` for the method, and for what is exact where numbers
+    are rounded.
+
+    An evaluation is a plan whose objectives the problem computes, as for every algorithm: here one
+    for each point of the front, and one for everybody at base. What the search computes of partial
+    trails and teams does not count; to compare efforts, compare times. A budget of fewer
+    evaluations than the front has points gives those with most reward. A run that something else
+    ends before the search is done, such as a termination that looks for convergence, gives what was
+    evaluated first.
+    """
+
+    def __init__(
+        self,
+        *,
+        time_limit: float = TIME_LIMIT,
+        memory_limit: float = MEMORY_LIMIT,
+        max_ties: int = 1_000,
+        sampling: Iterable[TrailPlan] | ObjectArray | None = None,
+        **options: Any,
+    ) -> None:
+        super().__init__(max_ties=max_ties, sampling=sampling, **options)
+        self.time_limit = check_number("time_limit", time_limit, above=0)
+        self.memory_limit = check_number("memory_limit", memory_limit, above=0)
+
+    def setup(self, problem: Any, **kwargs: Any) -> Algorithm:
+        """Prepare to solve ``problem``; pymoo's ``minimize`` calls this.
+
+        Parameters
+        ----------
+        problem
+            What to solve.
+        **kwargs
+            pymoo's options, such as ``termination`` and ``seed``.
+
+        Raises
+        ------
+        TypeError
+            If ``problem`` is no :class:`BOTOHE`, or has its own ``evaluate_batch`` or
+            ``constrain_batch``.
+        ValueError
+            As for every algorithm with an archive.
+        """
+        refuse_overrides(self, problem)
+        return super().setup(problem, **kwargs)
+
+    def _setup(self, problem: BOTOHE, **_: Any) -> None:
+        super()._setup(problem)
+        self._search = FrontSearch(
+            problem.mission,
+            min_survival=problem.planning_floor,
+            time_limit=self.time_limit,
+            memory_limit=self.memory_limit,
+        )
+        self._evaluated = set(self.sampling)
+
+    def _advance(self, **_: Any) -> None:
+        if len(self.archive) == 0:  # terminations may look at what there is
+            mission = self.problem.mission
+            home = TrailPlan([[mission.arrays.base]] * mission.robots)
+            self._evaluated.add(home)
+            self._take_in(mission.batch([home]))
+        n_left = self._n_left()
+        if n_left == 0:
+            return
+        self._search.advance()
+        if self._search.plans is not None:
+            plans = [plan for plan in self._search.plans if plan not in self._evaluated]
+            self._take_in(self.problem.mission.batch(plans[:n_left]))
+            self.termination.force_termination = True

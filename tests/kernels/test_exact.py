@@ -1,0 +1,285 @@
+"""The kernels of the exact search against twins: all trails worth having, all teams of them."""
+
+from itertools import combinations_with_replacement, pairwise
+from math import prod
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from botohe_moo.exact import FrontSearch
+from botohe_moo.kernels import exact_labels as labelling
+from botohe_moo.kernels import exact_tables as tables
+from botohe_moo.kernels import exact_teams as teams
+from botohe_moo.kernels import exact_trails as kernels
+from botohe_moo.kernels.rng import seed_states
+from botohe_moo.mission import Mission
+from tests.strategies import missions, small_missions, trails
+from tests.twins import arc_survivals, survival_of
+
+ROUNDING = 1e-12
+
+
+def goals_of(mission):
+    arrays = mission.arrays
+    return [v for v in range(arrays.n_nodes) if arrays.reward[v] > 0 and v != arrays.base]
+
+
+def figures_of(mission, trail):
+    """Probability to reach each goal, and to survive."""
+    reached = [
+        survival_of(mission, trail[: trail.index(goal) + 1]) if goal in trail else 0.0
+        for goal in goals_of(mission)
+    ]
+    return [*reached, survival_of(mission, trail)]
+
+
+def search_for(mission, **options):
+    """A search that knows no trail but the one that stays at base."""
+    search = FrontSearch(mission, **options)
+    search._begin()
+    search._counts[tables.TRAILS] = 1
+    return search
+
+
+def found_trails(search):
+    """The table of trails once no label is left, as rows of probabilities with survival last."""
+    counts = search._counts
+    while counts[tables.NEXT] < counts[tables.LABELS]:
+        search._n_tidy = 10**9
+        if kernels.grow(search._site, search._labels, search._trails, counts, search._here, 1_000):
+            search._labels = tables.doubled(search._labels)
+            labelling.chain_again(search._labels, search.n_labels)
+            search._trails = tables.doubled(search._trails)
+    kernels.tidy(search._trails, counts)
+    n = search.n_trails
+    return np.column_stack([search._trails.reached[:n], search._trails.survives[:n]])
+
+
+def covers(some, others):
+    """Whether each row of ``others`` is one of ``some`` to rounding, or worse."""
+    return (some[:, None] + ROUNDING >= others).all(axis=2).any(axis=0).all()
+
+
+class TestLookingAround:
+    @settings(max_examples=150)
+    @given(st.data(), missions(max_nodes=6))
+    def test_ways_and_arcs_of_no_use(self, data, mission):
+        trail = data.draw(trails(mission))
+        partial = trail[: data.draw(st.integers(1, len(trail)))]
+        search = search_for(mission)
+        arrays, here = mission.arrays, search._here
+        arcs = list(zip(arrays.tail.tolist(), arrays.head.tolist(), strict=True))
+        used = set(pairwise(partial))
+        here.used[:] = 0
+        for arc, ends in enumerate(arcs):
+            if ends in used:
+                labelling.put(here.used, arc)
+        labelling.look_around(search._site, here, partial[-1])
+
+        left = nx.DiGraph(arc for arc in arcs if arc not in used)
+        left.add_nodes_from(range(arrays.n_nodes))
+        survival = arc_survivals(mission)
+        for u, v in left.edges:
+            left.edges[u, v]["cost"] = -np.log(survival[u, v])
+        costs = nx.single_source_dijkstra_path_length(left, partial[-1], weight="cost")
+        for node in range(arrays.n_nodes):
+            expected = np.exp(-costs[node]) if node in costs else 0.0
+            assert here.reach[node] == pytest.approx(expected, rel=1e-9)
+        homeward = {arrays.base, *nx.ancestors(left, arrays.base)}
+        for arc, (tail, head) in enumerate(arcs):
+            useful = (tail, head) not in used and tail in costs and head in homeward
+            assert labelling.has(here.used, arc) == (not useful)
+
+
+class TestTrails:
+    @settings(max_examples=150)
+    @given(small_missions(max_trails=1000), st.sampled_from([0.0, 0.3, 0.81]))
+    def test_a_team_finds_all_it_may_need(self, case, least):
+        mission, every = case
+        mission = mission.with_robots(2)
+        found = found_trails(search_for(mission, min_survival=least))
+        rows = np.array([figures_of(mission, trail) for trail in every])
+        rows = rows[rows[:, -1] >= least]
+        assert covers(found, rows)
+        assert covers(rows, found)
+        better = (found[:, None] >= found).all(axis=2)
+        assert not (better & (found[:, None] > found + ROUNDING).any(axis=2)).any()
+        assert (np.diff(found[:, -1]) <= 0).all()
+
+    @settings(max_examples=150)
+    @given(small_missions(max_trails=1000), st.sampled_from([0.0, 0.3, 0.81]))
+    def test_a_single_robot_finds_its_front(self, case, least):
+        mission, every = case
+        mission = mission.with_robots(1)
+        found = found_trails(search_for(mission, min_survival=least))
+        rows = np.array([figures_of(mission, trail) for trail in every])
+        rows = rows[rows[:, -1] >= least]
+        reward = mission.arrays.reward[goals_of(mission)]
+        share = rows[:, :-1] @ reward / (reward.sum() or 1.0)
+        rows = np.column_stack([share, rows[:, -1]])
+        assert covers(found, rows)
+        assert covers(rows, found)
+
+    def test_two_spurs(self):
+        """Rewards behind 0.9 and 0.8, each way; counted by hand."""
+        graph = nx.DiGraph(base=0, robots=2)
+        graph.add_nodes_from([(0, {"reward": 1.0}), (1, {"reward": 4.0}), (2, {"reward": 3.0})])
+        for node, survival in ((1, 0.9), (2, 0.8)):
+            graph.add_edge(0, node, survival=survival)
+            graph.add_edge(node, 0, survival=survival)
+        search = search_for(Mission(graph))
+        found = found_trails(search)
+        expected = [[0, 0, 1], [0.9, 0, 0.81], [0, 0.8, 0.64], [0.9, 0.648, 0.5184]]
+        expected.append([0.576, 0.8, 0.5184])
+        assert len(found) == 5
+        assert found[:3] == pytest.approx(np.array(expected[:3]))
+        assert sorted(found[3:].tolist()) == pytest.approx(np.array(sorted(expected[3:])))
+        # At base, at either end, and back at base with one end left to see.
+        assert search.n_labels == 5
+
+    def test_the_other_way_round_is_no_better(self):
+        """On a ring only direction and how far to go matter; going round twice is not possible."""
+        graph = nx.cycle_graph(4, nx.DiGraph)
+        nx.set_node_attributes(graph, 1.0, "reward")
+        nx.set_edge_attributes(graph, 0.5, "survival")
+        found = found_trails(search_for(Mission(graph, base=0, robots=2)))
+        assert found.tolist() == [[0, 0, 0, 1], [0.5, 0.25, 0.125, 0.0625]]
+
+    def test_tables_grow(self):
+        column = np.arange(4)
+        larger = tables.doubled(teams.Front(column + 0.5, column + 0.25, column[:, None]))
+        assert [len(part) for part in larger] == [8, 8, 8]
+        assert larger.reward[:4].tolist() == [0.5, 1.5, 2.5, 3.5]
+        assert tables.n_bytes(larger) == 3 * 64
+
+
+class TestEstimate:
+    def dive(self, search, n, n_rows=256):
+        counts = search._counts.copy()
+        shape = search._labels.reached.shape[1], search._labels.used.shape[1]
+        labels = tables.new_labels(n_rows, *shape)
+        search._here.used[:], search._here.reached[:], counts[tables.LABELS] = 0, 0, 0
+        kernels.begin(search._site, labels, counts, search._here)
+        states, copied = seed_states(np.random.default_rng(1), 1), tables.doubled(search._trails)
+        parts = search._site, labels, copied, counts, search._here, states
+        return [kernels.dive(*parts) for _ in range(n)]
+
+    def test_without_a_choice_it_is_exact(self):
+        graph = nx.path_graph(4).to_directed()
+        nx.set_node_attributes(graph, 1.0, "reward")
+        nx.set_edge_attributes(graph, 0.5, "survival")
+        search = search_for(Mission(graph, base=0, robots=2))
+        assert self.dive(search, 1) == [3]  # at the last goal nothing is left
+        found_trails(search)
+        assert search.n_labels == 3
+
+    def test_it_is_above_the_number_of_labels(self):
+        search = search_for(generated(7))
+        estimate = np.mean(self.dive(search, 1_000, 1_024))
+        found_trails(search)
+        assert search.n_labels < estimate < 10_000 * search.n_labels
+
+    def test_without_room(self):
+        """For labels it goes as far as it can, for trails it does not."""
+        search = search_for(generated(7))
+        assert max(self.dive(search, 20, 8)) < 8**2
+        estimates = self.dive(search, 1_000)
+        assert min(estimates) > 0
+        search._trails = tables.new_trails(tables.SHELF, search._trails.reached.shape[1])
+        search._counts[tables.TRAILS] = 0
+        assert self.dive(search, 1_000)[-1] == -1
+
+
+def generated(n_nodes):
+    graph = nx.complete_graph(n_nodes, nx.DiGraph)
+    rng = np.random.default_rng(5)
+    for node in graph:
+        graph.nodes[node]["reward"] = rng.uniform(0, 1)
+    for arc in graph.edges:
+        graph.edges[arc]["survival"] = rng.uniform(0.5, 1)
+    return Mission(graph, base=0, robots=2)
+
+
+@st.composite
+def pools(draw):
+    """Trails as a table by descending survival, rewards, and a team size."""
+    n_goals = draw(st.integers(1, 4))
+    share = st.one_of(st.just(0.0), st.just(1.0), st.sampled_from([0.5, 0.25]), st.floats(0, 1))
+    row = st.lists(share, min_size=n_goals + 1, max_size=n_goals + 1)
+    rows = np.array([[0.0] * n_goals + [1.0], *draw(st.lists(row, max_size=8))])
+    rows = rows[np.argsort(-rows[:, -1], kind="stable")]
+    reward = [draw(st.floats(0.01, 10.0)) for _ in range(n_goals)]
+    return rows[:, :-1].copy(), rows[:, -1].copy(), np.array(reward), draw(st.integers(1, 4))
+
+
+def team_figures(reached, survives, reward):
+    """E[R] and E[S] of the robots in the rows."""
+    missed = [prod(1 - p for p in column) for column in reached.T]
+    return sum(r * (1 - m) for r, m in zip(reward, missed, strict=True)), sum(survives)
+
+
+def every_team(reached, survives, reward, n_robots):
+    for team in combinations_with_replacement(range(len(survives)), n_robots):
+        yield team_figures(reached[list(team)], survives[list(team)], reward)
+
+
+class TestTeams:
+    @settings(max_examples=200)
+    @given(pools(), st.integers(1, 40))
+    def test_every_team_is_covered(self, pool, n_looks):
+        reached, survives, reward, n_robots = pool
+        slack = 1e-13 * np.array([reward.sum(), n_robots])
+        choices = teams.new_choices(survives, reached, reward, slack, n_robots)
+        front, counts = teams.new_front(1, n_robots), np.zeros(teams.N_COUNTS, np.int64)
+        teams.list_choices(choices, front, 0, 0)
+        while (state := teams.choose_teams(choices, front, counts, n_looks)) != teams.FINISHED:
+            if state == teams.FULL:
+                front = tables.doubled(front)
+        n = counts[teams.FRONT]
+        found = np.column_stack([front.reward, front.survivors])[:n]
+        every = np.array(list(every_team(*pool)))
+        near = ROUNDING * np.array([reward.sum(), n_robots])
+        assert (found[:, None] + near >= every).all(axis=2).any(axis=0).all()
+        assert (np.diff(found[:, 0]) < 0).all()
+        assert (np.diff(found[:, 1]) > 0).all()
+        for row, team in zip(found, front.team[:n], strict=True):  # the teams are what they say
+            own = team_figures(reached[team], survives[team], reward)
+            assert row == pytest.approx(own, rel=1e-9, abs=1e-12)
+
+    @settings(max_examples=100)
+    @given(st.lists(st.tuples(st.integers(0, 6), st.integers(0, 6)), max_size=30))
+    def test_the_front_is_a_staircase(self, points):
+        front, counts = teams.new_front(40, 1), np.zeros(teams.N_COUNTS, np.int64)
+        kept = set()
+        for i, (reward, survivors) in enumerate(points):
+            covered = any(r >= reward and s >= survivors for r, s in kept)
+            n_front = counts[teams.FRONT]
+            assert teams.is_covered(front, n_front, reward, survivors) == covered
+            if not covered:
+                kept = {(r, s) for r, s in kept if r > reward or s > survivors}
+                kept.add((reward, survivors))
+                teams.insert(front, counts, reward, survivors, np.array([i]))
+        n = counts[teams.FRONT]
+        assert [*zip(front.reward[:n], front.survivors[:n], strict=True)] == sorted(kept)[::-1]
+        for i, row in enumerate(front.team[:n, 0]):
+            assert points[row] == (front.reward[i], front.survivors[i])
+
+    @settings(max_examples=200)
+    @given(pools())
+    def test_the_hull(self, pool):
+        reached, survives, reward, n_robots = pool
+        assume(n_robots > 1)
+        choices = teams.new_choices(survives, reached, reward, np.zeros(2), n_robots)
+        front = teams.new_front(1, n_robots)
+        teams.list_choices(choices, front, 0, 0)
+        n = choices.n_hull[0]
+        xs, ys = choices.hull_gain[0, :n], choices.hull_survives[0, :n]
+        assert (np.diff(xs) > 0).all()
+        assert (np.diff(ys) < 0).all()
+        gains = reached @ reward
+        # Nothing lies above it.
+        assert (survives <= np.interp(gains, xs, ys) + 1e-9).all()
+        assert gains.max() == pytest.approx(xs[-1])
