@@ -39,6 +39,7 @@ ORDER = [
     "colony",
     "sequential",
     "exact",
+    "local_search",
     "operators",
     "algorithms",
     "decide",

@@ -120,6 +120,24 @@ class PlanArchive:
             self._population = None
         return members
 
+    def replace(self, batch: PlanBatch, objectives: FloatArray, ids: OffsetArray) -> None:
+        """Hold a front that is kept elsewhere, instead of what has been held so far.
+
+        Parameters
+        ----------
+        batch
+            Its plans, by descending E[R].
+        objectives
+            Their E[R] and E[S] (n, 2).
+        ids
+            A number for each, that no other plan ever has: individuals of plans that stay do, too.
+        """
+        self._nodes, self._offsets = batch.nodes, batch.offsets
+        self._objectives, self._ids = objectives, ids
+        self._hashes = kernels.plan_hashes(batch.nodes, batch.offsets, self.n_robots)
+        self._next_id = int(ids.max(initial=-1)) + 1
+        self._population = None
+
     def population(self) -> Population:
         """Give the plans as pymoo knows them.
 

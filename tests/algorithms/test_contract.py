@@ -25,6 +25,7 @@ NAMES = (
     "greedy",
     "moead",
     "nsga2",
+    "pareto-local-search",
     "random",
     "simulated-annealing",
     "sms-emoa",
@@ -35,7 +36,7 @@ DOTTED = (
     "pymoo.algorithms.moo.nsga3:NSGA3",
     "pymoo.algorithms.moo.nsga2.NSGA2",
 )
-IN_KERNELS = {"exact", "simulated-annealing"}  # evaluate where nobody can watch
+IN_KERNELS = {"exact", "pareto-local-search", "simulated-annealing"}  # evaluate where nobody can watch
 ENDS_BY_ITSELF = {"exact", "greedy"}  # when the front is found, when its sweep is done
 NOT_RANDOM = {"exact", "greedy"}
 FOR_SMALL_MISSIONS = {"exact"}

@@ -5,6 +5,7 @@ from botohe_moo.algorithms.exact import Exact
 from botohe_moo.algorithms.greedy import Greedy
 from botohe_moo.algorithms.moead import PlanMOEAD
 from botohe_moo.algorithms.nsga2 import PlanNSGA2
+from botohe_moo.algorithms.pareto_local_search import ParetoLocalSearch
 from botohe_moo.algorithms.population import PopulationAlgorithm
 from botohe_moo.algorithms.random_trails import RandomTrails
 from botohe_moo.algorithms.registry import algorithm_names, make_algorithm
@@ -16,6 +17,7 @@ __all__ = [
     "BOACO",
     "Exact",
     "Greedy",
+    "ParetoLocalSearch",
     "PlanMOEAD",
     "PlanNSGA2",
     "PlanSMSEMOA",

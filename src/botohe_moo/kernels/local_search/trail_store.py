@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo._types import FloatArray, IntArray, OffsetArray
-from botohe_moo.kernels.compile import inline, kernel
+from botohe_moo.kernels.compile import everywhere, frugal, part, routine
 
 # Indices into ``TrailStore.counts``.
 N_ARCS = 0  # used of the pool
@@ -85,7 +85,7 @@ def new_store(n_trails: int, n_arcs: int, n_visits: int, n_nodes: int) -> TrailS
     )
 
 
-@kernel
+@routine
 def add_trail(
     head: IntArray,
     survival: FloatArray,
@@ -132,7 +132,7 @@ def add_trail(
     return int(trail)
 
 
-@inline
+@part
 def release(store: TrailStore, trail: int) -> None:
     """Note that one plan less has a trail, which is free when it was the last."""
     store.n_users[trail] -= 1
@@ -141,7 +141,7 @@ def release(store: TrailStore, trail: int) -> None:
         store.counts[N_SPARE_TRAILS] += 1
 
 
-@inline
+@everywhere
 def fits(store: TrailStore, n_trails: int, longest: int, most_visits: int) -> bool:
     """Tell whether so many trails of at most so many arcs and visits can be stored."""
     counts = store.counts
@@ -153,7 +153,7 @@ def fits(store: TrailStore, n_trails: int, longest: int, most_visits: int) -> bo
     return bool(enough)
 
 
-@kernel
+@frugal
 def copy_trails(store: TrailStore, into: TrailStore) -> None:
     """Copy the trails that somebody uses into another store, which has room, under their numbers.
 
@@ -192,7 +192,7 @@ def copy_trails(store: TrailStore, into: TrailStore) -> None:
         into.alive[trail], into.n_users[trail] = store.alive[trail], store.n_users[trail]
 
 
-@kernel
+@routine
 def precedes(store: TrailStore, one: int, other: int) -> bool:
     """Tell whether a trail comes before another in lexicographic order.
 
@@ -207,7 +207,7 @@ def precedes(store: TrailStore, one: int, other: int) -> bool:
     return bool(length < other_length)
 
 
-@kernel
+@routine
 def evaluate_trails(
     reward: FloatArray,
     base: int,

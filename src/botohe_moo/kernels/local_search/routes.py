@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from botohe_moo._types import FloatArray, IntArray, OffsetArray
-from botohe_moo.kernels.compile import inline, kernel
+from botohe_moo.kernels.compile import part, routine
 from botohe_moo.kernels.paths import pop, push
 
 FULL_UP_TO = 1_000
@@ -98,7 +98,7 @@ def new_routes(head: IntArray, homeward: IntArray, home_cost: FloatArray) -> Rou
     )
 
 
-@kernel
+@routine
 def search_routes(
     tail: IntArray, head: IntArray, cost: FloatArray, routes: Routes, goal: int
 ) -> None:
@@ -135,11 +135,16 @@ def search_routes(
                 continue
             settled[there], distance[there], routes.exit[there] = pending, reached, arc
             size = push(routes.keys, routes.held, size, reached, there)
-    ordered = np.sort(routes.order[:n])
+    # By index: through the heap, for sorting would need memory that callers have no leave to take.
+    size = 0
     for i in range(n):
-        routes.place[ordered[i]] = i
+        size = push(routes.keys, routes.held, size, float(routes.order[i]), routes.order[i])
     for i in range(n):
-        node = ordered[i]
+        size = pop(routes.keys, routes.held, size)
+        routes.order[i] = routes.held[size]
+        routes.place[routes.order[i]] = i
+    for i in range(n):
+        node = routes.order[i]
         arc = routes.exit[node]
         routes.source[goal, i] = node
         routes.arc[goal, i] = arc
@@ -148,7 +153,7 @@ def search_routes(
     routes.n_known[goal] = n
 
 
-@inline
+@part
 def route_entry(routes: Routes, goal: int, node: int) -> int:
     """Give the entry of the path from ``node`` in a row that has been searched, or ``UNKNOWN``."""
     found = node

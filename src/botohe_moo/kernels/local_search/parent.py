@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo._types import FloatArray, IntArray, OffsetArray
-from botohe_moo.kernels.compile import kernel
-from botohe_moo.kernels.trail_store import TrailStore
+from botohe_moo.kernels.compile import part
+from botohe_moo.kernels.local_search.trail_store import TrailStore
 
 # Indices into ``Workspace.now``.
 LENGTH = 0  # arcs of the trail
@@ -21,7 +21,8 @@ PREFIX = 2  # of the child: arcs kept from the start of the trail,
 N_MIDDLE = 3  # new arcs,
 SUFFIX = 4  # and the position from which the trail is kept to its end
 MARK = 5  # number of the last child
-N_NOW = 6
+WANTED = 6  # node whose paths have to be searched before there can be a child, or −1
+N_NOW = 7
 
 NEVER = np.int64(1) << 40
 
@@ -63,7 +64,7 @@ class Workspace(NamedTuple):
     Attributes
     ----------
     now
-        ``LENGTH`` to ``MARK``.
+        ``LENGTH`` to ``WANTED``.
     left
         What the other robots leave of each node's reward, 0 at the base (n_nodes).
     unreached, touched
@@ -159,8 +160,10 @@ def new_workspace(ground: Ground, n_robots: int) -> Workspace:
     )
 
 
-@kernel
-def set_aside(ground: Ground, store: TrailStore, work: Workspace, robot: int) -> tuple[float, float]:
+@part
+def set_aside(
+    ground: Ground, store: TrailStore, work: Workspace, robot: int
+) -> tuple[float, float]:
     """Let the other robots go first: give their E[R], the base's included, and E[S].
 
     Parameters
@@ -198,7 +201,7 @@ def set_aside(ground: Ground, store: TrailStore, work: Workspace, robot: int) ->
     return expected_reward, survivors
 
 
-@kernel
+@part
 def lay_out(ground: Ground, store: TrailStore, work: Workspace, trail: int) -> None:
     """Lay out the trail that is to be changed; ``left`` has been written.
 
@@ -248,7 +251,7 @@ def lay_out(ground: Ground, store: TrailStore, work: Workspace, trail: int) -> N
     work.again[0] = work.later[ground.base] if length > 0 else -1
 
 
-@kernel
+@part
 def clear_away(ground: Ground, work: Workspace) -> None:
     """Leave the workspace as it was before ``set_aside`` and ``lay_out``."""
     for i in range(work.now[N_TOUCHED]):

@@ -1,4 +1,4 @@
-"""A front of plans in order of their objectives, for a search that asks and changes it all the time.
+"""A front of plans in order of their objectives, for a search that changes it all the time.
 
 Places are kept by descending E[R], hence by ascending E[S], one plan for each pair of objectives.
 They lie in blocks of at most ``BLOCK``, so that finding takes the logarithm, and changing a block's
@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo._types import FloatArray, IntArray, OffsetArray, SeedArray
-from botohe_moo.kernels.compile import inline, kernel
+from botohe_moo.kernels.compile import everywhere, frugal, part, routine
 from botohe_moo.kernels.rng import uniform
 
 BLOCK = 64
@@ -85,7 +85,7 @@ def new_front(n_slots: int, n_robots: int) -> Front:
     )
 
 
-@kernel
+@part
 def find_place(front: Front, survivors: float) -> tuple[int, int]:
     """Find the first plan with at least so many survivors: of those it has the largest reward.
 
@@ -114,7 +114,7 @@ def find_place(front: Front, survivors: float) -> tuple[int, int]:
     return at, low
 
 
-@kernel
+@part
 def best_reward(front: Front, survivors: float) -> float:
     """Give the largest E[R] of the plans with at least so many survivors; −1 without any."""
     at, place = find_place(front, survivors)
@@ -123,7 +123,7 @@ def best_reward(front: Front, survivors: float) -> float:
     return float(front.reward[front.directory[at], place])
 
 
-@kernel
+@part
 def draw_place(front: Front, states: SeedArray) -> tuple[int, int]:
     """Draw a plan uniformly: blocks are drawn again by how full they are."""
     n = front.counts[N_BLOCKS]
@@ -135,7 +135,7 @@ def draw_place(front: Front, states: SeedArray) -> tuple[int, int]:
             return at, place
 
 
-@kernel
+@routine
 def contribution(front: Front, at: int, place: int) -> float:
     """Give the area between the two plans beside one, on both sides of it.
 
@@ -145,7 +145,10 @@ def contribution(front: Front, at: int, place: int) -> float:
     first_block, last_block = front.directory[0], front.directory[front.counts[N_BLOCKS] - 1]
     last = front.size[last_block] - 1
     if place > 0:
-        left_reward, left_survivors = front.reward[block, place - 1], front.survivors[block, place - 1]
+        left_reward, left_survivors = (
+            front.reward[block, place - 1],
+            front.survivors[block, place - 1],
+        )
     elif at > 0:
         before = front.directory[at - 1]
         end = front.size[before] - 1
@@ -170,7 +173,7 @@ def contribution(front: Front, at: int, place: int) -> float:
     return float((left_reward - right_reward) * (right_survivors - left_survivors))
 
 
-@kernel
+@routine
 def remove_place(front: Front, at: int, place: int) -> int:
     """Take a plan out; give its slot, which is free now."""
     block = front.directory[at]
@@ -192,7 +195,7 @@ def remove_place(front: Front, at: int, place: int) -> int:
     return int(slot)
 
 
-@kernel
+@routine
 def _drop_block(front: Front, at: int) -> None:
     """Free an empty block."""
     front.spare_blocks[front.counts[N_SPARE_BLOCKS]] = front.directory[at]
@@ -202,7 +205,7 @@ def _drop_block(front: Front, at: int) -> None:
         front.directory[i] = front.directory[i + 1]
 
 
-@kernel
+@routine
 def _merge(front: Front, at: int) -> None:
     """Make one block of two neighbours where they leave half of it free."""
     block, after = front.directory[at], front.directory[at + 1]
@@ -218,7 +221,7 @@ def _merge(front: Front, at: int) -> None:
     _drop_block(front, at + 1)
 
 
-@kernel
+@routine
 def add_place(front: Front, reward: float, survivors: float) -> int:
     """Put in a plan that none in the front dominates or equals; give the slot for its trails.
 
@@ -257,7 +260,7 @@ def add_place(front: Front, reward: float, survivors: float) -> int:
     return int(slot)
 
 
-@kernel
+@routine
 def _open_block(front: Front, at: int) -> None:
     front.counts[N_SPARE_BLOCKS] -= 1
     block = front.spare_blocks[front.counts[N_SPARE_BLOCKS]]
@@ -268,14 +271,14 @@ def _open_block(front: Front, at: int) -> None:
     front.counts[N_BLOCKS] += 1
 
 
-@inline
+@everywhere
 def has_room(front: Front, n: int) -> bool:
     """Tell whether so many plans can still enter."""
     enough = front.counts[N_SPARE_SLOTS] >= n and front.counts[N_SPARE_BLOCKS] >= n
     return bool(enough)
 
 
-@kernel
+@frugal
 def read_front(front: Front, slots: IntArray, objectives: FloatArray) -> None:
     """Write the slots of all plans in order, and their E[R] and E[S].
 

@@ -1,0 +1,237 @@
+"""Pareto local search."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from pymoo.core.algorithm import Algorithm
+
+from botohe_moo._checks import check_flag, check_integer, check_number, nearest_first
+from botohe_moo._types import ObjectArray
+from botohe_moo.algorithms.base import ArchiveAlgorithm, refuse_overrides
+from botohe_moo.archive import PlanArchive
+from botohe_moo.kernels.local_search.rule import SearchRule
+from botohe_moo.local_search import DEFAULT_MOVES, MOVES, LocalSearch
+from botohe_moo.problem import BOTOHE
+from botohe_moo.sequential import SequentialPlanner
+from botohe_moo.trails import TrailPlan
+
+__all__ = ["ParetoLocalSearch"]
+
+# Partial trails that the search for the first plans keeps. Wider ones take longer, and the search
+# itself soon makes up for what they miss; on large missions narrow ones take a second or two.
+_WIDE_BEAM, _NARROW_BEAM = 20, 5
+_WIDE_UP_TO = 20_000  # nodes times robots
+
+_UNLIMITED = 0
+
+
+class ParetoLocalSearch(ArchiveAlgorithm):
+    """Pareto local search: plans of the front, changed in one trail, back into the front.
+
+    The search keeps all non-dominated plans. It takes one of them as a parent, and one of its
+    robots, and makes children in which that robot's trail is cut and reconnected: through other
+    nodes, with a piece of a trail of another plan, or by a whole one. Children that no plan
+    dominates enter the front; those that nearly do are kept in a small reserve, from which parents
+    are taken now and then, so that the search gets across to where single changes do not lead.
+    All of it runs in a kernel, many evaluations to an iteration (a pymoo generation).
+
+    Parameters
+    ----------
+    evaluations_per_generation
+        Evaluations between two looks of pymoo's at the search, from 1 to 1 000 000 000.
+    n_children
+        Children of a parent, from 1 to 100 000: laying out a parent costs as much as some children.
+    n_drawn
+        Plans drawn as parents, of which the one is taken that its neighbours on the front leave
+        the largest area, from 1 to 1 000. With 1, all plans are equally likely.
+    reserve_size
+        Plans in the reserve, from 1 to 1 000 000.
+    reserve_share
+        Probability to take a parent from the reserve, in [0, 1].
+    reserve_slack
+        How much less expected reward than the front, relative, a plan in the reserve may have, in
+        [0, 1].
+    moves
+        How likely each move is to be drawn, relative, by name; those left out are not drawn.
+        ``shortcut``, ``visit``, ``visit-two``: cut out a segment, and reconnect by safest paths
+        through no node, one, or two. ``splice``: go on along another plan's trail to its end.
+        ``graft``: replace a segment by one of another plan's trail. ``adopt``: take over a whole
+        trail. ``swap-loops``, ``reverse-loop``: walk the loops at a node in another order, or the
+        other way round. Default: ``DEFAULT_MOVES``.
+    greedy_start
+        Whether to begin with plans that :func:`~botohe_moo.plan_sequentially` makes for reward
+        alone, for the whole team and for fewer robots, beside that in which everybody stays at
+        base.
+    max_size
+        Plans that the front keeps at most, at least 10; None keeps all. Where there are more, one
+        goes that contributes little area.
+    sampling
+        Trail plans to start from, evaluated first: an iterable of plans, or ``X`` of another
+        result.
+    **options
+        pymoo's own: ``termination``, ``callback``, ``output``, ``save_history``, ``seed``, ...
+
+    Raises
+    ------
+    ValueError
+        If a parameter is out of its range.
+    TypeError
+        If an option is unknown, or the problem is no :class:`BOTOHE` or overrides its evaluation.
+
+    Attributes
+    ----------
+    archive : PlanArchive
+        All non-dominated plans found so far (``plans``, ``objectives``): one for each pair of
+        objectives, to 1e-12 of either.
+
+    Notes
+    -----
+    Paquete, Chiarandini and Stützle, "Pareto local optimum sets in the biobjective traveling
+    salesman problem: an experimental study", in Metaheuristics for Multiobjective Optimisation,
+    2004, keep a front and search from its plans. Here moves are drawn, not enumerated, and trails
+    of different plans are combined, as genetic algorithms do.
+
+    A child counts as an evaluation also when an upper bound of its E[R], computed before its trail
+    has been walked to the end, shows that it cannot enter.
+
+    There is one thread: its results depend on the seed alone.
+    """
+
+    def __init__(
+        self,
+        *,
+        evaluations_per_generation: int = 5_000,
+        n_children: int = 16,
+        n_drawn: int = 2,
+        reserve_size: int = 256,
+        reserve_share: float = 0.1,
+        reserve_slack: float = 0.02,
+        moves: Mapping[str, float] | None = None,
+        greedy_start: bool = True,
+        max_size: int | None = None,
+        sampling: Iterable[TrailPlan] | ObjectArray | None = None,
+        **options: Any,
+    ) -> None:
+        self._search: LocalSearch | None = None
+        self._read_version = -1  # of the search, when its front was last read
+        super().__init__(max_ties=1, sampling=sampling, **options)
+        self.evaluations_per_generation = check_integer(
+            "evaluations_per_generation",
+            evaluations_per_generation,
+            at_least=1,
+            at_most=1_000_000_000,
+        )
+        self.n_children = check_integer("n_children", n_children, at_least=1, at_most=100_000)
+        self.n_drawn = check_integer("n_drawn", n_drawn, at_least=1, at_most=1_000)
+        self.reserve_size = check_integer(
+            "reserve_size", reserve_size, at_least=1, at_most=1_000_000
+        )
+        self.reserve_share = check_number("reserve_share", reserve_share, at_least=0, at_most=1)
+        self.reserve_slack = check_number("reserve_slack", reserve_slack, at_least=0, at_most=1)
+        self.moves = _checked_moves(DEFAULT_MOVES if moves is None else moves)
+        self.greedy_start = check_flag("greedy_start", greedy_start)
+        self.max_size = max_size
+        if max_size is not None:
+            self.max_size = check_integer("max_size", max_size, at_least=10, at_most=1_000_000_000)
+
+    @property
+    def archive(self) -> PlanArchive:
+        """All non-dominated plans found so far."""
+        search = self._search
+        if search is not None and search.version != self._read_version:
+            self._archive.replace(*search.plans())
+            self._read_version = search.version
+        return self._archive
+
+    @archive.setter
+    def archive(self, value: PlanArchive) -> None:
+        self._archive = value
+
+    def setup(self, problem: Any, **kwargs: Any) -> Algorithm:
+        """Prepare to solve ``problem``; pymoo's ``minimize`` calls this.
+
+        Parameters
+        ----------
+        problem
+            What to solve.
+        **kwargs
+            pymoo's options, such as ``termination`` and ``seed``.
+
+        Raises
+        ------
+        TypeError
+            If ``problem`` is no :class:`BOTOHE`, or has its own ``evaluate_batch`` or
+            ``constrain_batch``.
+        ValueError
+            As for every algorithm with an archive.
+        """
+        refuse_overrides(self, problem)
+        return super().setup(problem, **kwargs)
+
+    def _setup(self, problem: BOTOHE, **_: Any) -> None:
+        super()._setup(problem)
+        rule = SearchRule(
+            n_children=self.n_children,
+            n_drawn=self.n_drawn,
+            p_reserve=self.reserve_share,
+            slack=self.reserve_slack,
+            min_survival=problem.planning_floor,
+            max_size=_UNLIMITED if self.max_size is None else self.max_size,
+        )
+        self._read_version = -1
+        self._search = LocalSearch(
+            problem.mission,
+            rule,
+            moves=self.moves,
+            reserve_size=self.reserve_size,
+            random_state=self.random_state,
+        )
+
+    def _initialize_advance(self, **_: Any) -> None:
+        problem: BOTOHE = self.problem
+        mission, search = problem.mission, self._search
+        assert search is not None  # setup has been called
+        plans = [*self.sampling, mission.plan([[mission.base]] * mission.robots)]
+        if self.greedy_start and len(plans) < self._n_left():
+            wide = len(mission.nodes) * mission.robots <= _WIDE_UP_TO
+            planner = SequentialPlanner(
+                mission,
+                beam_width=_WIDE_BEAM if wide else _NARROW_BEAM,
+                min_survival=problem.planning_floor,
+            )
+            plans += planner.plans(1.0)
+        batch = mission.batch(plans)
+        mission.evaluate(batch)  # names what is wrong with plans from elsewhere
+        batch = batch[: self._n_left()]
+        if problem.n_ieq_constr:
+            batch = batch.take((problem.constrain_batch(batch) <= 0).all(axis=1))
+        self.evaluator.n_eval += min(len(plans), self._n_left())
+        search.admit(batch)
+        self._advance()
+
+    def _advance(self, **_: Any) -> None:
+        search = self._search
+        assert search is not None  # setup has been called
+        n = min(self.evaluations_per_generation, self._n_left())
+        if n == 0:
+            return
+        n_evaluated = search.run(n)
+        self.evaluator.n_eval += n_evaluated
+        if n_evaluated < n:  # no move makes another plan
+            self.termination.force_termination = True
+
+
+def _checked_moves(moves: Mapping[str, float]) -> dict[str, float]:
+    if not isinstance(moves, Mapping):
+        raise ValueError(f"Expected moves to map names to weights, got {moves!r}.")
+    weights = {}
+    for name, weight in moves.items():
+        if not isinstance(name, str) or name not in MOVES:
+            known = ", ".join(nearest_first(str(name), MOVES))
+            raise ValueError(f"Expected moves among {known}, got {name!r}.")
+        weights[name] = check_number(f"weight of move {name!r}", weight, at_least=0)
+    if sum(weights.values()) <= 0:
+        raise ValueError(f"Expected a move of weight above 0, got {dict(moves)!r}.")
+    return weights
