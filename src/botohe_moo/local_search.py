@@ -12,6 +12,7 @@ from botohe_moo.kernels.local_search.front import (
     N_ENTERED,
     N_PLANS,
     Front,
+    clear_front,
     has_room,
     new_front,
     read_front,
@@ -22,13 +23,19 @@ from botohe_moo.kernels.local_search.parent import Ground, new_workspace
 from botohe_moo.kernels.local_search.routes import Routes, new_routes
 from botohe_moo.kernels.local_search.rule import NOBODY, Reserve, SearchRule
 from botohe_moo.kernels.local_search.search import search
-from botohe_moo.kernels.local_search.trail_store import TrailStore, copy_trails, fits, new_store
+from botohe_moo.kernels.local_search.trail_store import (
+    TrailStore,
+    clear_store,
+    copy_trails,
+    fits,
+    new_store,
+)
 from botohe_moo.kernels.paths import nearest
 from botohe_moo.kernels.rng import draw_state
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import PlanBatch
 
-__all__ = ["DEFAULT_MOVES", "MOVES", "LocalSearch"]
+__all__ = ["DEFAULT_MOVES", "MOVES", "IterationSearch", "LocalSearch"]
 
 # Names of the moves, in the order in which the kernels number them.
 MOVES = (
@@ -116,6 +123,13 @@ class LocalSearch:
             self._make_room(n_robots)
             offsets = batch.offsets[i * n_robots : (i + 1) * n_robots + 1]
             admit(self._ground, self._store, self._front, self._work, batch.nodes, offsets)
+
+    def restart(self) -> None:
+        """Forget all plans, but not the random numbers."""
+        self._newest[0] = -1.0
+        self._reserve.plan[:] = NOBODY
+        clear_front(self._front)
+        clear_store(self._store)
 
     def run(self, n_evaluations: int) -> int:
         """Search; the front must hold a plan.
@@ -268,3 +282,77 @@ def _larger_front(front: Front, n_more: int) -> Front:
     for which in (0, 3, 4):
         counts[which] = front.counts[which]
     return larger
+
+
+class IterationSearch:
+    """Improves a share of the plans of each iteration of an algorithm.
+
+    Parameters
+    ----------
+    mission
+        What to plan for.
+    share
+        Share of an iteration's plans, in (0, 1].
+    evaluations_each
+        Evaluations for each of them, at least 1.
+    min_survival
+        Survival floor of every robot.
+    random_state
+        Where the search's own generator takes its seed from.
+    """
+
+    def __init__(
+        self,
+        mission: Mission,
+        *,
+        share: float,
+        evaluations_each: int,
+        min_survival: float,
+        random_state: np.random.Generator,
+    ) -> None:
+        self.share = share
+        self.evaluations_each = evaluations_each
+        self._search = LocalSearch(
+            mission,
+            SearchRule(min_survival=min_survival),
+            moves=DEFAULT_MOVES,
+            reserve_size=1,
+            random_state=random_state,
+        )
+
+    def improve(
+        self, batch: PlanBatch, members: OffsetArray, random_state: np.random.Generator, n_left: int
+    ) -> tuple[PlanBatch, FloatArray, int]:
+        """Start a Pareto local search from some of the plans.
+
+        Parameters
+        ----------
+        batch
+            The iteration's plans.
+        members
+            Indices of its Pareto set: these come first, then others, drawn.
+        random_state
+            Draws among the plans.
+        n_left
+            Evaluations that are left.
+
+        Returns
+        -------
+        tuple
+            The plans that the search has added to the front of those it began with, their E[R]
+            and E[S] (n, 2), and how many plans it has evaluated.
+        """
+        n_chosen = max(1, round(self.share * len(batch)))
+        chosen = random_state.permutation(members)[:n_chosen]
+        if len(chosen) < n_chosen:
+            others = np.setdiff1d(np.arange(len(batch)), members)
+            drawn = random_state.permutation(others)[: n_chosen - len(chosen)]
+            chosen = np.concatenate([chosen, drawn])
+        search = self._search
+        search.restart()
+        search.admit(batch.take(np.sort(chosen)))
+        n_given = search.version
+        n_evaluated = search.run(min(n_left, n_chosen * self.evaluations_each))
+        plans, objectives, numbers = search.plans()
+        found = numbers >= n_given
+        return plans.take(found), objectives[found], n_evaluated

@@ -5,15 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any, Literal, Self, get_args
 
+import numpy as np
 import pandas as pd
+from pymoo.core.algorithm import Algorithm
 
 from botohe_moo._checks import check_flag, check_integer, check_number
-from botohe_moo._types import ObjectArray
-from botohe_moo.algorithms.base import ArchiveAlgorithm
+from botohe_moo._types import FloatArray, IntArray, ObjectArray, OffsetArray
+from botohe_moo.algorithms.base import ArchiveAlgorithm, refuse_overrides
 from botohe_moo.archive import PlanArchive
 from botohe_moo.colony import Allocation, AntThreads, Colony, ColonyRule, exchange_archives
+from botohe_moo.local_search import IterationSearch
 from botohe_moo.problem import BOTOHE
-from botohe_moo.trails import TrailPlan
+from botohe_moo.trails import PlanBatch, TrailPlan
 
 __all__ = ["BOACO"]
 
@@ -45,6 +48,13 @@ class BOACO(ArchiveAlgorithm):
         How the robots' trails are allocated: ``"sequential"``, one robot's whole trail after
         another's, or ``"concurrent"``, all robots out at once, which take one hop each in turn
         until they end their trails. "Earlier" robots are then all others, by their trails so far.
+    local_search
+        Share of each iteration's plans that a local search improves, in [0, 1]: those of its Pareto
+        set first, then others, drawn. What it finds deposits pheromone with the iteration's plans.
+        0 leaves them as they are.
+    local_search_evaluations
+        Evaluations of the local search for each of those plans, at least 1, at most 1 000 000. An
+        iteration then spends ``n_ants`` · (1 + ``local_search`` · ``local_search_evaluations``).
     n_colonies
         Colonies with pheromone and random numbers of their own, from 1 to ``n_ants``. Their ants'
         λ are spread over all of [0, 1] in each. ``archive`` is common, but each colony deposits by
@@ -87,7 +97,8 @@ class BOACO(ArchiveAlgorithm):
     ValueError
         If a parameter is out of its range.
     TypeError
-        If an option is unknown, or the problem is not a :class:`BOTOHE`.
+        If an option is unknown, the problem is no :class:`BOTOHE`, or overrides its evaluation
+        where there is a local search.
 
     Attributes
     ----------
@@ -112,6 +123,9 @@ class BOACO(ArchiveAlgorithm):
     deposit; plans go round as in Middendorf, Reischle and Schmeck, "Multi colony ant algorithms",
     Journal of Heuristics 8(3), 2002.
 
+    The local search is that of :class:`ParetoLocalSearch`, from the plans of one iteration only;
+    improving some of the colony's plans is what the paper proposes as future work.
+
     With ``("n_eval", n)`` as termination the last iteration has just as many ants as evaluations
     are left: no budget is overdrawn.
 
@@ -127,6 +141,8 @@ class BOACO(ArchiveAlgorithm):
         heuristic: bool = True,
         pheromone: bool = True,
         allocation: Literal["sequential", "concurrent"] = "sequential",
+        local_search: float = 0.0,
+        local_search_evaluations: int = 30,
         n_colonies: int = 1,
         exchange_every: int | None = 10,
         pheromone_per_robot: bool = False,
@@ -151,6 +167,13 @@ class BOACO(ArchiveAlgorithm):
                 f"Expected allocation to be 'sequential' or 'concurrent', got {allocation!r}."
             )
         self.allocation = allocation
+        self.local_search = check_number("local_search", local_search, at_least=0, at_most=1)
+        self.local_search_evaluations = check_integer(
+            "local_search_evaluations",
+            local_search_evaluations,
+            at_least=1,
+            at_most=1_000_000,
+        )
         self.n_colonies = check_integer("n_colonies", n_colonies, at_least=1)
         if self.n_colonies > self.n_ants:
             raise ValueError(f"Expected n_colonies <= n_ants = {n_ants}, got {n_colonies}.")
@@ -242,6 +265,28 @@ class BOACO(ArchiveAlgorithm):
         """The first colony."""
         return self.colonies[0]
 
+    def setup(self, problem: Any, **kwargs: Any) -> Algorithm:
+        """Prepare to solve ``problem``; pymoo's ``minimize`` calls this.
+
+        Parameters
+        ----------
+        problem
+            What to solve.
+        **kwargs
+            pymoo's options, such as ``termination`` and ``seed``.
+
+        Raises
+        ------
+        TypeError
+            If ``problem`` is no :class:`BOTOHE`, or, where there is a local search, has its own
+            ``evaluate_batch`` or ``constrain_batch``.
+        ValueError
+            As for every algorithm with an archive.
+        """
+        if self.local_search > 0:
+            refuse_overrides(self, problem)
+        return super().setup(problem, **kwargs)
+
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
         super()._setup(problem)
         mission = problem.mission
@@ -264,6 +309,15 @@ class BOACO(ArchiveAlgorithm):
             pooled_deposit=self.pooled_deposit,
             allocation=self.allocation,
         )
+        self._improver: IterationSearch | None = None
+        if self.local_search > 0:
+            self._improver = IterationSearch(
+                mission,
+                share=self.local_search,
+                evaluations_each=self.local_search_evaluations,
+                min_survival=problem.planning_floor,
+                random_state=self.random_state,
+            )
         self._threads = AntThreads(self.n_threads)
         self.colonies = [
             Colony(
@@ -295,11 +349,35 @@ class BOACO(ArchiveAlgorithm):
                 continue
             batch, arcs = colony.construct(share)
             objectives, members = self._take_in(batch)
+            if self._improver is not None:
+                batch, arcs, objectives, members = self._improve(
+                    self._improver, batch, arcs, objectives, members
+                )
             if origin is not self.archive:
                 origin.absorb(batch.take(members), objectives[members])
             colony.learn(batch, arcs, objectives, members, origin)
         if self.n_colonies > 1 and self.exchange_every and self.n_iter % self.exchange_every == 0:
             exchange_archives(self._origins)
+
+    def _improve(
+        self,
+        improver: IterationSearch,
+        batch: PlanBatch,
+        arcs: IntArray,
+        objectives: FloatArray,
+        members: OffsetArray,
+    ) -> tuple[PlanBatch, IntArray, FloatArray, OffsetArray]:
+        """Add what a local search makes of an iteration's plans to what is known of them."""
+        improved, gained, n_evaluated = improver.improve(
+            batch, members, self.random_state, self._n_left()
+        )
+        self.evaluator.n_eval += n_evaluated
+        if len(improved) == 0:
+            return batch, arcs, objectives, members
+        whole = PlanBatch.concatenate([batch, improved])
+        objectives = np.vstack([objectives, gained])
+        arcs = np.concatenate([arcs, self.colony.walk.arcs_of(improved)])
+        return whole, arcs, objectives, self.archive.absorb(whole, objectives)
 
     def _finalize(self) -> None:
         self._threads.close()

@@ -68,21 +68,36 @@ def new_front(n_slots: int, n_robots: int) -> Front:
     n_slots, n_robots
         How many plans, of how many trails.
     """
-    n_blocks = n_slots // 8 + 2  # two neighbours always hold more than a block together
-    counts = np.zeros(N_COUNTS, np.int64)
-    counts[N_SPARE_BLOCKS], counts[N_SPARE_SLOTS] = n_blocks, n_slots
-    return Front(
-        counts=counts,
+    n_blocks = n_slots // 8 + 2  # two neighbours always hold more than half a block together
+    front = Front(
+        counts=np.zeros(N_COUNTS, np.int64),
         directory=np.zeros(n_blocks, np.int32),
         size=np.zeros(n_blocks, np.int32),
         slot=np.zeros((n_blocks, BLOCK), np.int32),
         reward=np.zeros((n_blocks, BLOCK)),
         survivors=np.zeros((n_blocks, BLOCK)),
-        spare_blocks=np.arange(n_blocks, dtype=np.int32)[::-1].copy(),
-        spare_slots=np.arange(n_slots, dtype=np.int32)[::-1].copy(),
+        spare_blocks=np.empty(n_blocks, np.int32),
+        spare_slots=np.empty(n_slots, np.int32),
         plan=np.zeros((n_slots, n_robots), np.int32),
         serial=np.zeros(n_slots, np.int64),
     )
+    clear_front(front)
+    return front
+
+
+def clear_front(front: Front) -> None:
+    """Take out all plans; the count of those that ever entered begins anew.
+
+    Parameters
+    ----------
+    front
+        Changed in place.
+    """
+    n_blocks, n_slots = len(front.spare_blocks), len(front.spare_slots)
+    front.counts[:] = 0
+    front.counts[N_SPARE_BLOCKS], front.counts[N_SPARE_SLOTS] = n_blocks, n_slots
+    front.spare_blocks[:] = np.arange(n_blocks)[::-1]
+    front.spare_slots[:] = np.arange(n_slots)[::-1]
 
 
 @part

@@ -67,10 +67,8 @@ def new_store(n_trails: int, n_arcs: int, n_visits: int, n_nodes: int) -> TrailS
     n_nodes
         Nodes of the mission.
     """
-    counts = np.zeros(N_COUNTS, np.int64)
-    counts[N_SPARE_TRAILS] = n_trails
-    return TrailStore(
-        counts=counts,
+    store = TrailStore(
+        counts=np.zeros(N_COUNTS, np.int64),
         arc=np.zeros(n_arcs, np.int32),
         node=np.zeros(n_visits, np.int32),
         reach=np.zeros(n_visits),
@@ -80,9 +78,26 @@ def new_store(n_trails: int, n_arcs: int, n_visits: int, n_nodes: int) -> TrailS
         n_visits=np.zeros(n_trails, np.int32),
         alive=np.zeros(n_trails),
         n_users=np.zeros(n_trails, np.int64),
-        spare=np.arange(n_trails, dtype=np.int32)[::-1].copy(),
+        spare=np.empty(n_trails, np.int32),
         walked=np.zeros(n_nodes, np.int64),
     )
+    clear_store(store)
+    return store
+
+
+def clear_store(store: TrailStore) -> None:
+    """Forget all trails.
+
+    Parameters
+    ----------
+    store
+        Changed in place.
+    """
+    n_trails = len(store.spare)
+    store.counts[N_ARCS] = store.counts[N_VISITS] = 0
+    store.counts[N_SPARE_TRAILS] = n_trails
+    store.n_users[:] = 0
+    store.spare[:] = np.arange(n_trails)[::-1]
 
 
 @routine
