@@ -32,6 +32,7 @@ from botohe_moo.kernels.local_search.trail_store import (
 )
 from botohe_moo.kernels.paths import nearest
 from botohe_moo.kernels.rng import draw_state
+from botohe_moo.mission.arrays import MissionArrays
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import PlanBatch
 
@@ -62,7 +63,9 @@ DEFAULT_MOVES: Mapping[str, float] = {
 }
 
 _N_NEAR = 12
+_SMALL = 30  # nodes of missions on which best responses are searched for
 _FIRST_PLANS = 256
+_MOST_RESPONSES = 1_024
 
 
 class LocalSearch:
@@ -96,11 +99,12 @@ class LocalSearch:
         self.tally: FloatArray = np.zeros((2, N_KINDS))
         self._weights = np.cumsum([float(moves.get(name, 0.0)) for name in MOVES])
         self._states: SeedArray = draw_state(random_state)
-        self._newest: FloatArray = np.full(1, -1.0)
+        self._newest: FloatArray = np.array([-1.0, 0.0, 0.0, 0.0])
         self._reserve = Reserve(
             np.full((reserve_size, mission.robots), NOBODY, np.int32), np.zeros(reserve_size)
         )
         self._front = new_front(_FIRST_PLANS, mission.robots)
+        self._response = new_front(_MOST_RESPONSES, 1)
         self._prepare()
         self._store = self._larger_store(None)
 
@@ -126,7 +130,7 @@ class LocalSearch:
 
     def restart(self) -> None:
         """Forget all plans, but not the random numbers."""
-        self._newest[0] = -1.0
+        self._newest[:] = -1.0, 0.0, 0.0, 0.0
         self._reserve.plan[:] = NOBODY
         clear_front(self._front)
         clear_store(self._store)
@@ -145,6 +149,8 @@ class LocalSearch:
             How many were: fewer where no move makes any other plan.
         """
         n = 0
+        if len(self._ground.head) == 0:  # kernels draw arcs and nodes, and look for none before
+            return n
         while n < n_evaluations:
             self._make_room(self.rule.n_children + 1)
             n += search(
@@ -153,6 +159,7 @@ class LocalSearch:
                 self._store,
                 self._front,
                 self._reserve,
+                self._response,
                 self._work,
                 self.rule,
                 self._weights,
@@ -255,9 +262,22 @@ def _ground(mission: Mission) -> Ground:
         reverse=reverse,
         reward=arrays.reward,
         near=near,
+        reach=_reach(arrays),
         base=arrays.base,
         most_visits=int((arrays.reward > 0).sum()),
     )
+
+
+def _reach(arrays: MissionArrays) -> FloatArray:
+    """Survival of the safest path between any two nodes of a small mission (Floyd and Warshall)."""
+    n_nodes = arrays.n_nodes
+    if n_nodes > _SMALL:
+        return np.empty((0, 0))
+    reach = np.eye(n_nodes)
+    reach[arrays.tail, arrays.head] = arrays.survival
+    for via in range(n_nodes):
+        np.maximum(reach, reach[:, via, np.newaxis] * reach[via], out=reach)
+    return reach
 
 
 def _routes(mission: Mission) -> Routes:

@@ -78,6 +78,8 @@ def change(
             rule.p_short,
             rule.n_short,
             rule.p_near,
+            rule.p_step,
+            rule.p_more,
             n_detours,
             states,
         )
@@ -126,7 +128,13 @@ def write_child(work: Workspace) -> int:
 
 @part
 def appraise(
-    ground: Ground, front: Front, work: Workspace, rule: SearchRule, others: float, survivors: float
+    ground: Ground,
+    front: Front,
+    work: Workspace,
+    min_survival: float,
+    slack: float,
+    others: float,
+    survivors: float,
 ) -> tuple[float, float, float]:
     """Give a child's E[R] and E[S], and the reward that it has to exceed.
 
@@ -134,8 +142,12 @@ def appraise(
 
     Parameters
     ----------
-    ground, front, work, rule
-        The mission, the front, the child, and how far from the front it may be.
+    ground, front, work
+        The mission, the front, and the child.
+    min_survival
+        Survival floor.
+    slack
+        How much less reward than the front, relative, the child may have.
     others, survivors
         E[R] and E[S] of the other robots.
     """
@@ -153,12 +165,12 @@ def appraise(
             gained += left[node] * alive
     ratio = alive / work.alive[suffix]
     home = work.alive[length] * ratio
-    if home < rule.min_survival:
+    if home < min_survival:
         return -1.0, 0.0, 0.0
     survivors += home
     needed = best_reward(front, survivors * (1.0 - TOLERANCE))
     bound = (others + gained + alive * work.ahead[suffix]) * (1.0 + TOLERANCE)
-    if needed * (1.0 - rule.slack) >= bound:
+    if needed * (1.0 - slack) >= bound:
         return -1.0, survivors, needed
     for i in range(suffix + 1, length + 1):
         node = work.node[i]

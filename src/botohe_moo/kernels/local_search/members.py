@@ -1,10 +1,11 @@
 """Plans that enter a front, leave it, and are read from it."""
 
-from botohe_moo._types import IntArray, OffsetArray, SeedArray
+from botohe_moo._types import FloatArray, IntArray, OffsetArray, SeedArray
 from botohe_moo.kernels.compile import frugal, routine
 from botohe_moo.kernels.evaluate import find_arc
 from botohe_moo.kernels.local_search.front import (
     N_BLOCKS,
+    N_PLANS,
     Front,
     add_place,
     best_reward,
@@ -14,6 +15,7 @@ from botohe_moo.kernels.local_search.front import (
     remove_place,
 )
 from botohe_moo.kernels.local_search.parent import MARK, Ground, Workspace
+from botohe_moo.kernels.local_search.rule import SearchRule
 from botohe_moo.kernels.local_search.trail_store import (
     TrailStore,
     add_trail,
@@ -83,6 +85,16 @@ def thin(store: TrailStore, front: Front, states: SeedArray) -> None:
             least, worst, worst_place = area, at, place
     if worst >= 0:
         slot = remove_place(front, worst, worst_place)
+        for k in range(front.plan.shape[1]):
+            release(store, front.plan[slot, k])
+
+
+@routine
+def empty(store: TrailStore, front: Front) -> None:
+    """Take out all plans."""
+    while front.counts[N_BLOCKS] > 0:
+        last = front.counts[N_BLOCKS] - 1
+        slot = remove_place(front, last, front.size[front.directory[last]] - 1)
         for k in range(front.plan.shape[1]):
             release(store, front.plan[slot, k])
 
@@ -188,3 +200,33 @@ def write_plans(
                 nodes[size] = ground.head[store.arc[j]]
                 size += 1
             offsets[i * n_robots + k + 1] = size
+
+
+@routine
+def bring_in(
+    ground: Ground,
+    store: TrailStore,
+    front: Front,
+    work: Workspace,
+    rule: SearchRule,
+    newest: FloatArray,
+    states: SeedArray,
+) -> int:
+    """Put the plan in ``work.trails`` into the front; 1 if it has entered, 0 if not."""
+    work.now[MARK] += 1
+    reward, survivors = evaluate_trails(
+        ground.reward,
+        ground.base,
+        store,
+        work.trails,
+        work.product,
+        work.reached,
+        work.reached_by,
+        work.now[MARK],
+    )
+    if not enter(store, front, work.trails, reward, survivors):
+        return 0
+    newest[0], newest[1] = survivors, 0.0
+    if 0 < rule.max_size < front.counts[N_PLANS]:
+        thin(store, front, states)
+    return 1

@@ -37,6 +37,9 @@ N_KINDS = 8
 # How many of the nodes nearby are compared when one is chosen to be visited.
 _N_COMPARED = 3
 
+# How much rather a step leads to a node that is worth something than to another.
+_FRESH = 4.0
+
 
 @part
 def begin_child(work: Workspace, prefix: int) -> None:
@@ -155,6 +158,26 @@ def _draw_visit(
 
 
 @part
+def _draw_step(ground: Ground, work: Workspace, here: int, states: SeedArray) -> int:
+    """Draw an arc from here that is not taken yet, rather to where there is something to collect.
+
+    Gives −1 where there is none.
+    """
+    total = 0.0
+    drawn = -1
+    for arc in range(ground.first[here], ground.first[here + 1]):
+        if _is_taken(work, arc):
+            continue
+        node = ground.head[arc]
+        fresh = work.left[node] > 0.0 and work.met[node] > work.now[PREFIX]
+        weight = _FRESH if fresh else 1.0
+        total += weight
+        if uniform(states, 0) * total < weight:
+            drawn = arc
+    return drawn
+
+
+@part
 def reconnect(
     ground: Ground,
     routes: Routes,
@@ -163,6 +186,8 @@ def reconnect(
     p_short: float,
     n_short: int,
     p_near: float,
+    p_step: float,
+    p_more: float,
     n_detours: int,
     states: SeedArray,
 ) -> bool:
@@ -178,6 +203,10 @@ def reconnect(
         With what probability the segment has at most ``n_short`` arcs; otherwise it is any.
     p_near
         With what probability a node to visit is drawn among those near.
+    p_step
+        With what probability each visit is one step instead, along an arc drawn, be it safe or not.
+    p_more
+        With what probability two visits are followed by another, and that by another, and so on.
     n_detours
         How often to go round arcs that are taken.
     states
@@ -192,7 +221,17 @@ def reconnect(
     begin_child(work, low)
     work.now[SUFFIX] = high
     here = work.node[low]
+    steps = n_visits > 0 and uniform(states, 0) < p_step
+    while n_visits > 1 and uniform(states, 0) < p_more:
+        n_visits += 1
     for _ in range(n_visits):
+        if steps:
+            arc = _draw_step(ground, work, here, states)
+            if arc < 0:
+                break
+            take_arc(work, arc)
+            here = ground.head[arc]
+            continue
         goal = _draw_visit(ground, work, here, p_near, states)
         if not _follow(ground, routes, work, here, goal, n_detours):
             return False

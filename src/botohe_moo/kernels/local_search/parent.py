@@ -40,6 +40,9 @@ class Ground(NamedTuple):
         Of each node.
     near
         For each node others, the safest to reach first (n_nodes, n_near).
+    reach
+        Survival of the safest path between any two nodes (n_nodes, n_nodes); empty where the
+        mission is not small.
     base
         Index of the base.
     most_visits
@@ -54,6 +57,7 @@ class Ground(NamedTuple):
     reverse: IntArray
     reward: FloatArray
     near: IntArray
+    reach: FloatArray
     base: int
     most_visits: int
 
@@ -80,6 +84,8 @@ class Workspace(NamedTuple):
     alive, gained, ahead
         At each position: probability to get there, what was collected up to there, and what a
         robot sure to be there that had collected nothing would collect from there on.
+    onward
+        Next arc to be tried from each position (n_arcs + 1), see ``respond``.
     middle, middle_mark, middle_place
         The child's new arcs, and for each arc of the mission the last child that took it, and
         where.
@@ -87,8 +93,8 @@ class Workspace(NamedTuple):
         Last child that met each node (n_nodes).
     later, later_gain
         Scratch of ``lay_out`` (n_nodes).
-    trails, held
-        Trails of the child's plan, and of the parent's (n_robots).
+    trails, held, alone
+        Trails of the child's plan, and of the parent's (n_robots), and a single one (1).
     product, reached, reached_by
         Scratch of ``evaluate_trails`` (n_nodes).
     child
@@ -114,7 +120,9 @@ class Workspace(NamedTuple):
     later: OffsetArray
     later_gain: FloatArray
     trails: IntArray
+    onward: OffsetArray
     held: IntArray
+    alone: IntArray
     product: FloatArray
     reached: IntArray
     reached_by: OffsetArray
@@ -152,7 +160,9 @@ def new_workspace(ground: Ground, n_robots: int) -> Workspace:
         later=np.full(n_nodes, -1, np.int64),
         later_gain=np.empty(n_nodes),
         trails=np.empty(n_robots, np.int32),
+        onward=np.empty(n_arcs + 1, np.int64),
         held=np.empty(n_robots, np.int32),
+        alone=np.empty(1, np.int32),
         product=np.empty(n_nodes),
         reached=np.empty(n_nodes, np.int32),
         reached_by=np.full(n_nodes, -1, np.int64),
@@ -252,12 +262,17 @@ def lay_out(ground: Ground, store: TrailStore, work: Workspace, trail: int) -> N
 
 
 @part
-def clear_away(ground: Ground, work: Workspace) -> None:
-    """Leave the workspace as it was before ``set_aside`` and ``lay_out``."""
+def clear_others(ground: Ground, work: Workspace) -> None:
+    """Leave the workspace as it was before ``set_aside``."""
     for i in range(work.now[N_TOUCHED]):
         node = work.touched[i]
         work.left[node] = ground.reward[node]
         work.unreached[node] = -1.0
+
+
+@part
+def clear_trail(ground: Ground, work: Workspace) -> None:
+    """Leave the workspace as it was before ``lay_out``."""
     for i in range(work.now[LENGTH]):
         work.position[work.arc[i]] = -1
         work.met[work.node[i + 1]] = NEVER
