@@ -7,7 +7,7 @@ READY := $(VENV)/.ready
 .PHONY: help demo test check format bench smoke paper baselines clean clean-kernels
 
 help:
-	@echo "make demo    plan the art museum with BO-ACO and write tables and pictures to results/demo/"
+	@echo "make demo    plan the art museum and write tables and pictures to results/demo/"
 	@echo "make test    run the tests"
 	@echo "make check   ruff (lint and format) and mypy strict"
 	@echo "make bench   the numbers this project claims"
@@ -21,7 +21,7 @@ $(READY): pyproject.toml constraints.txt
 	@touch $@
 
 demo: $(READY)
-	$(BIN)/botohe solve art_museum --algorithm bo-aco --evaluations 1000000 --seed 1 --out results/demo
+	$(BIN)/botohe solve art_museum --evaluations 1000000 --seed 1 --out results/demo
 
 test: $(READY)
 	$(BIN)/python -m pytest --numprocesses 2 --maxprocesses 2

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
+from importlib import import_module
 from itertools import combinations_with_replacement, pairwise, product
 from math import exp, log, prod
+from pkgutil import iter_modules
 
 import networkx as nx
 import numpy as np
+import pytest
+
+from botohe_moo.kernels import local_search
 
 
 def evaluate(mission, trails):
@@ -308,3 +314,21 @@ def all_objectives(mission, trails):
     teams = np.array(list(combinations_with_replacement(range(len(trails)), mission.robots)))
     reward = (1 - np.prod(1 - reach[teams], axis=1)) @ mission.arrays.reward
     return np.column_stack([reward, survives[teams].sum(axis=1)])
+
+
+@contextmanager
+def plain_local_search():
+    """Let the Pareto local search run as plain Python, so that tests may look into any part of it.
+
+    Its compiled functions give way to their sources, also those that compiled code alone can call.
+    """
+    names = [
+        f"{local_search.__name__}.{module.name}" for module in iter_modules(local_search.__path__)
+    ]
+    with pytest.MonkeyPatch.context() as patch, np.errstate(all="ignore"):
+        for name in [*names, "botohe_moo.local_search"]:
+            module = import_module(name)
+            for key, function in list(vars(module).items()):
+                if hasattr(function, "py_func"):
+                    patch.setattr(module, key, function.py_func)
+        yield patch

@@ -94,7 +94,7 @@ def solve(
     mission: MissionArgument,
     algorithm: Annotated[
         str, typer.Option("--algorithm", "-a", help="One of `botohe algorithms`.")
-    ] = "bo-aco",
+    ] = "pareto-local-search",
     parameter: ParameterOption = None,
     evaluations: EvaluationsOption = 100_000,
     seed: SeedOption = 1,

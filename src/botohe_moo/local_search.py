@@ -104,7 +104,8 @@ class LocalSearch:
             np.full((reserve_size, mission.robots), NOBODY, np.int32), np.zeros(reserve_size)
         )
         self._front = new_front(_FIRST_PLANS, mission.robots)
-        self._response = new_front(_MOST_RESPONSES, 1)
+        # The search looks for room there only after all children of a parent.
+        self._response = new_front(max(_MOST_RESPONSES, rule.n_children + 2), 1)
         self._prepare()
         self._store = self._larger_store(None)
 

@@ -15,6 +15,7 @@ from pymoo.core.algorithm import Algorithm
 from botohe_moo._checks import check_integer
 from botohe_moo._types import FloatArray
 from botohe_moo.console.waiting import hold_interrupt, progress_bar
+from botohe_moo.exact import TooLargeError
 from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE
@@ -99,7 +100,10 @@ def search(
         )
         going_on, startup_seconds = True, 0.0
         while going_on:  # once at least, so that something is found however soon it is stopped
-            algorithm.next()
+            try:
+                algorithm.next()
+            except TooLargeError as error:
+                raise RefusalError(f"Algorithm {name!r}: {error}") from error
             startup_seconds = startup_seconds or time.perf_counter() - started
             going_on = algorithm.has_next() and not stop.is_set()
             show(algorithm.evaluator.n_eval, last=not going_on)

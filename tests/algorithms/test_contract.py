@@ -36,7 +36,11 @@ DOTTED = (
     "pymoo.algorithms.moo.nsga3:NSGA3",
     "pymoo.algorithms.moo.nsga2.NSGA2",
 )
-IN_KERNELS = {"exact", "pareto-local-search", "simulated-annealing"}  # evaluate where nobody can watch
+IN_KERNELS = {
+    "exact",
+    "pareto-local-search",
+    "simulated-annealing",
+}  # evaluate where nobody can watch
 ENDS_BY_ITSELF = {"exact", "greedy"}  # when the front is found, when its sweep is done
 NOT_RANDOM = {"exact", "greedy"}
 FOR_SMALL_MISSIONS = {"exact"}
@@ -45,7 +49,13 @@ FOR_SMALL_MISSIONS = {"exact"}
 def small(name):
     """The algorithm with populations that small budgets can renew."""
     known = {parameter.name for parameter in algorithm_parameters(name)}
-    sizes = {"n_ants": 20, "pop_size": 20, "beam_width": 10, "n_weights": 9}
+    sizes = {
+        "n_ants": 20,
+        "pop_size": 20,
+        "beam_width": 10,
+        "n_weights": 9,
+        "evaluations_per_generation": 20,
+    }
     return make_algorithm(name, **{key: value for key, value in sizes.items() if key in known})
 
 

@@ -31,6 +31,9 @@ class SearchRule(NamedTuple):
         With what probability a parent comes from the reserve, and how much less reward than the
         front, relative, a plan may have to get there: at least ``slack``, and with every parent
         ``slack`` / (1 − u), u drawn from [0, 1), so that now and then anything does.
+    p_keep
+        With what probability a parent's children may get to the reserve at all, as long as plans
+        enter the front: what goes there costs as much as what enters.
     p_neighbour
         With what probability the other plan of a move is one beside the parent.
     p_end
@@ -55,6 +58,7 @@ class SearchRule(NamedTuple):
     n_drawn: int = 2
     p_reserve: float = 0.1
     slack: float = 0.02
+    p_keep: float = 0.25
     p_neighbour: float = 0.5
     p_near: float = 0.8
     p_step: float = 0.3

@@ -235,6 +235,8 @@ def search(
         fixed_reward = 0.0 if responding else others
         fixed_survivors = 0.0 if responding else survivors_of_others
         slack = min(1.0, rule.slack / (1.0 - uniform(states, 0)))
+        if newest[1] <= rule.patience and uniform(states, 0) >= rule.p_keep:
+            slack = 0.0
         goal_slack = 0.0 if responding else slack
         for _ in range(rule.n_children):
             if n == n_evaluations:

@@ -1,0 +1,114 @@
+"""What a plan costs when the front is large: up to a million plans, on a mission made for it."""
+
+import sys
+import time
+from pathlib import Path
+
+import networkx as nx
+import numpy as np
+import pandas as pd
+from pymoo.optimize import minimize
+
+from benchmarks.measure import best, in_process
+from benchmarks.one_search import peak_resident
+from botohe_moo import BOTOHE, Mission
+from botohe_moo.algorithms.pareto_local_search import ParetoLocalSearch
+from botohe_moo.archive import PlanArchive
+
+ROBOTS = 30
+SIZES = (10_000, 100_000, 1_000_000)
+BATCH = 100
+REPETITIONS = 5
+# A hundred times the plans: a step through the whole front would cost a hundred times as much.
+AT_MOST = 15
+
+COLUMNS = ("us_per_evaluation", "us_per_entry", "longest_generation_ms", "peak_mib", "absorb_ms")
+
+
+def even_star(robots: int) -> Mission:
+    """Make a mission of as many nodes as robots, around the base, in which hardly a plan dominates.
+
+    A node's reward is such that E[R] + E[S] is the same for all plans in which every robot visits
+    one node, which no other visits, or none: 2 to the number of robots.
+    """
+    survivals = np.random.default_rng(0).uniform(0.9, 0.995, (robots, 2))
+    graph: nx.DiGraph[int] = nx.DiGraph()
+    graph.add_node(0, reward=0.0)
+    for node, (there, back) in enumerate(survivals.tolist(), start=1):
+        graph.add_node(node, reward=(1 - there * back) / there)
+        graph.add_edge(0, node, survival=there)
+        graph.add_edge(node, 0, survival=back)
+    return Mission(graph, base=0, robots=robots)
+
+
+def run(out: Path) -> bool:
+    """Print and keep what plans cost; tell whether one costs hardly more in a large front."""
+    fields = np.array(in_process("benchmarks.fronts"), float)
+    table = pd.DataFrame(fields.reshape(len(SIZES), -1), columns=COLUMNS).round(2)
+    table.insert(0, "plans", SIZES)
+    table.to_csv(out / "fronts.csv", index=False)
+    print(f"ParetoLocalSearch(), {ROBOTS} robots; the front's second half of each size")
+    print(f"absorb: what a PlanArchive of that size needs for {BATCH} plans that enter")
+    print(table.to_string(index=False))
+    costs = table.set_index("plans")["us_per_entry"]
+    times = costs[max(SIZES)] / costs[min(SIZES)]
+    print(f"a plan that enters the largest front at most {AT_MOST} times as costly: {times:.1f}")
+    return bool(times <= AT_MOST)
+
+
+def _measure() -> list[float]:
+    """Search until the front is as large as it should be; give ``COLUMNS`` for each size."""
+    minimize(BOTOHE(even_star(3)), ParetoLocalSearch(), ("n_eval", 300), seed=1)  # compiles
+    algorithm = ParetoLocalSearch()
+    algorithm.setup(BOTOHE(even_star(ROBOTS)), termination=("n_gen", sys.maxsize), seed=1)
+    rows = [_grow(algorithm, size) for size in SIZES]
+    _grow(algorithm, max(SIZES) + BATCH * (REPETITIONS + 1))
+    _absorb(algorithm.archive, BATCH)  # compiles
+    return [
+        field
+        for row, size in zip(rows, SIZES, strict=True)
+        for field in (*row, _absorb(algorithm.archive, size))
+    ]
+
+
+def _grow(algorithm: ParetoLocalSearch, size: int) -> list[float]:
+    """Search on until the front has so many plans; measure what its second half costs."""
+    while algorithm._search is None or not algorithm.is_initialized:
+        algorithm.next()
+    search = algorithm._search
+    while len(search) < size // 2:
+        algorithm.next()
+    evaluations, entries, seconds = algorithm.evaluator.n_eval, search.version, [0.0]
+    while len(search) < size:
+        started = time.perf_counter()
+        algorithm.next()
+        seconds.append(time.perf_counter() - started)
+    evaluations, entries = algorithm.evaluator.n_eval - evaluations, search.version - entries
+    spent = 1e6 * sum(seconds)
+    return [
+        spent / max(1, evaluations),
+        spent / max(1, entries),
+        1e3 * max(seconds),
+        peak_resident(),
+    ]
+
+
+def _absorb(front: PlanArchive, size: int) -> float:
+    """Give the milliseconds in which an archive of so many plans takes in a batch that enters."""
+    plans, values = front.plans, front.objectives
+    order = np.random.default_rng(0).permutation(len(plans))
+    archive = PlanArchive(ROBOTS)
+    held = np.sort(order[:size])
+    archive.absorb(plans.take(held), values[held].copy())
+    times = []
+    for repetition in range(REPETITIONS):
+        new = np.sort(order[size + BATCH * repetition :][:BATCH])
+        batch, objectives = plans.take(new), values[new].copy()
+        started = time.perf_counter()
+        archive.absorb(batch, objectives)
+        times.append(1e3 * (time.perf_counter() - started))
+    return best(times)
+
+
+if __name__ == "__main__":
+    print(*_measure())

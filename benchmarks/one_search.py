@@ -1,0 +1,111 @@
+"""One search of a terrain, in a process of its own: how long, how much memory, how good.
+
+``benchmarks.large`` starts it; it imports nothing that a search does without.
+"""
+
+import resource
+import sys
+import time
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pymoo.optimize import minimize
+
+from botohe_moo import BOACO, BOTOHE, area_indicator, load_mission
+from botohe_moo.algorithms.pareto_local_search import ParetoLocalSearch
+from botohe_moo.kernels.local_search.front import read_front
+
+ALGORITHMS: dict[str, Callable[[], Any]] = {
+    "pareto-local-search": ParetoLocalSearch,
+    "BOACO.journal": BOACO.journal,
+}
+# Areas are told at a sixth of the time, and at its end.
+EARLY = 6
+
+COLUMNS = (
+    "arcs",
+    "evaluations",
+    "generations",
+    "seconds",
+    "first_generation_s",
+    "early_area",
+    "area",
+    "front",
+    "nodes_a_plan",
+    "imports_mib",
+    "before_mib",
+    "peak_mib",
+    "result_mib",
+)
+
+
+def measure(nodes: int, robots: int, name: str, seconds: float) -> Iterable[float]:
+    """Search for so long; give what ``COLUMNS`` names."""
+    imports = peak_resident()
+    minimize(BOTOHE(load_mission("toy")), ALGORITHMS[name](), ("n_eval", 300), seed=1)  # compiles
+    problem = BOTOHE(load_mission("terrain", nodes=nodes, robots=robots, seed=0))
+    mission, algorithm = problem.mission, ALGORITHMS[name]()
+    before = peak_resident()
+
+    first, spent = 0.0, 0.0
+    # A generation that is not over when time is up does not count: its plans come too late.
+    fronts = dict.fromkeys((seconds / EARLY, seconds), np.empty((0, 2)))
+    started = time.perf_counter()
+    algorithm.setup(problem, termination=("n_gen", sys.maxsize), seed=1)
+    spent += time.perf_counter() - started
+    while algorithm.has_next() and (spent < seconds or not first):
+        started = time.perf_counter()
+        algorithm.next()
+        spent += time.perf_counter() - started
+        first = first or spent
+        for mark in fronts:
+            if spent <= mark:
+                fronts[mark] = objectives(algorithm)
+    peak = peak_resident()
+
+    assert algorithm.opt is not None  # makes the plans of the front
+    lengths = len(algorithm.archive.plans.nodes) / len(algorithm.archive)
+    return (
+        mission.arrays.n_arcs,
+        algorithm.evaluator.n_eval,
+        algorithm.n_iter - 1,
+        spent,
+        first,
+        *(area_indicator(front, mission) for front in fronts.values()),
+        len(algorithm.archive),
+        lengths,
+        imports,
+        before,
+        peak,
+        peak_resident(),
+    )
+
+
+def objectives(algorithm: Any) -> Any:
+    """Give E[R] and E[S] of a front as it is; to ask for its plans would take time and memory."""
+    search = getattr(algorithm, "_search", None)
+    if search is None:
+        return algorithm.archive.objectives
+    values = np.empty((len(search), 2))
+    read_front(search._front, np.empty(len(search), np.int32), values)
+    return values
+
+
+def peak_resident() -> float:
+    """Give the peak resident memory of this program in MiB.
+
+    What the system says of the process begins with the peak of the one that started it, where it
+    can tell the program's own this is better.
+    """
+    status = Path("/proc/self/status")
+    if status.exists():
+        for line in status.read_text().splitlines():
+            if line.startswith("VmHWM:"):
+                return float(line.split()[1]) / 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+if __name__ == "__main__":
+    print(*measure(int(sys.argv[1]), int(sys.argv[2]), sys.argv[3], float(sys.argv[4])))

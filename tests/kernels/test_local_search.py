@@ -1,0 +1,372 @@
+"""Moves, bounds and the whole search, in plain Python, which finds what the kernels find."""
+
+from collections import Counter
+from itertools import pairwise
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from botohe_moo import Mission, TrailPlan, load_mission, plan_sequentially
+from botohe_moo import local_search as search_module
+from botohe_moo.kernels.local_search import children, routes
+from botohe_moo.kernels.local_search import search as kernels
+from botohe_moo.kernels.local_search.parent import LENGTH, N_MIDDLE, PREFIX, SUFFIX
+from botohe_moo.kernels.local_search.rule import NOBODY, SearchRule
+from botohe_moo.local_search import DEFAULT_MOVES, MOVES, LocalSearch
+from botohe_moo.trails import PlanBatch
+from tests import twins
+from tests.strategies import missions_with_plans, plans, small_missions
+from tests.twins import plain_local_search
+
+# In plain Python ten thousand fruitless parents would take their time.
+FEW = 50
+
+
+def local_search(mission, start=(), *, moves=DEFAULT_MOVES, seed=0, **rule):
+    """A search that has been started with everybody at base, and with given plans."""
+    search = LocalSearch(
+        mission,
+        SearchRule(**rule),
+        moves=moves,
+        reserve_size=8,
+        random_state=np.random.default_rng(seed),
+    )
+    home = TrailPlan([[mission.arrays.base]] * mission.robots)
+    search.admit(PlanBatch.from_plans([home, *start], mission.robots))
+    return search
+
+
+def outcome(search):
+    """All that a search has found, to the bit."""
+    batch, objectives, serials = search.plans()
+    store, reserve = search._store, search._reserve
+    kept = [
+        tuple(trail_of(search, trail) for trail in plan) if plan[0] != NOBODY else None
+        for plan in reserve.plan.tolist()
+    ]
+    held = store.n_users[store.n_users > 0].sum()
+    return (
+        [plan.trails for plan in batch],
+        objectives.tolist(),
+        serials.tolist(),
+        kept,
+        reserve.survivors.tolist(),
+        search.tally.tolist(),
+        search._states.tolist(),
+        int(held),
+    )
+
+
+def trail_of(search, trail):
+    """A stored trail as node indices."""
+    store, ground = search._store, search._ground
+    arcs = store.arc[store.arcs_from[trail] :][: store.n_arcs[trail]]
+    return (ground.base, *ground.head[arcs].tolist())
+
+
+class Child:
+    """What a move has made, and what the search takes it for.
+
+    ``fixed`` is what the search adds to what this robot brings: the others' E[R] and E[S].
+    """
+
+    def __init__(self, search, robot, fixed, appraised):
+        work, ground = search._work, search._ground
+        base, now = (ground.base,), work.now
+        self.others = [trail_of(search, trail) for k, trail in enumerate(work.held) if k != robot]
+        self.parent = (*base, *ground.head[work.arc[: now[LENGTH]]].tolist())
+        self.fixed, self.appraised = fixed, appraised
+        self.arcs = [
+            *work.arc[: now[PREFIX]].tolist(),
+            *work.middle[: now[N_MIDDLE]].tolist(),
+            *work.arc[now[SUFFIX] : now[LENGTH]].tolist(),
+        ]
+        n = children.write_child(work)
+        assert work.child[:n].tolist() == self.arcs
+        self.tails, self.heads = ground.tail[self.arcs].tolist(), ground.head[self.arcs].tolist()
+        self.trail = (*base, *self.heads)
+
+    def check(self, mission, floor):
+        """Whether it is a trail, another one, and its figures are those of the formulas."""
+        base = mission.arrays.base
+        assert [base, *self.heads] == [*self.tails, base]
+        assert len(set(self.arcs)) == len(self.arcs)
+        assert self.trail != self.parent
+        with_it, without = (
+            np.array(twins.evaluate(mission, trails))
+            for trails in ([*self.others, self.trail], self.others or [(base,)])
+        )
+        if not self.others:
+            without[1] = 0.0
+        reward, survivors = with_it - without + self.fixed
+        near = {"rel": 1e-12, "abs": 1e-13 * (mission.total_reward + mission.robots)}
+        found_reward, found_survivors, needed = self.appraised
+        if found_reward >= 0:
+            assert found_reward == pytest.approx(reward, **near)
+            assert found_survivors == pytest.approx(survivors, **near)
+        elif needed > 0 or found_survivors > 0:  # the bound says that there is a better one
+            assert found_survivors == pytest.approx(survivors, **near)
+            assert needed >= reward * (1 - 1e-12) - near["abs"]
+        else:
+            assert twins.survival_of(mission, self.trail) <= floor * (1 + 1e-12)
+
+
+def watched(mission, start, n_evaluations, floor=0.0, full_up_to=routes.FULL_UP_TO, **options):
+    """Search in plain Python; give the search, and every child made on the way."""
+    with plain_local_search() as patch:
+        patch.setattr(routes, "FULL_UP_TO", full_up_to)
+        patch.setattr(routes, "NEAR", 2)
+        search = local_search(mission, start, min_survival=floor, **options)
+        patch.setattr(kernels, "MAX_FRUITLESS", FEW)
+        set_aside, appraise = kernels.set_aside, kernels.appraise
+        robots, made = [], []
+
+        def noted_set_aside(ground, store, work, robot):
+            robots.append(robot)
+            return set_aside(ground, store, work, robot)
+
+        def noted_appraise(*arguments):
+            appraised = appraise(*arguments)
+            made.append(Child(search, robots[-1], arguments[-2:], appraised))
+            return appraised
+
+        patch.setattr(kernels, "set_aside", noted_set_aside)
+        patch.setattr(kernels, "appraise", noted_appraise)
+        search.run(n_evaluations)
+    return search, made
+
+
+@settings(max_examples=120)
+@given(
+    missions_with_plans(min_nodes=2),
+    st.sampled_from([*MOVES, "all"]),
+    st.sampled_from([0.0, 0.0, 0.3, 1.0]),
+    st.sampled_from([0.0, 0.5, 1.0]),
+    st.sampled_from([2, 1_000]),
+    st.integers(0, 9),
+)
+def test_every_child_is_a_trail_and_is_appraised_right(
+    case, move, floor, p_detour, full_up_to, seed
+):
+    """One-way missions, safe arcs, nodes without reward; paths known from all nodes or few."""
+    mission, plan = case
+    if mission.robot_survival([plan]).min() < floor:
+        plan = TrailPlan([[0]] * mission.robots)
+    moves = DEFAULT_MOVES if move == "all" else {move: 1.0}
+    options = {"moves": moves, "seed": seed, "p_detour": p_detour}
+    search, made = watched(mission, [plan], 60, floor, full_up_to, **options)
+    for child in made:
+        child.check(mission, floor)
+    batch, objectives, _ = search.plans()
+    assert np.array_equal(mission.evaluate(batch), objectives)
+    assert (np.diff(objectives[:, 0]) < 0).all()
+    assert (np.diff(objectives[:, 1]) > 0).all()
+    assert mission.robot_survival(batch).min() >= floor * (1 - 1e-12)
+
+
+def complete(n_nodes, robots):
+    """Every way is as safe in either direction."""
+    rng, graph = np.random.default_rng(n_nodes), nx.DiGraph()
+    graph.add_nodes_from((node, {"reward": rng.random()}) for node in range(n_nodes))
+    for one in range(n_nodes):
+        for other in range(one):
+            survival = rng.uniform(0.5, 1.0)
+            graph.add_edge(one, other, survival=survival)
+            graph.add_edge(other, one, survival=survival)
+    return Mission(graph, base=0, robots=robots)
+
+
+@settings(max_examples=30)
+@given(st.data(), st.sampled_from(["swap-loops", "reverse-loop"]), st.integers(0, 9))
+def test_loops_keep_their_survival(data, move, seed):
+    mission = complete(4, 2)
+    start = [TrailPlan(data.draw(plans(mission)))]
+    _, made = watched(mission, start, 40, moves={move: 1.0}, seed=seed)
+    for child in made:
+        before, after = child.parent, child.trail
+        if move == "swap-loops":
+            assert Counter(pairwise(before)) == Counter(pairwise(after))
+        elif len(before) == len(after):  # nothing had to be cut out
+            assert Counter(map(frozenset, pairwise(before))) == Counter(
+                map(frozenset, pairwise(after))
+            )
+        else:
+            continue
+        kept = twins.survival_of(mission, before)
+        assert twins.survival_of(mission, after) == pytest.approx(kept, rel=1e-12)
+
+
+class TestMovesByHand:
+    """One robot, and all children that it can have."""
+
+    def made(self, mission, trail, move, **rule):
+        """The children of one trail, whatever else is found."""
+        seen = set()
+        for seed in range(4):
+            options = {"p_newest": 0.0, "p_reserve": 0.0, "p_end": 1.0, **rule}
+            _, made = watched(
+                mission, [TrailPlan([trail])], 100, moves={move: 1.0}, seed=seed, **options
+            )
+            seen |= {child.trail for child in made if child.parent == tuple(trail)}
+        return seen
+
+    @pytest.fixture
+    def mission(self):
+        """Nodes 1 to 3 round the base; 1 and 2 are neighbours; the richest trail is in front."""
+        graph = nx.DiGraph()
+        graph.add_nodes_from((node, {"reward": float(node)}) for node in range(4))
+        for one, other in ((0, 1), (0, 2), (0, 3), (1, 2)):
+            graph.add_edge(one, other, survival=0.9)
+            graph.add_edge(other, one, survival=0.9)
+        return Mission(graph, base=0, robots=1)
+
+    def test_shortcut(self, mission):
+        found = self.made(mission, (0, 3, 0, 2, 1, 0), "shortcut")
+        assert found == {(0,), (0, 2, 1, 0), (0, 3, 0), (0, 3, 0, 1, 0), (0, 3, 0, 2, 0), (0, 1, 0)}
+
+    def test_swap_loops(self, mission):
+        # Loops: 1, 2 and 3; the order by which 3 comes first is the best, and is the parent.
+        found = self.made(mission, (0, 3, 0, 2, 0, 1, 0), "swap-loops")
+        assert found == {(0, 2, 0, 3, 0, 1, 0), (0, 3, 0, 1, 0, 2, 0)}
+
+    def test_reverse_loop(self, mission):
+        found = self.made(mission, (0, 3, 0, 2, 1, 0), "reverse-loop")
+        assert found == {(0, 3, 0, 1, 2, 0)}
+
+    def test_one_way_loops_are_not_reversed(self):
+        graph = nx.DiGraph([(0, 1), (1, 2), (2, 0)])
+        nx.set_node_attributes(graph, 1.0, "reward")
+        nx.set_edge_attributes(graph, 0.9, "survival")
+        mission = Mission(graph, base=0, robots=1)
+        assert self.made(mission, (0, 1, 2, 0), "reverse-loop") == set()
+
+    def test_visit(self, mission):
+        found = self.made(mission, (0, 3, 0), "visit", p_detour=0.0)
+        # Before it and behind it; in its place; and on the way back from it.
+        assert {(0, 1, 0), (0, 2, 0), (0, 1, 0, 3, 0), (0, 3, 0, 2, 0)} <= found
+        assert all(len(trail) <= 5 for trail in found)
+
+    def test_adopt(self, mission):
+        two = mission.with_robots(2)
+        start = [TrailPlan([[0, 3, 0], [0, 2, 0]])]
+        search, _ = watched(two, start, 50, moves={"adopt": 1.0})
+        found = {tuple(sorted(plan.trails)) for plan in search.plans()[0]}
+        assert found == {((0,), (0,)), ((0,), (0, 3, 0)), ((0, 2, 0), (0, 3, 0))}
+
+
+@settings(max_examples=60)
+@given(missions_with_plans(max_robots=2))
+def test_what_lies_ahead(case):
+    """What a robot with empty hands would collect that is sure to be at each position."""
+    mission, plan = case
+    survival = twins.arc_survivals(mission)
+    with plain_local_search():
+        search = local_search(mission, [plan])
+        ground, store, work = search._ground, search._store, search._work
+        for trail in np.flatnonzero(store.n_users).tolist():
+            kernels.lay_out(ground, store, work, trail)
+            nodes = trail_of(search, trail)
+            for i in range(len(nodes)):
+                collected, alive = {ground.base: 0.0}, 1.0
+                for arc in pairwise(nodes[i:]):
+                    alive *= survival[arc]
+                    collected.setdefault(arc[1], ground.reward[arc[1]] * alive)
+                assert work.ahead[i] == pytest.approx(sum(collected.values()), rel=1e-12, abs=1e-14)
+            kernels.clear_trail(ground, work)
+
+
+@pytest.mark.parametrize("name", ["art_museum", "toy"])
+def test_the_bound_changes_nothing_but_the_time_it_takes(name):
+    mission = load_mission(name)
+    outcomes = []
+    for bounded in (True, False):
+        with plain_local_search() as patch:
+            search = local_search(mission, slack=0.0, p_reserve=0.0)
+            if not bounded:
+                lay_out = kernels.lay_out
+
+                def unbounded(ground, store, work, trail, lay_out=lay_out):
+                    lay_out(ground, store, work, trail)
+                    work.ahead[:] = np.inf
+
+                patch.setattr(kernels, "lay_out", unbounded)
+            search.run(1_500)
+        outcomes.append(outcome(search))
+    assert outcomes[0] == outcomes[1]
+
+
+def test_paths_searched_before_change_nothing():
+    mission = load_mission("art_museum")
+    with plain_local_search():
+        one, other = local_search(mission), local_search(mission)
+        ground = other._ground
+        for goal in range(len(mission.nodes)):
+            routes.search_routes(ground.tail, ground.head, ground.cost, other._routes, goal)
+        one.run(300)
+        other.run(300)
+        assert outcome(one) == outcome(other)
+
+
+def one_way():
+    """A ring with chords: some nodes have more arcs in than out."""
+    rng, graph = np.random.default_rng(5), nx.DiGraph()
+    for node in range(9):
+        graph.add_node(node, reward=float(rng.integers(0, 4)))
+        graph.add_edge(node, (node + 1) % 9, survival=rng.uniform(0.8, 1.0))
+    for one, other in ((0, 4), (2, 0), (6, 2), (7, 4), (1, 4)):
+        graph.add_edge(one, other, survival=rng.uniform(0.8, 1.0))
+    return Mission(graph, base=0, robots=3)
+
+
+@pytest.mark.parametrize(
+    ("mission", "n_evaluations", "rule"),
+    [
+        (load_mission("art_museum"), 1_500, {"n_drawn": 3, "slack": 0.1}),
+        (load_mission("art_museum"), 400, {"max_size": 12, "min_survival": 0.3}),
+        (load_mission("terrain", nodes=30, robots=4), 300, {"n_children": 3}),
+        (one_way(), 400, {"p_reserve": 0.5, "p_detour": 0.9}),
+        (load_mission("toy"), 400, {"p_reserve": 0.0, "p_newest": 0.2, "n_drawn": 1}),
+        (load_mission("art_museum"), 800, {"patience": 20, "p_response": 0.5}),
+        (one_way(), 800, {"patience": 20, "p_response": 0.5}),
+        (load_mission("toy"), 5_000, {}),  # solved soon, and what the search does when it is stuck
+    ],
+)
+def test_plain_python_finds_the_same_to_the_bit(monkeypatch, mission, n_evaluations, rule):
+    monkeypatch.setattr(routes, "FULL_UP_TO", 25)  # the terrain's paths are known in part
+    monkeypatch.setattr(routes, "NEAR", 8)
+    floor = rule.get("min_survival", 0.0)
+    start = [plan_sequentially(mission, 1.0, beam_width=5, min_survival=floor)]
+    compiled = local_search(mission, start, seed=3, **rule)
+    parts = (n_evaluations - 100, 1, 99)
+    spent = [compiled.run(n) for n in parts]
+    with plain_local_search():
+        plain = local_search(mission, start, seed=3, **rule)
+        assert [plain.run(n) for n in parts] == spent == list(parts)
+        assert outcome(plain) == outcome(compiled)
+    assert len(compiled) > 5
+
+
+@settings(max_examples=30)
+@given(small_missions(max_robots=1), st.sampled_from([0.0, 0.3]))
+def test_the_best_responses_of_a_single_robot_are_the_true_front(case, floor):
+    mission, every = case
+    with plain_local_search():
+        search = local_search(mission, min_survival=floor, patience=-1, p_response=0.5)
+        search.run(100)
+    found = search.plans()[1] * (1 + 1e-11)
+    kept = [trail for trail in every if twins.survival_of(mission, trail) >= floor]
+    true = twins.all_objectives(mission, kept)
+    assert (found[:, None] >= true).all(axis=2).any(axis=0).all()
+
+
+@pytest.mark.parametrize("n_children", [1, 60])
+def test_trails_of_one_robot_find_room(monkeypatch, n_children):
+    """In plain Python, where a plan that is written beside its front is an error."""
+    monkeypatch.setattr(search_module, "_MOST_RESPONSES", 3)
+    monkeypatch.setattr(search_module, "_FIRST_PLANS", 3)
+    with plain_local_search():
+        search = local_search(load_mission("toy"), n_children=n_children)
+        assert search.run(8_000) == 8_000
