@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: help demo test check format bench smoke paper baselines clean clean-kernels
+.PHONY: help demo test check format bench smoke paper state-of-the-art baselines clean clean-kernels
 
 help:
 	@echo "make demo    plan the art museum and write tables and pictures to results/demo/"
@@ -13,6 +13,7 @@ help:
 	@echo "make bench   the numbers this project claims"
 	@echo "make smoke   a study of seconds, with its report"
 	@echo "make paper   the paper's study, with its report, beside what was published"
+	@echo "make state-of-the-art  Pareto local search beside BO-ACO and its variants: half an hour"
 	@echo "make baselines  BO-ACO and the baselines, ten seeds on four missions: an hour"
 
 $(READY): pyproject.toml constraints.txt
@@ -41,6 +42,12 @@ bench: $(READY)
 smoke baselines: $(READY)
 	$(BIN)/botohe study run experiments/$@.yaml
 	$(BIN)/botohe study report results/$@
+
+state-of-the-art: $(READY)
+	$(BIN)/botohe study run experiments/state-of-the-art.yaml
+	$(BIN)/botohe study report results/state-of-the-art
+	$(BIN)/botohe study run experiments/state-of-the-art-seconds.yaml
+	$(BIN)/botohe study report results/state-of-the-art-seconds
 
 paper: $(READY)
 	$(BIN)/botohe study run experiments/paper.yaml

@@ -46,7 +46,7 @@ MOVES = (
     "splice",
     "graft",
     "swap-loops",
-    "reverse-loop",
+    "reverse",
     "adopt",
 )
 
@@ -55,10 +55,10 @@ DEFAULT_MOVES: Mapping[str, float] = {
     "shortcut": 0.07,
     "visit": 0.18,
     "visit-two": 0.11,
-    "splice": 0.27,
-    "graft": 0.27,
+    "splice": 0.25,
+    "graft": 0.25,
     "swap-loops": 0.02,
-    "reverse-loop": 0.02,
+    "reverse": 0.06,
     "adopt": 0.1,
 }
 
@@ -284,7 +284,7 @@ def _reach(arrays: MissionArrays) -> FloatArray:
 def _routes(mission: Mission) -> Routes:
     walk = mission.walk
     homeward = walk.homeward - (walk.homeward > walk.loop)  # arcs without the self-loop
-    return new_routes(mission.arrays.head, homeward.astype(np.int32), -np.log(walk.home) + 0.0)
+    return new_routes(mission.arrays.head, homeward.astype(np.int32))
 
 
 def _larger_front(front: Front, n_more: int) -> Front:

@@ -11,7 +11,7 @@ from botohe_moo.kernels.local_search.moves import (
     VISIT_TWO,
     combine,
     reconnect,
-    reverse_loop,
+    reverse,
     swap_loops,
 )
 from botohe_moo.kernels.local_search.parent import (
@@ -91,7 +91,7 @@ def change(
     elif kind == SWAP_LOOPS:
         made = swap_loops(work, states)
     else:
-        made = reverse_loop(ground, work, states)
+        made = reverse(ground, routes, work, rule.p_short, rule.n_short, n_detours, states)
     if not made:
         return False
     # An arc that the end of the trail has, too: the loop in between goes.

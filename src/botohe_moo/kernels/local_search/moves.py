@@ -30,12 +30,12 @@ VISIT_TWO = 2
 SPLICE = 3
 GRAFT = 4
 SWAP_LOOPS = 5
-REVERSE_LOOP = 6
+REVERSE = 6
 ADOPT = 7
 N_KINDS = 8
 
-# How many of the nodes nearby are compared when one is chosen to be visited.
-_N_COMPARED = 3
+# How many nodes nearby are compared, at most, when one is chosen to be visited: one, two or three.
+_MOST_COMPARED = 3
 
 # How much rather a step leads to a node that is worth something than to another.
 _FRESH = 4.0
@@ -150,7 +150,7 @@ def _draw_visit(
         return _below(states, ground.reward.shape[0])
     n_near = ground.near.shape[1]
     best = ground.near[here, _below(states, n_near)]
-    for _ in range(_N_COMPARED - 1):
+    for _ in range(_below(states, _MOST_COMPARED)):
         node = ground.near[here, _below(states, n_near)]
         if work.left[node] > work.left[best]:
             best = node
@@ -325,25 +325,35 @@ def swap_loops(work: Workspace, states: SeedArray) -> bool:
 
 
 @part
-def reverse_loop(ground: Ground, work: Workspace, states: SeedArray) -> bool:
-    """Walk a loop the other way round.
+def reverse(
+    ground: Ground,
+    routes: Routes,
+    work: Workspace,
+    p_short: float,
+    n_short: int,
+    n_detours: int,
+    states: SeedArray,
+) -> bool:
+    """Walk a segment the other way round, and join its ends by safest paths.
+
+    Croes, "A method for solving traveling-salesman problems", Operations Research 6(6), 1958. Where
+    the segment is a loop it stays one.
 
     Parameters
     ----------
-    ground, work
-        The mission and the trail.
-    states
-        Random numbers, advanced.
+    ground, routes, work, p_short, n_short, n_detours, states
+        As for ``reconnect``.
     """
-    low = _below(states, work.now[LENGTH] + 1)
-    high = work.again[low]
-    if high < 0:
+    low, high = _draw_segment(work.now[LENGTH], p_short, n_short + 2, states)
+    if high < low + 2:
         return False
     begin_child(work, low)
     work.now[SUFFIX] = high
-    for i in range(high - 1, low - 1, -1):
+    if not _follow(ground, routes, work, work.node[low], work.node[high - 1], n_detours):
+        return False
+    for i in range(high - 2, low, -1):
         arc = ground.reverse[work.arc[i]]
         if arc < 0:
             return False
         take_arc(work, arc)
-    return True
+    return bool(_follow(ground, routes, work, work.node[low + 1], work.node[high], n_detours))

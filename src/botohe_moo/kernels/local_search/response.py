@@ -22,13 +22,58 @@ STOPPED = 2  # by the budget, or for lack of room
 
 
 @routine
-def _collectable(ground: Ground, work: Workspace, here: int) -> float:
-    """Bound what a robot can still collect that is here for sure."""
-    total = 0.0
+def _hopeless(
+    ground: Ground,
+    front: Front,
+    work: Workspace,
+    here: int,
+    alive: float,
+    reward: float,
+    survivors: float,
+) -> bool:
+    """Tell whether no way on from here can improve the front.
+
+    To visit a node and get home costs at least the safest way there and home. So the robot
+    collects, for every survival that may be left to it, at most what lies within that; and the
+    front has a plan as good for each.
+
+    Parameters
+    ----------
+    ground, front, work
+        The mission, the front, and what the trail has visited.
+    here, alive
+        Where the robot is, and with what probability.
+    reward, survivors
+        E[R] of the plan as far as the trail goes, and E[S] of the other robots.
+    """
+    n = 0
+    most = reward
     for node in range(ground.reach.shape[0]):
-        if work.met[node] == NEVER and node != here:
-            total += work.left[node] * ground.reach[here, node]
-    return total
+        if work.met[node] != NEVER or node == here or work.left[node] == 0.0:
+            continue
+        there = alive * ground.reach[here, node]
+        home = there * ground.reach[node, ground.base]
+        most += work.left[node] * there
+        place = n
+        while place > 0 and work.product[place - 1] < home:
+            work.product[place] = work.product[place - 1]
+            work.later_gain[place] = work.later_gain[place - 1]
+            place -= 1
+        work.product[place], work.later_gain[place] = home, work.left[node] * there
+        n += 1
+    home = alive * ground.reach[here, ground.base]
+    if best_reward(front, (survivors + home) * (1.0 - TOLERANCE)) >= most * (1.0 - TOLERANCE):
+        return True
+    for i in range(n + 1):
+        # With the first i nodes visited the robot survives with at most this probability.
+        if i > 0:
+            home = work.product[i - 1]
+            reward += work.later_gain[i - 1]
+        if i < n and work.product[i] == home:
+            continue
+        if best_reward(front, (survivors + home) * (1.0 - TOLERANCE)) < reward * (1.0 - TOLERANCE):
+            return False
+    return True
 
 
 @routine
@@ -96,12 +141,9 @@ def respond(
         gained = work.gained[depth]
         if work.met[node] == NEVER:
             gained += work.left[node] * alive
-        home = alive * ground.reach[node, base]
-        if home < rule.min_survival:
+        if alive * ground.reach[node, base] < rule.min_survival:
             continue
-        needed = best_reward(front, (survivors_of_others + home) * (1.0 - TOLERANCE))
-        most = others + gained + alive * _collectable(ground, work, node)
-        if needed >= most * (1.0 - TOLERANCE):
+        if _hopeless(ground, front, work, node, alive, others + gained, survivors_of_others):
             continue
         work.arc[depth], work.position[arc] = arc, depth
         depth += 1

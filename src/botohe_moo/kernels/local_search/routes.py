@@ -38,8 +38,6 @@ class Routes(NamedTuple):
         Sum of −log(survival) along it.
     homeward
         Of each node but the base, its arc on the safest way home (n_nodes).
-    home_cost
-        −log(survival) of that way (n_nodes).
     first_entering, entering
         The arcs that enter node v are ``entering[first_entering[v]:first_entering[v + 1]]``.
     settled, distance, exit, place, order, keys, held
@@ -52,7 +50,6 @@ class Routes(NamedTuple):
     onward: NDArray[np.int32]
     cost: FloatArray
     homeward: IntArray
-    home_cost: FloatArray
     first_entering: OffsetArray
     entering: OffsetArray
     settled: OffsetArray
@@ -64,15 +61,15 @@ class Routes(NamedTuple):
     held: IntArray
 
 
-def new_routes(head: IntArray, homeward: IntArray, home_cost: FloatArray) -> Routes:
+def new_routes(head: IntArray, homeward: IntArray) -> Routes:
     """Prepare the search for safest paths; nothing is searched yet.
 
     Parameters
     ----------
     head
         Head of each arc (n_arcs).
-    homeward, home_cost
-        Of each node, its arc on the safest way to the base, and that way's −log(survival).
+    homeward
+        Of each node, its arc on the safest way to the base.
     """
     n_nodes, n_arcs = len(homeward), len(head)
     n_entries = n_nodes if n_nodes <= FULL_UP_TO else NEAR
@@ -85,7 +82,6 @@ def new_routes(head: IntArray, homeward: IntArray, home_cost: FloatArray) -> Rou
         onward=np.empty(shape, np.int32),
         cost=np.empty(shape),
         homeward=homeward,
-        home_cost=home_cost,
         first_entering=np.concatenate([[0], np.cumsum(counts)]),
         entering=np.argsort(head, kind="stable"),
         settled=np.full(n_nodes, -1, np.int64),

@@ -217,7 +217,7 @@ def search(
                 newest[THROUGH_WITH] += ended == THROUGH
                 newest[FAILED] += ended == TOO_LONG
                 n += n_more
-                fruitless = 0
+                fruitless = 0 if n_more > 0 else fruitless + 1
                 clear_others(ground, work)
                 for k in range(n_robots):
                     release(store, work.held[k])
