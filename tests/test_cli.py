@@ -315,7 +315,7 @@ def test_terminal_and_interrupt(tmp_path):
     ours, theirs = pty.openpty()
     fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
     process = subprocess.Popen(
-        [BOTOHE, "solve", "toy", "--evaluations", str(10**9), "--out", "out"],
+        [BOTOHE, "solve", "toy", "-a", "bo-aco", "--evaluations", str(10**9), "--out", "out"],
         cwd=tmp_path,
         env={**os.environ, "TERM": "xterm", "COLUMNS": "80"},
         stdout=subprocess.PIPE,
@@ -354,9 +354,7 @@ def test_terminal_and_interrupt(tmp_path):
     content = plans_in(tmp_path / "out")
     assert content["interrupted"] is True
     assert 0 < content["evaluations"] < 10**9
-    assert (
-        content["evaluations"] % 5_000 == 3
-    )  # a plan for each robot, and no iteration was left half-done
+    assert content["evaluations"] % 100 == 0  # no iteration was left half-done
     assert len(front_in(tmp_path / "out")) == len(content["plans"]) > 3
 
 

@@ -453,7 +453,12 @@ def test_their_published_results_can_be_made_again(path):
 
 
 def test_there_are_studies():
-    assert {path.stem for path in EXPERIMENTS} >= {"smoke", "paper", "baselines", "state-of-the-art"}
+    assert {path.stem for path in EXPERIMENTS} >= {
+        "smoke",
+        "paper",
+        "baselines",
+        "state-of-the-art",
+    }
 
 
 def test_the_baselines_leave_no_algorithm_out():

@@ -101,8 +101,9 @@ class Counted:
         monkeypatch.setattr(Mission, "evaluate", evaluate)
 
 
-# Simulated annealing computes objectives within its kernel, step by step.
-WATCHED = [name for name in NAMES if name != "simulated-annealing"]
+# These compute objectives within their kernels, plan by plan; and exact refuses the museum.
+IN_KERNELS = {"exact", "pareto-local-search", "simulated-annealing"}
+WATCHED = [name for name in NAMES if name not in IN_KERNELS]
 
 
 class TestBudgets:
@@ -211,7 +212,7 @@ class TestMeter:
 
 
 class TestRecords:
-    @pytest.mark.parametrize("name", [*NAMES, f"{MADE}:Sampler"])
+    @pytest.mark.parametrize("name", [*sorted({*NAMES} - {"exact"}), f"{MADE}:Sampler"])
     def test_a_smaller_budget_can_be_read_off(self, name):
         outcome, records = performed(make_task(name, evaluations=2_000))
         counts = [record.evaluations for record in records]

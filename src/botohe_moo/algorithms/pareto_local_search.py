@@ -25,6 +25,7 @@ _WIDE_BEAM, _NARROW_BEAM = 20, 5
 _WIDE_UP_TO = 20_000  # nodes times robots
 
 _UNLIMITED = 0
+_FIRST_GENERATION = 100
 
 
 class ParetoLocalSearch(ArchiveAlgorithm):
@@ -40,7 +41,8 @@ class ParetoLocalSearch(ArchiveAlgorithm):
     Parameters
     ----------
     evaluations_per_generation
-        Evaluations between two looks of pymoo's at the search, from 1 to 1 000 000 000.
+        Evaluations between two looks of pymoo's at the search, from 1 to 1 000 000 000. The first
+        generations are shorter: 100, and then a tenth of what has been evaluated.
     n_children
         Children of a parent, from 1 to 100 000: laying out a parent costs as much as some children.
     n_drawn
@@ -214,7 +216,8 @@ class ParetoLocalSearch(ArchiveAlgorithm):
     def _advance(self, **_: Any) -> None:
         search = self._search
         assert search is not None  # setup has been called
-        n = min(self.evaluations_per_generation, self._n_left())
+        n = max(_FIRST_GENERATION, self.evaluator.n_eval // 10)
+        n = min(n, self.evaluations_per_generation, self._n_left())
         if n == 0:
             return
         n_evaluated = search.run(n)
