@@ -344,7 +344,8 @@ class BOACO(ArchiveAlgorithm):
             for origin in self._origins:  # everybody is given the plans to start from
                 origin.absorb(self.archive.plans, self.archive.objectives.copy())
         shares = _shares(n_ants, self.n_colonies)
-        for colony, origin, share in zip(self.colonies, self._origins, shares, strict=True):
+        for colony, origin, planned in zip(self.colonies, self._origins, shares, strict=True):
+            share = min(planned, self._n_left())  # a local search may have spent some
             if share == 0:
                 continue
             batch, arcs = colony.construct(share)
