@@ -599,3 +599,63 @@ def test_the_published_curves_in_short(museum, variant):
         curves.append([areas[0], areas[9], areas[99]])
     mean = np.mean(curves, axis=0)
     assert (np.abs(mean - published) <= tolerance).all(), mean
+
+
+class TestLocalSearch:
+    def test_improves_the_front(self, museum):
+        areas = {
+            share: area_indicator(
+                -minimize(
+                    BOTOHE(museum), BOACO.journal(local_search=share), ("n_eval", 20_000), seed=1
+                ).F,
+                museum,
+            )
+            for share in (0.0, 0.3)
+        }
+        assert areas[0.3] > areas[0.0] + 0.01
+
+    @pytest.mark.parametrize("n_colonies", [1, 2, 5])
+    @pytest.mark.parametrize("budget", [1, 60, 101, 731])
+    def test_budgets_are_exact(self, museum, n_colonies, budget):
+        colony = BOACO.journal(n_ants=20, n_colonies=n_colonies, local_search=0.5)
+        result = minimize(BOTOHE(museum), colony, ("n_eval", budget), seed=1)
+        assert result.algorithm.evaluator.n_eval == budget
+        assert np.array_equal(-result.F, museum.evaluate(result.X))
+
+    @pytest.mark.parametrize("n_colonies", [1, 2])
+    def test_a_pickled_run_goes_on_as_if_nothing_had_happened(self, museum, n_colonies):
+        def begun():
+            colony = BOACO.journal(n_ants=20, n_colonies=n_colonies, local_search=0.3)
+            colony.setup(BOTOHE(museum), termination=("n_gen", 12), seed=3)
+            for _ in range(5):
+                colony.next()
+            return colony
+
+        whole, resumed = begun(), pickle.loads(pickle.dumps(begun()))
+        for colony in (whole, resumed):
+            while colony.has_next():
+                colony.next()
+        assert whole.archive.objectives.tobytes() == resumed.archive.objectives.tobytes()
+        assert list(whole.archive.plans) == list(resumed.archive.plans)
+        assert whole.pheromone_maps.equals(resumed.pheromone_maps)
+
+    def test_every_robot_keeps_the_floor(self, museum):
+        problem = BOTOHE(museum, min_survival=0.7)
+        result = minimize(problem, BOACO(local_search=0.3), ("n_eval", 4_000), seed=1)
+        assert museum.robot_survival(result.X).min() >= problem.survival_floor
+
+    def test_refuses_an_evaluation_that_it_would_not_see(self, museum):
+        class Own(BOTOHE):
+            def evaluate_batch(self, batch):
+                return super().evaluate_batch(batch)
+
+        with pytest.raises(TypeError, match="Own overrides evaluate_batch"):
+            minimize(Own(museum), BOACO(local_search=0.1), ("n_gen", 1))
+        minimize(Own(museum), BOACO(), ("n_gen", 1))
+
+    @pytest.mark.parametrize(
+        "wrong", [{"local_search": 1.5}, {"local_search": -0.1}, {"local_search_evaluations": 0}]
+    )
+    def test_wrong_values(self, wrong):
+        with pytest.raises(ValueError, match=f"Expected {next(iter(wrong))} "):
+            BOACO(**wrong)
