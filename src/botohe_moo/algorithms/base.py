@@ -63,6 +63,8 @@ class ArchiveAlgorithm(Algorithm):
     """
 
     is_initialized: bool
+    evaluates_in_kernels = False
+    """Whether objectives are computed where no override of the problem's is seen."""
 
     def __init__(
         self,
@@ -94,10 +96,12 @@ class ArchiveAlgorithm(Algorithm):
         Raises
         ------
         TypeError
-            If ``problem`` is no :class:`BOTOHE`.
+            If ``problem`` is no :class:`BOTOHE`, or overrides what is computed in kernels.
         ValueError
             If it has equality constraints, or the budget is less than one evaluation.
         """
+        if self.evaluates_in_kernels:
+            refuse_overrides(self, problem)
         if not isinstance(problem, BOTOHE):
             raise TypeError(f"Expected a BOTOHE problem, got {type(problem).__name__}.")
         if type(problem)._evaluate is not BOTOHE._evaluate:

@@ -7,11 +7,10 @@ from typing import Any, Literal, Self, get_args
 
 import numpy as np
 import pandas as pd
-from pymoo.core.algorithm import Algorithm
 
 from botohe_moo._checks import check_flag, check_integer, check_number
 from botohe_moo._types import FloatArray, IntArray, ObjectArray, OffsetArray
-from botohe_moo.algorithms.base import ArchiveAlgorithm, refuse_overrides
+from botohe_moo.algorithms.base import ArchiveAlgorithm
 from botohe_moo.archive import PlanArchive
 from botohe_moo.colony import Allocation, AntThreads, Colony, ColonyRule, exchange_archives
 from botohe_moo.local_search import IterationSearch
@@ -168,6 +167,7 @@ class BOACO(ArchiveAlgorithm):
             )
         self.allocation = allocation
         self.local_search = check_number("local_search", local_search, at_least=0, at_most=1)
+        self.evaluates_in_kernels = self.local_search > 0
         self.local_search_evaluations = check_integer(
             "local_search_evaluations",
             local_search_evaluations,
@@ -264,28 +264,6 @@ class BOACO(ArchiveAlgorithm):
     def colony(self) -> Colony:
         """The first colony."""
         return self.colonies[0]
-
-    def setup(self, problem: Any, **kwargs: Any) -> Algorithm:
-        """Prepare to solve ``problem``; pymoo's ``minimize`` calls this.
-
-        Parameters
-        ----------
-        problem
-            What to solve.
-        **kwargs
-            pymoo's options, such as ``termination`` and ``seed``.
-
-        Raises
-        ------
-        TypeError
-            If ``problem`` is no :class:`BOTOHE`, or, where there is a local search, has its own
-            ``evaluate_batch`` or ``constrain_batch``.
-        ValueError
-            As for every algorithm with an archive.
-        """
-        if self.local_search > 0:
-            refuse_overrides(self, problem)
-        return super().setup(problem, **kwargs)
 
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
         super()._setup(problem)

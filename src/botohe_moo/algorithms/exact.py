@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from pymoo.core.algorithm import Algorithm
-
 from botohe_moo._checks import check_number
 from botohe_moo._types import ObjectArray
-from botohe_moo.algorithms.base import ArchiveAlgorithm, refuse_overrides
+from botohe_moo.algorithms.base import ArchiveAlgorithm
 from botohe_moo.exact import MEMORY_LIMIT, TIME_LIMIT, FrontSearch
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import TrailPlan
@@ -69,6 +67,8 @@ class Exact(ArchiveAlgorithm):
     evaluated first.
     """
 
+    evaluates_in_kernels = True
+
     def __init__(
         self,
         *,
@@ -81,27 +81,6 @@ class Exact(ArchiveAlgorithm):
         super().__init__(max_ties=max_ties, sampling=sampling, **options)
         self.time_limit = check_number("time_limit", time_limit, above=0)
         self.memory_limit = check_number("memory_limit", memory_limit, above=0)
-
-    def setup(self, problem: Any, **kwargs: Any) -> Algorithm:
-        """Prepare to solve ``problem``; pymoo's ``minimize`` calls this.
-
-        Parameters
-        ----------
-        problem
-            What to solve.
-        **kwargs
-            pymoo's options, such as ``termination`` and ``seed``.
-
-        Raises
-        ------
-        TypeError
-            If ``problem`` is no :class:`BOTOHE`, or has its own ``evaluate_batch`` or
-            ``constrain_batch``.
-        ValueError
-            As for every algorithm with an archive.
-        """
-        refuse_overrides(self, problem)
-        return super().setup(problem, **kwargs)
 
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
         super()._setup(problem)

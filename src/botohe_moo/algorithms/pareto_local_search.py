@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from pymoo.core.algorithm import Algorithm
-
 from botohe_moo._checks import check_flag, check_integer, check_number, nearest_first
 from botohe_moo._types import ObjectArray
-from botohe_moo.algorithms.base import ArchiveAlgorithm, refuse_overrides
+from botohe_moo.algorithms.base import ArchiveAlgorithm
 from botohe_moo.archive import PlanArchive
 from botohe_moo.kernels.local_search.rule import SearchRule
 from botohe_moo.local_search import DEFAULT_MOVES, MOVES, LocalSearch
@@ -101,6 +99,8 @@ class ParetoLocalSearch(ArchiveAlgorithm):
     There is one thread: its results depend on the seed alone.
     """
 
+    evaluates_in_kernels = True
+
     def __init__(
         self,
         *,
@@ -150,27 +150,6 @@ class ParetoLocalSearch(ArchiveAlgorithm):
     @archive.setter
     def archive(self, value: PlanArchive) -> None:
         self._archive = value
-
-    def setup(self, problem: Any, **kwargs: Any) -> Algorithm:
-        """Prepare to solve ``problem``; pymoo's ``minimize`` calls this.
-
-        Parameters
-        ----------
-        problem
-            What to solve.
-        **kwargs
-            pymoo's options, such as ``termination`` and ``seed``.
-
-        Raises
-        ------
-        TypeError
-            If ``problem`` is no :class:`BOTOHE`, or has its own ``evaluate_batch`` or
-            ``constrain_batch``.
-        ValueError
-            As for every algorithm with an archive.
-        """
-        refuse_overrides(self, problem)
-        return super().setup(problem, **kwargs)
 
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
         super()._setup(problem)

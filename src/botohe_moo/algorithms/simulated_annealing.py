@@ -9,11 +9,10 @@ from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
-from pymoo.core.algorithm import Algorithm
 
 from botohe_moo._checks import check_integer, check_number
 from botohe_moo._types import FloatArray, IntArray, ObjectArray, OffsetArray
-from botohe_moo.algorithms.base import ArchiveAlgorithm, generation_limit, refuse_overrides
+from botohe_moo.algorithms.base import ArchiveAlgorithm, generation_limit
 from botohe_moo.kernels import anneal as kernels
 from botohe_moo.kernels.rng import seed_states
 from botohe_moo.operators.sampling import GuidedTrailSampling
@@ -114,6 +113,8 @@ class SimulatedAnnealing(ArchiveAlgorithm):
     given.
     """
 
+    evaluates_in_kernels = True
+
     def __init__(
         self,
         *,
@@ -146,27 +147,6 @@ class SimulatedAnnealing(ArchiveAlgorithm):
         )
         self.sweep_evaluations = check_integer("sweep_evaluations", sweep_evaluations, at_least=1)
         self.steps_per_generation = _count("steps_per_generation", steps_per_generation)
-
-    def setup(self, problem: Any, **kwargs: Any) -> Algorithm:
-        """Prepare to solve ``problem``; pymoo's ``minimize`` calls this.
-
-        Parameters
-        ----------
-        problem
-            What to solve.
-        **kwargs
-            pymoo's options, such as ``termination`` and ``seed``.
-
-        Raises
-        ------
-        TypeError
-            If ``problem`` is no :class:`BOTOHE`, or has its own ``evaluate_batch`` or
-            ``constrain_batch``.
-        ValueError
-            As for every algorithm with an archive.
-        """
-        refuse_overrides(self, problem)
-        return super().setup(problem, **kwargs)
 
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
         super()._setup(problem)
