@@ -40,6 +40,7 @@ ORDER = [
     "sequential",
     "exact",
     "local_search",
+    "iteration_search",
     "operators",
     "algorithms",
     "decide",

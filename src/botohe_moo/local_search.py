@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from botohe_moo._types import FloatArray, IntArray, OffsetArray, SeedArray
+from botohe_moo.kernels.labels import hash_keys
 from botohe_moo.kernels.local_search.front import (
     N_ENTERED,
     N_PLANS,
@@ -21,7 +22,15 @@ from botohe_moo.kernels.local_search.members import admit, write_plans
 from botohe_moo.kernels.local_search.moves import N_KINDS
 from botohe_moo.kernels.local_search.parent import Ground, new_workspace
 from botohe_moo.kernels.local_search.routes import Routes, new_routes
-from botohe_moo.kernels.local_search.rule import NOBODY, Reserve, SearchRule
+from botohe_moo.kernels.local_search.rule import (
+    CREDIT,
+    N_REMEMBERED,
+    NEWEST,
+    NOBODY,
+    Reserve,
+    SearchRule,
+    most_new,
+)
 from botohe_moo.kernels.local_search.search import search
 from botohe_moo.kernels.local_search.trail_store import (
     TrailStore,
@@ -32,11 +41,10 @@ from botohe_moo.kernels.local_search.trail_store import (
 )
 from botohe_moo.kernels.paths import nearest
 from botohe_moo.kernels.rng import draw_state
-from botohe_moo.mission.arrays import MissionArrays
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import PlanBatch
 
-__all__ = ["DEFAULT_MOVES", "MOVES", "IterationSearch", "LocalSearch"]
+__all__ = ["DEFAULT_MOVES", "MOVES", "LocalSearch"]
 
 # Names of the moves, in the order in which the kernels number them.
 MOVES = (
@@ -63,9 +71,9 @@ DEFAULT_MOVES: Mapping[str, float] = {
 }
 
 _N_NEAR = 12
-_SMALL = 30  # nodes of missions on which best responses are searched for
+_SMALL = 64  # nodes of missions on which best responses are searched for
 _FIRST_PLANS = 256
-_MOST_RESPONSES = 1_024
+_MOST_ALONE = 1_024
 
 
 class LocalSearch:
@@ -99,13 +107,14 @@ class LocalSearch:
         self.tally: FloatArray = np.zeros((2, N_KINDS))
         self._weights = np.cumsum([float(moves.get(name, 0.0)) for name in MOVES])
         self._states: SeedArray = draw_state(random_state)
-        self._newest: FloatArray = np.array([-1.0, 0.0, 0.0, 0.0])
+        self._remembered: FloatArray = np.empty(N_REMEMBERED)
         self._reserve = Reserve(
             np.full((reserve_size, mission.robots), NOBODY, np.int32), np.zeros(reserve_size)
         )
         self._front = new_front(_FIRST_PLANS, mission.robots)
+        self._remember_nothing()
         # The search looks for room there only after all children of a parent.
-        self._response = new_front(max(_MOST_RESPONSES, rule.n_children + 2), 1)
+        self._alone = new_front(max(_MOST_ALONE, most_new(rule) + 1), 1)
         self._prepare()
         self._store = self._larger_store(None)
 
@@ -114,6 +123,11 @@ class LocalSearch:
         self._ground = _ground(self.mission)
         self._routes = _routes(self.mission)
         self._work = new_workspace(self._ground, self.mission.robots)
+
+    def _remember_nothing(self) -> None:
+        self._remembered[:] = 0.0
+        self._remembered[NEWEST] = -1.0
+        self._remembered[CREDIT] = -self.rule.hops_each * self.rule.n_first
 
     def admit(self, batch: PlanBatch) -> None:
         """Put plans into the front that it does not dominate.
@@ -131,7 +145,7 @@ class LocalSearch:
 
     def restart(self) -> None:
         """Forget all plans, but not the random numbers."""
-        self._newest[:] = -1.0, 0.0, 0.0, 0.0
+        self._remember_nothing()
         self._reserve.plan[:] = NOBODY
         clear_front(self._front)
         clear_store(self._store)
@@ -153,23 +167,23 @@ class LocalSearch:
         if len(self._ground.head) == 0:  # kernels draw arcs and nodes, and look for none before
             return n
         while n < n_evaluations:
-            self._make_room(self.rule.n_children + 1)
+            self._make_room(most_new(self.rule))
             n += search(
                 self._ground,
                 self._routes,
                 self._store,
                 self._front,
                 self._reserve,
-                self._response,
+                self._alone,
                 self._work,
                 self.rule,
                 self._weights,
                 self.tally,
-                self._newest,
+                self._remembered,
                 n_evaluations - n,
                 self._states,
             )
-            if n < n_evaluations and self._has_room(self.rule.n_children + 1):
+            if n < n_evaluations and self._has_room(most_new(self.rule)):
                 break
         return n
 
@@ -217,7 +231,7 @@ class LocalSearch:
         """Copy the trails in use to where there is room for as many more."""
         ground, rule = self._ground, self.rule
         n_arcs, most_visits = len(ground.head), ground.most_visits
-        n_new = max(rule.n_children + 1, self.mission.robots)
+        n_new = max(most_new(rule), self.mission.robots)
         used = np.zeros(0, np.int64) if store is None else np.flatnonzero(store.n_users)
         arcs = visits = 0
         if store is not None:
@@ -254,6 +268,7 @@ def _ground(mission: Mission) -> Ground:
     back = arrays.head.astype(np.int64) * n_nodes + arrays.tail
     found = np.minimum(np.searchsorted(there, back), max(0, len(there) - 1))
     reverse = np.where(there[found] == back, found, -1).astype(np.int32)
+    by_return, return_reach = _by_return(mission)
     return Ground(
         first=arrays.first,
         tail=arrays.tail,
@@ -263,22 +278,28 @@ def _ground(mission: Mission) -> Ground:
         reverse=reverse,
         reward=arrays.reward,
         near=near,
-        reach=_reach(arrays),
+        home=mission.walk.home,
+        by_return=by_return,
+        return_reach=return_reach,
+        key=hash_keys(2 * n_nodes),
         base=arrays.base,
         most_visits=int((arrays.reward > 0).sum()),
     )
 
 
-def _reach(arrays: MissionArrays) -> FloatArray:
-    """Survival of the safest path between any two nodes of a small mission (Floyd and Warshall)."""
-    n_nodes = arrays.n_nodes
+def _by_return(mission: Mission) -> tuple[IntArray, FloatArray]:
+    """For each node of a small mission those with a reward, by the safest visit and way home."""
+    arrays, n_nodes = mission.arrays, mission.arrays.n_nodes
     if n_nodes > _SMALL:
-        return np.empty((0, 0))
+        return np.empty((0, 0), np.int32), np.empty((0, 0))
     reach = np.eye(n_nodes)
     reach[arrays.tail, arrays.head] = arrays.survival
-    for via in range(n_nodes):
+    for via in range(n_nodes):  # Floyd and Warshall's algorithm, for products
         np.maximum(reach, reach[:, via, np.newaxis] * reach[via], out=reach)
-    return reach
+    rewarding = np.flatnonzero(arrays.reward > 0)
+    visit_and_return = reach[:, rewarding] * mission.walk.home[rewarding]
+    by_return = rewarding[np.argsort(-visit_and_return, axis=1, kind="stable")]
+    return by_return.astype(np.int32), np.take_along_axis(reach, by_return, axis=1)
 
 
 def _routes(mission: Mission) -> Routes:
@@ -291,7 +312,7 @@ def _larger_front(front: Front, n_more: int) -> Front:
     """Copy a front to where there is room for twice as many plans."""
     n_slots, n_robots = front.plan.shape
     larger = new_front(2 * n_slots + n_more, n_robots)
-    for name in ("directory", "size", "slot", "reward", "survivors", "plan", "serial"):
+    for name in ("directory", "size", "slot", "reward", "survivors", "plan", "serial", "tried"):
         getattr(larger, name)[: len(getattr(front, name))] = getattr(front, name)
     counts = larger.counts
     for name, which in (("spare_blocks", 1), ("spare_slots", 2)):
@@ -303,77 +324,3 @@ def _larger_front(front: Front, n_more: int) -> Front:
     for which in (0, 3, 4):
         counts[which] = front.counts[which]
     return larger
-
-
-class IterationSearch:
-    """Improves a share of the plans of each iteration of an algorithm.
-
-    Parameters
-    ----------
-    mission
-        What to plan for.
-    share
-        Share of an iteration's plans, in (0, 1].
-    evaluations_each
-        Evaluations for each of them, at least 1.
-    min_survival
-        Survival floor of every robot.
-    random_state
-        Where the search's own generator takes its seed from.
-    """
-
-    def __init__(
-        self,
-        mission: Mission,
-        *,
-        share: float,
-        evaluations_each: int,
-        min_survival: float,
-        random_state: np.random.Generator,
-    ) -> None:
-        self.share = share
-        self.evaluations_each = evaluations_each
-        self._search = LocalSearch(
-            mission,
-            SearchRule(min_survival=min_survival),
-            moves=DEFAULT_MOVES,
-            reserve_size=1,
-            random_state=random_state,
-        )
-
-    def improve(
-        self, batch: PlanBatch, members: OffsetArray, random_state: np.random.Generator, n_left: int
-    ) -> tuple[PlanBatch, FloatArray, int]:
-        """Start a Pareto local search from some of the plans.
-
-        Parameters
-        ----------
-        batch
-            The iteration's plans.
-        members
-            Indices of its Pareto set: these come first, then others, drawn.
-        random_state
-            Draws among the plans.
-        n_left
-            Evaluations that are left.
-
-        Returns
-        -------
-        tuple
-            The plans that the search has added to the front of those it began with, their E[R]
-            and E[S] (n, 2), and how many plans it has evaluated.
-        """
-        n_chosen = max(1, round(self.share * len(batch)))
-        chosen = random_state.permutation(members)[:n_chosen]
-        if len(chosen) < n_chosen:
-            others = np.setdiff1d(np.arange(len(batch)), members)
-            drawn = random_state.permutation(others)[: n_chosen - len(chosen)]
-            chosen = np.concatenate([chosen, drawn])
-        search = self._search
-        search.restart()
-        search.admit(batch.take(np.sort(chosen)))
-        n_given = search.version
-        n_evaluated = search.run(min(n_left, n_chosen * self.evaluations_each))
-        plans, objectives, numbers = search.plans()
-        found = numbers >= n_given
-        return plans.take(found), objectives[found], n_evaluated

@@ -327,8 +327,10 @@ def one_way():
         (load_mission("terrain", nodes=30, robots=4), 300, {"n_children": 3}),
         (one_way(), 400, {"p_reserve": 0.5, "p_detour": 0.9}),
         (load_mission("toy"), 400, {"p_reserve": 0.0, "p_newest": 0.2, "n_drawn": 1}),
-        (load_mission("art_museum"), 800, {"patience": 20, "p_response": 0.5}),
-        (one_way(), 800, {"patience": 20, "p_response": 0.5}),
+        (load_mission("art_museum"), 800, {"patience": 20, "p_alone": 0.5, "hops_each": 0.0}),
+        (one_way(), 800, {"patience": 20, "p_alone": 0.5, "n_first": 50, "n_hops": 3_000}),
+        (load_mission("toy"), 300, {"n_first": 0, "hops_each": 5.0}),
+        (load_mission("two_communities"), 300, {"n_first": 9, "n_hops": 200, "hops_each": 9.0}),
         (load_mission("toy"), 5_000, {}),  # solved soon, and what the search does when it is stuck
     ],
 )
@@ -352,7 +354,7 @@ def test_plain_python_finds_the_same_to_the_bit(monkeypatch, mission, n_evaluati
 def test_the_best_responses_of_a_single_robot_are_the_true_front(case, floor):
     mission, every = case
     with plain_local_search():
-        search = local_search(mission, min_survival=floor, patience=-1, p_response=0.5)
+        search = local_search(mission, min_survival=floor, n_first=0, n_hops=10_000)
         search.run(100)
     found = search.plans()[1] * (1 + 1e-11)
     kept = [trail for trail in every if twins.survival_of(mission, trail) >= floor]
@@ -363,7 +365,7 @@ def test_the_best_responses_of_a_single_robot_are_the_true_front(case, floor):
 @pytest.mark.parametrize("n_children", [1, 60])
 def test_trails_of_one_robot_find_room(monkeypatch, n_children):
     """In plain Python, where a plan that is written beside its front is an error."""
-    monkeypatch.setattr(search_module, "_MOST_RESPONSES", 3)
+    monkeypatch.setattr(search_module, "_MOST_ALONE", 3)
     monkeypatch.setattr(search_module, "_FIRST_PLANS", 3)
     with plain_local_search():
         search = local_search(load_mission("toy"), n_children=n_children)

@@ -13,7 +13,7 @@ from botohe_moo._types import FloatArray, IntArray, ObjectArray, OffsetArray
 from botohe_moo.algorithms.base import ArchiveAlgorithm
 from botohe_moo.archive import PlanArchive
 from botohe_moo.colony import Allocation, AntThreads, Colony, ColonyRule, exchange_archives
-from botohe_moo.local_search import IterationSearch
+from botohe_moo.iteration_search import IterationSearch
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import PlanBatch, TrailPlan
 

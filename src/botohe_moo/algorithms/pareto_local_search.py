@@ -43,9 +43,12 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         generations are shorter: 100, and then a tenth of what has been evaluated.
     n_children
         Children of a parent, from 1 to 100 000: laying out a parent costs as much as some children.
+        As long as plans enter the front every hundred evaluations or so, a third as many.
     n_drawn
         Plans drawn as parents, of which the one is taken that its neighbours on the front leave
-        the largest area, from 1 to 1 000. With 1, all plans are equally likely.
+        the largest area, divided by how often it was taken before, from 1 to 1 000. With 1, all
+        plans are equally likely. As long as plans enter every hundred evaluations or so, four times
+        as many (but 1 stays 1).
     reserve_size
         Plans in the reserve, from 1 to 1 000 000.
     reserve_share
@@ -53,6 +56,11 @@ class ParetoLocalSearch(ArchiveAlgorithm):
     reserve_slack
         How much less expected reward than the front, relative, a plan in the reserve may have, in
         [0, 1].
+    response_hops
+        Hops for each evaluation, at least 0, that go into best responses: all trails of one robot
+        that improve the front, the other robots' trails being fixed, found by branch and bound. On
+        missions of up to 64 nodes, and as long as most of these searches come to an end; the first
+        after 10 000 evaluations, for one robot alone. 0 looks for none.
     moves
         How likely each move is to be drawn, relative, by name; those left out are not drawn.
         ``shortcut``, ``visit``, ``visit-two``: cut out a segment, and reconnect by safest paths
@@ -104,12 +112,13 @@ class ParetoLocalSearch(ArchiveAlgorithm):
     def __init__(
         self,
         *,
-        evaluations_per_generation: int = 5_000,
-        n_children: int = 16,
+        evaluations_per_generation: int = 20_000,
+        n_children: int = 24,
         n_drawn: int = 2,
         reserve_size: int = 256,
         reserve_share: float = 0.1,
         reserve_slack: float = 0.02,
+        response_hops: float = 0.1,
         moves: Mapping[str, float] | None = None,
         greedy_start: bool = True,
         max_size: int | None = None,
@@ -132,6 +141,7 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         )
         self.reserve_share = check_number("reserve_share", reserve_share, at_least=0, at_most=1)
         self.reserve_slack = check_number("reserve_slack", reserve_slack, at_least=0, at_most=1)
+        self.response_hops = check_number("response_hops", response_hops, at_least=0)
         self.moves = _checked_moves(DEFAULT_MOVES if moves is None else moves)
         self.greedy_start = check_flag("greedy_start", greedy_start)
         self.max_size = max_size
@@ -155,9 +165,12 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         super()._setup(problem)
         rule = SearchRule(
             n_children=self.n_children,
+            n_children_busy=(self.n_children + 2) // 3,
             n_drawn=self.n_drawn,
+            n_drawn_busy=1 if self.n_drawn == 1 else 4 * self.n_drawn,
             p_reserve=self.reserve_share,
             slack=self.reserve_slack,
+            hops_each=self.response_hops,
             min_survival=problem.planning_floor,
             max_size=_UNLIMITED if self.max_size is None else self.max_size,
         )

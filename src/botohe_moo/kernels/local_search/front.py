@@ -46,6 +46,8 @@ class Front(NamedTuple):
         The trails of the plan in each slot, by number, in lexicographic order (n_slots, n_robots).
     serial
         How many plans had entered before it (n_slots).
+    tried
+        How often it has been a parent (n_slots).
     """
 
     counts: OffsetArray
@@ -58,6 +60,7 @@ class Front(NamedTuple):
     spare_slots: IntArray
     plan: IntArray
     serial: OffsetArray
+    tried: OffsetArray
 
 
 def new_front(n_slots: int, n_robots: int) -> Front:
@@ -80,6 +83,7 @@ def new_front(n_slots: int, n_robots: int) -> Front:
         spare_slots=np.empty(n_slots, np.int32),
         plan=np.zeros((n_slots, n_robots), np.int32),
         serial=np.zeros(n_slots, np.int64),
+        tried=np.zeros(n_slots, np.int64),
     )
     clear_front(front)
     return front
@@ -270,6 +274,7 @@ def add_place(front: Front, reward: float, survivors: float) -> int:
     front.slot[block, place] = slot
     front.reward[block, place], front.survivors[block, place] = reward, survivors
     front.serial[slot] = front.counts[N_ENTERED]
+    front.tried[slot] = 0
     front.counts[N_ENTERED] += 1
     front.counts[N_PLANS] += 1
     return int(slot)

@@ -15,7 +15,7 @@ from botohe_moo.kernels.local_search.front import (
     remove_place,
 )
 from botohe_moo.kernels.local_search.parent import MARK, Ground, Workspace
-from botohe_moo.kernels.local_search.rule import SearchRule
+from botohe_moo.kernels.local_search.rule import IDLE, NEWEST, SearchRule
 from botohe_moo.kernels.local_search.trail_store import (
     TrailStore,
     add_trail,
@@ -209,7 +209,7 @@ def bring_in(
     front: Front,
     work: Workspace,
     rule: SearchRule,
-    newest: FloatArray,
+    remembered: FloatArray,
     states: SeedArray,
 ) -> int:
     """Put the plan in ``work.trails`` into the front; 1 if it has entered, 0 if not."""
@@ -226,7 +226,7 @@ def bring_in(
     )
     if not enter(store, front, work.trails, reward, survivors):
         return 0
-    newest[0], newest[1] = survivors, 0.0
+    remembered[NEWEST], remembered[IDLE] = survivors, 0.0
     if 0 < rule.max_size < front.counts[N_PLANS]:
         thin(store, front, states)
     return 1

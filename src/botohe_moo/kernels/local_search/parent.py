@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from botohe_moo._types import FloatArray, IntArray, OffsetArray
+from botohe_moo._types import FloatArray, IntArray, OffsetArray, SeedArray
 from botohe_moo.kernels.compile import part
 from botohe_moo.kernels.local_search.trail_store import TrailStore
 
@@ -26,6 +26,9 @@ N_NOW = 7
 
 NEVER = np.int64(1) << 40
 
+# States that a search for a best response remembers; a power of two.
+N_KNOWN = 1 << 14
+
 
 class Ground(NamedTuple):
     """What the search knows of a mission.
@@ -40,9 +43,14 @@ class Ground(NamedTuple):
         Of each node.
     near
         For each node others, the safest to reach first (n_nodes, n_near).
-    reach
-        Survival of the safest path between any two nodes (n_nodes, n_nodes); empty where the
-        mission is not small.
+    home
+        Survival of the safest path home from each node.
+    by_return, return_reach
+        For each node those with a reward, the safest to visit and get home from first, and the
+        survival of the safest path to them (n_nodes, most_visits); empty where the mission is not
+        small.
+    key
+        Random numbers: two for each node.
     base
         Index of the base.
     most_visits
@@ -57,7 +65,10 @@ class Ground(NamedTuple):
     reverse: IntArray
     reward: FloatArray
     near: IntArray
-    reach: FloatArray
+    home: FloatArray
+    by_return: IntArray
+    return_reach: FloatArray
+    key: SeedArray
     base: int
     most_visits: int
 
@@ -84,8 +95,12 @@ class Workspace(NamedTuple):
     alive, gained, ahead
         At each position: probability to get there, what was collected up to there, and what a
         robot sure to be there that had collected nothing would collect from there on.
-    onward
-        Next arc to be tried from each position (n_arcs + 1), see ``respond``.
+    onward, visited
+        Next arc to be tried from each position, and a hash of what has been visited up to there
+        (n_arcs + 1), see ``respond``.
+    known, known_to, known_alive, known_gained
+        States that ``respond`` has been in: a hash, which call that was, and with what probability
+        and gain (``N_KNOWN``).
     middle, middle_mark, middle_place
         The child's new arcs, and for each arc of the mission the last child that took it, and
         where.
@@ -121,6 +136,11 @@ class Workspace(NamedTuple):
     later_gain: FloatArray
     trails: IntArray
     onward: OffsetArray
+    visited: SeedArray
+    known: SeedArray
+    known_to: OffsetArray
+    known_alive: FloatArray
+    known_gained: FloatArray
     held: IntArray
     alone: IntArray
     product: FloatArray
@@ -138,6 +158,7 @@ def new_workspace(ground: Ground, n_robots: int) -> Workspace:
         The mission, and its robots.
     """
     n_nodes, n_arcs = len(ground.reward), len(ground.head)
+    n_known = N_KNOWN if len(ground.by_return) else 0
     left = ground.reward.copy()
     left[ground.base] = 0.0
     return Workspace(
@@ -161,6 +182,11 @@ def new_workspace(ground: Ground, n_robots: int) -> Workspace:
         later_gain=np.empty(n_nodes),
         trails=np.empty(n_robots, np.int32),
         onward=np.empty(n_arcs + 1, np.int64),
+        visited=np.zeros(n_arcs + 1, np.uint64),
+        known=np.zeros(n_known, np.uint64),
+        known_to=np.zeros(n_known, np.int64),
+        known_alive=np.zeros(n_known),
+        known_gained=np.zeros(n_known),
         held=np.empty(n_robots, np.int32),
         alone=np.empty(1, np.int32),
         product=np.empty(n_nodes),

@@ -7,12 +7,14 @@ Land and Doig, "An automatic method of solving discrete programming problems", E
 of smaller ones leads to.
 """
 
+import numpy as np
+
 from botohe_moo._types import FloatArray, SeedArray
-from botohe_moo.kernels.compile import routine
+from botohe_moo.kernels.compile import part, routine
 from botohe_moo.kernels.local_search.front import Front, best_reward, has_room
 from botohe_moo.kernels.local_search.members import bring_in, put_in_order
-from botohe_moo.kernels.local_search.parent import NEVER, Ground, Workspace
-from botohe_moo.kernels.local_search.rule import TOLERANCE, SearchRule
+from botohe_moo.kernels.local_search.parent import MARK, N_KNOWN, NEVER, Ground, Workspace
+from botohe_moo.kernels.local_search.rule import IDLE, TOLERANCE, SearchRule
 from botohe_moo.kernels.local_search.trail_store import TrailStore, add_trail, fits, release
 
 # How the search has ended.
@@ -21,7 +23,7 @@ TOO_LONG = 1
 STOPPED = 2  # by the budget, or for lack of room
 
 
-@routine
+@part
 def _hopeless(
     ground: Ground,
     front: Front,
@@ -46,34 +48,34 @@ def _hopeless(
     reward, survivors
         E[R] of the plan as far as the trail goes, and E[S] of the other robots.
     """
-    n = 0
-    most = reward
-    for node in range(ground.reach.shape[0]):
-        if work.met[node] != NEVER or node == here or work.left[node] == 0.0:
+    home = alive * ground.home[here]
+    needed = best_reward(front, (survivors + home) * (1.0 - TOLERANCE))
+    if reward * (1.0 - TOLERANCE) > needed:
+        return False
+    for i in range(ground.by_return.shape[1]):
+        # With the nodes up to this one visited the robot survives with at most this probability.
+        node = ground.by_return[here, i]
+        there = alive * ground.return_reach[here, i]
+        reward += work.later_gain[node] * there
+        if reward * (1.0 - TOLERANCE) <= needed:
             continue
-        there = alive * ground.reach[here, node]
-        home = there * ground.reach[node, ground.base]
-        most += work.left[node] * there
-        place = n
-        while place > 0 and work.product[place - 1] < home:
-            work.product[place] = work.product[place - 1]
-            work.later_gain[place] = work.later_gain[place - 1]
-            place -= 1
-        work.product[place], work.later_gain[place] = home, work.left[node] * there
-        n += 1
-    home = alive * ground.reach[here, ground.base]
-    if best_reward(front, (survivors + home) * (1.0 - TOLERANCE)) >= most * (1.0 - TOLERANCE):
-        return True
-    for i in range(n + 1):
-        # With the first i nodes visited the robot survives with at most this probability.
-        if i > 0:
-            home = work.product[i - 1]
-            reward += work.later_gain[i - 1]
-        if i < n and work.product[i] == home:
-            continue
-        if best_reward(front, (survivors + home) * (1.0 - TOLERANCE)) < reward * (1.0 - TOLERANCE):
+        home = there * ground.home[node]
+        needed = best_reward(front, (survivors + home) * (1.0 - TOLERANCE))
+        if reward * (1.0 - TOLERANCE) > needed:
             return False
     return True
+
+
+@part
+def _is_known(work: Workspace, call: int, key: np.uint64, alive: float, gained: float) -> bool:
+    """Tell whether a robot was here, no worse, having visited the same; if not, note that it is."""
+    at = int(key & np.uint64(N_KNOWN - 1))
+    same = work.known_to[at] == call and work.known[at] == key
+    if same and work.known_alive[at] >= alive and work.known_gained[at] >= gained:
+        return True
+    work.known_to[at], work.known[at] = call, key
+    work.known_alive[at], work.known_gained[at] = alive, gained
+    return False
 
 
 @routine
@@ -83,7 +85,7 @@ def respond(
     front: Front,
     work: Workspace,
     rule: SearchRule,
-    newest: FloatArray,
+    remembered: FloatArray,
     robot: int,
     others: float,
     survivors_of_others: float,
@@ -94,7 +96,7 @@ def respond(
 
     Parameters
     ----------
-    ground, store, front, work, rule, newest, states
+    ground, store, front, work, rule, remembered, states
         As for ``search``; the other robots have been set aside, and no trail is laid out.
     robot
         Which robot's trail is searched.
@@ -106,17 +108,22 @@ def respond(
     Returns
     -------
     tuple
-        How it ended (``THROUGH`` to ``STOPPED``), how many plans were evaluated, and how many
-        entered.
+        How it ended (``THROUGH`` to ``STOPPED``), how many hops it took, and how many plans were
+        evaluated.
     """
     first, head, base = ground.first, ground.head, ground.base
-    longest = head.shape[0]
-    depth = n = n_entered = 0
-    n_hops = rule.n_response_hops
+    longest, n_nodes = head.shape[0], ground.reward.shape[0]
+    depth = n = 0
+    n_hops = rule.n_hops
     ended = THROUGH
+    work.now[MARK] += 1
+    call = work.now[MARK]
     work.node[0] = base
+    work.visited[0] = np.uint64(0)
     work.alive[0], work.gained[0] = 1.0, 0.0
     work.met[base] = 0
+    for node in range(n_nodes):
+        work.later_gain[node] = work.left[node]
     work.onward[0] = first[base]
     while True:
         here = work.node[depth]
@@ -125,6 +132,7 @@ def respond(
                 break
             if work.met[here] == depth:
                 work.met[here] = NEVER
+                work.later_gain[here] = work.left[here]
             depth -= 1
             work.position[work.arc[depth]] = -1
             continue
@@ -138,17 +146,24 @@ def respond(
             continue
         node = head[arc]
         alive = work.alive[depth] * ground.survival[arc]
-        gained = work.gained[depth]
-        if work.met[node] == NEVER:
+        gained, visited = work.gained[depth], work.visited[depth]
+        if work.met[node] == NEVER and work.left[node] > 0.0:
             gained += work.left[node] * alive
-        if alive * ground.reach[node, base] < rule.min_survival:
+            visited ^= ground.key[node]
+        if alive * ground.home[node] < rule.min_survival:
             continue
+        key = visited ^ ground.key[n_nodes + node]
+        if _is_known(work, call, key, alive, gained):
+            continue
+        work.later_gain[node] = 0.0
         if _hopeless(ground, front, work, node, alive, others + gained, survivors_of_others):
+            if work.met[node] == NEVER:
+                work.later_gain[node] = work.left[node]
             continue
         work.arc[depth], work.position[arc] = arc, depth
         depth += 1
         work.node[depth] = node
-        work.alive[depth], work.gained[depth] = alive, gained
+        work.alive[depth], work.gained[depth], work.visited[depth] = alive, gained, visited
         if work.met[node] == NEVER:
             work.met[node] = depth
         work.onward[depth] = first[node]
@@ -160,7 +175,7 @@ def respond(
             ended = STOPPED
             continue
         n += 1
-        newest[1] += 1.0
+        remembered[IDLE] += 1.0
         survivors = survivors_of_others + alive
         if (others + gained) * (1.0 - TOLERANCE) > best_reward(
             front, survivors * (1.0 - TOLERANCE)
@@ -168,7 +183,7 @@ def respond(
             trail = add_trail(head, ground.survival, ground.reward, base, store, work.arc, depth)
             store.n_users[trail] += 1
             put_in_order(store, work, robot, trail)
-            n_entered += bring_in(ground, store, front, work, rule, newest, states)
+            bring_in(ground, store, front, work, rule, remembered, states)
             release(store, trail)
     work.met[base] = NEVER
-    return ended, n, n_entered
+    return ended, rule.n_hops - max(0, n_hops), n

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 from botohe_moo._types import FloatArray, IntArray
+from botohe_moo.kernels.compile import everywhere
 
 # A plan that gains less than this, relative, is taken for one that the front has already: the
 # objectives of children are computed in another order of operations than those of the front.
@@ -10,10 +11,13 @@ TOLERANCE = 1e-12
 
 NOBODY = -1
 
-# Indices into what the search remembers, beside E[S] of the newest plan and how many were evaluated
-# since: best responses found, and given up.
-THROUGH_WITH = 2
-FAILED = 3
+# Indices into what a search remembers from one parent to the next.
+NEWEST = 0  # E[S] of the plan that has just entered the front, −1 where none has
+IDLE = 1  # plans evaluated since one entered
+FOUND = 2  # best responses found,
+FAILED = 3  # and given up
+CREDIT = 4  # hops that searches for best responses may take
+N_REMEMBERED = 5
 
 
 class SearchRule(NamedTuple):
@@ -21,12 +25,15 @@ class SearchRule(NamedTuple):
 
     Attributes
     ----------
-    n_children
-        Children of a parent before the next is drawn.
+    n_children, n_children_busy
+        Children of a parent before the next is drawn; and as long as the search is busy.
+    busy
+        It is when a plan has entered the front within so many evaluations.
     p_newest
         With what probability the next parent is the plan that has just entered the front.
-    n_drawn
-        Plans among which a parent is chosen, by the area its neighbours leave it.
+    n_drawn, n_drawn_busy
+        Plans among which a parent is chosen, by the area that its neighbours leave it divided by
+        how often it has been a parent; and as long as the search is busy.
     p_reserve, slack
         With what probability a parent comes from the reserve, and how much less reward than the
         front, relative, a plan may have to get there: at least ``slack``, and with every parent
@@ -40,22 +47,28 @@ class SearchRule(NamedTuple):
         With what probability the parent is the plan of most reward.
     p_near, p_step, p_more, p_short, n_short, p_meet, p_detour
         See ``reconnect`` and ``combine``.
-    patience, p_response, n_response
-        When no plan has entered for ``patience`` evaluations: with what probability the search
-        looks for a parent's best response (``respond``) or, where missions are large, goes on for
-        ``n_response`` evaluations from a front of that robot's trails, the other robots' being
-        fixed.
-    n_response_hops
-        Hops after which the search for a best response is given up.
+    patience
+        After so many evaluations without a plan that enters, more parents come from the reserve,
+        and what goes there is no question of ``p_keep``.
+    p_alone, n_alone
+        Then, too: with what probability the search goes on for ``n_alone`` evaluations from a front
+        of trails of one robot of the parent's, the other robots' trails being fixed.
+    n_first, n_hops, hops_each
+        After how many evaluations best responses (``respond``) are looked for, the first to the
+        plan of most survivors; hops after which a search for one is given up; and how many of them
+        an evaluation earns, so that these searches take a certain share of the time.
     min_survival
         Survival floor of every robot.
     max_size
         Plans that the front keeps at most; 0 sets no limit.
     """
 
-    n_children: int = 16
+    n_children: int = 24
+    n_children_busy: int = 8
+    busy: int = 100
     p_newest: float = 0.9
     n_drawn: int = 2
+    n_drawn_busy: int = 8
     p_reserve: float = 0.1
     slack: float = 0.02
     p_keep: float = 0.25
@@ -69,11 +82,25 @@ class SearchRule(NamedTuple):
     p_detour: float = 0.3
     p_end: float = 0.1
     patience: int = 2_000
-    p_response: float = 0.1
-    n_response: int = 500
-    n_response_hops: int = 50_000
+    p_alone: float = 0.1
+    n_alone: int = 500
+    n_first: int = 10_000
+    n_hops: int = 150_000
+    hops_each: float = 0.1
     min_survival: float = 0.0
     max_size: int = 0
+
+
+@everywhere
+def most_new(rule: SearchRule) -> int:
+    """Give how many trails and plans a parent adds at most: its children, and one to spare.
+
+    Parameters
+    ----------
+    rule
+        How to search.
+    """
+    return max(rule.n_children, rule.n_children_busy) + 1
 
 
 class Reserve(NamedTuple):

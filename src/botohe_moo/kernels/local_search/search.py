@@ -1,6 +1,6 @@
 """Pareto local search: parents from a front, children of one changed trail, back into it."""
 
-from botohe_moo._types import FloatArray, IntArray, SeedArray
+from botohe_moo._types import FloatArray, SeedArray
 from botohe_moo.kernels.compile import frugal, part, routine
 from botohe_moo.kernels.local_search.children import (
     adopt,
@@ -10,13 +10,17 @@ from botohe_moo.kernels.local_search.children import (
     draw_trail,
     write_child,
 )
+from botohe_moo.kernels.local_search.choose import (
+    WHEN_IDLE,
+    draw_parent,
+    keep_in_reserve,
+    take_safest,
+)
 from botohe_moo.kernels.local_search.front import (
     N_BLOCKS,
     Front,
     best_reward,
-    contribution,
     draw_place,
-    find_place,
     has_room,
 )
 from botohe_moo.kernels.local_search.members import bring_in, empty, enter, put_in_order
@@ -34,12 +38,16 @@ from botohe_moo.kernels.local_search.parent import (
 from botohe_moo.kernels.local_search.response import THROUGH, TOO_LONG, respond
 from botohe_moo.kernels.local_search.routes import Routes, search_routes
 from botohe_moo.kernels.local_search.rule import (
+    CREDIT,
     FAILED,
+    FOUND,
+    IDLE,
+    NEWEST,
     NOBODY,
-    THROUGH_WITH,
     TOLERANCE,
     Reserve,
     SearchRule,
+    most_new,
 )
 from botohe_moo.kernels.local_search.trail_store import (
     TrailStore,
@@ -55,68 +63,35 @@ MAX_FRUITLESS = 10_000
 # Trails of a robot's front that go to the reserve, with the other robots', when it is left.
 _N_KEPT = 4
 
-# How much rather parents come from the reserve when nothing has entered the front for long.
-_IDLE = 3.0
+# How many more best responses may be given up than found.
+_N_FAILURES = 2.0
 
 
 @part
-def _draw_parent(
-    front: Front,
-    reserve: Reserve,
-    rule: SearchRule,
-    newest: FloatArray,
-    held: IntArray,
-    states: SeedArray,
-) -> int:
-    """Write the trails of a parent into ``held``; give its block's number in the directory."""
-    if newest[0] >= 0.0 and uniform(states, 0) < rule.p_newest:
-        at, place = find_place(front, newest[0])
-        if at == front.counts[N_BLOCKS]:
-            at -= 1
-            place = front.size[front.directory[at]] - 1
-    else:
-        p_reserve = rule.p_reserve * (_IDLE if newest[1] > rule.patience else 1.0)
-        if p_reserve > 0.0 and uniform(states, 0) < p_reserve:
-            drawn = int(uniform(states, 0) * reserve.survivors.shape[0])
-            if reserve.plan[drawn, 0] != NOBODY:
-                for k in range(held.shape[0]):
-                    held[k] = reserve.plan[drawn, k]
-                at, place = find_place(front, reserve.survivors[drawn])
-                return int(min(at, front.counts[N_BLOCKS] - 1))
-        at, place = draw_place(front, states)
-        if uniform(states, 0) < rule.p_end:
-            at, place = 0, 0
-        elif rule.n_drawn > 1:
-            most = contribution(front, at, place)
-            for _ in range(rule.n_drawn - 1):
-                other, other_place = draw_place(front, states)
-                area = contribution(front, other, other_place)
-                if area > most:
-                    most, at, place = area, other, other_place
-    slot = front.slot[front.directory[at], place]
-    for k in range(held.shape[0]):
-        held[k] = front.plan[slot, k]
-    return at
+def _may_respond(remembered: FloatArray) -> bool:
+    """Tell whether hops are left for a best response, and enough of them have been found."""
+    return bool(remembered[CREDIT] >= 0.0 and remembered[FAILED] <= remembered[FOUND] + _N_FAILURES)
 
 
-@routine
-def _keep_in_reserve(
-    store: TrailStore, reserve: Reserve, trails: IntArray, survivors: float, states: SeedArray
-) -> None:
-    """Put a plan in the place of another, drawn."""
-    drawn = int(uniform(states, 0) * reserve.survivors.shape[0])
-    for k in range(trails.shape[0]):
-        store.n_users[trails[k]] += 1
-        if reserve.plan[drawn, k] != NOBODY:
-            release(store, reserve.plan[drawn, k])
-        reserve.plan[drawn, k] = trails[k]
-    reserve.survivors[drawn] = survivors
+@part
+def _is_good(reward: float, needed: float, slack: float) -> tuple[bool, bool]:
+    """Tell whether a plan of so much reward enters, and if not, whether it does so nearly."""
+    better = reward * (1.0 - TOLERANCE) > needed
+    return better, needed * (1.0 - slack) < reward * (1.0 + TOLERANCE) < needed
+
+
+@part
+def _let_go(ground: Ground, store: TrailStore, work: Workspace) -> None:
+    """Be done with the parent held."""
+    clear_others(ground, work)
+    for k in range(work.held.shape[0]):
+        release(store, work.held[k])
 
 
 @routine
 def _enter_alone(
     store: TrailStore,
-    response: Front,
+    alone: Front,
     work: Workspace,
     trail: int,
     gained: float,
@@ -124,7 +99,7 @@ def _enter_alone(
 ) -> None:
     """Put a trail of the robot at hand into the front of its trails."""
     work.alone[0] = trail
-    enter(store, response, work.alone, gained, alive)
+    enter(store, alone, work.alone, gained, alive)
 
 
 @frugal
@@ -134,12 +109,12 @@ def search(
     store: TrailStore,
     front: Front,
     reserve: Reserve,
-    response: Front,
+    alone: Front,
     work: Workspace,
     rule: SearchRule,
     weights: FloatArray,
     tally: FloatArray,
-    newest: FloatArray,
+    remembered: FloatArray,
     n_evaluations: int,
     states: SeedArray,
 ) -> int:
@@ -151,7 +126,7 @@ def search(
         The mission, and its safest paths.
     store, front, reserve
         Trails, the front, at least one plan in it, and plans that were nearly good enough.
-    response
+    alone
         Trails of one robot, the others' being fixed: a front of its own; empty.
     work
         Scratch.
@@ -161,9 +136,8 @@ def search(
         How likely each kind of move is, relative, summed up to each (``N_KINDS``).
     tally
         How often each kind of move gave a child, and one that entered; added to (2, N_KINDS).
-    newest
-        E[S] of the plan that has just entered, −1 where none has; how many have been evaluated
-        since one entered; how many best responses were found, and how many given up (4).
+    remembered
+        What goes on from one parent to the next: ``NEWEST`` to ``CREDIT``.
     n_evaluations
         How many.
     states
@@ -176,69 +150,71 @@ def search(
         move that makes another plan.
     """
     n_robots = work.held.shape[0]
-    longest = ground.head.shape[0]
-    at = robot = n = fruitless = n_response = 0
+    longest, n_more = ground.head.shape[0], most_new(rule)
+    at = robot = n = fruitless = n_alone = 0
     others = survivors_of_others = 0.0
-    p_response = rule.p_response if n_robots > 1 else 0.0
+    p_alone = rule.p_alone if n_robots > 1 else 0.0
     while n < n_evaluations and fruitless < MAX_FRUITLESS:
         before = n
-        if not (
-            fits(store, rule.n_children + 1, longest, ground.most_visits)
-            and has_room(front, rule.n_children + 1)
-        ):
+        if not (fits(store, n_more, longest, ground.most_visits) and has_room(front, n_more)):
             break
-        responding = n_response > 0
-        if responding:
-            single, place = draw_place(response, states)
-            parent = response.plan[response.slot[response.directory[single], place], 0]
+        idle = remembered[IDLE] > rule.patience
+        if n_alone > 0:
+            single, place = draw_place(alone, states)
+            parent = alone.plan[alone.slot[alone.directory[single], place], 0]
         else:
-            at = _draw_parent(front, reserve, rule, newest, work.held, states)
-            newest[0] = -1.0
+            responding = (
+                ground.by_return.shape[0] > 0 and rule.hops_each > 0.0 and _may_respond(remembered)
+            )
+            if responding and remembered[FOUND] + remembered[FAILED] == 0.0:
+                at = take_safest(front, work.held)
+            else:
+                at = draw_parent(front, reserve, rule, remembered, work.held, states)
+                remembered[NEWEST] = -1.0
             for k in range(n_robots):
                 store.n_users[work.held[k]] += 1
             robot = int(uniform(states, 0) * n_robots)
+            if store.n_arcs[work.held[robot]] == 0:  # those under way have more to change
+                robot = int(uniform(states, 0) * n_robots)
             others, survivors_of_others = set_aside(ground, store, work, robot)
             parent = work.held[robot]
-            small = ground.reach.shape[0] > 0 and newest[FAILED] <= newest[THROUGH_WITH] + 2.0
-            if small and newest[1] > rule.patience and uniform(states, 0) < rule.p_response:
-                ended, n_more, _ = respond(
+            if responding:
+                ended, n_hops, n_responses = respond(
                     ground,
                     store,
                     front,
                     work,
                     rule,
-                    newest,
+                    remembered,
                     robot,
                     others,
                     survivors_of_others,
                     n_evaluations - n,
                     states,
                 )
-                newest[THROUGH_WITH] += ended == THROUGH
-                newest[FAILED] += ended == TOO_LONG
-                n += n_more
-                fruitless = 0 if n_more > 0 else fruitless + 1
-                clear_others(ground, work)
-                for k in range(n_robots):
-                    release(store, work.held[k])
+                remembered[FOUND] += ended == THROUGH
+                remembered[FAILED] += ended == TOO_LONG
+                remembered[CREDIT] -= n_hops
+                n += n_responses
+                fruitless = 0 if n > before else fruitless + 1
+                _let_go(ground, store, work)
                 continue
-            if newest[1] > rule.patience and uniform(states, 0) < p_response:
-                n_response = rule.n_response
         store.n_users[parent] += 1
         lay_out(ground, store, work, parent)
-        if n_response > 0 and not responding:
-            responding = True
+        if n_alone == 0 and idle and uniform(states, 0) < p_alone:
+            n_alone = rule.n_alone
             length = work.now[LENGTH]
-            _enter_alone(store, response, work, parent, work.gained[length], work.alive[length])
+            _enter_alone(store, alone, work, parent, work.gained[length], work.alive[length])
         # What a child is measured by: the front, or the trails known for this robot.
-        goal = response if responding else front
-        fixed_reward = 0.0 if responding else others
-        fixed_survivors = 0.0 if responding else survivors_of_others
+        goal, fixed_reward, fixed_survivors = front, others, survivors_of_others
         slack = min(1.0, rule.slack / (1.0 - uniform(states, 0)))
-        if newest[1] <= rule.patience and uniform(states, 0) >= rule.p_keep:
+        if rule.p_reserve == 0.0 or (not idle and uniform(states, 0) >= rule.p_keep):
             slack = 0.0
-        goal_slack = 0.0 if responding else slack
-        for _ in range(rule.n_children):
+        goal_slack = slack
+        if n_alone > 0:
+            goal, fixed_reward, fixed_survivors, goal_slack = alone, 0.0, 0.0, 0.0
+        busy = remembered[IDLE] <= rule.busy
+        for _ in range(rule.n_children_busy if busy else rule.n_children):
             if n == n_evaluations:
                 break
             at = min(at, front.counts[N_BLOCKS] - 1)
@@ -274,14 +250,10 @@ def search(
                     fixed_survivors,
                 )
             n += 1
-            newest[1] += 1.0
+            remembered[IDLE] += 1.0
             tally[0, kind] += 1.0
-            if reward < 0.0 or needed * (1.0 - goal_slack) >= reward * (1.0 + TOLERANCE):
-                continue
-            better = reward * (1.0 - TOLERANCE) > needed
-            if not better and (
-                responding or rule.p_reserve == 0.0 or needed <= reward * (1.0 + TOLERANCE)
-            ):
+            better, near = _is_good(reward, needed, goal_slack)
+            if reward < 0.0 or not (better or near):
                 continue
             if trail == NOBODY:
                 trail = add_trail(
@@ -294,47 +266,38 @@ def search(
                     write_child(work),
                 )
             store.n_users[trail] += 1
-            if responding:
-                _enter_alone(store, response, work, trail, reward, survivors)
+            if n_alone > 0:
+                _enter_alone(store, alone, work, trail, reward, survivors)
                 reward += others
                 survivors += survivors_of_others
                 needed = best_reward(front, survivors * (1.0 - TOLERANCE))
-                better = reward * (1.0 - TOLERANCE) > needed
-            if better or (
-                rule.p_reserve > 0.0
-                and needed * (1.0 - slack) < reward * (1.0 + TOLERANCE) < needed
-            ):
+                better, near = _is_good(reward, needed, slack)
+            if better or near:
                 put_in_order(store, work, robot, trail)
             if better:
-                tally[1, kind] += bring_in(ground, store, front, work, rule, newest, states)
-            elif rule.p_reserve > 0.0 and (
-                needed * (1.0 - slack) < reward * (1.0 + TOLERANCE) < needed
-            ):
-                _keep_in_reserve(store, reserve, work.trails, survivors, states)
+                tally[1, kind] += bring_in(ground, store, front, work, rule, remembered, states)
+            elif near:
+                keep_in_reserve(store, reserve, work.trails, survivors, states)
             release(store, trail)
+        earned = rule.hops_each * (WHEN_IDLE if idle else 1.0)
+        remembered[CREDIT] += earned * (n - before)
         fruitless = 0 if n > before else fruitless + 1
         clear_trail(ground, work)
         release(store, parent)
-        if responding:
-            n_response -= max(1, n - before)
-            if not has_room(response, rule.n_children + 1):
-                n_response = 0
-        if n_response <= 0:
-            n_response = 0
-            if responding:
-                for _ in range(_N_KEPT if rule.p_reserve > 0.0 else 0):
-                    single, place = draw_place(response, states)
-                    block = response.directory[single]
-                    put_in_order(store, work, robot, response.plan[response.slot[block, place], 0])
-                    survivors = survivors_of_others + response.survivors[block, place]
-                    _keep_in_reserve(store, reserve, work.trails, survivors, states)
-                empty(store, response)
-            clear_others(ground, work)
-            for k in range(n_robots):
-                release(store, work.held[k])
-    if n_response > 0:
-        empty(store, response)
-        clear_others(ground, work)
-        for k in range(n_robots):
-            release(store, work.held[k])
+        if n_alone > 0:
+            n_alone -= max(1, n - before)
+            if n_alone > 0 and has_room(alone, n_more):
+                continue
+            n_alone = 0
+            for _ in range(_N_KEPT if rule.p_reserve > 0.0 else 0):
+                single, place = draw_place(alone, states)
+                block = alone.directory[single]
+                put_in_order(store, work, robot, alone.plan[alone.slot[block, place], 0])
+                survivors = survivors_of_others + alone.survivors[block, place]
+                keep_in_reserve(store, reserve, work.trails, survivors, states)
+            empty(store, alone)
+        _let_go(ground, store, work)
+    if n_alone > 0:
+        empty(store, alone)
+        _let_go(ground, store, work)
     return n
