@@ -1,9 +1,9 @@
 """Run the benchmarks, by default all: ``python -m benchmarks [NAME ...]``.
 
 The names are curves, speed, growth, colonies (results/bo-aco/), operators, annealing
-(results/operators/), studies (results/studies/), fronts and large (results/growth/). The exit
-status is 1 if a curve is not the published one or a ratio of times misses its bound; times
-themselves are never judged, machines differ.
+(results/operators/), studies (results/studies/), search, ideas (results/local-search/), fronts and
+large (results/growth/). The exit status is 1 if a curve is not the published one, or an area or a
+ratio of times misses its bound; times themselves are never judged, machines differ.
 """
 
 import sys
@@ -11,7 +11,19 @@ from pathlib import Path
 
 import pandas as pd
 
-from benchmarks import annealing, colonies, curves, fronts, growth, large, operators, speed, studies
+from benchmarks import (
+    annealing,
+    colonies,
+    curves,
+    fronts,
+    growth,
+    ideas,
+    large,
+    operators,
+    search,
+    speed,
+    studies,
+)
 
 RESULTS = Path(__file__).parents[1] / "results"
 BENCHMARKS = {
@@ -22,6 +34,8 @@ BENCHMARKS = {
     "annealing": (annealing.run, "operators"),
     "operators": (operators.run, "operators"),
     "studies": (studies.run, "studies"),
+    "search": (search.run, "local-search"),
+    "ideas": (ideas.run, "local-search"),
     "fronts": (fronts.run, "growth"),
     "large": (large.run, "growth"),
 }
