@@ -90,9 +90,10 @@ def respond(
     others: float,
     survivors_of_others: float,
     n_evaluations: int,
+    rough: bool,
     states: SeedArray,
 ) -> tuple[int, int, int]:
-    """Bring into the front all plans that improve it by another trail of one robot.
+    """Bring into the front the plans that improve it by another trail of one robot.
 
     Parameters
     ----------
@@ -104,6 +105,10 @@ def respond(
         E[R] and E[S] of the other robots.
     n_evaluations
         Plans to be evaluated at most: one each time the robot is back at base.
+    rough
+        Whether to cut off a trail also where a robot was here before, no worse, having visited the
+        same. It had perhaps used other arcs, so that it could not go on the same way: trails may be
+        missed. If not, the search is given up after an eighth of the hops.
 
     Returns
     -------
@@ -114,7 +119,7 @@ def respond(
     first, head, base = ground.first, ground.head, ground.base
     longest, n_nodes = head.shape[0], ground.reward.shape[0]
     depth = n = 0
-    n_hops = rule.n_hops
+    n_hops = most_hops = rule.n_hops if rough else rule.n_hops // 8
     ended = THROUGH
     work.now[MARK] += 1
     call = work.now[MARK]
@@ -153,7 +158,7 @@ def respond(
         if alive * ground.home[node] < rule.min_survival:
             continue
         key = visited ^ ground.key[n_nodes + node]
-        if _is_known(work, call, key, alive, gained):
+        if rough and _is_known(work, call, key, alive, gained):
             continue
         work.later_gain[node] = 0.0
         if _hopeless(ground, front, work, node, alive, others + gained, survivors_of_others):
@@ -186,4 +191,4 @@ def respond(
             bring_in(ground, store, front, work, rule, remembered, states)
             release(store, trail)
     work.met[base] = NEVER
-    return ended, rule.n_hops - max(0, n_hops), n
+    return ended, most_hops - max(0, n_hops), n

@@ -16,8 +16,9 @@ NEWEST = 0  # E[S] of the plan that has just entered the front, −1 where none 
 IDLE = 1  # plans evaluated since one entered
 FOUND = 2  # best responses found,
 FAILED = 3  # and given up
-CREDIT = 4  # hops that searches for best responses may take
-N_REMEMBERED = 5
+ROUGH = 4  # 1 once these have been too long, so that they cut more off
+CREDIT = 5  # hops that they may take
+N_REMEMBERED = 6
 
 
 class SearchRule(NamedTuple):

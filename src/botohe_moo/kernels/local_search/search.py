@@ -44,6 +44,7 @@ from botohe_moo.kernels.local_search.rule import (
     IDLE,
     NEWEST,
     NOBODY,
+    ROUGH,
     TOLERANCE,
     Reserve,
     SearchRule,
@@ -179,6 +180,7 @@ def search(
             others, survivors_of_others = set_aside(ground, store, work, robot)
             parent = work.held[robot]
             if responding:
+                rough = remembered[ROUGH] == 1.0
                 ended, n_hops, n_responses = respond(
                     ground,
                     store,
@@ -190,11 +192,15 @@ def search(
                     others,
                     survivors_of_others,
                     n_evaluations - n,
+                    rough,
                     states,
                 )
                 remembered[FOUND] += ended == THROUGH
-                remembered[FAILED] += ended == TOO_LONG
-                remembered[CREDIT] -= n_hops
+                if ended == TOO_LONG and not rough:  # once: the next is a rough one, and at once
+                    remembered[ROUGH] = 1.0
+                else:
+                    remembered[FAILED] += ended == TOO_LONG
+                    remembered[CREDIT] -= n_hops
                 n += n_responses
                 fruitless = 0 if n > before else fruitless + 1
                 _let_go(ground, store, work)
