@@ -110,7 +110,13 @@ def _beside_the_colony() -> tuple[pd.DataFrame, bool]:
                     "times_faster": ratio,
                 }
             )
-    rounded = {"colony_area": 5, "colony_seconds": 1, "seconds": 4, "seconds_at_most": 4, "times_faster": 0}
+    rounded = {
+        "colony_area": 5,
+        "colony_seconds": 1,
+        "seconds": 4,
+        "seconds_at_most": 4,
+        "times_faster": 0,
+    }
     return pd.DataFrame(rows).round(rounded), fast
 
 

@@ -17,12 +17,14 @@ from pymoo.optimize import minimize
 
 from botohe_moo import BOTOHE, Mission, load_mission, make_algorithm
 from botohe_moo.algorithms.registry import algorithm_origin
+from botohe_moo.kernels.local_search import search
 from botohe_moo.study.metered import BudgetSpentError, MeteredBOTOHE
 from botohe_moo.study.perform import perform
 from botohe_moo.study.recording import record_counts
 from botohe_moo.study.sandbox import Sandbox
 from botohe_moo.study.task import Task
 from tests.algorithms.test_contract import DOTTED, ENDS_BY_ITSELF, NAMES
+from tests.twins import plain_local_search
 
 MADE = "tests.study.algorithms_made"
 
@@ -100,6 +102,13 @@ class Counted:
 
         monkeypatch.setattr(Mission, "evaluate", evaluate)
 
+    def calls_of(self, appraise):
+        def watched(*arguments):
+            self.n += 1
+            return appraise(*arguments)
+
+        return watched
+
 
 # These compute objectives within their kernels, plan by plan; and exact refuses the museum.
 IN_KERNELS = {"exact", "pareto-local-search", "simulated-annealing"}
@@ -153,6 +162,16 @@ for budget in (1, 97, 331):
         for budget, line in zip((1, 97, 331), said.stdout.splitlines(), strict=True):
             reported, counted = map(int, line.split())
             assert reported == counted <= budget
+
+    @pytest.mark.parametrize("budget", [1, 5, 97, 1_009])
+    def test_nor_is_local_search(self, budget, monkeypatch):
+        counted = Counted(monkeypatch)
+        with plain_local_search() as patch:
+            for name in ("appraise", "adopt"):  # either gives the objectives of a child
+                patch.setattr(search, name, counted.calls_of(getattr(search, name)))
+            outcome, records = performed(make_task("pareto-local-search", evaluations=budget))
+        assert outcome.status == "done", outcome.error
+        assert counted.n == outcome.evaluations == records[-1].evaluations == budget
 
     def test_the_last_generation_is_cut_where_the_budget_is(self):
         outcome, records = performed(make_task(f"{MADE}:Sampler", evaluations=1_000))

@@ -187,7 +187,7 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         problem: BOTOHE = self.problem
         mission, search = problem.mission, self._search
         assert search is not None  # setup has been called
-        plans = [*self.sampling, mission.plan([[mission.base]] * mission.robots)]
+        plans = [*self.sampling, TrailPlan([[mission.arrays.base]] * mission.robots)]
         if self.greedy_start and len(plans) < self._n_left():
             wide = len(mission.nodes) * mission.robots <= _WIDE_UP_TO
             planner = SequentialPlanner(
