@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 __all__ = ["plot_front", "staircase"]
 
+_CROWD = 150
+
 
 def plot_front(
     objectives: ArrayLike,
@@ -158,12 +160,13 @@ def _draw(ax: Axes, points: FloatArray, corners: FloatArray, drawn: int, label: 
     ax.fill(*corners.T, facecolor=colour, alpha=0.16, linewidth=0, zorder=1, gid="area")
     ax.plot(*corners[:-1].T, color=colour, linewidth=1.0, zorder=2, gid="stairs")
     dominated = _dominated(points)
+    crowded = len(points) > _CROWD  # where the rims of points would cover other points
     style: dict[str, Any] = {
         "marker": marker,
         "linestyle": "none",
-        "markersize": 5.0,
+        "markersize": 3.5 if crowded else 5.0,
         "markeredgecolor": "white",
-        "markeredgewidth": 0.5,
+        "markeredgewidth": 0.0 if crowded else 0.5,
         "clip_on": False,
     }
     pale = tint(colour, 0.55)
