@@ -10,7 +10,7 @@ import pandas as pd
 from pymoo.optimize import minimize
 
 from benchmarks.measure import best, in_process
-from benchmarks.one_search import peak_resident
+from benchmarks.memory import peak_resident
 from botohe_moo import BOTOHE, Mission
 from botohe_moo.algorithms.pareto_local_search import ParetoLocalSearch
 from botohe_moo.archive import PlanArchive

@@ -7,7 +7,8 @@ from pathlib import Path
 import pandas as pd
 from pymoo.optimize import minimize
 
-from benchmarks.measure import CountedBOACO, in_process, kernel_seconds, peak_memory
+from benchmarks.measure import CountedBOACO, in_process, kernel_seconds
+from benchmarks.memory import peak_resident
 from botohe_moo import BOTOHE, area_indicator, load_mission
 
 SIZES = (50, 100, 200, 500, 1_000, 2_000)
@@ -55,7 +56,7 @@ def _measure(nodes: int) -> None:
         seconds["evaluate"],
         total,
         area_indicator(-result.F, mission),
-        peak_memory(),
+        peak_resident(),
     )
 
 

@@ -1,6 +1,5 @@
-"""How the benchmarks measure: time inside kernels, and memory of a process of its own."""
+"""How the benchmarks measure: time inside kernels, and processes of their own."""
 
-import resource
 import subprocess
 import sys
 import time
@@ -64,11 +63,6 @@ def in_process(module: str, *arguments: object) -> list[str]:
     command = [sys.executable, "-m", module, *map(str, arguments)]
     done = subprocess.run(command, check=True, capture_output=True, text=True)
     return done.stdout.splitlines()[-1].split()
-
-
-def peak_memory() -> float:
-    """Give the peak resident memory of this process in MiB."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 def best(values: list[float]) -> float:

@@ -3,16 +3,15 @@
 ``benchmarks.large`` starts it; it imports nothing that a search does without.
 """
 
-import resource
 import sys
 import time
 from collections.abc import Callable, Iterable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from pymoo.optimize import minimize
 
+from benchmarks.memory import peak_resident
 from botohe_moo import BOACO, BOTOHE, area_indicator, load_mission
 from botohe_moo.algorithms.pareto_local_search import ParetoLocalSearch
 from botohe_moo.kernels.local_search.front import read_front
@@ -91,20 +90,6 @@ def objectives(algorithm: Any) -> Any:
     values = np.empty((len(search), 2))
     read_front(search._front, np.empty(len(search), np.int32), values)
     return values
-
-
-def peak_resident() -> float:
-    """Give the peak resident memory of this program in MiB.
-
-    What the system says of the process begins with the peak of the one that started it, where it
-    can tell the program's own this is better.
-    """
-    status = Path("/proc/self/status")
-    if status.exists():
-        for line in status.read_text().splitlines():
-            if line.startswith("VmHWM:"):
-                return float(line.split()[1]) / 1024
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 if __name__ == "__main__":

@@ -9,7 +9,8 @@ import pandas as pd
 from pymoo.optimize import minimize
 from tests import twins
 
-from benchmarks.measure import CountedBOACO, in_process, kernel_seconds, peak_memory
+from benchmarks.measure import CountedBOACO, in_process, kernel_seconds
+from benchmarks.memory import peak_resident
 from botohe_moo import BOACO, BOTOHE, load_mission
 
 MISSIONS = ("art_museum", "power_plant")
@@ -86,4 +87,4 @@ if __name__ == "__main__":
     solved = minimize(
         BOTOHE(load_mission(sys.argv[1])), BOACO.journal(), ("n_gen", ITERATIONS), seed=1
     )
-    print(len(solved.F), peak_memory())
+    print(len(solved.F), peak_resident())
