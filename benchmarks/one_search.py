@@ -14,7 +14,6 @@ from pymoo.optimize import minimize
 from benchmarks.memory import peak_resident
 from botohe_moo import BOACO, BOTOHE, area_indicator, load_mission
 from botohe_moo.algorithms.pareto_local_search import ParetoLocalSearch
-from botohe_moo.kernels.local_search.front import read_front
 
 ALGORITHMS: dict[str, Callable[[], Any]] = {
     "pareto-local-search": ParetoLocalSearch,
@@ -61,7 +60,7 @@ def measure(nodes: int, robots: int, name: str, seconds: float) -> Iterable[floa
         first = first or spent
         for mark in fronts:
             if spent <= mark:
-                fronts[mark] = objectives(algorithm)
+                fronts[mark] = algorithm.archive.objectives
     peak = peak_resident()
 
     assert algorithm.opt is not None  # makes the plans of the front
@@ -80,16 +79,6 @@ def measure(nodes: int, robots: int, name: str, seconds: float) -> Iterable[floa
         peak,
         peak_resident(),
     )
-
-
-def objectives(algorithm: Any) -> Any:
-    """Give E[R] and E[S] of a front as it is; to ask for its plans would take time and memory."""
-    search = getattr(algorithm, "_search", None)
-    if search is None:
-        return algorithm.archive.objectives
-    values = np.empty((len(search), 2))
-    read_front(search._front, np.empty(len(search), np.int32), values)
-    return values
 
 
 if __name__ == "__main__":

@@ -90,7 +90,7 @@ def test_room_grows_with_the_front(museum, monkeypatch):
     monkeypatch.setattr(local_search, "_FIRST_PLANS", 3)
     search = started(museum)
     rooms = set()
-    for n_evaluations in [10, *[1_500] * 12]:
+    for n_evaluations in [*[1_500] * 12, 60_000]:
         assert search.run(n_evaluations) == n_evaluations
         check(search)
         rooms.add((len(search._front.serial), len(search._store.arc), len(search._store.n_users)))

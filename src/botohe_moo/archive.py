@@ -41,7 +41,7 @@ class PlanArchive:
         self.max_ties = max_ties
         self._constrain = constrain
         self._objectives: FloatArray = np.empty((0, 2))
-        self._hashes: SeedArray | None = np.empty(0, np.uint64)  # None: to be computed
+        self._hashes: SeedArray = np.empty(0, np.uint64)
         self._ids: OffsetArray = np.empty(0, np.int64)
         self._nodes: IntArray = np.empty(0, np.int32)
         self._offsets: OffsetArray = np.zeros(1, np.int64)
@@ -91,8 +91,6 @@ class PlanArchive:
         numpy.ndarray
             Indices of the batch's own Pareto set.
         """
-        if self._hashes is None:
-            self._hashes = kernels.plan_hashes(self._nodes, self._offsets, self.n_robots)
         (
             members,
             entered,
@@ -121,24 +119,6 @@ class PlanArchive:
             self._next_id += len(entered)
             self._population = None
         return members
-
-    def replace(self, batch: PlanBatch, objectives: FloatArray, ids: OffsetArray) -> None:
-        """Hold a front that is kept elsewhere, instead of what has been held so far.
-
-        Parameters
-        ----------
-        batch
-            Its plans, by descending E[R].
-        objectives
-            Their E[R] and E[S] (n, 2).
-        ids
-            A number for each, that no other plan ever has: individuals of plans that stay do, too.
-        """
-        self._nodes, self._offsets = batch.nodes, batch.offsets
-        self._objectives, self._ids = objectives, ids
-        self._hashes = None
-        self._next_id = int(ids.max(initial=-1)) + 1
-        self._population = None
 
     def population(self) -> Population:
         """Give the plans as pymoo knows them.

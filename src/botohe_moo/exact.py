@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import time
+from functools import cache
 from itertools import pairwise
 from typing import TypeVar
 
+import networkx as nx
 import numpy as np
 
 from botohe_moo._checks import check_number
@@ -111,6 +113,20 @@ def exact_front(
     return search.plans
 
 
+@cache
+def _compile_kernels() -> None:
+    """Search a mission of three nodes: compiling takes long, and no limit is meant for it."""
+    graph: nx.DiGraph[int] = nx.DiGraph()
+    graph.add_node(0, reward=0.0)
+    for node in (1, 2):
+        graph.add_node(node, reward=1.0)
+        graph.add_edge(0, node, survival=0.9)
+        graph.add_edge(node, 0, survival=0.9)
+    search = FrontSearch(Mission(graph, base=0, robots=2))
+    while search.plans is None:
+        search._advance()
+
+
 class FrontSearch:
     """The search for the true Pareto front, a portion at a time; see :func:`exact_front`.
 
@@ -173,6 +189,10 @@ class FrontSearch:
         TooLargeError
             If the search reaches a limit, or an estimate says that it would by far.
         """
+        _compile_kernels()
+        self._advance()
+
+    def _advance(self) -> None:
         begun = time.perf_counter()
         if self.n_trails == 0:
             self._begin()

@@ -195,6 +195,12 @@ class LocalSearch:
         """Changes whenever the front does: the number of plans that ever entered."""
         return int(self._front.counts[N_ENTERED])
 
+    def objectives(self) -> FloatArray:
+        """Give E[R] and E[S] of the front, by descending E[R] (n_plans, 2), without its plans."""
+        objectives = np.empty((len(self), 2))
+        read_front(self._front, np.empty(len(self), np.int32), objectives)
+        return objectives
+
     def plans(self) -> tuple[PlanBatch, FloatArray, OffsetArray]:
         """Give the front: its plans by descending E[R], their objectives, and a number for each.
 

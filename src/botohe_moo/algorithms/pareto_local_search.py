@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
+from pymoo.core.individual import Individual
+from pymoo.core.population import Population
+
 from botohe_moo._checks import check_flag, check_integer, check_number, nearest_first
-from botohe_moo._types import ObjectArray
+from botohe_moo._types import FloatArray, ObjectArray, OffsetArray
 from botohe_moo.algorithms.base import ArchiveAlgorithm
 from botohe_moo.archive import PlanArchive
 from botohe_moo.kernels.local_search.rule import SearchRule
 from botohe_moo.local_search import DEFAULT_MOVES, MOVES, LocalSearch
 from botohe_moo.problem import BOTOHE
 from botohe_moo.sequential import SequentialPlanner
-from botohe_moo.trails import TrailPlan
+from botohe_moo.trails import PlanBatch, TrailPlan
 
 __all__ = ["ParetoLocalSearch"]
 
@@ -126,7 +129,6 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         **options: Any,
     ) -> None:
         self._search: LocalSearch | None = None
-        self._read_version = -1  # of the search, when its front was last read
         super().__init__(max_ties=1, sampling=sampling, **options)
         self.evaluations_per_generation = check_integer(
             "evaluations_per_generation",
@@ -148,19 +150,6 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         if max_size is not None:
             self.max_size = check_integer("max_size", max_size, at_least=10, at_most=1_000_000_000)
 
-    @property
-    def archive(self) -> PlanArchive:
-        """All non-dominated plans found so far."""
-        search = self._search
-        if search is not None and search.version != self._read_version:
-            self._archive.replace(*search.plans())
-            self._read_version = search.version
-        return self._archive
-
-    @archive.setter
-    def archive(self, value: PlanArchive) -> None:
-        self._archive = value
-
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
         super()._setup(problem)
         rule = SearchRule(
@@ -174,7 +163,6 @@ class ParetoLocalSearch(ArchiveAlgorithm):
             min_survival=problem.planning_floor,
             max_size=_UNLIMITED if self.max_size is None else self.max_size,
         )
-        self._read_version = -1
         self._search = LocalSearch(
             problem.mission,
             rule,
@@ -182,6 +170,8 @@ class ParetoLocalSearch(ArchiveAlgorithm):
             reserve_size=self.reserve_size,
             random_state=self.random_state,
         )
+        constrain = problem.constrain_batch if problem.n_ieq_constr else None
+        self.archive = _SearchArchive(self._search, problem.mission.robots, constrain)
 
     def _initialize_advance(self, **_: Any) -> None:
         problem: BOTOHE = self.problem
@@ -216,6 +206,63 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         self.evaluator.n_eval += n_evaluated
         if n_evaluated < n:  # no move makes another plan
             self.termination.force_termination = True
+
+
+class _SearchArchive(PlanArchive):
+    """The front of a search as it is, read when somebody looks: plans only when they are wanted.
+
+    Writing all plans of a large team takes longer than many a generation.
+    """
+
+    def __init__(
+        self,
+        search: LocalSearch,
+        n_robots: int,
+        constrain: Callable[[PlanBatch], FloatArray] | None,
+    ) -> None:
+        super().__init__(n_robots, max_ties=1, constrain=constrain)
+        self._search = search
+        self._read_version = -1  # of the search, when its objectives were read,
+        self._written_version = -1  # and when its plans were
+
+    def __len__(self) -> int:
+        return len(self._search)
+
+    @property
+    def objectives(self) -> FloatArray:
+        if self._read_version != self._search.version:
+            self._objectives = self._search.objectives()
+            self._read_version = self._search.version
+        return super().objectives
+
+    @property
+    def plans(self) -> PlanBatch:
+        self._write()
+        return super().plans
+
+    @property
+    def version(self) -> int:
+        return self._search.version
+
+    def absorb(
+        self,
+        batch: PlanBatch,  # noqa: ARG002
+        objectives: FloatArray,  # noqa: ARG002
+        individuals: Sequence[Individual] | None = None,  # noqa: ARG002
+    ) -> OffsetArray:
+        raise TypeError("The archive of a Pareto local search takes in what that search finds.")
+
+    def population(self) -> Population:
+        self._write()
+        return super().population()
+
+    def _write(self) -> None:
+        if self._written_version == self._search.version:
+            return
+        batch, self._objectives, self._ids = self._search.plans()
+        self._nodes, self._offsets = batch.nodes, batch.offsets
+        self._population = None
+        self._read_version = self._written_version = self._search.version
 
 
 def _checked_moves(moves: Mapping[str, float]) -> dict[str, float]:

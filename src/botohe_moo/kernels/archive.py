@@ -31,16 +31,6 @@ def plan_hash(nodes: IntArray, offsets: OffsetArray, n_robots: int, plan: int) -
 
 
 @kernel
-def plan_hashes(nodes: IntArray, offsets: OffsetArray, n_robots: int) -> SeedArray:
-    """Hash every plan of a batch, as ``plan_hash`` does one."""
-    n_plans = (len(offsets) - 1) // n_robots
-    hashes = np.empty(n_plans, np.uint64)
-    for plan in range(n_plans):
-        hashes[plan] = plan_hash(nodes, offsets, n_robots, plan)
-    return hashes
-
-
-@kernel
 def pareto_set(
     objectives: FloatArray, nodes: IntArray, offsets: OffsetArray, n_robots: int
 ) -> tuple[OffsetArray, SeedArray]:
