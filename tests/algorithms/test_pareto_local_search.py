@@ -2,6 +2,7 @@
 
 import copy
 import pickle
+from pathlib import Path
 
 import networkx as nx
 import numpy as np
@@ -23,6 +24,8 @@ from botohe_moo import (
 )
 from botohe_moo.local_search import MOVES
 from botohe_moo.operators import RandomTrailSampling
+
+DATA = Path(__file__).parents[1] / "data"
 
 
 @pytest.fixture(scope="module")
@@ -121,8 +124,41 @@ class TestTrueFronts:
         longer = -solve(museum, 200_000).F
         assert weakly_dominates(longer * [1.06, 1.0], colony)
 
+    @pytest.mark.parametrize("seed", [1, 2])
+    def test_best_responses_find_all_that_one_robot_can_do(self, museum, seed):
+        """Its front is ``museum.evaluate(exact_front(load_mission("art_museum", robots=1)))``."""
+        alone = np.loadtxt(DATA / "museum_alone.csv", delimiter=",", skiprows=1) + np.array([0, 2])
+        found = -solve(museum, 30_000, seed=seed).F * (1 + 1e-12)
+        without = -solve(museum, 30_000, seed=seed, response_hops=0).F * (1 + 1e-12)
+        assert weakly_dominates(found, alone)
+        assert not weakly_dominates(without, alone)
+
+    def test_the_area_after_a_million_evaluations(self, museum):
+        result = solve(museum, 1_000_000, seed=3)
+        assert area_indicator(-result.F, museum) >= 0.5329
+        assert result.algorithm.evaluator.n_eval == 1_000_000
+
 
 class TestFront:
+    def test_the_archive_is_read_when_somebody_looks(self, museum):
+        algorithm = ParetoLocalSearch(evaluations_per_generation=100)
+        algorithm.setup(BOTOHE(museum), termination=("n_eval", 2_000), seed=1)
+        algorithm.next()
+        archive, sizes = algorithm.archive, set()
+        while algorithm.has_next():
+            algorithm.next()
+            objectives, n = archive.objectives, len(archive)
+            assert objectives.shape == (n, 2)
+            assert objectives.tolist() == museum.evaluate(archive.plans).tolist()
+            assert [tuple(one.F) for one in archive.population()] == list(map(tuple, -objectives))
+            sizes.add(n)
+        assert len(sizes) > 5
+        assert algorithm.archive is archive
+        version = archive.version
+        with pytest.raises(TypeError, match=r"takes in what that search finds\."):
+            archive.absorb(archive.plans, objectives)
+        assert archive.version == version
+
     def test_result(self, museum):
         result = solve(museum, 20_000)
         archive = result.algorithm.archive
@@ -304,6 +340,8 @@ class TestErrors:
             ({"reserve_size": 0}, r"Expected reserve_size >= 1, got 0\."),
             ({"reserve_share": 1.5}, r"Expected reserve_share in \[0, 1\], got 1\.5\."),
             ({"reserve_slack": -0.1}, r"Expected reserve_slack in \[0, 1\], got -0\.1\."),
+            ({"response_hops": -1}, r"Expected response_hops >= 0, got -1\."),
+            ({"response_hops": float("inf")}, r"Expected response_hops >= 0 and finite, got inf\."),
             ({"max_size": 9}, r"Expected max_size >= 10, got 9\."),
             ({"greedy_start": 1}, r"Expected greedy_start to be "),
             ({"moves": ["visit"]}, r"Expected moves to map names to weights, got \['visit'\]\."),
