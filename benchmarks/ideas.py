@@ -58,7 +58,7 @@ def run(out: Path) -> bool:
             usual_seconds = usual_seconds or seconds
             as_many = round(evaluations * usual_seconds / seconds)
             timed, _ = _at(problem, options, as_many)
-            plain = plain or (equal, equal)
+            plain = plain or (equal, timed)
             row: dict[str, Any] = {"mission": label, "evaluations": evaluations, "variant": variant}
             for kind, areas, usual in zip(
                 ("evaluations", "time"), (equal, timed), plain, strict=True
@@ -68,7 +68,7 @@ def run(out: Path) -> bool:
                 row[f"error_equal_{kind}"] = _error(areas, usual)
             row["us_per_evaluation"] = 1e6 * seconds / evaluations
             rows.append(row)
-    table = pd.DataFrame(rows).round(5)
+    table = pd.DataFrame(rows).round(6)
     table.drop(columns="us_per_evaluation").to_csv(out / "ideas.csv", index=False)
     print(f"ParetoLocalSearch(...), seeds 1 to {RUNS}")
     print("equal time: as many evaluations as take the processor as long as the default's")

@@ -113,6 +113,9 @@ def exact_front(
     return search.plans
 
 
+_NO_LIMIT = 1e9
+
+
 @cache
 def _compile_kernels() -> None:
     """Search a mission of three nodes: compiling takes long, and no limit is meant for it."""
@@ -122,7 +125,10 @@ def _compile_kernels() -> None:
         graph.add_node(node, reward=1.0)
         graph.add_edge(0, node, survival=0.9)
         graph.add_edge(node, 0, survival=0.9)
-    search = FrontSearch(Mission(graph, base=0, robots=2))
+    mission = Mission(graph, base=0, robots=2)
+    search = FrontSearch(mission, time_limit=_NO_LIMIT, memory_limit=_NO_LIMIT)
+    search._begin()
+    search._estimate()
     while search.plans is None:
         search._advance()
 
@@ -231,8 +237,12 @@ class FrontSearch:
         planner = SequentialPlanner(
             self.mission, beam_width=_GUIDE_WIDTH, min_survival=self.min_survival
         )
-        weights = np.linspace(0.0, 1.0, _N_GUIDES)
-        plans = list(dict.fromkeys(plan for w in weights for plan in planner.plans(w)))
+        begun, found = time.perf_counter(), [*planner.plans(1.0)]
+        for weight in np.linspace(0.0, 1.0, _N_GUIDES)[:-1]:
+            if time.perf_counter() - begun > self.time_limit / _N_GUIDES:
+                break  # they save work, and on large missions take long
+            found += planner.plans(weight)
+        plans = list(dict.fromkeys(found))
         least = self.mission.robot_survival(plans).min(axis=1)
         return [plan for plan, alive in zip(plans, least, strict=True) if alive >= self._site.least]
 

@@ -43,7 +43,7 @@ class IterationSearch:
         self.evaluations_each = evaluations_each
         self._search = LocalSearch(
             mission,
-            SearchRule(min_survival=min_survival),
+            SearchRule(p_reserve=0.0, hops_each=0.0, min_survival=min_survival),
             moves=DEFAULT_MOVES,
             reserve_size=1,
             random_state=random_state,

@@ -18,7 +18,7 @@ from botohe_moo.kernels.local_search.front import (
     new_front,
     read_front,
 )
-from botohe_moo.kernels.local_search.members import admit, write_plans
+from botohe_moo.kernels.local_search.members import admit, thin, write_plans
 from botohe_moo.kernels.local_search.moves import N_KINDS
 from botohe_moo.kernels.local_search.parent import Ground, new_workspace
 from botohe_moo.kernels.local_search.routes import Routes, new_routes
@@ -113,8 +113,6 @@ class LocalSearch:
         )
         self._front = new_front(_FIRST_PLANS, mission.robots)
         self._remember_nothing()
-        # The search looks for room there only after all children of a parent.
-        self._alone = new_front(max(_MOST_ALONE, most_new(rule) + 1), 1)
         self._prepare()
         self._store = self._larger_store(None)
 
@@ -123,6 +121,8 @@ class LocalSearch:
         self._ground = _ground(self.mission)
         self._routes = _routes(self.mission)
         self._work = new_workspace(self._ground, self.mission.robots)
+        # The search looks for room there only after all children of a parent.
+        self._alone = new_front(max(_MOST_ALONE, most_new(self.rule) + 1), 1)
 
     def _remember_nothing(self) -> None:
         self._remembered[:] = 0.0
@@ -139,9 +139,10 @@ class LocalSearch:
         """
         n_robots = self.mission.robots
         for i in range(len(batch)):
-            self._make_room(n_robots)
+            self._make_room(n_robots)  # trails; there is room for a plan, too
             offsets = batch.offsets[i * n_robots : (i + 1) * n_robots + 1]
             admit(self._ground, self._store, self._front, self._work, batch.nodes, offsets)
+        thin(self._store, self._front, self.rule.max_size, self._states)
 
     def restart(self) -> None:
         """Forget all plans, but not the random numbers."""
@@ -254,7 +255,7 @@ class LocalSearch:
         return larger
 
     def __getstate__(self) -> dict[str, Any]:
-        derived = ("_ground", "_routes", "_work")
+        derived = ("_ground", "_routes", "_work", "_alone")
         return {key: value for key, value in self.__dict__.items() if key not in derived}
 
     def __setstate__(self, state: dict[str, Any]) -> None:

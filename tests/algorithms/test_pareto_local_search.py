@@ -202,6 +202,33 @@ class TestFront:
         whole = solve(museum, 20_000)
         assert area_indicator(found, museum) > 0.82 * area_indicator(-whole.F, museum)
 
+    def test_a_limited_front_from_many_plans(self, museum):
+        given = solve(museum, 20_000).X
+        assert len(given) > 100
+        for n_eval in (len(given) + 4, 5_000):
+            limited = solve(museum, n_eval, sampling=given, max_size=10)
+            assert len(limited.F) == 10
+            assert limited.algorithm.evaluator.n_eval == n_eval
+
+    @pytest.mark.parametrize("response_hops", [20.0, 1e6])
+    def test_best_responses_spend_no_more_and_no_less(self, response_hops):
+        toy = load_mission("toy")  # solved soon, and then no response finds anything
+        result = solve(toy, 30_000, response_hops=response_hops)
+        assert result.algorithm.evaluator.n_eval == 30_000
+
+    def test_plans_that_differ_by_rounding_alone(self):
+        """Where many trails survive alike, the last bits do not keep a worse plan in the front."""
+        graph = nx.DiGraph()
+        graph.add_node(0, reward=0.0)
+        for node, reward in ((1, 1.3), (2, 1.7), (3, 1.1)):
+            graph.add_node(node, reward=reward)
+            for arc in ((0, node), (node, 0)):
+                graph.add_edge(*arc, survival=0.93)
+        mission = Mission(graph, base=0, robots=9)
+        found = -solve(mission, 50_000).F
+        assert (np.diff(found[:, 1]) > 1e-12 * found[1:, 1]).all()
+        assert (np.diff(found[:, 0]) < -1e-12 * found[1:, 0]).all()
+
     @pytest.mark.parametrize("floor", [0.3, 0.9, 1.0])
     def test_survival_floors(self, museum, floor):
         result = solve(museum, 8_000, min_survival=floor)
@@ -350,6 +377,10 @@ class TestErrors:
             ({"moves": {"visit": -1}}, r"Expected weight of move 'visit' >= 0, got -1\."),
             ({"moves": {"visit": float("nan")}}, r"Expected weight of move 'visit'.*, got nan\."),
             ({"moves": {"visit": 0}}, r"Expected a move of weight above 0, got \{'visit': 0\}\."),
+            (
+                {"moves": {"visit": 1e308, "splice": 1e308}},
+                r"Expected weights of moves with a finite sum, got \{'visit': 1e\+308, .*\}\.",
+            ),
             ({"moves": {}}, r"Expected a move of weight above 0, got \{\}\."),
         ],
     )

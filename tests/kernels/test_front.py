@@ -246,7 +246,7 @@ def test_thinning_takes_what_contributes_least_and_leaves_the_ends():
     before = pair.trails.copy()
     gone = []
     for n in range(99, 1, -1):
-        members.thin(pair.store, pair.front, states)
+        members.thin(pair.store, pair.front, n, states)
         trails = pair.front.plan[pair.read()[0], 0].tolist()
         gone += set(before) - set(trails)
         before = trails
@@ -255,6 +255,7 @@ def test_thinning_takes_what_contributes_least_and_leaves_the_ends():
         if n == 99:
             # Sixteen of a hundred are drawn: the worst of them is among the worse half.
             assert areas[pair.trails.index(gone[0])] <= np.median(areas)
-    members.thin(pair.store, pair.front, states)  # two are left: nothing to take
+    for max_size in (0, 2, 3):  # no limit, or kept: nothing to take
+        members.thin(pair.store, pair.front, max_size, states)
     assert pair.front.counts[kernels.N_PLANS] == 2
     assert pair.store.n_users.sum() == 2

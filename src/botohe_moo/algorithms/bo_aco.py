@@ -52,8 +52,9 @@ class BOACO(ArchiveAlgorithm):
         set first, then others, drawn. What it finds deposits pheromone with the iteration's plans.
         0 leaves them as they are.
     local_search_evaluations
-        Evaluations of the local search for each of those plans, at least 1, at most 1 000 000. An
-        iteration then spends ``n_ants`` · (1 + ``local_search`` · ``local_search_evaluations``).
+        Evaluations of the local search for each of those plans, from 1 to 10 000. An iteration,
+        which nothing interrupts, then spends
+        ``n_ants`` · (1 + ``local_search`` · ``local_search_evaluations``).
     n_colonies
         Colonies with pheromone and random numbers of their own, from 1 to ``n_ants``. Their ants'
         λ are spread over all of [0, 1] in each. ``archive`` is common, but each colony deposits by
@@ -172,7 +173,7 @@ class BOACO(ArchiveAlgorithm):
             "local_search_evaluations",
             local_search_evaluations,
             at_least=1,
-            at_most=1_000_000,
+            at_most=10_000,
         )
         self.n_colonies = check_integer("n_colonies", n_colonies, at_least=1)
         if self.n_colonies > self.n_ants:

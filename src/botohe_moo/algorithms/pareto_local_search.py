@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
@@ -63,7 +64,9 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         Hops for each evaluation, at least 0, that go into best responses: all trails of one robot
         that improve the front, the other robots' trails being fixed, found by branch and bound. On
         missions of up to 64 nodes, and as long as most of these searches come to an end; the first
-        after 10 000 evaluations, for one robot alone. 0 looks for none.
+        after some 10 000 evaluations, sooner where nothing enters, for one robot alone. A search
+        that the end of a generation cuts off begins anew: generations of less than a thousand
+        evaluations leave little of this. 0 looks for none.
     moves
         How likely each move is to be drawn, relative, by name; those left out are not drawn.
         ``shortcut``, ``visit``, ``visit-two``: cut out a segment, and reconnect by safest paths
@@ -103,6 +106,9 @@ class ParetoLocalSearch(ArchiveAlgorithm):
     salesman problem: an experimental study", in Metaheuristics for Multiobjective Optimisation,
     2004, keep a front and search from its plans. Here moves are drawn, not enumerated, and trails
     of different plans are combined, as genetic algorithms do.
+
+    The run ends before its budget is spent where no move makes another plan: on a mission of one
+    node, or with moves alone that need trails of other plans where there are none.
 
     A child counts as an evaluation also when an upper bound of its E[R], computed before its trail
     has been walked to the end, shows that it cannot enter.
@@ -276,4 +282,6 @@ def _checked_moves(moves: Mapping[str, float]) -> dict[str, float]:
         weights[name] = check_number(f"weight of move {name!r}", weight, at_least=0)
     if sum(weights.values()) <= 0:
         raise ValueError(f"Expected a move of weight above 0, got {dict(moves)!r}.")
+    if sum(weights.values()) == math.inf:
+        raise ValueError(f"Expected weights of moves with a finite sum, got {dict(moves)!r}.")
     return weights

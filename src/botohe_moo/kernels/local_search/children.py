@@ -34,7 +34,7 @@ _MAX_DETOURS = 4
 
 @part
 def draw_trail(front: Front, at: int, p_neighbour: float, states: SeedArray) -> int:
-    """Draw a trail of another plan: of one beside the parent, or of any."""
+    """Draw a trail of another plan: of one near the parent, or of any."""
     n_blocks = front.counts[N_BLOCKS]
     if uniform(states, 0) < p_neighbour:
         at = min(n_blocks - 1, max(0, at + int(uniform(states, 0) * 3.0) - 1))

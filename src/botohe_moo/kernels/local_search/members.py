@@ -15,7 +15,7 @@ from botohe_moo.kernels.local_search.front import (
     remove_place,
 )
 from botohe_moo.kernels.local_search.parent import MARK, Ground, Workspace
-from botohe_moo.kernels.local_search.rule import IDLE, NEWEST, SearchRule
+from botohe_moo.kernels.local_search.rule import IDLE, NEWEST, TOLERANCE, SearchRule
 from botohe_moo.kernels.local_search.trail_store import (
     TrailStore,
     add_trail,
@@ -46,17 +46,14 @@ def enter(
     if best_reward(front, survivors) >= reward:
         return False
     while True:
-        # Those dominated are the one of equal survivors, if any, and those right before it.
-        at, place = find_place(front, survivors)
-        if at == front.counts[N_BLOCKS] or (
-            front.survivors[front.directory[at], place] > survivors
-        ):
-            place -= 1
-            if place < 0:
-                at -= 1
-                if at < 0:
-                    break
-                place = front.size[front.directory[at]] - 1
+        # Those dominated, but for rounding, lie right before the first that survives more.
+        at, place = find_place(front, survivors * (1.0 + TOLERANCE))
+        place -= 1
+        if place < 0:
+            at -= 1
+            if at < 0:
+                break
+            place = front.size[front.directory[at]] - 1
         if front.reward[front.directory[at], place] > reward:
             break
         slot = remove_place(front, at, place)
@@ -69,24 +66,37 @@ def enter(
     return True
 
 
-@routine
-def thin(store: TrailStore, front: Front, states: SeedArray) -> None:
-    """Take out the plan that contributes least of some drawn; the ends of the front stay."""
-    least, worst, worst_place = 0.0, -1, -1
-    for _ in range(_N_THINNED):
-        at, place = draw_place(front, states)
-        last = front.counts[N_BLOCKS] - 1
-        if (at == 0 and place == 0) or (
-            at == last and place == front.size[front.directory[last]] - 1
-        ):
-            continue
-        area = contribution(front, at, place)
-        if worst < 0 or area < least:
-            least, worst, worst_place = area, at, place
-    if worst >= 0:
-        slot = remove_place(front, worst, worst_place)
-        for k in range(front.plan.shape[1]):
-            release(store, front.plan[slot, k])
+@frugal
+def thin(store: TrailStore, front: Front, max_size: int, states: SeedArray) -> None:
+    """Take out plans until there are no more than ``max_size``; the ends of the front stay.
+
+    Each time the one goes that contributes least of some drawn.
+
+    Parameters
+    ----------
+    store, front
+        Trails and front.
+    max_size
+        At least 2, or 0 for no limit.
+    states
+        Random numbers, advanced.
+    """
+    while 0 < max_size < front.counts[N_PLANS]:
+        least, worst, worst_place = 0.0, -1, -1
+        for _ in range(_N_THINNED):
+            at, place = draw_place(front, states)
+            last = front.counts[N_BLOCKS] - 1
+            if (at == 0 and place == 0) or (
+                at == last and place == front.size[front.directory[last]] - 1
+            ):
+                continue
+            area = contribution(front, at, place)
+            if worst < 0 or area < least:
+                least, worst, worst_place = area, at, place
+        if worst >= 0:
+            slot = remove_place(front, worst, worst_place)
+            for k in range(front.plan.shape[1]):
+                release(store, front.plan[slot, k])
 
 
 @routine
@@ -227,6 +237,5 @@ def bring_in(
     if not enter(store, front, work.trails, reward, survivors):
         return 0
     remembered[NEWEST], remembered[IDLE] = survivors, 0.0
-    if 0 < rule.max_size < front.counts[N_PLANS]:
-        thin(store, front, states)
+    thin(store, front, rule.max_size, states)
     return 1

@@ -96,7 +96,8 @@ def _follow(
 ) -> bool:
     """Let the child take the safest path to a node; False where none is known.
 
-    Up to ``n_detours`` times it leaves that path where an arc is taken already.
+    Up to ``n_detours`` times it leaves that path where an arc is taken already; not on the way to
+    the base of a large mission, which is kept apart from the others.
     """
     if here == goal:
         return True

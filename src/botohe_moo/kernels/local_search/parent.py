@@ -106,6 +106,8 @@ class Workspace(NamedTuple):
         where.
     seen
         Last child that met each node (n_nodes).
+    fresh
+        What each node is worth to a robot that ``respond`` sends out, 0 once visited (n_nodes).
     later, later_gain
         Scratch of ``lay_out`` (n_nodes).
     trails, held, alone
@@ -134,6 +136,7 @@ class Workspace(NamedTuple):
     seen: OffsetArray
     later: OffsetArray
     later_gain: FloatArray
+    fresh: FloatArray
     trails: IntArray
     onward: OffsetArray
     visited: SeedArray
@@ -180,6 +183,7 @@ def new_workspace(ground: Ground, n_robots: int) -> Workspace:
         seen=np.full(n_nodes, -1, np.int64),
         later=np.full(n_nodes, -1, np.int64),
         later_gain=np.empty(n_nodes),
+        fresh=np.empty(n_nodes),
         trails=np.empty(n_robots, np.int32),
         onward=np.empty(n_arcs + 1, np.int64),
         visited=np.zeros(n_arcs + 1, np.uint64),

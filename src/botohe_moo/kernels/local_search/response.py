@@ -56,7 +56,7 @@ def _hopeless(
         # With the nodes up to this one visited the robot survives with at most this probability.
         node = ground.by_return[here, i]
         there = alive * ground.return_reach[here, i]
-        reward += work.later_gain[node] * there
+        reward += work.fresh[node] * there
         if reward * (1.0 - TOLERANCE) <= needed:
             continue
         home = there * ground.home[node]
@@ -128,7 +128,7 @@ def respond(
     work.alive[0], work.gained[0] = 1.0, 0.0
     work.met[base] = 0
     for node in range(n_nodes):
-        work.later_gain[node] = work.left[node]
+        work.fresh[node] = work.left[node]
     work.onward[0] = first[base]
     while True:
         here = work.node[depth]
@@ -137,7 +137,7 @@ def respond(
                 break
             if work.met[here] == depth:
                 work.met[here] = NEVER
-                work.later_gain[here] = work.left[here]
+                work.fresh[here] = work.left[here]
             depth -= 1
             work.position[work.arc[depth]] = -1
             continue
@@ -160,10 +160,10 @@ def respond(
         key = visited ^ ground.key[n_nodes + node]
         if rough and _is_known(work, call, key, alive, gained):
             continue
-        work.later_gain[node] = 0.0
+        work.fresh[node] = 0.0
         if _hopeless(ground, front, work, node, alive, others + gained, survivors_of_others):
             if work.met[node] == NEVER:
-                work.later_gain[node] = work.left[node]
+                work.fresh[node] = work.left[node]
             continue
         work.arc[depth], work.position[arc] = arc, depth
         depth += 1

@@ -43,7 +43,8 @@ class SearchRule(NamedTuple):
         With what probability a parent's children may get to the reserve at all, as long as plans
         enter the front: what goes there costs as much as what enters.
     p_neighbour
-        With what probability the other plan of a move is one beside the parent.
+        With what probability the other plan of a move is one near the parent: of its block of the
+        front, or of one of the two beside that.
     p_end
         With what probability the parent is the plan of most reward.
     p_near, p_step, p_more, p_short, n_short, p_meet, p_detour
@@ -55,9 +56,10 @@ class SearchRule(NamedTuple):
         Then, too: with what probability the search goes on for ``n_alone`` evaluations from a front
         of trails of one robot of the parent's, the other robots' trails being fixed.
     n_first, n_hops, hops_each
-        After how many evaluations best responses (``respond``) are looked for, the first to the
-        plan of most survivors; hops after which a search for one is given up; and how many of them
-        an evaluation earns, so that these searches take a certain share of the time.
+        After how many evaluations best responses (``respond``) are looked for, sooner where nothing
+        enters, the first to the plan of most survivors; hops after which a search for one is given
+        up; and how many of them an evaluation earns, so that these searches take a certain share of
+        the time. (The first search that takes too long, at an eighth of the hops, is free.)
     min_survival
         Survival floor of every robot.
     max_size

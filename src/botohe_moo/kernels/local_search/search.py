@@ -202,7 +202,7 @@ def search(
                     remembered[FAILED] += ended == TOO_LONG
                     remembered[CREDIT] -= n_hops
                 n += n_responses
-                fruitless = 0 if n > before else fruitless + 1
+                fruitless = 0 if n > before else fruitless  # it has cost hops, which have an end
                 _let_go(ground, store, work)
                 continue
         store.n_users[parent] += 1
@@ -286,7 +286,7 @@ def search(
                 keep_in_reserve(store, reserve, work.trails, survivors, states)
             release(store, trail)
         earned = rule.hops_each * (WHEN_IDLE if idle else 1.0)
-        remembered[CREDIT] += earned * (n - before)
+        remembered[CREDIT] = min(remembered[CREDIT] + earned * (n - before), rule.n_hops)
         fruitless = 0 if n > before else fruitless + 1
         clear_trail(ground, work)
         release(store, parent)
