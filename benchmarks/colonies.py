@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from pymoo.optimize import minimize
 
+from benchmarks.measure import standard_error
 from botohe_moo import BOACO, BOTOHE, area_indicator, load_mission
 
 EXCHANGE_EVERY = 10
@@ -46,7 +47,7 @@ def run(out: Path) -> bool:
                     "area": np.mean(areas),
                     "sd": np.std(areas, ddof=1),
                     "difference": np.mean(areas) - np.mean(plain),
-                    "standard_error": np.nan if areas is plain else _error(areas, plain),
+                    "standard_error": standard_error(areas, plain),
                     "seconds": seconds,
                 }
             )
@@ -56,11 +57,6 @@ def run(out: Path) -> bool:
     # Times differ from machine to machine: they are printed, and not kept.
     table.drop(columns="seconds").to_csv(out / "variants.csv", index=False)
     return True
-
-
-def _error(areas: list[float], plain: list[float]) -> float:
-    """Give the standard error of the difference between two means."""
-    return float(np.sqrt(sum(np.var(runs, ddof=1) / len(runs) for runs in (areas, plain))))
 
 
 def _measure(

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from pymoo.optimize import minimize
 
+from benchmarks.measure import standard_error
 from botohe_moo import BOTOHE, area_indicator, load_mission
 from botohe_moo.algorithms.pareto_local_search import ParetoLocalSearch
 from botohe_moo.local_search import DEFAULT_MOVES, MOVES
@@ -65,7 +66,7 @@ def run(out: Path) -> bool:
             ):
                 row[f"area_equal_{kind}"] = np.mean(areas)
                 row[f"difference_equal_{kind}"] = np.mean(areas) - np.mean(usual)
-                row[f"error_equal_{kind}"] = _error(areas, usual)
+                row[f"error_equal_{kind}"] = standard_error(areas, usual)
             row["us_per_evaluation"] = 1e6 * seconds / evaluations
             rows.append(row)
     table = pd.DataFrame(rows).round(6)
@@ -74,13 +75,6 @@ def run(out: Path) -> bool:
     print("equal time: as many evaluations as take the processor as long as the default's")
     print(table.round({"us_per_evaluation": 2}).to_string(index=False))
     return True
-
-
-def _error(areas: list[float], usual: list[float]) -> float:
-    """Give the standard error of the difference between two means."""
-    if areas is usual:
-        return float("nan")
-    return float(np.sqrt(sum(np.var(runs, ddof=1) / len(runs) for runs in (areas, usual))))
 
 
 def _at(problem: BOTOHE, options: dict[str, Any], evaluations: int) -> tuple[list[float], float]:

@@ -68,3 +68,10 @@ def in_process(module: str, *arguments: object) -> list[str]:
 def best(values: list[float]) -> float:
     """Give the least of repeated measurements: what disturbs a machine only ever adds time."""
     return float(np.min(values))
+
+
+def standard_error(values: list[float], others: list[float]) -> float:
+    """Give the standard error of the difference between the means of two samples; nan of one."""
+    if values is others:
+        return float("nan")
+    return float(np.sqrt(sum(np.var(one, ddof=1) / len(one) for one in (values, others))))

@@ -127,6 +127,23 @@ def put_in_order(store: TrailStore, work: Workspace, robot: int, trail: int) -> 
         work.trails[n] = trail
 
 
+@part
+def _evaluated(ground: Ground, store: TrailStore, work: Workspace) -> tuple[float, float]:
+    """Give E[R] and E[S] of the plan in ``work.trails``."""
+    work.now[MARK] += 1
+    reward, survivors = evaluate_trails(
+        ground.reward,
+        ground.base,
+        store,
+        work.trails,
+        work.product,
+        work.reached,
+        work.reached_by,
+        work.now[MARK],
+    )
+    return reward, survivors
+
+
 @frugal
 def admit(
     ground: Ground,
@@ -161,17 +178,7 @@ def admit(
             work.trails[place] = work.trails[place - 1]
             place -= 1
         work.trails[place] = trail
-    work.now[MARK] += 1
-    reward, survivors = evaluate_trails(
-        ground.reward,
-        ground.base,
-        store,
-        work.trails,
-        work.product,
-        work.reached,
-        work.reached_by,
-        work.now[MARK],
-    )
+    reward, survivors = _evaluated(ground, store, work)
     entered = enter(store, front, work.trails, reward, survivors)
     for k in range(n_robots):
         release(store, work.trails[k])
@@ -223,17 +230,7 @@ def bring_in(
     states: SeedArray,
 ) -> int:
     """Put the plan in ``work.trails`` into the front; 1 if it has entered, 0 if not."""
-    work.now[MARK] += 1
-    reward, survivors = evaluate_trails(
-        ground.reward,
-        ground.base,
-        store,
-        work.trails,
-        work.product,
-        work.reached,
-        work.reached_by,
-        work.now[MARK],
-    )
+    reward, survivors = _evaluated(ground, store, work)
     if not enter(store, front, work.trails, reward, survivors):
         return 0
     remembered[NEWEST], remembered[IDLE] = survivors, 0.0
