@@ -1,7 +1,7 @@
 """Plans that enter a front, leave it, and are read from it."""
 
 from botohe_moo._types import FloatArray, IntArray, OffsetArray, SeedArray
-from botohe_moo.kernels.compile import frugal, routine
+from botohe_moo.kernels.compile import frugal, part, routine
 from botohe_moo.kernels.evaluate import find_arc
 from botohe_moo.kernels.local_search.front import (
     N_BLOCKS,
@@ -45,15 +45,17 @@ def enter(
     """
     if best_reward(front, survivors) >= reward:
         return False
+    no_more = survivors * (1.0 + TOLERANCE)
     while True:
-        # Those dominated, but for rounding, lie right before the first that survives more.
-        at, place = find_place(front, survivors * (1.0 + TOLERANCE))
-        place -= 1
-        if place < 0:
-            at -= 1
-            if at < 0:
-                break
-            place = front.size[front.directory[at]] - 1
+        # Those dominated, but for rounding, are the last that survive no more.
+        at, place = find_place(front, no_more)
+        if at == front.counts[N_BLOCKS] or front.survivors[front.directory[at], place] > no_more:
+            place -= 1
+            if place < 0:
+                at -= 1
+                if at < 0:
+                    break
+                place = front.size[front.directory[at]] - 1
         if front.reward[front.directory[at], place] > reward:
             break
         slot = remove_place(front, at, place)
