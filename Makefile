@@ -26,7 +26,7 @@ demo: $(READY)
 
 test: $(READY)
 	$(BIN)/python -m tests.warm_up
-	$(BIN)/python -m pytest --numprocesses 2 --maxprocesses 2
+	$(BIN)/python -m pytest --numprocesses 2 --maxprocesses 2 --dist worksteal
 
 check: $(READY)
 	$(BIN)/ruff check
