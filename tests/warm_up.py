@@ -10,13 +10,13 @@ import sys
 SETTINGS = {
     "local": [
         ("pareto-local-search", {"greedy_start": False}),
-        ("exact", {}),
+        ("simulated-annealing", {}),
+        ("simulated-annealing", {"schedule": "journal"}),
         ("nsga2", {}),
     ],
     "others": [
         ("greedy", {}),
-        ("simulated-annealing", {}),
-        ("simulated-annealing", {"schedule": "journal"}),
+        ("exact", {}),  # which plans greedily, too
         ("bo-aco", {}),
         ("bo-aco", {"allocation": "concurrent"}),
     ],
