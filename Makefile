@@ -25,7 +25,6 @@ demo: $(READY)
 	$(BIN)/botohe solve art_museum --evaluations 1000000 --seed 1 --out results/demo
 
 test: $(READY)
-	$(BIN)/python -m tests.warm_up
 	$(BIN)/python -m pytest --numprocesses 2 --maxprocesses 2 --dist worksteal
 
 check: $(READY)
