@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from botohe_moo import BOTOHE, Mission, TooLargeError, TrailPlan, exact_front, load_mission
 from botohe_moo.algorithms.bo_aco import BOACO
-from botohe_moo.exact import FrontSearch
+from botohe_moo.exact import TIME_LIMIT, FrontSearch, _compile_kernels
 from tests.strategies import small_missions
 from tests.twins import all_objectives, survival_of
 
@@ -215,6 +215,18 @@ class TestSearch:
 
 
 class TestLimits:
+    def test_none_is_meant_for_compiling(self, monkeypatch):
+        usual, waited = time.perf_counter, [0.0]
+
+        def slow():
+            waited[0] += TIME_LIMIT
+            return usual() + waited[0]
+
+        monkeypatch.setattr(time, "perf_counter", slow)
+        _compile_kernels.__wrapped__()
+        with pytest.raises(TooLargeError, match=r"time_limit = 60 seconds\."):  # but for the rest
+            exact_front(load_mission("toy"))
+
     def test_an_estimate_refuses_what_is_hopeless(self):
         begun = time.perf_counter()
         with pytest.raises(TooLargeError) as caught:

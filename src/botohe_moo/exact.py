@@ -67,7 +67,7 @@ def exact_front(
         Survival floor: every robot survives with at least this probability, in [0, 1]; 0 sets
         none.
     time_limit
-        Seconds that the search may take, above 0.
+        Seconds that the search may take, above 0; compiling it for the first time does not count.
     memory_limit
         MiB that its tables may take, above 0.
 

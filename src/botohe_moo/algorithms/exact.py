@@ -26,7 +26,7 @@ class Exact(ArchiveAlgorithm):
     Parameters
     ----------
     time_limit
-        Seconds that the search may take, above 0.
+        Seconds that the search may take, above 0; compiling it for the first time does not count.
     memory_limit
         MiB that the search may take, above 0.
     max_ties

@@ -62,11 +62,12 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         [0, 1].
     response_hops
         Hops for each evaluation, at least 0, that go into best responses: all trails of one robot
-        that improve the front, the other robots' trails being fixed, found by branch and bound. On
-        missions of up to 64 nodes, and as long as most of these searches come to an end; the first
-        after some 10 000 evaluations, sooner where nothing enters, for one robot alone. A search
-        that the end of a generation cuts off begins anew: generations of less than a thousand
-        evaluations leave little of this. 0 looks for none.
+        that improve the front, the other robots' trails being fixed, found by branch and bound (or
+        nearly all, where that takes too long). On missions of up to 64 nodes, and as long as most
+        of these searches come to an end; the first after some 10 000 evaluations, sooner where
+        nothing enters, for one robot alone. A search that the end of a generation cuts off begins
+        anew: generations of less than a thousand evaluations leave little of this. 0 looks for
+        none.
     moves
         How likely each move is to be drawn, relative, by name; those left out are not drawn.
         ``shortcut``, ``visit``, ``visit-two``: cut out a segment, and reconnect by safest paths

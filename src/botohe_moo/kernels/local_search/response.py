@@ -1,10 +1,11 @@
-"""Best response: all trails of one robot that improve the front, the others' being fixed.
+"""Best response: trails of one robot that improve the front, the others' being fixed.
 
 A depth-first search over all closed trails of a small mission, cut off where an upper bound of what
 can still be collected and survived shows that the front has a plan as good: branch and bound as in
 Land and Doig, "An automatic method of solving discrete programming problems", Econometrica 28(3),
 1960, with a front in place of the best solution. It finds changes of a whole trail that no sequence
-of smaller ones leads to.
+of smaller ones leads to: all of them, or, where that takes too long, all but those that a cut by
+what has been visited before may miss.
 """
 
 import numpy as np
