@@ -14,7 +14,7 @@ rewards = st.one_of(st.just(0.0), st.floats(0.0, 10.0))
 
 
 @st.composite
-def missions(draw, min_nodes=2, max_nodes=7, max_robots=3, one_way=None):
+def missions(draw, min_nodes=2, max_nodes=7, max_robots=3, one_way=None, survivals=survivals):
     """Strongly connected missions; one-way ones have nodes with more arcs in than out."""
     n_nodes = draw(st.integers(min_nodes, max_nodes))
     one_way = draw(st.booleans()) if one_way is None else one_way

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
+from fractions import Fraction
 from importlib import import_module
 from itertools import combinations_with_replacement, pairwise, product
 from math import exp, log, prod
@@ -32,6 +33,24 @@ def evaluate(mission, trails):
     )
     expected_survivors = sum(prod(survival[arc] for arc in pairwise(trail)) for trail in trails)
     return expected_reward, expected_survivors
+
+
+def exact_figures(mission, trails):
+    """E[R] and E[S] of label trails, in fractions."""
+    survival = {(u, v): Fraction(s) for u, v, s in mission.graph.edges(data="survival")}
+    reward = survivors = Fraction(0)
+    reaches = []
+    for trail in trails:
+        alive, chances = Fraction(1), {trail[0]: Fraction(1)}
+        for arc in pairwise(trail):
+            alive *= survival[arc]
+            chances.setdefault(arc[1], alive)
+        survivors += alive
+        reaches.append(chances)
+    for node, pays in mission.graph.nodes(data="reward"):
+        missed = prod(1 - chances.get(node, 0) for chances in reaches)
+        reward += Fraction(pays) * (1 - missed)
+    return reward, survivors
 
 
 def fates(mission, trail):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from functools import cache
+from functools import cache, reduce
 from itertools import pairwise
 from typing import TypeVar
 
@@ -15,6 +15,7 @@ from botohe_moo._types import FloatArray
 from botohe_moo.kernels import exact_tables as tables
 from botohe_moo.kernels import exact_teams as teams
 from botohe_moo.kernels import exact_trails as kernels
+from botohe_moo.kernels.evaluate import either
 from botohe_moo.kernels.exact_labels import chain_again
 from botohe_moo.kernels.rng import seed_states
 from botohe_moo.mission.model import Mission
@@ -359,8 +360,8 @@ class FrontSearch:
     def _figures(self, plans: list[TrailPlan]) -> list[tuple[float, float]]:
         """E[R] of plans, without that of the base, and E[S]."""
         followed = [[_follow(self._site, trail) for trail in plan.trails] for plan in plans]
-        missed = [np.prod([1.0 - reached for _, reached in team], axis=0) for team in followed]
-        rewards = [float(self._site.reward @ (1.0 - left)) for left in missed]
+        reached = [reduce(either, [chances for _, chances in team]) for team in followed]
+        rewards = [float(self._site.reward @ chances) for chances in reached]
         return [(r, sum(s for s, _ in t)) for r, t in zip(rewards, followed, strict=True)]
 
     def _doubled(self, table: AnyTable) -> AnyTable:

@@ -1,15 +1,17 @@
 """The objectives: by hand, by a readable twin, and by enumeration of everything that may happen."""
 
+from fractions import Fraction
 from itertools import pairwise
 
+import networkx as nx
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from botohe_moo.kernels.evaluate import find_arc, trail_arcs
-from botohe_moo.mission import PlanError, load_mission
-from botohe_moo.outcomes import reward_distribution, simulate, survivors_distribution
+from botohe_moo.mission import Mission, PlanError, load_mission
+from botohe_moo.outcomes import plan_outcomes, reward_distribution, simulate, survivors_distribution
 from botohe_moo.trails import PlanBatch, TrailPlan
 from tests import twins
 from tests.strategies import missions, missions_with_plans, plans
@@ -57,6 +59,14 @@ class TestByHand:
         assert self.evaluate(mission, [1, 3, 1], [1])[0] == pytest.approx(7.9, abs=1e-15)
 
 
+def there_and_back(survival, robots):
+    """A mission of one node, which every robot visits."""
+    graph = nx.DiGraph(base=0, robots=robots)
+    graph.add_nodes_from([(0, {"reward": 0.0}), (1, {"reward": 3.0})])
+    graph.add_edges_from([(0, 1), (1, 0)], survival=survival)
+    return Mission(graph), TrailPlan([[0, 1, 0]] * robots)
+
+
 @settings(max_examples=400)
 @given(missions_with_plans())
 def test_kernel_twin_and_enumeration_agree(drawn):
@@ -68,6 +78,32 @@ def test_kernel_twin_and_enumeration_agree(drawn):
     assert sum(p for p, _, _ in outcomes) == pytest.approx(1.0, abs=1e-12)
     assert reward == pytest.approx(sum(p * r for p, r, _ in outcomes), abs=1e-12)
     assert survivors == pytest.approx(sum(p * s for p, _, s in outcomes), abs=1e-12)
+
+
+ULP = 2.0**-52
+tiny = st.integers(1, 300).map(lambda digits: 10.0**-digits)
+all_survivals = st.one_of(tiny, tiny.map(lambda p: 1.0 - p), st.floats(1e-300, 1.0))
+
+
+@settings(max_examples=300)
+@given(missions_with_plans(max_nodes=5, max_robots=4, survivals=all_survivals))
+@example(there_and_back(1e-300, robots=4))
+@example(there_and_back(1e-14, robots=3))
+@example(there_and_back(1.0 - 1e-15, robots=3))
+def test_small_chances_keep_their_digits(drawn):
+    """Against fractions, which do not round: the error is relative, whatever the survivals."""
+    mission, plan = drawn
+    reward, survivors = twins.exact_figures(mission, mission.labels(plan))
+    roundings = len(plan.nodes) + len(mission.nodes) + 4 * plan.n_robots
+    found = mission.evaluate([plan])[0]
+    distributions = plan_outcomes(mission, plan, max_outcomes=10**6)
+    means = np.array([distributions.reward.mean, distributions.survivors.mean])
+    floor = roundings * 5e-324 * max(1.0, mission.total_reward)  # products that underflow
+    for name, pair in (("evaluate", found), ("distributions", means)):
+        slack = roundings * ULP
+        for value, expected in zip(pair, (reward, survivors), strict=True):
+            error = abs(Fraction(float(value)) - expected)
+            assert error <= Fraction(slack) * expected + Fraction(floor), (name, value, expected)
 
 
 def test_the_drawn_plans_are_of_all_the_kinds_that_matter():

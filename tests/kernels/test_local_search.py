@@ -167,6 +167,20 @@ def test_every_child_is_a_trail_and_is_appraised_right(
     assert mission.robot_survival(batch).min() >= floor * (1 - 1e-12)
 
 
+def test_small_chances_of_the_others_keep_their_digits():
+    """Appraised in fractions: what the other robots bring must not drown what this one does."""
+    graph = nx.DiGraph((arc for node in (1, 2, 3) for arc in ((0, node), (node, 0))), robots=3)
+    nx.set_node_attributes(graph, {0: 0.0, 1: 2.0, 2: 3.0, 3: 5.0}, "reward")
+    nx.set_edge_attributes(graph, 1e-9, "survival")
+    mission = Mission(graph, base=0)
+    _, made = watched(mission, [TrailPlan([[0, 1, 0, 2, 0], [0, 1, 0], [0, 3, 0]])], 60)
+    appraised = [child for child in made if child.appraised[0] >= 0]
+    assert len(appraised) >= 10
+    for child in appraised:
+        reward, _ = twins.exact_figures(mission, [*child.others, child.trail])
+        assert child.appraised[0] == pytest.approx(float(reward), rel=1e-14, abs=0)
+
+
 def complete(n_nodes, robots):
     """Every way is as safe in either direction."""
     rng, graph = np.random.default_rng(n_nodes), nx.DiGraph()

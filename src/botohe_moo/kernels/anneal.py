@@ -6,7 +6,7 @@ import numpy as np
 
 from botohe_moo._types import FloatArray, IntArray, OffsetArray, SeedArray
 from botohe_moo.kernels.compile import kernel
-from botohe_moo.kernels.evaluate import find_arc
+from botohe_moo.kernels.evaluate import either, find_arc
 from botohe_moo.kernels.moves import CANNOT, change_trail
 from botohe_moo.kernels.rng import uniform
 
@@ -71,7 +71,7 @@ def _appraise(
     order: OffsetArray,
     touched: IntArray,
     touched_by: OffsetArray,
-    unreached: FloatArray,
+    reached: FloatArray,
     number: int,
 ) -> tuple[float, float]:
     """Give E[R] and E[S] of the plan in ``slots``: the arithmetic, and the bits, of ``evaluate``.
@@ -104,15 +104,15 @@ def _appraise(
             node = met[slot, k, j]
             if touched_by[node] != number:
                 touched_by[node] = number
-                unreached[node] = 1.0 - reach[slot, k, j]
+                reached[node] = reach[slot, k, j]
                 touched[n] = node
                 n += 1
             else:
-                unreached[node] *= 1.0 - reach[slot, k, j]
+                reached[node] = either(reached[node], reach[slot, k, j])
         survivors += alive[slot, k]
     expected_reward = 0.0
     for i in range(n):
-        expected_reward += reward[touched[i]] * (1.0 - unreached[touched[i]])
+        expected_reward += reward[touched[i]] * reached[touched[i]]
     return expected_reward, survivors
 
 
@@ -241,7 +241,7 @@ def anneal(
     here, tried = np.zeros(n_robots, np.int64), np.zeros(n_robots, np.int64)
     spare = np.empty(n_arcs + 1, np.int32)
     used, visited = np.full(n_arcs, -1, np.int64), np.full(n_nodes, -1, np.int64)
-    touched_by, unreached = np.full(n_nodes, -1, np.int64), np.empty(n_nodes)
+    touched_by, reached = np.full(n_nodes, -1, np.int64), np.empty(n_nodes)
     touched, order = np.empty(n_nodes, np.int32), np.empty(n_robots, np.int64)
     rows, row_offsets = np.empty(0, np.int32), np.zeros(n_steps * n_robots + 1, np.int64)
     row_objectives = np.empty((n_steps, 2))
@@ -314,7 +314,7 @@ def anneal(
             order,
             touched,
             touched_by,
-            unreached,
+            reached,
             step,
         )
         if record and not (

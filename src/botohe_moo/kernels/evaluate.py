@@ -1,9 +1,11 @@
 """Expected team reward and expected number of survivors of many trail plans."""
 
+from typing import TypeVar
+
 import numpy as np
 
 from botohe_moo._types import FloatArray, IntArray, OffsetArray
-from botohe_moo.kernels.compile import kernel
+from botohe_moo.kernels.compile import everywhere, kernel
 
 # What may be wrong with a trail; ``evaluate`` reports the first fault as
 # (kind, plan, robot, position), all zero when there is none.
@@ -17,6 +19,8 @@ ARC_USED_TWICE = 6
 BAD_OFFSETS = 7
 
 _LINEAR_SEARCH_UP_TO = 12
+
+Chance = TypeVar("Chance", float, FloatArray)
 
 
 @kernel
@@ -36,6 +40,15 @@ def find_arc(first: OffsetArray, head: IntArray, tail_node: int, head_node: int)
         if head[arc] == head_node:
             return arc
     return -1
+
+
+@everywhere
+def either(one: Chance, other: Chance) -> Chance:
+    """Give the chance that one of two robots or the other reaches a node: 1 − (1 − p)(1 − q).
+
+    No term is negative, so that small chances keep their digits, which differences from 1 lose.
+    """
+    return one + (1.0 - one) * other
 
 
 @kernel
@@ -89,7 +102,7 @@ def evaluate(
         (kind, plan, robot, position) of the first fault; kind is ``VALID`` where there is none.
     """
     n_nodes = reward.shape[0]
-    unreached = np.ones(n_nodes)
+    reached = np.empty(n_nodes)
     touched_by_plan = np.full(n_nodes, -1, np.int64)
     visited_by_trail = np.full(n_nodes, -1, np.int64)
     used_by_trail = np.full(head.shape[0], -1, np.int64)
@@ -137,18 +150,18 @@ def evaluate(
                     visited_by_trail[here] = trail
                     if touched_by_plan[here] != plan:
                         touched_by_plan[here] = plan
-                        unreached[here] = 1.0 - alive
+                        reached[here] = alive
                         touched[n_touched] = here
                         n_touched += 1
                     else:
-                        unreached[here] *= 1.0 - alive
+                        reached[here] = either(reached[here], alive)
             if here != base:
                 return NOT_BACK_AT_BASE, plan, robot, stop - start - 1
             survivors += alive
 
         expected_reward = 0.0
         for i in range(n_touched):
-            expected_reward += reward[touched[i]] * (1.0 - unreached[touched[i]])
+            expected_reward += reward[touched[i]] * reached[touched[i]]
         objectives[plan, 0] = expected_reward
         objectives[plan, 1] = survivors
     return VALID, 0, 0, 0
@@ -186,7 +199,7 @@ def evaluate_drafts(
         Output (n_plans, n_robots): the probability that each robot survives.
     """
     n_nodes = reward.shape[0]
-    unreached = np.ones(n_nodes)
+    reached = np.empty(n_nodes)
     touched_by_plan = np.full(n_nodes, -1, np.int64)
     visited_by_trail = np.full(n_nodes, -1, np.int64)
     used_by_trail = np.full(head.shape[0], -1, np.int64)
@@ -228,11 +241,11 @@ def evaluate_drafts(
                     visited_by_trail[here] = trail
                     if touched_by_plan[here] != plan:
                         touched_by_plan[here] = plan
-                        unreached[here] = 1.0 - walked
+                        reached[here] = walked
                         touched[n_touched] = here
                         n_touched += 1
                     else:
-                        unreached[here] *= 1.0 - walked
+                        reached[here] = either(reached[here], walked)
             if here != base:
                 n_faults += 1
                 lost = True
@@ -242,7 +255,7 @@ def evaluate_drafts(
 
         expected_reward = 0.0
         for i in range(n_touched):
-            expected_reward += reward[touched[i]] * (1.0 - unreached[touched[i]])
+            expected_reward += reward[touched[i]] * reached[touched[i]]
         objectives[plan, 0] = expected_reward
         objectives[plan, 1] = survivors
         faults[plan] = n_faults

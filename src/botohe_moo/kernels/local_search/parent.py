@@ -216,6 +216,7 @@ def set_aside(
         Which robot stays.
     """
     left, unreached, touched = work.left, work.unreached, work.touched
+    expected_reward = ground.reward[ground.base]
     survivors = 0.0
     n = 0
     for k in range(work.held.shape[0]):
@@ -226,17 +227,15 @@ def set_aside(
         for i in range(start, start + store.n_visits[trail]):
             node = store.node[i]
             if unreached[node] < 0.0:
-                unreached[node] = 1.0 - store.reach[i]
+                unreached[node] = 1.0
                 touched[n] = node
                 n += 1
-            else:
-                unreached[node] *= 1.0 - store.reach[i]
+            # Small chances keep their digits so, which the reward minus what is left would lose.
+            expected_reward += ground.reward[node] * unreached[node] * store.reach[i]
+            unreached[node] *= 1.0 - store.reach[i]
         survivors += store.alive[trail]
-    expected_reward = ground.reward[ground.base]
     for i in range(n):
-        node = touched[i]
-        left[node] = ground.reward[node] * unreached[node]
-        expected_reward += ground.reward[node] - left[node]
+        left[touched[i]] = ground.reward[touched[i]] * unreached[touched[i]]
     work.now[N_TOUCHED] = n
     return expected_reward, survivors
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from botohe_moo._types import FloatArray, IntArray, OffsetArray
 from botohe_moo.kernels.compile import everywhere, frugal, part, routine
+from botohe_moo.kernels.evaluate import either
 
 # Indices into ``TrailStore.counts``.
 N_ARCS = 0  # used of the pool
@@ -228,7 +229,7 @@ def evaluate_trails(
     base: int,
     store: TrailStore,
     trails: IntArray,
-    unreached: FloatArray,
+    reached: FloatArray,
     touched: IntArray,
     touched_by: OffsetArray,
     mark: int,
@@ -241,7 +242,7 @@ def evaluate_trails(
         The mission's rewards and base.
     store, trails
         The plan's trails, by number, in lexicographic order.
-    unreached, touched, touched_by
+    reached, touched, touched_by
         Scratch (n_nodes).
     mark
         No entry of ``touched_by`` is ``mark`` yet.
@@ -255,13 +256,13 @@ def evaluate_trails(
             node = store.node[i]
             if touched_by[node] != mark:
                 touched_by[node] = mark
-                unreached[node] = 1.0 - store.reach[i]
+                reached[node] = store.reach[i]
                 touched[n] = node
                 n += 1
             else:
-                unreached[node] *= 1.0 - store.reach[i]
+                reached[node] = either(reached[node], store.reach[i])
         survivors += store.alive[trail]
     expected_reward = reward[base]
     for i in range(n):
-        expected_reward += reward[touched[i]] * (1.0 - unreached[touched[i]])
+        expected_reward += reward[touched[i]] * reached[touched[i]]
     return expected_reward, survivors
