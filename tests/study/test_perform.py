@@ -1,10 +1,12 @@
 """Runs: their budgets, their records and how they end, in this process and in sandboxes."""
 
 import os
+import re
 import subprocess
 import sys
 import time
 from dataclasses import replace
+from datetime import UTC, datetime
 from importlib.metadata import version
 from itertools import pairwise
 
@@ -335,6 +337,21 @@ class TestSandbox:
         assert "killed" in outcome.error
         assert outcome.evaluations == 20
         assert len(outcome.records[-1].plans[0]) == outcome.records[-1].front_size
+
+    @pytest.mark.parametrize(
+        ("algorithm", "status"),
+        [("random", "done"), (f"{MADE}:Dying", "failed"), (f"{MADE}:NeverEnding", "timeout")],
+    )
+    def test_when_a_run_began_is_told_however_it_ends(self, sandbox, algorithm, status):
+        task = make_task(algorithm, mission="toy", seconds=0.5, grace_seconds=0.1)
+        before = datetime.now(UTC).replace(microsecond=0)
+        outcome = sandboxed(sandbox, task)
+        assert outcome.status == status
+        assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ", outcome.began)
+        assert before <= datetime.fromisoformat(outcome.began) <= datetime.now(UTC)
+
+    def test_a_run_that_never_began_did_not_begin(self, sandbox):
+        assert sandboxed(sandbox, replace(make_task("random"), version="0.0.1")).began is None
 
     def test_a_process_that_dies_fails_its_run_only(self, sandbox):
         outcome = sandboxed(sandbox, make_task(f"{MADE}:Dying"))

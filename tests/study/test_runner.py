@@ -380,6 +380,21 @@ class TestAgain:
         path.write_bytes(other.read_bytes())
         assert list(plan_study(load_study(study_of()), small).damaged) == [first]
 
+    def test_files_from_before_it_was_noted_do_not_say_when_they_began(self, small):
+        path, first = a_run_of(small)
+        [run] = [run for run in load_study(study_of()).runs() if run.digest == first]
+        now = Store(small).load(run)
+        assert now.began is not None
+        with np.load(path) as file:
+            arrays = dict(file)
+        header = json.loads(arrays["header"].tobytes())
+        assert header.pop("began") == now.began
+        arrays["header"] = np.frombuffer(json.dumps(header).encode(), np.uint8)
+        np.savez(path, **arrays)
+        before = Store(small).load(run)
+        assert before.began is None
+        assert before.evaluations == now.evaluations
+
     def test_damaged_runs_are_performed_again(self, small):
         before = read_study(small)
         path, first = a_run_of(small)

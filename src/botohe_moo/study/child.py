@@ -52,7 +52,7 @@ def main() -> None:
             with contextlib.suppress(Exception):  # which the run will raise again, and report
                 warm_up(task)
         mail = _Mail(answers, task)
-        mail.send("begin", None)
+        mail.send("begin", time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()))
         # Algorithms are given a generator of their own; those that draw from everybody's all the
         # same shall at least draw the same again.
         random.seed(task.seed)

@@ -36,7 +36,7 @@ class _Story:
     task: Task
     environment: dict[str, Any]
     deadline: float
-    begun: bool = False
+    began: str | None = None
     records: list[Record] = field(default_factory=list)
 
     def note(self, record: Record) -> None:
@@ -47,7 +47,10 @@ class _Story:
 
     def failed(self, error: str, where: str | None = None) -> Outcome:
         last = self.records[-1] if self.records else None
-        return replace(failure(error, where, last), environment=self.environment)
+        return self._told(failure(error, where, last))
+
+    def _told(self, outcome: Outcome, records: tuple[Record, ...] = ()) -> Outcome:
+        return replace(outcome, records=records, environment=self.environment, began=self.began)
 
     def ended(self, outcome: Outcome) -> Outcome:
         """Put together what was sent piece by piece; a failed run has no result.
@@ -62,13 +65,12 @@ class _Story:
                 return self.failed(str(error))
         # Only the last record's plans are kept.
         kept = [replace(record, plans=None) for record in self.records[:-1]] + self.records[-1:]
-        records = () if outcome.status == "failed" else tuple(kept)
-        return replace(outcome, records=records, environment=self.environment)
+        return self._told(outcome, () if outcome.status == "failed" else tuple(kept))
 
     def killed(self) -> Outcome:
         """Tell of a run that had to be killed; what it had recorded is evaluated again."""
         task, last = self.task, self.records[-1] if self.records else None
-        if task.seconds is None or not self.begun:
+        if task.seconds is None or self.began is None:
             return self.failed(f"killed: it did not start within {_MOST_SECONDS_TO_START:g} s")
         outcome = Outcome(
             status="timeout",
@@ -169,7 +171,7 @@ class Sandbox:
             if kind == "end":
                 return story.ended(content)
             if kind == "begin":
-                story.begun = True
+                story.began = content
                 limit = math.inf if task.seconds is None else task.seconds + task.grace_seconds
                 story.deadline = time.monotonic() + limit
             else:

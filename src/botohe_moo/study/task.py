@@ -99,6 +99,8 @@ class Outcome:
         What went wrong, and where.
     environment
         Where it ran.
+    began
+        When its worker began with it: UTC, as in ``2026-11-22T04:30:12Z``; None if it never did.
     """
 
     status: str
@@ -110,6 +112,7 @@ class Outcome:
     error: str | None = None
     traceback: str | None = None
     environment: dict[str, Any] = field(default_factory=dict)
+    began: str | None = None
 
 
 def failure(error: str, where: str | None = None, last: Record | None = None) -> Outcome:
