@@ -14,9 +14,11 @@ from hypothesis import strategies as st
 from pydantic import BaseModel, BeforeValidator, Field, field_validator, model_validator
 
 from botohe_moo._parameters import (
+    SameResult,
     accepted_parameters,
     call_factory,
     check_values,
+    plain_value,
     raised_fault,
     wrong_value,
 )
@@ -573,3 +575,56 @@ class TestCall:
         )
         assert fault(ValueError("Expected m >= 1.")) == (None, "Expected m >= 1.")
         assert fault(OSError("gone")) == (None, "OSError: gone")
+
+
+class TestResults:
+    def test_parameters_that_change_no_result_are_marked(self):
+        def search(
+            *,
+            n: int = 1,
+            a: Annotated[int, SameResult()] = 1,
+            b: Annotated[int, Field(ge=1), SameResult] = 1,
+            c: Annotated[int, SameResult()] | None = None,
+            d: "Annotated[int, SameResult()]" = 1,
+            e: "Annotated[int, NowhereToBeFound()]" = 1,  # noqa: F821
+        ): ...
+
+        found = {p.name: p.same_result for p in accepted_parameters(search).parameters}
+        assert found == {"n": False, "a": True, "b": True, "c": True, "d": True, "e": False}
+        assert accepted_parameters(search).parameters[2].range == ">= 1"
+        assert check_values(accepted_parameters(search), {"a": 3, "b": 2, "c": None}) == []
+
+    def test_only_what_a_factory_states_itself_is_its_own(self):
+        class Wide:
+            def __init__(self, *, a=1, b=2): ...
+
+            @classmethod
+            def narrow(cls, *, a=3, **others):
+                return cls(a=a, **others)
+
+        found = {p.name: (p.default, p.own) for p in accepted_parameters(Wide.narrow).parameters}
+        assert found == {"a": (3, True), "b": (2, False)}
+        assert all(p.own for p in accepted_parameters(Wide).parameters)
+
+    @pytest.mark.parametrize(
+        ("value", "plain"),
+        [
+            (None, None),
+            (np.float64(0.5), 0.5),
+            (np.True_, True),
+            (Fraction(1, 2), 0.5),
+            (Knot.REEF, "reef"),
+            (Path("a/b"), "a/b"),
+            (((1, Knot.REEF), ()), [[1, "reef"], []]),
+            ({"a": (1,)}, {"a": [1]}),
+            (Rope(), NotImplemented),
+            ([Rope()], NotImplemented),
+            ({"a": {1}}, NotImplemented),
+            ({1: 2}, NotImplemented),
+            (1j, NotImplemented),
+        ],
+    )
+    def test_plain_values(self, value, plain):
+        found = plain_value(value)
+        assert found == plain
+        assert type(found) is type(plain)

@@ -12,6 +12,7 @@ from pymoo.optimize import minimize
 
 from botohe_moo import BOACO, BOTOHE, RandomTrails, algorithm_names, load_mission, make_algorithm
 from botohe_moo import _plugins as plugins
+from botohe_moo.algorithms.origin import algorithm_identity
 from botohe_moo.algorithms.registry import (
     algorithm_origin,
     algorithm_parameters,
@@ -500,6 +501,84 @@ class TestCheck:
         assert check_algorithm("pymoo.algorithms.moo.rvea:RVEA", {"alpha": "x"}) == [
             ("alpha", "Expected alpha to be a number, got 'x'.")
         ]
+
+
+class TestIdentity:
+    @pytest.mark.parametrize(
+        ("path", "name"),
+        [
+            ("bo-aco", "bo-aco"),
+            ("botohe_moo.algorithms.bo_aco:BOACO", "bo-aco"),
+            ("botohe_moo.algorithms.bo_aco.BOACO", "bo-aco"),
+            ("botohe_moo:BOACO", "bo-aco"),
+            ("botohe_moo:RandomTrails", "random"),
+            ("botohe_moo:BOACO.journal", "botohe_moo.algorithms.bo_aco:BOACO.journal"),
+            (
+                "botohe_moo:RandomTrails.journal",
+                "botohe_moo.algorithms.random_trails:RandomTrails.journal",
+            ),
+            ("pymoo.algorithms.moo.age.AGEMOEA", "pymoo.algorithms.moo.age:AGEMOEA"),
+        ],
+    )
+    def test_of_ours_and_of_pymoos(self, path, name):
+        assert algorithm_identity(path, {}).name == name
+
+    def test_of_another_package(self, install):
+        install("reef-algorithms", REEF, reef="reef", small="small", shallow="Atoll.shallow")
+        for path in ("reef_algorithms:reef", "reef_algorithms.reef", "reef"):
+            assert algorithm_identity(path, {"width": 1}).name == "reef"
+            assert algorithm_origin(path) == algorithm_origin("reef")
+        assert algorithm_identity("reef_algorithms:small", {}).name == "small"
+        assert algorithm_identity("reef_algorithms:Atoll.shallow", {}).name == "shallow"
+        assert algorithm_identity("reef_algorithms:Atoll", {}).name == "reef_algorithms:Atoll"
+        # What another package's module only passes on is not ours.
+        assert algorithm_identity("reef_algorithms:BOACO", {}).name == "reef_algorithms:BOACO"
+
+    def test_a_broken_neighbour_does_not_matter(self, install):
+        install("reef-algorithms", REEF, small="small", gone="gone", broken="no.such:thing")
+        assert algorithm_identity("reef_algorithms:Atoll", {}).name == "reef_algorithms:Atoll"
+
+    def test_defaults_are_left_out(self, install):
+        install("reef-algorithms", REEF, reef="reef")
+        found = algorithm_identity("reef", {"depth": 3, "width": 3, "note": None})
+        assert found.parameters == {"width": 3}
+        assert found.effective == {"depth": 3, "width": 3, "note": None}
+
+    def test_values_of_a_model_count_as_written(self, install):
+        install(
+            "cave-algorithms",
+            """
+            import enum
+            from pathlib import Path
+            from pydantic import BaseModel
+            from pymoo.core.algorithm import Algorithm
+
+            class Rock(enum.Enum):
+                LIME = "lime"
+                SAND = "sand"
+
+            class Cave(Algorithm):
+                class Parameters(BaseModel):
+                    rock: Rock = Rock.LIME
+                    map: Path = Path("a/b")
+                    levels: tuple[int, ...] = (1, 2)
+                    lit: bool = True
+                    depth: float = 1.0
+
+                def __init__(self, **parameters):
+                    super().__init__()
+            """,
+            cave="Cave",
+        )
+        same = {"rock": "lime", "map": "a/b", "levels": [1, 2], "lit": True, "depth": 1}
+        assert algorithm_identity("cave", same).parameters == {}
+        other = {"rock": "sand", "map": "a", "levels": [1], "lit": False, "depth": 2}
+        assert algorithm_identity("cave", other).parameters == other
+        assert algorithm_identity("cave", {}).effective == {**same, "depth": 1.0}
+
+    def test_effective_ones_of_a_factory_are_those_of_what_it_makes(self):
+        effective = algorithm_identity("botohe_moo:BOACO.journal", {"n_ants": 7}).effective
+        assert effective.items() >= {**JOURNAL, "n_ants": 7, "n_threads": 1}.items()
 
 
 class TestOrigin:

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+import textwrap
 from importlib import metadata
 from pathlib import Path
 
@@ -79,6 +80,43 @@ class TestGrid:
         assert [m.label for m in study.missions] == ["hills (seed=1)", "hills (seed=2)"]
         assert study.missions[1].mission == load_mission("terrain", nodes=20, seed=2)
 
+    def test_members_say_which_entry_they_are_from(self):
+        study = load_study(
+            changed(
+                missions={
+                    "toy": "toy",
+                    "hills": {
+                        "mission": "terrain",
+                        "parameters": {"nodes": 20},
+                        "grid": {"seed": [1, 2]},
+                    },
+                },
+                algorithms={
+                    "N": {
+                        "algorithm": "nsga2",
+                        "parameters": {"pop_size": 20},
+                        "grid": {"prob_mutation": [0.5, 1]},
+                    },
+                    "ants": "botohe_moo:BOACO",
+                },
+            )
+        )
+        expected = [("toy", {}), ("hills", {"seed": 1}), ("hills", {"seed": 2})]
+        assert [(m.family, m.grid) for m in study.missions] == expected
+        expected = [("N", {"prob_mutation": 0.5}), ("N", {"prob_mutation": 1}), ("ants", {})]
+        assert [(a.family, a.grid) for a in study.algorithms] == expected
+        manifest = json.loads(json.dumps(study.manifest()))
+        mission = manifest["missions"]["hills (seed=2)"]
+        assert (mission["family"], mission["grid"]) == ("hills", {"seed": 2})
+        nsga2 = manifest["algorithms"]["N (prob_mutation=1)"]
+        assert (nsga2["family"], nsga2["grid"]) == ("N", {"prob_mutation": 1})
+        assert (nsga2["name"], nsga2["package"]) == ("nsga2", "botohe-moo")
+        assert nsga2["parameters"] == {"pop_size": 20, "prob_mutation": 1}
+        assert nsga2["effective"].items() > nsga2["parameters"].items()
+        ants = manifest["algorithms"]["ants"]
+        assert (ants["algorithm"], ants["name"]) == ("botohe_moo:BOACO", "bo-aco")
+        assert ants["effective"].items() >= {"n_ants": 100, "n_threads": 1}.items()
+
     def test_files_are_beside_the_study(self, tmp_path):
         (tmp_path / "sites").mkdir()
         save_mission(load_mission("toy", robots=1), tmp_path / "sites" / "mine.json")
@@ -113,6 +151,21 @@ class TestGrid:
         assert len(set(many)) == 50
         assert not set(many) & set(other)
         assert few[0] == np.random.SeedSequence([9, 1]).generate_state(1)[0]
+
+
+JOURNAL = "botohe_moo.algorithms.bo_aco:BOACO.journal"
+
+
+@pytest.fixture
+def local(tmp_path, monkeypatch):
+    """Write a module that nobody has installed."""
+
+    def write(code, name="mine"):
+        (tmp_path / f"{name}.py").write_text(textwrap.dedent(code))
+        monkeypatch.syspath_prepend(str(tmp_path))
+        monkeypatch.delitem(sys.modules, name, raising=False)
+
+    return write
 
 
 def digests(source):
@@ -184,6 +237,106 @@ class TestIdentity:
         said = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
         assert said.stdout.decode().split() == digests(GOOD)
 
+    @pytest.mark.parametrize(
+        "algorithm",
+        [
+            {"algorithm": "bo-aco", "parameters": {"n_ants": 100, "evaporation": 0.04}},
+            {"algorithm": "bo-aco", "parameters": {"exploration": 0, "initial_pheromone": 1}},
+            {"algorithm": "bo-aco", "parameters": {"n_threads": 2}},
+            {"algorithm": "bo-aco", "grid": {"n_threads": [3]}},
+            "botohe_moo.algorithms.bo_aco:BOACO",
+            "botohe_moo.algorithms.bo_aco.BOACO",
+            "botohe_moo:BOACO",
+            {"algorithm": "botohe_moo.algorithms:BOACO", "parameters": {"n_ants": 100}},
+        ],
+    )
+    def test_nor_are_spellings(self, algorithm):
+        """Explicit defaults, numbers of threads and paths to the same class."""
+        assert digests(changed(algorithms={"ants": algorithm})) == digests(GOOD)
+
+    def test_a_run_without_defaults_keeps_the_name_it_had(self):
+        [run] = load_study(changed(seeds=1)).runs()
+        assert (run.identity["algorithm"], run.identity["parameters"]) == ("bo-aco", {})
+        [run] = load_study(changed(seeds=1, algorithms=[JOURNAL])).runs()
+        assert (run.identity["algorithm"], run.identity["parameters"]) == (JOURNAL, {})
+
+    def test_a_factory_of_the_same_class_is_another_algorithm(self):
+        # Its own default counts, 0.1; not that of the class, 0.04.
+        journal, explicit, same, other = (
+            digests(changed(algorithms={"a": {"algorithm": path, "parameters": parameters}}))
+            for path, parameters in (
+                (JOURNAL, {}),
+                (JOURNAL, {"evaporation": 0.1, "n_threads": 2}),
+                ("botohe_moo:BOACO.journal", {}),
+                (JOURNAL, {"evaporation": 0.04}),
+            )
+        )
+        assert journal == explicit == same
+        assert not set(journal) & {*digests(GOOD), *other}
+
+    def test_what_a_factory_hands_to_its_class_is_not_known_beforehand(self, local):
+        # ``tuned`` gives its class 50, where the class itself has 70.
+        local(
+            """
+            from tests.study.algorithms_made import Sampler
+
+            class Tuned(Sampler):
+                @classmethod
+                def tuned(cls, **options) -> "Tuned":
+                    return cls(**{"n": 50, **options})
+            """
+        )
+        bare, seventy = (
+            load_study(changed(algorithms={"a": {"algorithm": "mine:Tuned.tuned", **more}}))
+            for more in ({}, {"parameters": {"n": 70}})
+        )
+        assert not {r.digest for r in bare.runs()} & {r.digest for r in seventy.runs()}
+        [effective] = [a.identity.effective for a in bare.algorithms]
+        assert effective == {"n": 50}
+
+    def test_threads_count_where_seconds_limit_a_run(self):
+        few, many = (
+            digests(
+                changed(
+                    budget={"evaluations": 100, "seconds": 5},
+                    algorithms={"a": {"algorithm": "bo-aco", "parameters": {"n_threads": n}}},
+                )
+            )
+            for n in (1, 2)
+        )
+        assert not set(few) & set(many)
+
+    def test_others_say_which_of_their_parameters_change_nothing(self, local):
+        local(
+            """
+            from typing import Annotated
+            from pydantic import BaseModel, Field
+            from botohe_moo.algorithms import SameResult
+            from tests.study.algorithms_made import Sampler
+
+            class Signed(Sampler):
+                def __init__(
+                    self,
+                    *,
+                    cores: Annotated[int, Field(ge=1), SameResult()] | None = None,
+                    n: int = 9,
+                ) -> None:
+                    super().__init__(n)
+
+            class Modelled(Signed):
+                class Parameters(BaseModel):
+                    cores: Annotated[int, Field(ge=1), SameResult] = 1
+                    n: int = 9
+            """
+        )
+        for name in ("Signed", "Modelled"):
+            bare, cores, n = (
+                digests(changed(algorithms={"a": {"algorithm": f"mine:{name}", "parameters": p}}))
+                for p in ({}, {"cores": 4, "n": 9}, {"n": 8})
+            )
+            assert bare == cores
+            assert not set(bare) & set(n)
+
     def test_missions_differ_by_what_robots_meet_not_by_names(self):
         toy = load_mission("toy")
         graph = toy.graph.copy()
@@ -202,6 +355,9 @@ class TestIdentity:
         assert digests(source) == before
         module.write_text(module.read_text() + "# edited\n")
         assert not set(digests(source)) & set(before)
+
+
+ALIKE = ": defaults, spellings and numbers of threads make no other run"
 
 
 class TestFaults:
@@ -344,6 +500,34 @@ indicators: [area, igd]
         found = lines(changed(**changes))
         assert any(said in line for line in found), found
         assert len(found) <= 2
+
+    @pytest.mark.parametrize(
+        ("one", "other", "why"),
+        [
+            ("bo-aco", "bo-aco", ""),
+            ("bo-aco", "botohe_moo:BOACO", ALIKE),
+            ("bo-aco", {"algorithm": "bo-aco", "parameters": {"n_ants": 100}}, ALIKE),
+            ("bo-aco", {"algorithm": "bo-aco", "parameters": {"n_threads": 2}}, ALIKE),
+            ({"algorithm": "bo-aco", "grid": {"n_ants": [5, 100]}}, "bo-aco", ALIKE),
+        ],
+    )
+    def test_runs_that_would_be_the_same(self, one, other, why):
+        [line] = lines(changed(algorithms={"a": one, "b": other}))
+        first = "a" if isinstance(one, str) else "a (n_ants=100)"
+        assert line == f"algorithms.b: 'b' is the same as {first!r}{why}."
+
+    def test_missions_that_differ_in_what_no_run_heeds(self):
+        budget = {"evaluations": 100}
+        other = {"mission": "toy", "budget": {**budget, "seconds": 3}}
+        load_study(changed(missions={"a": "toy", "b": other}))
+        other["budget"] = {**budget, "grace_seconds": 3}
+        [line] = lines(changed(missions={"a": "toy", "b": other}))
+        assert line == "missions.b: 'b' is the same as 'a'."
+
+    def test_threads_may_be_compared_at_equal_seconds(self):
+        grid = {"algorithm": "bo-aco", "grid": {"n_threads": [1, 2]}}
+        study = load_study(changed(budget={"seconds": 1}, algorithms={"a": grid}))
+        assert len({run.digest for run in study.runs()}) == len(study.runs()) == 4
 
     @pytest.mark.parametrize("text", ["", "- a\n", "3\n", "just text\n"])
     def test_what_is_no_mapping(self, tmp_path, text):

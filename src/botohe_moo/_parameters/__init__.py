@@ -2,6 +2,7 @@
 
 from botohe_moo._parameters.checks import Fault, call_factory, check_values, raised_fault
 from botohe_moo._parameters.docstrings import docstring_of
+from botohe_moo._parameters.results import SameResult, plain_value
 from botohe_moo._parameters.stated import Accepted, Parameter, accepted_parameters
 from botohe_moo._parameters.types import wrong_value
 
@@ -9,10 +10,12 @@ __all__ = [
     "Accepted",
     "Fault",
     "Parameter",
+    "SameResult",
     "accepted_parameters",
     "call_factory",
     "check_values",
     "docstring_of",
+    "plain_value",
     "raised_fault",
     "wrong_value",
 ]

@@ -18,6 +18,7 @@ from pydantic import BaseModel, BeforeValidator, PlainValidator, TypeAdapter, Wr
 from pydantic.fields import FieldInfo
 
 from botohe_moo._parameters.docstrings import described_parameters
+from botohe_moo._parameters.results import changes_nothing
 from botohe_moo._parameters.types import is_plain, range_text, type_text
 
 __all__ = ["Accepted", "Factory", "Parameter", "accepted_parameters"]
@@ -48,6 +49,9 @@ class Parameter:
         Whether numbers, flags or texts can be its value, as far as the type tells.
     hint
         The type itself; ``Any`` where there is none, or its name leads nowhere.
+    own
+        Whether the factory states it itself, so that its default holds. A class's method that
+        takes any keywords may give its class another.
     """
 
     name: str
@@ -57,6 +61,12 @@ class Parameter:
     range: str = ""
     plain: bool = True
     hint: Any = Any
+    own: bool = True
+
+    @property
+    def same_result(self) -> bool:
+        """Whether its type says that no result depends on it: :class:`SameResult`."""
+        return changes_nothing(self.hint)
 
     @property
     def required(self) -> bool:
@@ -127,7 +137,7 @@ def accepted_parameters(
         for parameter in _from_model(model, owner) if model else _from_signature(owner):
             if parameter.name in hidden:
                 continue
-            known = stated.get(parameter.name, parameter)
+            known = stated.get(parameter.name) or replace(parameter, own=False)
             # A factory often only refers to its class, which tells the meaning and the range.
             description = parameter.description or known.description
             plain = known.plain if model is None else is_plain(known.hint)  # nothing converts it

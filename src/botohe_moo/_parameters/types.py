@@ -18,9 +18,11 @@ from pydantic import ConfigDict, PydanticUserError, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
 __all__ = [
+    "UNIONS",
     "bounds_text",
     "fault_messages",
     "is_plain",
+    "plain_number",
     "range_text",
     "type_text",
     "value_faults",
@@ -29,7 +31,7 @@ __all__ = [
 
 Error: TypeAlias = Mapping[str, Any]
 
-_UNIONS = (Union, types.UnionType)
+UNIONS = (Union, types.UnionType)
 # What lists and mappings of a text file can stand for.
 _LISTS = (list, Sequence, Iterable, collections.abc.Collection)
 _MAPPINGS = (dict, Mapping, collections.abc.MutableMapping)
@@ -75,7 +77,7 @@ def value_faults(name: str, value: Any, hint: Any) -> list[str]:
     """
     if hint is Any:
         return []
-    value = _plain_number(value)
+    value = plain_number(value)
     try:
         adapter = _adapter(hint)
     except Exception:  # whatever another package's type does when it is looked at
@@ -167,8 +169,14 @@ def wrong_value(name: str, *errors: Error, bounds: str = "") -> str:
     return f"Expected {name} {expected}, {got}"
 
 
-def _plain_number(value: Any) -> Any:
-    """Give numpy's numbers, and other kinds of numbers, as Python's; all else as it is."""
+def plain_number(value: Any) -> Any:
+    """Give numpy's numbers, and other kinds of numbers, as Python's; all else as it is.
+
+    Parameters
+    ----------
+    value
+        Anything.
+    """
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, Integral):
@@ -183,7 +191,7 @@ def _plain_number(value: Any) -> Any:
 
 def range_text(hint: Any) -> str:
     """Give the range that an ``Annotated`` type states: ``in (0, 1)``, ``>= 1``; may be empty."""
-    if get_origin(hint) in _UNIONS:
+    if get_origin(hint) in UNIONS:
         return " or ".join(filter(None, map(range_text, get_args(hint))))
     if get_origin(hint) is not Annotated:
         return ""
@@ -233,7 +241,7 @@ def type_text(hint: Any) -> str:
     origin, args = get_origin(hint), get_args(hint)
     if origin is Annotated:
         return type_text(args[0])
-    if origin in _UNIONS:
+    if origin in UNIONS:
         return " | ".join(map(type_text, args))
     if origin is Literal:
         return f"Literal[{', '.join(map(repr, args))}]"
@@ -254,7 +262,7 @@ def is_plain(hint: Any) -> bool:
     origin, args = get_origin(hint), get_args(hint)
     if origin is Annotated:
         return is_plain(args[0])
-    if origin in _UNIONS:
+    if origin in UNIONS:
         return any(map(is_plain, args))
     if origin in _LISTS or origin in _MAPPINGS:
         return all(map(is_plain, args))

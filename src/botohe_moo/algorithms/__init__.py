@@ -1,5 +1,6 @@
 """Algorithms for BOTOHE problems, and the registry that makes them by name."""
 
+from botohe_moo._parameters import SameResult
 from botohe_moo.algorithms.bo_aco import BOACO
 from botohe_moo.algorithms.exact import Exact
 from botohe_moo.algorithms.greedy import Greedy
@@ -24,6 +25,7 @@ __all__ = [
     "PlanSPEA2",
     "PopulationAlgorithm",
     "RandomTrails",
+    "SameResult",
     "SimulatedAnnealing",
     "algorithm_names",
     "make_algorithm",

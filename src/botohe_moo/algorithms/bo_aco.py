@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any, Literal, Self, get_args
+from typing import Annotated, Any, Literal, Self, get_args
 
 import numpy as np
 import pandas as pd
 
 from botohe_moo._checks import check_flag, check_integer, check_number
+from botohe_moo._parameters import SameResult
 from botohe_moo._types import FloatArray, IntArray, ObjectArray, OffsetArray
 from botohe_moo.algorithms.base import ArchiveAlgorithm
 from botohe_moo.archive import PlanArchive
@@ -153,7 +154,7 @@ class BOACO(ArchiveAlgorithm):
         exploration: float = 0.0,
         pooled_deposit: bool = True,
         max_ties: int = 1_000,
-        n_threads: int = 1,
+        n_threads: Annotated[int, SameResult()] = 1,
         sampling: Iterable[TrailPlan] | ObjectArray | None = None,
         **options: Any,
     ) -> None:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Annotated, Any
 
+from botohe_moo._parameters import SameResult
 from botohe_moo._types import ObjectArray
 from botohe_moo.algorithms.bo_aco import BOACO
 from botohe_moo.trails import TrailPlan
@@ -38,7 +39,7 @@ class RandomTrails(BOACO):
         self,
         *,
         n_ants: int = 100,
-        n_threads: int = 1,
+        n_threads: Annotated[int, SameResult()] = 1,
         sampling: Iterable[TrailPlan] | ObjectArray | None = None,
         **options: Any,
     ) -> None:

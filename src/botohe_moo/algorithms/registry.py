@@ -2,13 +2,7 @@
 
 from __future__ import annotations
 
-import functools
-import hashlib
-import inspect
-import sys
 from collections.abc import Callable, Mapping
-from importlib import metadata
-from pathlib import Path
 from typing import Any
 
 from pymoo.core.algorithm import Algorithm
@@ -17,14 +11,13 @@ from botohe_moo._parameters import (
     Accepted,
     Fault,
     Parameter,
-    accepted_parameters,
     call_factory,
     check_values,
     docstring_of,
     raised_fault,
 )
-from botohe_moo._plugins import PluginError, PluginGroup
-from botohe_moo.algorithms.wired import wired_class
+from botohe_moo.algorithms.finding import PLUGINS, accepted_by, find_algorithm, source_of
+from botohe_moo.algorithms.origin import algorithm_origin
 
 __all__ = [
     "AlgorithmParameter",
@@ -37,12 +30,6 @@ __all__ = [
 ]
 
 AlgorithmParameter = Parameter
-
-_PLUGINS = PluginGroup("botohe_moo.algorithms", "algorithm")
-# Who runs an algorithm decides on these, through ``minimize``.
-_PYMOOS_OWN = frozenset(inspect.signature(Algorithm).parameters)
-# Their versions say what they are; of all else, the file does.
-_VERSIONED = frozenset({"botohe_moo", "pymoo"})
 
 
 def make_algorithm(name: str, /, **parameters: Any) -> Algorithm:
@@ -87,8 +74,8 @@ def make_algorithm(name: str, /, **parameters: Any) -> Algorithm:
     >>> make_algorithm("pymoo.algorithms.moo.age:AGEMOEA", pop_size=60).pop_size
     60
     """
-    factory = _load(name)
-    return _made(name, factory, _accepted(factory), parameters)
+    factory = find_algorithm(name)
+    return _made(name, factory, accepted_by(factory), parameters)
 
 
 def check_algorithm(
@@ -123,16 +110,16 @@ def check_algorithm(
     if not isinstance(given, Mapping):
         return [(None, f"Expected parameters to be a mapping from names to values, got {given!r}.")]
     try:
-        factory = _load(name)
+        factory = find_algorithm(name)
     except ValueError as error:
-        return [(None, str(error).removeprefix(f"{_source(name)}: "))]
-    accepted = _accepted(factory)
+        return [(None, str(error).removeprefix(f"{source_of(name)}: "))]
+    accepted = accepted_by(factory)
     if faults := check_values(accepted, given, plain=plain):
         return faults
     try:
         _made(name, factory, accepted, given)
     except (Exception, SystemExit) as error:  # whatever another package's code may raise
-        return [raised_fault(error, given, source=_source(name))]
+        return [raised_fault(error, given, source=source_of(name))]
     return []
 
 
@@ -142,7 +129,7 @@ def algorithm_names() -> tuple[str, ...]:
     What cannot be imported, or has the name of another package's algorithm, is left out with a
     warning that names it.
     """
-    return _PLUGINS.names()
+    return PLUGINS.names()
 
 
 def algorithm_parameters(name: str) -> tuple[AlgorithmParameter, ...]:
@@ -155,7 +142,7 @@ def algorithm_parameters(name: str) -> tuple[AlgorithmParameter, ...]:
     ValueError
         If there is no such algorithm, or it cannot be imported.
     """
-    return _accepted(_load(name)).parameters
+    return accepted_by(find_algorithm(name)).parameters
 
 
 def describe_algorithm(name: str) -> str:
@@ -166,106 +153,14 @@ def describe_algorithm(name: str) -> str:
     ValueError
         If there is no such algorithm, or it cannot be imported.
     """
-    summary = docstring_of(_load(name)).partition("\n\n")[0]
+    summary = docstring_of(find_algorithm(name)).partition("\n\n")[0]
     return " ".join(summary.split())
-
-
-def _source(name: str) -> str:
-    """Say in a message whom it is about."""
-    return f"Algorithm {name!r}"
-
-
-def _is_path(name: str) -> bool:
-    return ":" in name or "." in name
-
-
-def _load(name: str) -> Callable[..., Any]:
-    if not isinstance(name, str):
-        raise ValueError(f"Expected the name of an algorithm, got {name!r}.")
-    if _is_path(name):
-        return wired_class(name)
-    try:
-        return _PLUGINS.load(name)
-    except PluginError as error:
-        raise ValueError(f"{_source(name)}: {error}.") from error
-
-
-def _accepted(factory: Callable[..., Any]) -> Accepted:
-    return accepted_parameters(factory, hidden=_PYMOOS_OWN, closed=True)
 
 
 def _made(
     name: str, factory: Callable[..., Any], accepted: Accepted, parameters: Mapping[str, Any]
 ) -> Algorithm:
-    algorithm = call_factory(_source(name), factory, accepted, parameters)
+    algorithm = call_factory(source_of(name), factory, accepted, parameters)
     if not isinstance(algorithm, Algorithm):
-        raise ValueError(f"{_source(name)}: expected a pymoo Algorithm, got {algorithm!r}.")
+        raise ValueError(f"{source_of(name)}: expected a pymoo Algorithm, got {algorithm!r}.")
     return algorithm
-
-
-def algorithm_origin(name: str) -> dict[str, str | None]:
-    """Say where an algorithm's code is from, to tell results of other code apart.
-
-    Parameters
-    ----------
-    name
-        One of :func:`algorithm_names`, or ``module:Class``.
-
-    Returns
-    -------
-    dict
-        ``package`` and ``version`` of the distribution that registers it, or of the one that owns
-        its module; None where there is none. ``source`` is the SHA-256 of its module's file, and
-        None for modules of this package and pymoo's, which their versions tell. Other modules that
-        it imports are not looked at.
-
-    Raises
-    ------
-    ValueError
-        If there is no such algorithm, or it cannot be imported.
-    """
-    factory = _load(name)
-    if _is_path(name):
-        module = _module_of(name)
-        owner = _distribution_of(module.partition(".")[0])
-    else:
-        entry = _PLUGINS.entry(name)
-        module, owner = entry.module, entry.dist
-    return {
-        "package": owner.name if owner else None,
-        "version": owner.version if owner else None,
-        "source": _source_digest(module, factory),
-    }
-
-
-def _module_of(path: str) -> str:
-    """Give the module's part of ``module:Class`` or ``module.Class``, which is imported already."""
-    module, colon, _ = path.partition(":")
-    while not colon and "." in module and module not in sys.modules:
-        module = module.rpartition(".")[0]
-    return module
-
-
-@functools.cache
-def _distribution_of(package: str) -> metadata.Distribution | None:
-    """Find who has installed a top-level package; one that only lies on the path has nobody."""
-    # What is installed for editing lists none of its modules, but often has its package's name.
-    for owner in (*metadata.packages_distributions().get(package, ()), package):
-        try:
-            return metadata.distribution(owner)
-        except metadata.PackageNotFoundError:
-            pass
-    return None
-
-
-def _source_digest(module: str, factory: Any) -> str | None:
-    """Digest the file that names a factory, and the one that defines it."""
-    while isinstance(factory, functools.partial):
-        factory = factory.func
-    digest = None
-    for name in dict.fromkeys([module, getattr(factory, "__module__", None) or module]):
-        file = getattr(sys.modules.get(name), "__file__", None)
-        if name.partition(".")[0] not in _VERSIONED and file and Path(file).is_file():
-            digest = digest or hashlib.sha256()
-            digest.update(Path(file).read_bytes())
-    return digest.hexdigest() if digest else None

@@ -14,7 +14,8 @@ import numpy as np
 from pydantic import ValidationError
 
 from botohe_moo._checks import nearest_first
-from botohe_moo.algorithms.registry import algorithm_origin, check_algorithm
+from botohe_moo.algorithms.origin import algorithm_identity, algorithm_origin
+from botohe_moo.algorithms.registry import check_algorithm
 from botohe_moo.mission.files import SUFFIXES
 from botohe_moo.mission.library import check_mission, load_mission, mission_origin
 from botohe_moo.mission.model import Mission
@@ -57,7 +58,6 @@ class CheckedContent:
     def __init__(self, content: Any, folder: Path, packages: Mapping[str, str]) -> None:
         self.faults: list[tuple[_Path, str]] = list(file_faults(content))
         self._folder = folder
-        self._entry_of: dict[tuple[str, str], str] = {}
         self._file: StudyFile | None = None
         if not self.faults:
             self._file = StudyFile.model_validate(content)
@@ -99,9 +99,8 @@ class CheckedContent:
                 for key in ("parameters", "grid"):
                     if name in getattr(entry, key):
                         self._fault((*path, key, name), f"{name} stands in the mission's own keys.")
-            for full, parameters in self._expanded(label, entry, path):
+            for full, parameters, grid in self._expanded(label, entry, path):
                 source = self._mission_source(entry, parameters)
-                self._entry_of["missions", full] = label
                 if mission := self._load(source, path):
                     yield StudyMission(
                         label=full,
@@ -111,6 +110,8 @@ class CheckedContent:
                         min_survival=entry.min_survival,
                         budget=budget or Budget(evaluations=1),
                         digest=mission_digest(mission),
+                        family=label,
+                        grid=grid,
                     )
 
     def _mission_source(self, entry: MissionEntry, parameters: dict[str, Any]) -> dict[str, Any]:
@@ -151,20 +152,26 @@ class CheckedContent:
     def _read_algorithms(self, entries: Mapping[str, AlgorithmEntry]) -> Iterator[StudyAlgorithm]:
         for label, entry in entries.items():
             path: _Path = ("algorithms", label)
-            for full, parameters in self._expanded(label, entry, path):
-                self._entry_of["algorithms", full] = label
+            for full, parameters, grid in self._expanded(label, entry, path):
                 found = check_algorithm(entry.algorithm, parameters, plain=True)
                 for name, message in found:
                     said = message if name else self._said_of(entry.algorithm, message)
                     self._fault((*path, *_place(name, entry)), said)
                 if not found:
-                    origin = algorithm_origin(entry.algorithm)
-                    yield StudyAlgorithm(full, entry.algorithm, parameters, origin)
+                    yield StudyAlgorithm(
+                        label=full,
+                        algorithm=entry.algorithm,
+                        parameters=parameters,
+                        origin=algorithm_origin(entry.algorithm),
+                        identity=algorithm_identity(entry.algorithm, parameters),
+                        family=label,
+                        grid=grid,
+                    )
 
     def _expanded(
         self, label: str, entry: MissionEntry | AlgorithmEntry, path: _Path
-    ) -> Iterator[tuple[str, dict[str, Any]]]:
-        """Give label and parameters of every combination of a grid."""
+    ) -> Iterator[tuple[str, dict[str, Any], dict[str, Any]]]:
+        """Give label and parameters of every combination of a grid, and the combination."""
         for name in entry.grid.keys() & entry.parameters.keys():
             self._fault((*path, "grid", name), f"{name} stands in parameters, too.")
         for name, values in entry.grid.items():
@@ -178,18 +185,20 @@ class CheckedContent:
         for combination in itertools.product(*entry.grid.values()):
             chosen = dict(zip(entry.grid, combination, strict=True))
             named = ", ".join(f"{name}={_brief(value)}" for name, value in chosen.items())
-            yield f"{label} ({named})" if named else label, {**entry.parameters, **chosen}
+            full = f"{label} ({named})" if named else label
+            yield full, {**entry.parameters, **chosen}, chosen
 
     def _check_different(self) -> None:
         """Refuse what stands in a study under two labels: its runs would be the same."""
-        seen: dict[str, str] = {}
+        alike: dict[str, StudyMission | StudyAlgorithm] = {}
         for mission in self._missions:
-            key = canonical([mission.digest, mission.min_survival, mission.budget.model_dump()])
-            self._note("missions", mission.label, key, seen)
-        seen = {}
+            self._note("missions", mission, canonical(mission.decides()), alike)
+        # Where one mission's runs are not limited by seconds, threads change nothing there.
+        budgets = [mission.budget for mission in self._missions]
+        budget = next((b for b in budgets if b.seconds is None), Budget(seconds=1))
+        alike = {}
         for algorithm in self._algorithms:
-            key = canonical([algorithm.algorithm, dict(algorithm.parameters)])
-            self._note("algorithms", algorithm.label, key, seen)
+            self._note("algorithms", algorithm, canonical(algorithm.decides(budget)), alike)
         for labels in (
             [mission.label for mission in self._missions],
             [algorithm.label for algorithm in self._algorithms],
@@ -197,11 +206,25 @@ class CheckedContent:
             for label in sorted({label for label in labels if labels.count(label) > 1}):
                 self._fault((), f"two entries have the label {label!r}.")
 
-    def _note(self, kind: str, label: str, key: str, seen: dict[str, str]) -> None:
-        if key in seen and seen[key] != label:
-            said = f"{label!r} is the same as {seen[key]!r}."
-            self._fault((kind, self._entry_of[kind, label]), said)
-        seen.setdefault(key, label)
+    def _note(
+        self,
+        kind: str,
+        member: StudyMission | StudyAlgorithm,
+        key: str,
+        alike: dict[str, StudyMission | StudyAlgorithm],
+    ) -> None:
+        other = alike.setdefault(key, member)
+        if other.label == member.label:
+            return
+        said = f"{member.label!r} is the same as {other.label!r}"
+        written = [
+            (algorithm.algorithm, algorithm.parameters)
+            for algorithm in (member, other)
+            if isinstance(algorithm, StudyAlgorithm)
+        ]
+        if written and written[0] != written[1]:
+            said += ": defaults, spellings and numbers of threads make no other run"
+        self._fault((kind, member.family), f"{said}.")
 
     def _check_control(self, content: Mapping[str, Any]) -> None:
         comparison = content.get("comparison")

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from botohe_moo.algorithms.origin import AlgorithmIdentity
 from botohe_moo.mission.model import Mission
 from botohe_moo.study.config import Budget, Recording, StudyFile
 
@@ -41,6 +42,10 @@ class StudyMission:
         What each run on it may spend.
     digest
         Digest of all that a result can depend on: labels, arcs, survivals, rewards, base, robots.
+    family
+        Label of the entry in the file that it is from.
+    grid
+        Its values of the entry's grid; empty without one.
     """
 
     label: str
@@ -50,6 +55,16 @@ class StudyMission:
     min_survival: float
     budget: Budget
     digest: str
+    family: str
+    grid: Mapping[str, Any]
+
+    def decides(self) -> dict[str, Any]:
+        """Say what results depend on, whatever the mission is called."""
+        return {
+            "mission": self.digest,
+            "min_survival": float(self.min_survival),
+            "budget": _spent(self.budget),
+        }
 
 
 @dataclass(frozen=True)
@@ -61,17 +76,45 @@ class StudyAlgorithm:
     label
         What the study calls it.
     algorithm
-        Name by which it is registered, or ``module:Class``.
+        Name by which it is registered, or ``module:Class``, as in the file.
     parameters
-        Its parameters.
+        Its parameters, as in the file.
     origin
         Package, version and source it is from.
+    identity
+        What of all this results depend on.
+    family
+        Label of the entry in the file that it is from.
+    grid
+        Its values of the entry's grid; empty without one.
     """
 
     label: str
     algorithm: str
     parameters: Mapping[str, Any]
     origin: Mapping[str, str | None]
+    identity: AlgorithmIdentity
+    family: str
+    grid: Mapping[str, Any]
+
+    def decides(self, budget: Budget) -> dict[str, Any]:
+        """Say what results depend on, however the algorithm is written and called.
+
+        Parameters
+        ----------
+        budget
+            What a run may spend: more threads get further where seconds limit it.
+        """
+        neutral = self.identity.neutral if budget.seconds is None else frozenset()
+        return {
+            "algorithm": self.identity.name,
+            "parameters": {
+                name: value
+                for name, value in self.identity.parameters.items()
+                if name not in neutral
+            },
+            "origin": dict(self.origin),
+        }
 
 
 @dataclass(frozen=True)
@@ -152,6 +195,8 @@ class Study:
                     "min_survival": mission.min_survival,
                     "budget": mission.budget.model_dump(exclude={"grace_seconds"}),
                     "digest": mission.digest,
+                    "family": mission.family,
+                    "grid": dict(mission.grid),
                 }
                 for mission in self.missions
             },
@@ -160,6 +205,10 @@ class Study:
                     "algorithm": algorithm.algorithm,
                     "parameters": dict(algorithm.parameters),
                     **{key: algorithm.origin[key] for key in ("package", "version")},
+                    "name": algorithm.identity.name,
+                    "effective": dict(algorithm.identity.effective),
+                    "family": algorithm.family,
+                    "grid": dict(algorithm.grid),
                 }
                 for algorithm in self.algorithms
             },
@@ -179,12 +228,8 @@ def _run(
     versions: Mapping[str, str],
 ) -> Run:
     identity = {
-        "mission": mission.digest,
-        "min_survival": float(mission.min_survival),
-        "algorithm": algorithm.algorithm,
-        "parameters": dict(algorithm.parameters),
-        "origin": dict(algorithm.origin),
-        "budget": _spent(mission.budget),
+        **mission.decides(),
+        **algorithm.decides(mission.budget),
         "recording": _recorded(recording, mission.budget),
         "seed": seed,
         **versions,

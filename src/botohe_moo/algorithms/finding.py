@@ -1,0 +1,52 @@
+"""Finding what makes an algorithm: by a registered name, or by ``module:Class``."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from typing import Any
+
+from pymoo.core.algorithm import Algorithm
+
+from botohe_moo._parameters import Accepted, accepted_parameters
+from botohe_moo._plugins import PluginError, PluginGroup
+from botohe_moo.algorithms.wired import wired_class
+
+__all__ = ["PLUGINS", "accepted_by", "find_algorithm", "is_path", "source_of"]
+
+PLUGINS = PluginGroup("botohe_moo.algorithms", "algorithm")
+# Who runs an algorithm decides on these, through ``minimize``.
+_PYMOOS_OWN = frozenset(inspect.signature(Algorithm).parameters)
+
+
+def source_of(name: str) -> str:
+    """Say in a message whom it is about."""
+    return f"Algorithm {name!r}"
+
+
+def is_path(name: str) -> bool:
+    """Tell ``module:Class`` from a registered name."""
+    return ":" in name or "." in name
+
+
+def find_algorithm(name: str) -> Callable[..., Any]:
+    """Import what makes an algorithm.
+
+    Raises
+    ------
+    ValueError
+        If there is no such algorithm, or it cannot be imported.
+    """
+    if not isinstance(name, str):
+        raise ValueError(f"Expected the name of an algorithm, got {name!r}.")
+    if is_path(name):
+        return wired_class(name)
+    try:
+        return PLUGINS.load(name)
+    except PluginError as error:
+        raise ValueError(f"{source_of(name)}: {error}.") from error
+
+
+def accepted_by(factory: Callable[..., Any]) -> Accepted:
+    """Find out what a factory can be given: what it states, but for pymoo's own options."""
+    return accepted_parameters(factory, hidden=_PYMOOS_OWN, closed=True)

@@ -1,0 +1,213 @@
+"""What tells results of one algorithm from those of another: its name, parameters and code."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import hashlib
+import pkgutil
+import re
+import sys
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from types import MethodType
+from typing import Any
+
+from botohe_moo._parameters import call_factory, plain_value
+from botohe_moo._plugins import PluginError
+from botohe_moo.algorithms.finding import PLUGINS, accepted_by, find_algorithm, is_path, source_of
+
+__all__ = ["AlgorithmIdentity", "algorithm_identity", "algorithm_origin"]
+
+# Their versions say what they are; of all else, the file does.
+_VERSIONED = frozenset({"botohe_moo", "pymoo"})
+
+
+@dataclass(frozen=True)
+class AlgorithmIdentity:
+    """What results of an algorithm with parameters depend on, however it was written.
+
+    Attributes
+    ----------
+    name
+        The name by which it is registered; ``module:Class`` of what nobody has registered.
+    parameters
+        Those that differ from their defaults.
+    neutral
+        Names of those among them that change no result: :class:`SameResult`.
+    effective
+        All parameters that numbers, flags and texts can tell, defaults among them, as far as they
+        are known.
+    """
+
+    name: str
+    parameters: Mapping[str, Any]
+    neutral: frozenset[str]
+    effective: Mapping[str, Any]
+
+
+def algorithm_identity(name: str, parameters: Mapping[str, Any]) -> AlgorithmIdentity:
+    """Say what results of an algorithm depend on.
+
+    Parameters
+    ----------
+    name
+        One of :func:`algorithm_names`, or ``module:Class``.
+    parameters
+        Its parameters, which :func:`check_algorithm` has found to be right.
+
+    Raises
+    ------
+    ValueError
+        If there is no such algorithm, or it cannot be imported.
+
+    Examples
+    --------
+    >>> spelt = algorithm_identity("botohe_moo:BOACO", {"n_ants": 100, "evaporation": 0.5})
+    >>> spelt.name, spelt.parameters
+    ('bo-aco', {'evaporation': 0.5})
+    """
+    factory = find_algorithm(name)
+    accepted = accepted_by(factory)
+    stated = accepted.parameters
+    # Of a method that takes any keywords only itself knows which defaults its class has then.
+    defaults = {p.name: plain_value(p.default) for p in stated if p.own and not p.required}
+    inherited = [p.name for p in stated if not p.own and p.name not in parameters]
+    made = call_factory(source_of(name), factory, accepted, parameters) if inherited else None
+    seen = {
+        key: plain_value(getattr(made, "__dict__", {}).get(key, NotImplemented))
+        for key in inherited
+    }
+    effective = {**defaults, **seen, **{key: plain_value(v) for key, v in parameters.items()}}
+    return AlgorithmIdentity(
+        name=_one_name(name),
+        parameters={
+            key: value
+            for key, value in parameters.items()
+            if key not in defaults or not _same(plain_value(value), defaults[key])
+        },
+        neutral=frozenset(p.name for p in stated if p.same_result),
+        effective={
+            p.name: effective[p.name]
+            for p in stated
+            if effective.get(p.name, NotImplemented) is not NotImplemented
+        },
+    )
+
+
+def _same(value: Any, default: Any) -> bool:
+    """Compare plain values: 1 is 1.0, but no flag is a number."""
+    if isinstance(value, list) and isinstance(default, list):
+        return len(value) == len(default) and all(map(_same, value, default))
+    if isinstance(value, dict) and isinstance(default, dict):
+        return value.keys() == default.keys() and all(_same(value[k], default[k]) for k in value)
+    if default is NotImplemented or isinstance(value, bool) != isinstance(default, bool):
+        return False
+    return bool(value == default)
+
+
+def _one_name(name: str) -> str:
+    """Give the same name for all spellings of one algorithm: of what its own package calls it.
+
+    What another module only passes on keeps that module's name: it may do more.
+    """
+    if not is_path(name):
+        return name
+    found = pkgutil.resolve_name(name)
+    module = _module_of(name)
+    package = module.partition(".")[0]
+    for registered, entries in sorted(PLUGINS.claims().items()):
+        if all(re.split(r"[.:]", entry.value)[0].strip() != package for entry in entries):
+            continue
+        # One that is broken is not the one that was found.
+        with contextlib.suppress(PluginError), warnings.catch_warnings(action="ignore"):
+            if _is_one(PLUGINS.load(registered), found):
+                return registered
+    written = name if ":" in name else f"{module}:{name.removeprefix(f'{module}.')}"
+    owner = getattr(found, "__self__", None)
+    home = owner if isinstance(owner, type) else found
+    if str(getattr(home, "__module__", "")).partition(".")[0] != package:
+        return written
+    within = getattr(home, "__qualname__", "") + (f".{found.__name__}" if home is owner else "")
+    try:
+        defined = f"{home.__module__}:{within}"
+        return defined if _is_one(pkgutil.resolve_name(defined), found) else written
+    except (ImportError, AttributeError, ValueError):
+        return written
+
+
+def _is_one(one: Any, other: Any) -> bool:
+    """Tell whether two names lead to one thing; a class's method is made anew at each look."""
+    return one is other or (isinstance(one, MethodType) and one == other)
+
+
+def algorithm_origin(name: str) -> dict[str, str | None]:
+    """Say where an algorithm's code is from, to tell results of other code apart.
+
+    Parameters
+    ----------
+    name
+        One of :func:`algorithm_names`, or ``module:Class``.
+
+    Returns
+    -------
+    dict
+        ``package`` and ``version`` of the distribution that registers it, or of the one that owns
+        its module; None where there is none. ``source`` is the SHA-256 of its module's file, and
+        None for modules of this package and pymoo's, which their versions tell. Other modules that
+        it imports are not looked at.
+
+    Raises
+    ------
+    ValueError
+        If there is no such algorithm, or it cannot be imported.
+    """
+    factory = find_algorithm(name)
+    name = _one_name(name)
+    if is_path(name):
+        module = _module_of(name)
+        owner = _distribution_of(module.partition(".")[0])
+    else:
+        entry = PLUGINS.entry(name)
+        module, owner = entry.module, entry.dist
+    return {
+        "package": owner.name if owner else None,
+        "version": owner.version if owner else None,
+        "source": _source_digest(module, factory),
+    }
+
+
+def _module_of(path: str) -> str:
+    """Give the module's part of ``module:Class`` or ``module.Class``, which is imported already."""
+    module, colon, _ = path.partition(":")
+    while not colon and "." in module and module not in sys.modules:
+        module = module.rpartition(".")[0]
+    return module
+
+
+@functools.cache
+def _distribution_of(package: str) -> metadata.Distribution | None:
+    """Find who has installed a top-level package; one that only lies on the path has nobody."""
+    # What is installed for editing lists none of its modules, but often has its package's name.
+    for owner in (*metadata.packages_distributions().get(package, ()), package):
+        try:
+            return metadata.distribution(owner)
+        except metadata.PackageNotFoundError:
+            pass
+    return None
+
+
+def _source_digest(module: str, factory: Any) -> str | None:
+    """Digest the file that names a factory, and the one that defines it."""
+    while isinstance(factory, functools.partial):
+        factory = factory.func
+    digest = None
+    for name in dict.fromkeys([module, getattr(factory, "__module__", None) or module]):
+        file = getattr(sys.modules.get(name), "__file__", None)
+        if name.partition(".")[0] not in _VERSIONED and file and Path(file).is_file():
+            digest = digest or hashlib.sha256()
+            digest.update(Path(file).read_bytes())
+    return digest.hexdigest() if digest else None
