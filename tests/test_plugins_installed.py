@@ -383,7 +383,7 @@ class TestStudies:
         assert runs["status"].tolist() == ["done", "done"]
         # 100 is no multiple of 7: who knows only pymoo's own budgets would spend 105.
         assert runs["evaluations"].tolist() == [100, 100]
-        assert len(tables.missions["lagoon"].nodes) == 6
+        assert len(tables.mission("lagoon").nodes) == 6
         entry = tables.manifest["algorithms"]["divers"]
         assert (entry["package"], entry["version"]) == ("botohe-divers", "1.2")
 

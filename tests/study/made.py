@@ -11,8 +11,10 @@ import pandas as pd
 
 from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.files import save_mission
+from botohe_moo.study.entries import algorithm_table, mission_table
 from botohe_moo.study.grid import mission_digest
 from botohe_moo.study.tables import SCHEMAS, read_study, write_tables
+from botohe_moo.study.traces import reach_targets
 
 ENVIRONMENT = {
     "environment": "e1",
@@ -91,9 +93,12 @@ def study_tables(missions, algorithms, records, *, control=None):
                 "seconds": seconds,
                 "area": area_indicator(front, missions[r.mission]),
                 "front_size": len(front),
+                "ties": 0,
+                "igd_plus": 0.3 / (i + 1),
+                "epsilon": 0.5 / (i + 1),
             }
             for r in records
-            for evaluations, seconds, front in r.fronts
+            for i, (evaluations, seconds, front) in enumerate(r.fronts)
         ],
         "fronts": [
             {**r.key, "evaluations": evaluations, "reward": reward, "survivors": survivors}
@@ -118,7 +123,7 @@ def study_tables(missions, algorithms, records, *, control=None):
                 "survivors": point[1],
             }
             for label in missions
-            for point in _union([r.front for r in records if r.mission == label])
+            for point in _union([r.front for r in records if r.mission == label]) or [(0, 0)]
         ],
         "environments": [ENVIRONMENT],
     }
@@ -131,7 +136,16 @@ def study_tables(missions, algorithms, records, *, control=None):
         for row in _comparisons(label, runs[runs["mission"] == label], list(algorithms), control)
     ]
     frames["ranks"] = _ranks(summary, list(algorithms), len(missions))
-    return {name: _typed(name, rows) for name, rows in frames.items()}
+    frames["posthoc"] = []
+    tables = {name: _typed(name, rows) for name, rows in frames.items()}
+    tables["targets"] = reach_targets(
+        tables["runs"],
+        tables["trace"],
+        tables["references"],
+        missions=missions,
+        algorithms=list(algorithms),
+    )
+    return tables
 
 
 def make_study(folder, missions, algorithms, records, *, control=None, **manifest):
@@ -156,7 +170,7 @@ def make_study(folder, missions, algorithms, records, *, control=None, **manifes
         "version": "0.1.0",
         "missions": entries,
         "algorithms": {
-            label: {"package": "botohe-moo", "version": "0.1.0", **entry}
+            label: {"parameters": {}, "package": "botohe-moo", "version": "0.1.0", **entry}
             for label, entry in algorithms.items()
         },
         "seeds": sorted({r.seed for r in records}),
@@ -165,6 +179,8 @@ def make_study(folder, missions, algorithms, records, *, control=None, **manifes
         **manifest,
     }
     tables = study_tables(missions, algorithms, records, control=control)
+    tables["missions"] = mission_table(content, missions)
+    tables["algorithms"] = algorithm_table(content)
     write_tables(folder, tables, content)
     return read_study(folder)
 
@@ -182,6 +198,7 @@ def _run_row(record, area):
         **record.key,
         "status": record.status,
         "stopped_by": "error" if failed else "evaluations",
+        "began": "2026-11-22T04:30:12Z",
         "evaluations": last[0],
         "seconds": last[1],
         "recording_seconds": 0.0,
@@ -190,6 +207,7 @@ def _run_row(record, area):
         "min_survival": 0.0,
         "area": area,
         "front_size": len(record.front),
+        "ties": 0,
         "environment": "e1",
         "error": record.error,
         "traceback": "Traceback: made up" if failed else None,

@@ -21,6 +21,8 @@ def columns():
             kind = {"string": "text", "int64": "integer", "double": "number", "bool": "flag"}
             about = field.metadata[b"description"].decode()
             lines.append(f"| `{field.name}` | {kind[str(field.type)]} | {about} |")
+        for about in (schema.metadata or {}).values():
+            lines.append(f"| *further columns* | | {about.decode()} |")
     return "\n".join(lines).strip() + "\n"
 
 

@@ -17,7 +17,7 @@ from botohe_moo.study.store import Store
 from botohe_moo.study.tables import SCHEMAS, StudyError, to_arrow
 
 MADE = "tests.study.algorithms_made"
-TIMES = {"seconds", "recording_seconds", "seconds_median", "traceback"}
+TIMES = {"began", "seconds", "recording_seconds", "seconds_median", "traceback"}
 TABLES = tuple(SCHEMAS)
 
 
@@ -151,7 +151,7 @@ class TestWhatComesOfRuns:
         assert summary["plant", "random"] == 0
 
     def test_the_floor_is_kept(self, done):
-        mission = done.missions["plant"]
+        mission = done.mission("plant")
         for row in done.plans[done.plans["mission"] == "plant"].itertuples():
             survival = mission.robot_survival([done.plan(row.run, row.plan_id)])
             assert survival.min() >= FLOOR * (1 - 1e-12)
@@ -168,7 +168,7 @@ class TestTables:
 
     def test_every_row_can_be_evaluated_again(self, done):
         for (label, run), rows in done.plans.groupby(["mission", "run"]):
-            mission = done.missions[label]
+            mission = done.mission(label)
             plans = [done.plan(run, plan_id) for plan_id in rows["plan_id"]]
             found = mission.evaluate(plans)
             assert np.allclose(found, rows[["reward", "survivors"]], rtol=1e-9)
@@ -181,7 +181,7 @@ class TestTables:
         for column in ("evaluations", "area", "front_size"):
             assert (last[column] == runs.loc[last.index, column]).all()
         for (run, evaluations), points in done.fronts.groupby(["run", "evaluations"]):
-            mission = done.missions[points["mission"].iloc[0]]
+            mission = done.mission(points["mission"].iloc[0])
             row = done.trace[
                 (done.trace["run"] == run) & (done.trace["evaluations"] == evaluations)
             ]
@@ -533,7 +533,7 @@ class TestFolder:
         path.write_text("# mine\n" + json.dumps(study_of()))
         tables = run_study(path, tmp_path / "out")
         assert (tmp_path / "out" / "study.yaml").read_text() == path.read_text()
-        assert tables.missions["toy"] == load_mission("toy")
+        assert tables.mission("toy") == load_mission("toy")
         assert len(load_study(tmp_path / "out" / "study.yaml").runs()) == 4
 
 

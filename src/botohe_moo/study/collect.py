@@ -4,20 +4,25 @@ from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from botohe_moo.indicators import area_indicator
+from botohe_moo._types import FloatArray
+from botohe_moo.mission.model import Mission
+from botohe_moo.study.entries import algorithm_table, mission_table
 from botohe_moo.study.environment import environment
 from botohe_moo.study.grid import Run, Study
+from botohe_moo.study.posthoc import compare_ranks
 from botohe_moo.study.scores import reference_fronts, score_runs
 from botohe_moo.study.statistics import compare_algorithms, rank_algorithms, summarise
 from botohe_moo.study.store import DamagedError, Store, writing
 from botohe_moo.study.tables import SCHEMAS, write_tables
 from botohe_moo.study.task import Outcome
+from botohe_moo.study.traces import reach_targets, score_records
 
 __all__ = ["collect_tables"]
 
@@ -42,34 +47,17 @@ def collect_tables(study: Study, store: Store) -> dict[str, pd.DataFrame]:
     StudyError
         If the folder cannot be written to.
     """
-    pieces: dict[str, list[pd.DataFrame]] = {name: [] for name in ("trace", "fronts", "plans")}
-    rows: list[dict[str, Any]] = []
-    environments: dict[str, dict[str, Any]] = {}
-    finals: list[pd.DataFrame] = []
+    found = _Found()
     for run, outcome in _outcomes(study, store):
-        where = outcome.environment or environment()
-        environments[where["environment"]] = where
-        rows.append(_run_row(run, outcome, where["environment"]))
-        if outcome.records:
-            pieces["trace"].append(_trace(run, outcome))
-            pieces["fronts"].append(_fronts(run, outcome))
-            pieces["plans"].append(_plans(run, outcome))
-            last = outcome.records[-1].objectives
-            finals.append(_frame(run, {"reward": last[:, 0], "survivors": last[:, 1]}))
-    tables = {name: _joined(name, found) for name, found in pieces.items()}
-    tables["runs"] = _typed("runs", pd.DataFrame(rows, columns=SCHEMAS["runs"].names))
-    tables["environments"] = _typed(
-        "environments",
-        pd.DataFrame(
-            [environments[key] for key in sorted(environments)],
-            columns=SCHEMAS["environments"].names,
-        ),
-    )
-    points = pd.concat(finals) if finals else pd.DataFrame(columns=["run", "reward", "survivors"])
-    tables |= _judged(study, tables["runs"], points)
+        found.add(run, outcome)
+    missions = {mission.label: mission.mission for mission in study.missions}
+    manifest = study.manifest()
+    tables = _judged(study, found, missions)
+    tables["missions"] = mission_table(manifest, missions)
+    tables["algorithms"] = algorithm_table(manifest)
     ordered = {name: tables[name] for name in SCHEMAS}
     with writing(store.folder):
-        write_tables(store.folder, ordered, study.manifest())
+        write_tables(store.folder, ordered, manifest)
     return ordered
 
 
@@ -85,91 +73,170 @@ def _outcomes(study: Study, store: Store) -> Iterator[tuple[Run, Outcome]]:
             yield run, outcome
 
 
+@dataclass
+class _Found:
+    """What the files of runs hold, to be made tables of at once.
+
+    Attributes
+    ----------
+    runs
+        What is known of each run but its area.
+    fronts
+        The recorded fronts of each run, the last one final.
+    spent
+        Evaluations, seconds and ties at each record.
+    plans, trails
+        Objectives of each run's final plans, and the trails of all of them as JSON.
+    environments
+        Where runs ran, by digest.
+    """
+
+    runs: list[dict[str, Any]] = field(default_factory=list)
+    fronts: list[list[FloatArray]] = field(default_factory=list)
+    spent: list[tuple[int, float, int]] = field(default_factory=list)
+    plans: list[FloatArray] = field(default_factory=list)
+    trails: list[str] = field(default_factory=list)
+    environments: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+    def add(self, run: Run, outcome: Outcome) -> None:
+        """Take in how a run ended."""
+        where = outcome.environment or environment()
+        self.environments[where["environment"]] = where
+        records = outcome.records
+        self.runs.append(_run_row(run, outcome, where["environment"]))
+        self.fronts.append([record.objectives for record in records])
+        self.spent += [(record.evaluations, record.seconds, record.ties) for record in records]
+        batch, objectives = (records[-1].plans if records else None) or ((), np.empty((0, 2)))
+        labels = run.mission.mission.labels
+        self.plans.append(objectives)
+        self.trails += [json.dumps(labels(plan), ensure_ascii=False) for plan in batch]
+
+    @property
+    def final_fronts(self) -> list[FloatArray]:
+        """The last front of each run; one without points where there is none."""
+        return [fronts[-1] if fronts else np.empty((0, 2)) for fronts in self.fronts]
+
+
 def _run_row(run: Run, outcome: Outcome, where: str) -> dict[str, Any]:
     budget = run.mission.budget
     last = outcome.records[-1] if outcome.records else None
     return {
-        **_identity(run),
+        "run": run.digest,
+        "mission": run.mission.label,
+        "algorithm": run.algorithm.label,
+        "seed": run.seed,
         "status": outcome.status,
         "stopped_by": outcome.stopped_by,
+        "began": getattr(outcome, "began", None),
         "evaluations": outcome.evaluations,
         "seconds": outcome.seconds,
         "recording_seconds": outcome.recording_seconds,
         "budget_evaluations": budget.evaluations,
         "budget_seconds": budget.seconds,
         "min_survival": run.mission.min_survival,
-        "area": area_indicator(last.objectives, run.mission.mission) if last else 0.0,
         "front_size": last.front_size if last else 0,
+        "ties": last.ties if last else 0,
         "environment": where,
         "error": outcome.error,
         "traceback": outcome.traceback,
     }
 
 
-def _identity(run: Run) -> dict[str, Any]:
-    return {
-        "run": run.digest,
-        "mission": run.mission.label,
-        "algorithm": run.algorithm.label,
-        "seed": run.seed,
+def _judged(study: Study, found: _Found, missions: dict[str, Mission]) -> dict[str, pd.DataFrame]:
+    """Give what was found as tables, and what it is worth."""
+    comparison, indicators = study.file.comparison, study.file.indicators
+    level = comparison.significance
+    labels = [algorithm.label for algorithm in study.algorithms]
+    tables = _recorded(found)
+    runs = tables["runs"]
+    finals = _with_points(_repeated(runs, map(len, found.final_fronts)), found.final_fronts)
+    references = reference_fronts(runs, finals)
+    tables |= _scored(tables, found, references, missions, indicators)
+    runs = tables["runs"]
+    scores = score_runs(runs, finals, references, missions=missions, indicators=indicators)
+    ranks = rank_algorithms(
+        scores,
+        algorithms=labels,
+        significance=level,
+        digests={mission.label: mission.digest for mission in study.missions},
+    )
+    return tables | {
+        "references": references,
+        "indicators": scores,
+        "comparisons": compare_algorithms(
+            scores, runs=runs, algorithms=labels, control=comparison.control, significance=level
+        ),
+        "ranks": ranks,
+        "posthoc": compare_ranks(ranks, significance=level),
+        "summary": summarise(
+            runs, scores, missions=list(missions), algorithms=labels, significance=level
+        ),
+        "targets": reach_targets(
+            runs, tables["trace"], references, missions=missions, algorithms=labels
+        ),
     }
 
 
-def _frame(run: Run, columns: dict[str, Any]) -> pd.DataFrame:
-    frame = pd.DataFrame(columns)
-    for position, (name, value) in enumerate(_identity(run).items()):
-        frame.insert(position, name, value)
-    return frame
+def _recorded(found: _Found) -> dict[str, pd.DataFrame]:
+    """Give the tables that only hold what was found; areas are still missing."""
+    runs = pd.DataFrame(found.runs, columns=SCHEMAS["runs"].names).fillna({"area": 0.0})
+    records = [front for fronts in found.fronts for front in fronts]
+    sizes = list(map(len, records))
+    trace = _repeated(runs, map(len, found.fronts))
+    spent = pd.DataFrame(found.spent, columns=["evaluations", "seconds", "ties"])
+    trace = trace.join(spent).assign(front_size=sizes, area=0.0, igd_plus=np.nan, epsilon=np.nan)
+    fronts = _repeated(trace, sizes, "evaluations")
+    plans = _repeated(runs, map(len, found.plans)).assign(trails=found.trails)
+    numbers = [np.arange(len(objectives)) for objectives in found.plans]
+    plans["plan_id"] = np.concatenate([np.empty(0, int), *numbers])
+    where = found.environments
+    frames = {
+        "runs": runs,
+        "trace": trace,
+        "fronts": _with_points(fronts, records),
+        "plans": _with_points(plans, found.plans),
+        "environments": pd.DataFrame(
+            [where[key] for key in sorted(where)], columns=SCHEMAS["environments"].names
+        ),
+    }
+    return {name: _typed(name, frame) for name, frame in frames.items()}
 
 
-def _trace(run: Run, outcome: Outcome) -> pd.DataFrame:
-    records = outcome.records
-    return _frame(
-        run,
-        {
-            "evaluations": [record.evaluations for record in records],
-            "seconds": [record.seconds for record in records],
-            "area": [area_indicator(r.objectives, run.mission.mission) for r in records],
-            "front_size": [record.front_size for record in records],
-        },
-    )
+def _scored(
+    tables: dict[str, pd.DataFrame],
+    found: _Found,
+    references: pd.DataFrame,
+    missions: dict[str, Mission],
+    indicators: Sequence[str],
+) -> dict[str, pd.DataFrame]:
+    """Give ``trace`` with what its fronts are worth, and ``runs`` with the final areas."""
+    runs, trace = tables["runs"], tables["trace"]
+    records = (front for fronts in found.fronts for front in fronts)
+    fronts = zip(trace["mission"].tolist(), records, strict=True)
+    scores = score_records(fronts, references, missions=missions, indicators=indicators)
+    n_records = np.array(list(map(len, found.fronts)), int)
+    areas = np.zeros(len(runs))
+    areas[n_records > 0] = np.array(scores["area"])[np.cumsum(n_records)[n_records > 0] - 1]
+    return {"runs": runs.assign(area=areas), "trace": trace.assign(**scores)}
 
 
-def _fronts(run: Run, outcome: Outcome) -> pd.DataFrame:
-    points = np.concatenate([record.objectives for record in outcome.records])
-    sizes = [len(record.objectives) for record in outcome.records]
-    evaluations = np.repeat([record.evaluations for record in outcome.records], sizes)
-    return _frame(
-        run, {"evaluations": evaluations, "reward": points[:, 0], "survivors": points[:, 1]}
-    )
+def _repeated(frame: pd.DataFrame, counts: Iterable[int], *further: str) -> pd.DataFrame:
+    """Give the identity of a run once for each of the rows that it has in another table."""
+    rows = np.repeat(np.arange(len(frame)), np.array(list(counts), int))
+    identity = ["run", "mission", "algorithm", "seed"]
+    return frame.loc[:, [*identity, *further]].take(rows).reset_index(drop=True)
 
 
-def _plans(run: Run, outcome: Outcome) -> pd.DataFrame:
-    plans = outcome.records[-1].plans
-    if plans is None:
-        return _frame(run, {name: [] for name in ("plan_id", "reward", "survivors", "trails")})
-    batch, objectives = plans
-    labels = run.mission.mission.labels
-    return _frame(
-        run,
-        {
-            "plan_id": np.arange(len(batch)),
-            "reward": objectives[:, 0],
-            "survivors": objectives[:, 1],
-            "trails": [json.dumps(labels(plan), ensure_ascii=False) for plan in batch],
-        },
-    )
-
-
-def _joined(name: str, found: list[pd.DataFrame]) -> pd.DataFrame:
-    empty = pd.DataFrame(columns=SCHEMAS[name].names)
-    return _typed(name, pd.concat(found, ignore_index=True) if found else empty)
+def _with_points(frame: pd.DataFrame, fronts: Sequence[FloatArray]) -> pd.DataFrame:
+    points = np.concatenate([np.empty((0, 2)), *fronts])
+    return frame.assign(reward=points[:, 0], survivors=points[:, 1])
 
 
 def _typed(name: str, frame: pd.DataFrame) -> pd.DataFrame:
-    """Give columns their types also where there are no rows, or no values, to tell them."""
+    """Put columns in order, with their types also where no rows, or no values, tell them."""
     dtypes = {"int64": "int64", "double": "float64", "string": "str", "bool": "bool"}
-    return frame.astype(
+    ordered: pd.DataFrame = frame[SCHEMAS[name].names]
+    return ordered.astype(
         {
             field.name: "Int64"
             if field.nullable and str(field.type) == "int64"
@@ -177,37 +244,3 @@ def _typed(name: str, frame: pd.DataFrame) -> pd.DataFrame:
             for field in SCHEMAS[name]
         }
     )
-
-
-def _judged(study: Study, runs: pd.DataFrame, points: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    missions = {mission.label: mission.mission for mission in study.missions}
-    comparison = study.file.comparison
-    algorithms = [algorithm.label for algorithm in study.algorithms]
-    references = reference_fronts(runs, points)
-    indicators = score_runs(
-        runs, points, references, missions=missions, indicators=study.file.indicators
-    )
-    return {
-        "references": references,
-        "indicators": indicators,
-        "comparisons": compare_algorithms(
-            indicators,
-            runs=runs,
-            algorithms=algorithms,
-            control=comparison.control,
-            significance=comparison.significance,
-        ),
-        "ranks": rank_algorithms(
-            indicators,
-            algorithms=algorithms,
-            significance=comparison.significance,
-            digests={mission.label: mission.digest for mission in study.missions},
-        ),
-        "summary": summarise(
-            runs,
-            indicators,
-            missions=list(missions),
-            algorithms=algorithms,
-            significance=comparison.significance,
-        ),
-    }

@@ -114,7 +114,7 @@ class Recorder:
                 evaluations=evaluations,
                 seconds=seconds,
                 objectives=objectives[different],
-                front_size=len(objectives),
+                ties=int(len(objectives) - different.sum()),
                 plans=(archive.plans, objectives.copy()) if whole else None,
             )
         )

@@ -105,7 +105,7 @@ class _Pictures:
         self, tables: StudyTables, mission: str, styles: Mapping[str, AlgorithmStyle]
     ) -> None:
         self._tables, self._mission, self._styles = tables, mission, styles
-        self._title = tables.missions[mission].title
+        self._title = tables.mission(mission).title
         self._runs = self._rows(tables.runs)
         known = set(self._runs["algorithm"])
         self._labels = [label for label in tables.algorithm_labels if label in known]

@@ -142,7 +142,7 @@ def _notes(tables: StudyTables) -> list[str]:
 def _missions(tables: StudyTables) -> Grid:
     rows = []
     for label, entry in tables.manifest["missions"].items():
-        mission = tables.missions[label]
+        mission = tables.mission(label)
         rows.append(
             [
                 label,
@@ -198,7 +198,7 @@ def _section(
     return {
         "label": mission,
         "anchor": f"mission-{slugs[mission]}",
-        "title": tables.missions[mission].title,
+        "title": tables.mission(mission).title,
         "summary": _summary(tables.summary[tables.summary["mission"] == mission]),
         "figures": [
             {

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import pyarrow as pa
 
-__all__ = ["SCHEMAS"]
+__all__ = ["FURTHER", "SCHEMAS"]
 
 TEXT, INTEGER, NUMBER, FLAG = pa.string(), pa.int64(), pa.float64(), pa.bool_()
+FURTHER = "further"  # key of a schema's metadata: what columns that depend on the study hold
 
 
-def _schema(*columns: tuple[str, pa.DataType, str], optional: tuple[str, ...] = ()) -> pa.Schema:
-    return pa.schema(
+def _schema(
+    *columns: tuple[str, pa.DataType, str], optional: tuple[str, ...] = (), further: str = ""
+) -> pa.Schema:
+    fields = [
         pa.field(name, dtype, name in optional, {"description": description})
         for name, dtype, description in columns
-    )
+    ]
+    return pa.schema(fields, {FURTHER: further} if further else None)
 
 
 _RUN = (
@@ -34,6 +38,7 @@ SCHEMAS: dict[str, pa.Schema] = {
         *_RUN,
         ("status", TEXT, "done, infeasible, timeout or failed"),
         ("stopped_by", TEXT, "evaluations, seconds, itself, limit (killed) or error"),
+        ("began", TEXT, "when, as 2026-11-22T04:30:12Z; missing for runs of earlier versions"),
         ("evaluations", INTEGER, "trail plans evaluated"),
         ("seconds", NUMBER, "the algorithm's own time, without recording and indicators"),
         ("recording_seconds", NUMBER, "time spent on recording fronts"),
@@ -41,18 +46,23 @@ SCHEMAS: dict[str, pa.Schema] = {
         ("budget_seconds", NUMBER, "seconds allowed; missing where there is no limit"),
         ("min_survival", NUMBER, "survival floor of every robot"),
         ("area", NUMBER, "area of the final front, in [0, 1]"),
-        ("front_size", INTEGER, "plans on the final front"),
+        ("front_size", INTEGER, "points on the final front"),
+        ("ties", INTEGER, "further plans on it whose objectives are those of a point"),
         ("environment", TEXT, "where it ran: a row of environments"),
         ("error", TEXT, "what went wrong, in a line; missing where nothing did"),
         ("traceback", TEXT, "where it went wrong; missing where nothing did"),
-        optional=("budget_evaluations", "budget_seconds", "error", "traceback"),
+        optional=("began", "budget_evaluations", "budget_seconds", "error", "traceback"),
     ),
     "trace": _schema(
         *_RUN,
         _EVALUATIONS,
         _SECONDS,
         ("area", NUMBER, "area of the front, in [0, 1]"),
-        ("front_size", INTEGER, "plans on the front"),
+        ("front_size", INTEGER, "points on the front"),
+        ("ties", INTEGER, "further plans on it whose objectives are those of a point"),
+        ("igd_plus", NUMBER, "its IGD+ to the reference front; missing where it is not computed"),
+        ("epsilon", NUMBER, "its additive epsilon; missing where it is not computed"),
+        optional=("igd_plus", "epsilon"),
     ),
     "fronts": _schema(*_RUN, _EVALUATIONS, *_PLAN),
     "plans": _schema(
@@ -64,7 +74,7 @@ SCHEMAS: dict[str, pa.Schema] = {
     "indicators": _schema(
         *_RUN,
         ("indicator", TEXT, "area, igd_plus, epsilon or front_size"),
-        ("value", NUMBER, "its value for the final front"),
+        ("value", NUMBER, "its value for the final front, those of a mission within 1e-12 equal"),
         ("reference", TEXT, "the reference front, a key of references; missing if it needs none"),
         optional=("reference",),
     ),
@@ -113,11 +123,55 @@ SCHEMAS: dict[str, pa.Schema] = {
         ("area_best", NUMBER, "largest area"),
         ("igd_plus_median", NUMBER, "median IGD+; missing where it is not computed"),
         ("epsilon_median", NUMBER, "median additive epsilon; missing where it is not computed"),
-        ("front_size_median", NUMBER, "median number of plans on the front"),
+        ("front_size_median", NUMBER, "median number of points on the front"),
         ("rank", NUMBER, "rank of the median area on this mission; 1 is best"),
         ("evaluations_median", NUMBER, "median number of evaluations"),
         ("seconds_median", NUMBER, "median of the algorithm's own time"),
         optional=("area_sd", "igd_plus_median", "epsilon_median"),
+    ),
+    "posthoc": _schema(
+        ("indicator", TEXT, "what is ranked by"),
+        ("algorithm", TEXT, "label of the first algorithm"),
+        ("other", TEXT, "label of the second"),
+        ("difference", NUMBER, "average rank of the first minus that of the second"),
+        ("critical_difference", NUMBER, "what the size of it has to exceed, by Nemenyi"),
+        ("p_value", NUMBER, "of the Nemenyi test, which allows for all pairs"),
+        ("significant", FLAG, "whether it and Friedman's are below the significance level"),
+    ),
+    "targets": _schema(
+        ("mission", TEXT, "label of the mission in the study file"),
+        ("algorithm", TEXT, "label of the algorithm"),
+        ("share", NUMBER, "share of the area of the mission's reference front: 0.9, 0.95, 0.99"),
+        ("target", NUMBER, "the area that this is"),
+        ("n", INTEGER, "runs"),
+        ("n_reached", INTEGER, "runs with a recorded front of at least this area"),
+        (
+            "evaluations_median",
+            NUMBER,
+            "median evaluations to it, of all runs; missing if endless",
+        ),
+        ("seconds_median", NUMBER, "median of the algorithm's own time to it; missing if endless"),
+        optional=("evaluations_median", "seconds_median"),
+    ),
+    "missions": _schema(
+        ("mission", TEXT, "label of the mission in the study file"),
+        ("name", TEXT, "what it was made from: a name, a file or module:Class"),
+        ("family", TEXT, "label of its entry in the study file, before grids are expanded"),
+        ("nodes", INTEGER, "nodes"),
+        ("arcs", INTEGER, "arcs"),
+        ("robots", INTEGER, "robots of the team"),
+        ("total_reward", NUMBER, "sum of the nodes' rewards"),
+        ("min_survival", NUMBER, "survival floor of every robot"),
+        further="one for each parameter in a grid; `grid_NAME` where there is a NAME above",
+    ),
+    "algorithms": _schema(
+        ("algorithm", TEXT, "label of the algorithm in the study file"),
+        ("name", TEXT, "name by which it is registered, or module:Class"),
+        ("family", TEXT, "label of its entry in the study file, before grids are expanded"),
+        ("package", TEXT, "package that it is from"),
+        ("version", TEXT, "version of that package"),
+        optional=("package", "version"),
+        further="one for each parameter; `parameter_NAME` where there is a NAME above",
     ),
     "environments": _schema(
         ("environment", TEXT, "digest of the other columns"),

@@ -18,6 +18,7 @@ from botohe_moo._types import FloatArray
 from botohe_moo.indicators import area_indicator, epsilon_indicator, igd_plus_indicator
 from botohe_moo.mission.model import Mission
 from botohe_moo.study.tables import SCHEMAS
+from botohe_moo.study.ties import merge_ties
 
 __all__ = ["INDICATORS", "Indicator", "as_table", "check_indicators", "reference_fronts"]
 __all__ += ["score_runs"]
@@ -98,7 +99,7 @@ def score_runs(
 
     A run without a front, because it failed or found nothing feasible, is scored as the single
     plan that brings nothing back, (0, 0): its area is 0, its IGD+ and epsilon are those of that
-    point, and its front has 0 plans.
+    point, and its front has 0 points.
 
     Parameters
     ----------
@@ -117,12 +118,13 @@ def score_runs(
     -------
     pandas.DataFrame
         The table ``indicators``: for each run, in the order of ``runs``, one row per indicator.
+        Values of a mission that differ by at most 1e-12 are equal in it: see :func:`merge_ties`.
 
     Raises
     ------
     ValueError
-        If an indicator is not known, a mission has no reference front where one is needed, or a
-        run has plans on its front but no points, or points but no plans.
+        If an indicator is not known, a mission has no reference front where one is needed, or the
+        size of a run's front is not the number of its points.
     """
     check_indicators(indicators)
     fronts = _by_run(final_fronts)
@@ -134,11 +136,8 @@ def score_runs(
     identities: Any = runs[["run", "mission", "algorithm", "seed"]].to_dict("records")
     for run, size in zip(identities, runs["front_size"].tolist(), strict=True):
         points, label = fronts.get(run["run"], _NO_FRONT), run["run"]
-        if (size > 0) != (len(points) > 0):
-            found = f"got {size} plans and {len(points)} points"
-            raise ValueError(
-                f"Run {label}: expected plans on its front with their points, {found}."
-            )
+        if size != len(points):
+            raise ValueError(f"Run {label}: expected a front of {size} points, got {len(points)}.")
         mission = missions[run["mission"]]
         for name in indicators:
             row = {**run, "indicator": name, "reference": None}
@@ -151,7 +150,11 @@ def score_runs(
             else:
                 row["value"] = area_indicator(points, mission) if name == "area" else float(size)
             rows.append(row)
-    return as_table("indicators", rows)
+    table = as_table("indicators", rows)
+    if rows:
+        groups: Any = table.groupby(["mission", "indicator"], sort=False)["value"]
+        table["value"] = groups.transform(merge_ties)
+    return table
 
 
 def check_indicators(names: Iterable[str]) -> None:

@@ -11,7 +11,7 @@ import re
 import zipfile
 import zlib
 from collections.abc import Iterator
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -265,8 +265,8 @@ def _packed(run: Run, outcome: Outcome) -> bytes:
         header=np.frombuffer(json.dumps(header).encode(), np.uint8),
         evaluations=np.array([record.evaluations for record in records], np.int64),
         seconds=np.array([record.seconds for record in records], np.float64),
-        front_size=np.array([record.front_size for record in records], np.int64),
-        n_points=np.array([len(record.objectives) for record in records], np.int64),
+        ties=np.array([record.ties for record in records], np.int64),
+        n_points=np.array([record.front_size for record in records], np.int64),
         points=np.concatenate([np.empty((0, 2)), *(r.objectives for r in records)]),
         plan_objectives=objectives,
         plan_nodes=np.empty(0, np.int32) if plans is None else plans.nodes,
@@ -287,18 +287,13 @@ def _unpacked(data: bytes, run: Run) -> Outcome:
         raise ValueError("records and points do not fit")
     fronts = np.split(arrays["points"], ends[:-1]) if len(ends) else []
     plans = PlanBatch(arrays["plan_nodes"], arrays["plan_offsets"], run.mission.mission.robots)
-    columns = (arrays[name].tolist() for name in ("evaluations", "seconds", "front_size"))
+    if "ties" not in arrays:  # before ties were told apart, all plans were counted
+        arrays["ties"] = arrays["front_size"] - arrays["n_points"]
+    columns = (arrays[name].tolist() for name in ("evaluations", "seconds", "ties"))
     records = [
-        Record(evaluations, seconds, front, size)
-        for evaluations, seconds, size, front in zip(*columns, fronts, strict=True)
+        Record(evaluations, seconds, front, ties)
+        for evaluations, seconds, ties, front in zip(*columns, fronts, strict=True)
     ]
     if records:
-        last = records[-1]
-        records[-1] = Record(
-            last.evaluations,
-            last.seconds,
-            last.objectives,
-            last.front_size,
-            (plans, arrays["plan_objectives"]),
-        )
+        records[-1] = replace(records[-1], plans=(plans, arrays["plan_objectives"]))
     return Outcome(**header, records=tuple(records))

@@ -31,8 +31,11 @@ if TYPE_CHECKING:
 
 __all__ = ["SCHEMAS", "StudyError", "StudyTables", "read_study", "write_tables"]
 
-SMALL = ("runs", "indicators", "comparisons", "ranks", "environments", "summary")
+SMALL = tuple(name for name in SCHEMAS if name not in ("trace", "fronts", "plans", "references"))
 MANIFEST = "study.json"
+# Of columns that depend on the study.
+_TYPES = {dtype: dtype for dtype in (pa.string(), pa.int64(), pa.float64(), pa.bool_())}
+_TYPES[pa.large_string()] = pa.string()
 
 
 class StudyError(ValueError):
@@ -67,6 +70,12 @@ class StudyTables:
         Average ranks over missions.
     summary
         One row for each mission and algorithm.
+    posthoc
+        Pairs of average ranks, where Friedman's test applies.
+    targets
+        What it took to reach parts of the reference fronts' areas.
+    missions, algorithms
+        What is compared, and on what, with a column for each parameter.
     environments
         Where runs ran.
     """
@@ -82,6 +91,10 @@ class StudyTables:
     comparisons: pd.DataFrame
     ranks: pd.DataFrame
     summary: pd.DataFrame
+    posthoc: pd.DataFrame
+    targets: pd.DataFrame
+    missions: pd.DataFrame
+    algorithms: pd.DataFrame
     environments: pd.DataFrame
 
     @property
@@ -114,13 +127,30 @@ class StudyTables:
         """Significance level of the comparisons; intervals cover 1 minus this."""
         return float(self.manifest["comparison"]["significance"])
 
+    def mission(self, label: str) -> Mission:
+        """Give a mission by its label.
+
+        Parameters
+        ----------
+        label
+            One of ``mission_labels``.
+
+        Raises
+        ------
+        KeyError
+            If there is no such mission.
+        StudyError
+            If its file is not the mission that was planned for any more.
+        """
+        if label not in self._missions:
+            entry = self.manifest["missions"][label]
+            self._missions[label] = _read_mission(self.folder / entry["file"], entry["digest"])
+        return self._missions[label]
+
     @cached_property
-    def missions(self) -> dict[str, Mission]:
-        """The missions by label."""
-        return {
-            label: _read_mission(self.folder / entry["file"], entry["digest"])
-            for label, entry in self.manifest["missions"].items()
-        }
+    def _missions(self) -> dict[str, Mission]:
+        """The missions that have been read so far, by label."""
+        return {}
 
     def plan(self, run: str, plan_id: int) -> TrailPlan:
         """Give a plan of a final front, to be evaluated again or drawn.
@@ -144,7 +174,7 @@ class StudyTables:
             raise KeyError(f"Expected one plan {plan_id} of a run {run!r}, found {len(found)}.")
         row = found.iloc[0]
         trails = json.loads(row["trails"])
-        return self.missions[row["mission"]].plan([[_label(v) for v in trail] for trail in trails])
+        return self.mission(row["mission"]).plan([[_label(v) for v in trail] for trail in trails])
 
 
 def _read_mission(path: Path, digest: str) -> Mission:
@@ -167,13 +197,20 @@ def to_arrow(name: str, frame: pd.DataFrame) -> pa.Table:
     Raises
     ------
     StudyError
-        If a column is missing or too many, of another type, or lacks values it has to have.
+        If a column is missing or too many, of another type, or lacks values it has to have. Further
+        columns of ``missions`` and ``algorithms`` may be texts, integers, numbers or flags.
     """
     schema = SCHEMAS[name]
-    if list(frame.columns) != schema.names:
-        raise StudyError(f"Table {name}: expected columns {schema.names}, got {list(frame)}.")
+    columns = list(frame.columns)
+    n_further = len(columns) - len(schema) if schema.metadata else 0
+    if columns[: len(columns) - n_further] != schema.names or len(set(columns)) < len(columns):
+        raise StudyError(f"Table {name}: expected columns {schema.names}, got {columns}.")
     try:
+        for field in pa.Schema.from_pandas(frame.iloc[:, len(schema) :], preserve_index=False):
+            schema = schema.append(pa.field(field.name, _TYPES[field.type]))
         table = pa.Table.from_pandas(frame, schema=schema, preserve_index=False, safe=True)
+    except KeyError as error:
+        raise StudyError(f"Table {name}: a column of type {error.args[0]}.") from error
     except (pa.ArrowInvalid, pa.ArrowTypeError, TypeError, ValueError) as error:
         raise StudyError(f"Table {name}: {error}") from error
     for field in schema:

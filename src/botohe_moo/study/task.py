@@ -64,18 +64,23 @@ class Record:
         The algorithm's own time so far.
     objectives
         E[R] and E[S] of the front's distinct points, shape (n, 2), by descending reward.
-    front_size
-        Plans on the front, also those with equal objectives.
+    ties
+        Further plans whose objectives are those of a point.
     plans
-        The plans with their objectives, (batch, (front_size, 2)); kept where the run may be
-        killed, and of the last record.
+        The plans with their objectives, (batch, (front_size + ties, 2)); kept where the run may
+        be killed, and of the last record.
     """
 
     evaluations: int
     seconds: float
     objectives: FloatArray
-    front_size: int
+    ties: int
     plans: tuple[PlanBatch, FloatArray] | None = None
+
+    @property
+    def front_size(self) -> int:
+        """Points on the front: how many plans with equal objectives are kept says nothing of it."""
+        return len(self.objectives)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,116 @@
+"""What is compared, and on what: the tables whose columns depend on the study."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import pandas as pd
+
+from botohe_moo.mission.model import Mission
+from botohe_moo.study.scores import as_table
+
+__all__ = ["algorithm_table", "mission_table"]
+
+
+def mission_table(manifest: Mapping[str, Any], missions: Mapping[str, Mission]) -> pd.DataFrame:
+    """Describe the missions of a study.
+
+    Parameters
+    ----------
+    manifest
+        What the study is.
+    missions
+        The missions by label.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The table ``missions``, in the order of the file: columns of the schema, then one for each
+        parameter in a grid, missing where a mission has none of that name.
+    """
+    rows = []
+    for label, entry in manifest["missions"].items():
+        mission = missions[label]
+        rows.append(
+            {
+                "mission": label,
+                "name": str(entry["source"]["name_or_path"]),
+                "family": entry.get("family", label),
+                "nodes": mission.graph.number_of_nodes(),
+                "arcs": mission.graph.number_of_edges(),
+                "robots": mission.robots,
+                "total_reward": mission.total_reward,
+                "min_survival": entry["min_survival"],
+            }
+        )
+    varied = [entry.get("grid") or {} for entry in manifest["missions"].values()]
+    return _widened("missions", rows, varied, prefix="grid_")
+
+
+def algorithm_table(manifest: Mapping[str, Any]) -> pd.DataFrame:
+    """Describe the algorithms of a study.
+
+    Parameters
+    ----------
+    manifest
+        What the study is.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The table ``algorithms``, in the order of the file: columns of the schema, then one for
+        each parameter, missing where an algorithm is not given one of that name.
+    """
+    rows = [
+        {
+            "algorithm": label,
+            "name": entry["algorithm"],
+            "family": entry.get("family", label),
+            "package": entry["package"],
+            "version": entry["version"],
+        }
+        for label, entry in manifest["algorithms"].items()
+    ]
+    given = [entry["parameters"] for entry in manifest["algorithms"].values()]
+    return _widened("algorithms", rows, given, prefix="parameter_")
+
+
+def _widened(
+    name: str,
+    rows: list[dict[str, Any]],
+    parameters: Sequence[Mapping[str, Any]],
+    *,
+    prefix: str,
+) -> pd.DataFrame:
+    """Give a table with a further column for each parameter, in the order of appearance."""
+    table = as_table(name, rows)
+    for parameter in dict.fromkeys(key for given in parameters for key in given):
+        column = parameter
+        while column in table:
+            column = prefix + column
+        table[column] = _typed([given.get(parameter) for given in parameters])
+    return table
+
+
+def _typed(values: list[Any]) -> pd.Series[Any]:
+    """Give a column the type that all its values have; texts where they have several."""
+    kinds = {type(value) for value in values if value is not None}
+    if kinds == {bool}:
+        return pd.Series(values, dtype="boolean")
+    try:
+        if kinds == {int}:
+            return pd.Series(values, dtype="Int64")
+        if kinds and kinds <= {int, float}:
+            return pd.Series(values, dtype="float64")
+    except OverflowError:  # an integer of more than 64 bits
+        pass
+    return pd.Series([_text(value) for value in values], dtype="str")
+
+
+def _text(value: Any) -> str | None:
+    """Write a value as a study file would: a text as it is, all others as JSON."""
+    if value is None or isinstance(value, str):
+        return value
+    return json.dumps(value, ensure_ascii=False)

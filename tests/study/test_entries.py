@@ -1,0 +1,80 @@
+"""Tables whose columns depend on the study: names, types, and what they may not hold."""
+
+import pandas as pd
+import pytest
+
+from botohe_moo import load_mission
+from botohe_moo.study.entries import algorithm_table, mission_table
+from botohe_moo.study.tables import StudyError, to_arrow
+
+TOY = load_mission("toy")
+
+
+def algorithms(*parameters):
+    entry = {"algorithm": "nsga2", "package": "botohe-moo", "version": "0.1.0"}
+    given = {f"A{i}": {**entry, "parameters": p} for i, p in enumerate(parameters)}
+    return algorithm_table({"algorithms": given})
+
+
+def missions(*grids):
+    entry = {"source": {"name_or_path": "terrain"}, "min_survival": 0.0, "family": "hills"}
+    given = {f"M{i}": {**entry, "grid": grid} for i, grid in enumerate(grids)}
+    return mission_table({"missions": given}, dict.fromkeys(given, TOY))
+
+
+@pytest.mark.parametrize(
+    ("values", "dtype", "kept"),
+    [
+        ([1, 2], "Int64", [1, 2]),
+        ([1, 0.5], "float64", [1.0, 0.5]),
+        ([True, False], "boolean", [True, False]),
+        (["a", "b"], "str", ["a", "b"]),
+        ([1, "a"], "str", ["1", "a"]),
+        ([True, 1], "str", ["true", "1"]),
+        ([[1, 2], {"a": None}], "str", ["[1, 2]", '{"a": null}']),
+        ([2**70, 1], "str", [str(2**70), "1"]),
+    ],
+)
+def test_columns_have_the_type_of_their_values(values, dtype, kept):
+    table = algorithms(*({"x": value} for value in values), {}, {"x": None})
+    assert str(table["x"].dtype) == dtype
+    assert list(table["x"].dropna()) == kept
+    assert table["x"].isna().sum() == 2
+    read = to_arrow("algorithms", table).to_pandas()
+    assert list(read["x"].dropna()) == kept
+
+
+def test_parameters_that_only_some_have_are_missing_for_the_others():
+    table = algorithms({"a": 1}, {"b": 2.5, "a": 3}, {})
+    assert list(table)[5:] == ["a", "b"]
+    assert table["a"].isna().tolist() == [False, False, True]
+    assert table["b"].isna().tolist() == [True, False, True]
+
+
+def test_parameters_named_like_a_column_stay_apart():
+    table = algorithms({"name": "x", "parameter_name": "y", "version": 2})
+    assert list(table)[5:] == ["parameter_name", "parameter_parameter_name", "parameter_version"]
+    table = missions({"nodes": 20, "robots": 3}, {"nodes": 40, "robots": 3})
+    assert list(table)[8:] == ["grid_nodes", "grid_robots"]
+    assert list(table["nodes"]) == [len(TOY.nodes)] * 2
+    assert list(table["grid_nodes"]) == [20, 40]
+
+
+def test_members_of_a_grid_are_a_family():
+    table = missions({"seed": 1}, {"seed": 2})
+    assert list(table["family"]) == ["hills", "hills"]
+    assert list(table["seed"]) == [1, 2]
+    assert list(algorithms({})["family"]) == ["A0"]  # of a manifest that says nothing of it
+
+
+def test_only_what_tables_can_hold_may_be_in_them():
+    table = algorithms({"x": 1})
+    to_arrow("algorithms", table)
+    with pytest.raises(StudyError, match="Table algorithms: a column of type"):
+        to_arrow("algorithms", table.assign(x=pd.Timestamp("2026-11-22")))
+    with pytest.raises(StudyError, match="Table algorithms: expected columns"):
+        to_arrow("algorithms", table.drop(columns="name"))
+    with pytest.raises(StudyError, match="Table algorithms: expected columns"):
+        to_arrow("algorithms", pd.concat([table, table[["x"]]], axis=1))
+    with pytest.raises(StudyError, match="Table ranks: expected columns"):
+        to_arrow("ranks", pd.DataFrame(columns=["indicator", "x"]))
