@@ -1,6 +1,7 @@
 import json
 import math
 import re
+import tracemalloc
 from datetime import date
 from fractions import Fraction
 from pathlib import Path
@@ -95,6 +96,7 @@ class TestAnyFile:
         def refuse(path):
             raise PermissionError(13, "Permission denied")
 
+        (tmp_path / "x.json").touch()
         monkeypatch.setattr(Path, "read_bytes", refuse)
         with pytest.raises(MissionError, match=r"x\.json: the file cannot be read: Permission de"):
             read_mission(tmp_path / "x.json")
@@ -126,6 +128,32 @@ class TestAnyFile:
         path = tmp_path / "harbour.json"
         path.write_text(json.dumps(content(graph={"base": "a", "robots": 1})))
         assert read_mission(path).name == "harbour"
+
+    @pytest.mark.parametrize("suffix", [".json", ".graphml", ".txt"])
+    def test_too_large(self, tmp_path, suffix):
+        path = tmp_path / f"large{suffix}"
+        with path.open("wb") as file:
+            file.truncate(3 * 2**30)  # takes no room on the disk
+        tracemalloc.start()
+        with pytest.raises(MissionError, match=r"expected a file of at most 0.5 GiB, got .* 3 GiB"):
+            read_mission(path)
+        assert tracemalloc.get_traced_memory()[1] < 10**6
+        tracemalloc.stop()
+
+    @pytest.mark.parametrize("suffix", [".json", ".graphml", ".txt"])
+    def test_devices_without_end(self, tmp_path, suffix):
+        path = tmp_path / f"endless{suffix}"
+        path.symlink_to("/dev/zero")
+        with pytest.raises(MissionError, match="expected a file, found a device or a pipe"):
+            read_mission(path)
+
+    def test_a_files_name_that_is_no_text(self, tmp_path):
+        path = tmp_path / "pier\udcff.json"
+        path.write_text(json.dumps(content(graph={"base": "a", "robots": 1})))
+        mission = read_mission(path)
+        assert mission.name == r"pier\udcff"
+        save_mission(mission, tmp_path / "saved.json")
+        assert read_mission(tmp_path / "saved.json").name == mission.name
 
     @pytest.mark.parametrize("suffix", [".json", ".graphml", ".txt"])
     @given(data=st.binary())
@@ -273,6 +301,74 @@ class TestJSON:
             "base [{}]: there is no such node",
         ]
 
+    @pytest.mark.parametrize(
+        ("value", "reason"),
+        [
+            ("Infinity", "JSON has no infinite numbers and no NaN"),
+            ("[0, NaN]", "JSON has no infinite numbers and no NaN"),
+            ('{"a": 1e999}', "JSON has no infinite numbers and no NaN"),
+            (r'"\ud800"', r"'\ud800' is no valid Unicode text"),
+            (r'{"\udfff": 1}', r"'\udfff' is no valid Unicode text"),
+            ("[" * 60 + "]" * 60, "it is nested too deeply, more than 50 times"),
+        ],
+    )
+    def test_attributes_that_could_not_be_written_again(self, json_faults, value, reason):
+        data = content(graph={"base": "a", "robots": 1, "notes": "VALUE"})
+        data["nodes"][0]["pos"] = data["edges"][0]["zone"] = "VALUE"
+        found = json_faults(json.dumps(data).replace('"VALUE"', value))
+        assert [fault.partition(", ")[0] for fault in found] == [
+            "the graph: attribute 'notes'",
+            "node 'a': attribute 'pos'",
+            "arc 'a' -> 'b': attribute 'zone'",
+        ]
+        assert all(fault.endswith(f": {reason}") for fault in found)
+
+    def test_an_attributes_name_that_could_not_be_written_again(self, json_faults):
+        data = content()
+        data["nodes"][0]["\udfff"] = 1
+        (fault,) = json_faults(data)
+        assert fault == r"node 'a': attribute '\udfff', 1: '\udfff' is no valid Unicode text"
+
+    @pytest.mark.parametrize("label", ["1e999", r'"\ud800"', r'[1, "\udfff"]', "[-Infinity]"])
+    def test_labels_that_could_not_be_written_again(self, json_faults, label):
+        text = json.dumps(content(graph={"base": "a", "robots": 1}, edges=[]))
+        found = json_faults(text.replace('"id": "b"', f'"id": {label}'))
+        assert found[0].startswith('nodes[1]: "id": ')
+
+    @pytest.mark.parametrize("key", ["name", "title"])
+    @pytest.mark.parametrize("value", [["a"], {"a": 1}])
+    def test_name_and_title_are_text(self, json_faults, key, value):
+        assert json_faults(content(graph={"base": "a", "robots": 1, key: value})) == [
+            f"the graph: expected {key} to be text, got {value}"
+        ]
+
+    def test_a_key_that_is_there_twice(self, json_faults):
+        text = json.dumps(content()).replace('"reward": 1}', '"reward": 1, "reward": 2}')
+        assert json_faults(text) == [
+            "expected each key once in an object, found 'reward' again in {'id': 'b', 'reward': 2}"
+        ]
+
+    def test_messages_stay_short_whatever_is_found(self, json_faults):
+        long = "x" * 10**6
+        data = content(graph={"base": [long], "robots": long, "title": [long]})
+        data["nodes"][0]["reward"] = long
+        data["nodes"].append({"id": {long: long}})
+        data["edges"][0]["survival"] = [long] * 9
+        faults = json_faults(data)
+        assert len(faults) == 6
+        assert max(map(len, faults)) < 600
+
+    def test_a_message_of_many_faults_ends_somewhere(self, tmp_path):
+        path = tmp_path / "many.json"
+        path.write_text(json.dumps(content(nodes=[[]] * 300, edges=[])))
+        with pytest.raises(MissionError) as caught:
+            read_mission(path)
+        assert len(caught.value.faults) == 301
+        assert str(caught.value).startswith(
+            f"{path} has 301 faults:\n  - nodes[0]: expected an obj"
+        )
+        assert str(caught.value).endswith("nodes[99]: expected an object, got []\n  - and 201 more")
+
     def test_nodes_without_a_way(self, json_faults):
         assert json_faults(content(edges=content()["edges"][:1])) == [
             "node 'b': has no way back to base 'a'"
@@ -403,6 +499,37 @@ class TestGraphML:
         assert graphml_faults(graphml(TWO, keys)) == [
             "expected robots to be an integer >= 1, got '2'"
         ]
+
+    @pytest.mark.parametrize("number", ["nan", "INF", "1e999"])
+    def test_numbers_that_are_none(self, graphml_faults, number):
+        keys = '<key id="h" for="node" attr.name="height" attr.type="double"/>'
+        body = TWO.replace('<node id="a">', f'<node id="a"><data key="h">{number}</data>')
+        (fault,) = graphml_faults(graphml(body, keys))
+        assert fault.startswith("node 'a': attribute 'height', ")
+        assert fault.endswith(": JSON has no infinite numbers and no NaN")
+
+    def test_places_are_two_numbers(self, graphml_faults):
+        keys = '<key id="p" for="node" attr.name="pos" attr.type="string"/>'
+        body = TWO.replace('<node id="a">', '<node id="a"><data key="p">0, 1</data>')
+        assert graphml_faults(graphml(body, keys)) == [
+            "node 'a': expected its place as the numbers x and y, found the data 'pos'"
+        ]
+
+    def test_data_that_is_there_twice(self, graphml_faults):
+        body = TWO.replace('<node id="a">', '<node id="a"><data key="r">3</data>')
+        assert graphml_faults(graphml(body)) == ["the node data 'reward': is there more than once"]
+
+    def test_line_ends_and_what_networkx_leaves_behind(self, tmp_path):
+        path = tmp_path / "ends.graphml"
+        keys = '<key id="t" for="graph" attr.name="title" attr.type="string"/>'
+        keys += '<key id="n" for="graph" attr.name="node_default" attr.type="string"/>'
+        body = '<data key="t">two&#13;&#10;reefs&#13;</data><data key="n">{}</data>'
+        path.write_text(graphml(body + TWO, keys))
+        mission = read_mission(path)
+        assert mission.title == "two\nreefs\n"
+        assert "node_default" not in mission.graph.graph
+        save_mission(mission, tmp_path / "again.graphml")
+        assert held(read_mission(tmp_path / "again.graphml")) == held(mission)
 
     def test_labels_that_are_no_strings_are_refused(self, tmp_path):
         path = tmp_path / "ring.graphml"
@@ -727,7 +854,7 @@ class TestRoundTrip:
         endless = []
         endless.append(endless)
         with pytest.raises(
-            ValueError, match=r"x\.json: a label or an attribute is nested too deep"
+            ValueError, match=r"x\.json: the graph: attribute 'endless', .* too deep"
         ):
             save_mission(mission_of(endless=endless), tmp_path / "x.json")
 

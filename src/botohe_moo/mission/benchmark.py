@@ -11,6 +11,7 @@ import networkx as nx
 import numpy as np
 
 from botohe_moo._checks import check_integer
+from botohe_moo.mission.memory import check_memory
 from botohe_moo.mission.nodelink import decode
 from botohe_moo.mission.validation import MissionError
 
@@ -74,6 +75,8 @@ def read_benchmark(
         scale = tmax
         if scale <= 0:
             raise MissionError(f"expected tmax > 0 to be the scale, got {tmax:g}; give a scale")
+    arcs = 2 * len(points) * (min(neighbours, len(points) - 1) + 1)
+    check_memory("neighbours", neighbours, nodes=len(points), arcs=arcs)
     title = f"Team orienteering benchmark: {len(points)} points, tmax {tmax:g}"
     graph: nx.DiGraph[Any] = nx.DiGraph(base=0, robots=robots, title=title)
     for node, (point, score) in enumerate(zip(points.tolist(), scores, strict=True)):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import stat
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,6 +12,7 @@ from botohe_moo._checks import check_parameters, keyword_names
 from botohe_moo._files import replace_file
 from botohe_moo.mission.benchmark import read_benchmark
 from botohe_moo.mission.graphml import read_graphml, write_graphml
+from botohe_moo.mission.memory import MAX_FILE_BYTES, in_gib
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.nodelink import mission_content, read_node_link, write_node_link
 from botohe_moo.mission.validation import MissionError, mission_faults
@@ -45,6 +47,8 @@ def read_mission(
     Parameters
     ----------
     path
+        At most 512 MiB.
+
         - ``.json``: networkx node-link JSON (``nx.node_link_data(graph, edges="edges")``) in UTF-8,
           with the graph attributes ``base`` and ``robots``, optionally ``name`` and ``title``, the
           node attribute ``reward`` and the arc attribute ``survival``. Lists that stand for labels
@@ -63,8 +67,8 @@ def read_mission(
     Raises
     ------
     MissionError
-        If there is no such file, it is not in its format, or it does not hold a valid mission;
-        every fault is listed.
+        If there is no such file, it is not in its format, it does not hold a valid mission, or it
+        holds what `save_mission` could not write again; every fault is listed.
     ValueError
         If an option is unknown or out of its range.
     """
@@ -80,7 +84,7 @@ def read_mission(
         if faults:
             faults += mission_faults(graph, graph.graph.get("base"), team, ways=False)
             raise MissionError(faults)
-        return Mission(graph, robots=team, name=graph.graph.get("name") or path.stem)
+        return Mission(graph, robots=team, name=graph.graph.get("name") or _text(path.stem))
     except MissionError as error:
         raise MissionError(list(error.faults), str(path)) from None
     except RecursionError:
@@ -127,9 +131,24 @@ def _unknown_suffix(path: Path, known: Mapping[str, object] | Iterable[str]) -> 
     return f"expected a file name that ends in one of {', '.join(known)}; found {found}"
 
 
+def _text(stem: str) -> str:
+    """Give a file's name as text, also where the file system has bytes that are none."""
+    return stem.encode(errors="backslashreplace").decode()
+
+
 def _content(path: Path) -> bytes:
     try:
+        status = path.stat()
+        if not (stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode)):
+            raise MissionError("expected a file, found a device or a pipe")
+        if status.st_size > MAX_FILE_BYTES:
+            raise MissionError(
+                f"expected a file of at most {in_gib(MAX_FILE_BYTES)}, "
+                f"got one of {in_gib(status.st_size)}"
+            )
         return path.read_bytes()
+    except MissionError:
+        raise
     except FileNotFoundError:
         raise MissionError("there is no such file") from None
     except IsADirectoryError:

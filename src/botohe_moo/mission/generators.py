@@ -16,6 +16,7 @@ import numpy as np
 
 from botohe_moo._checks import check_integer
 from botohe_moo.mission.benchmark import near_pairs, spanning_pairs
+from botohe_moo.mission.memory import check_memory
 from botohe_moo.mission.model import Mission
 
 if TYPE_CHECKING:
@@ -117,6 +118,14 @@ def random(
         raise ValueError(f"Expected arc_probability to be a number, got {arc_probability!r}.")
     if not 0 < arc_probability <= 1:
         raise ValueError(f"Expected arc_probability in (0, 1], got {arc_probability}.")
+    check_memory(
+        "nodes",
+        nodes,
+        nodes=nodes,
+        arcs=math.ceil(1000 * arc_probability) * nodes**2 // 1000,
+        pairs=nodes**2,
+        remedy="nodes or arc_probability",
+    )
     pairs = _connected_pairs(rng, np.full((nodes, nodes), float(arc_probability)))
     if not len(pairs):
         raise ValueError(
@@ -157,6 +166,7 @@ def complete(*, nodes: int = 25, robots: int = 2, seed: int = 0) -> Mission:
     """
     rng, robots = _rng(seed), check_integer("robots", robots, at_least=1)
     nodes = check_integer("nodes", nodes, at_least=2)
+    check_memory("nodes", nodes, nodes=nodes, arcs=nodes**2)
     pairs = np.column_stack(np.triu_indices(nodes, 1))
     return _mission(
         "complete",
@@ -193,6 +203,7 @@ def terrain(*, nodes: int = 200, robots: int = 5, seed: int = 0) -> Mission:
     """
     rng, robots = _rng(seed), check_integer("robots", robots, at_least=1)
     nodes = check_integer("nodes", nodes, at_least=2)
+    check_memory("nodes", nodes, nodes=nodes, arcs=36 * nodes // 5)
     positions = np.round(rng.random((nodes, 2)), 6)
     # The spanning tree's long edges are the ones that join the parts, shortest first.
     near = near_pairs(positions, _REACH / math.sqrt(nodes))

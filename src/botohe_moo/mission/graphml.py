@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 from xml.parsers import expat
 
 from botohe_moo.mission.nodelink import graph_from
-from botohe_moo.mission.validation import MissionError
+from botohe_moo.mission.validation import MissionError, brief
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -122,22 +122,32 @@ def _values(
         for key in keys.values()
         if key is not None and key.default is not None and key.scope in (scope, "all")
     }
+    given = set()
     for data in element.findall("{*}data"):
         name = data.get("key", "")
         if name not in keys:
-            faults.append(f"the {scope} data {name!r}: there is no key of that id")
+            faults.append(f"the {scope} data {brief(name)}: there is no key of that id")
         elif (key := keys[name]) is not None:
+            if key.name in given:
+                faults.append(f"the {scope} data {brief(key.name)}: is there more than once")
+            given.add(key.name)
             values[key.name] = _value(key, data.text or "")
-    return values
+    return {name: value for name, value in values.items() if name not in _BOOKKEEPING}
 
 
 def _value(key: _Key, text: str) -> Any:
+    text = _line_ends(text)
     if key.name == "base" and key.scope in ("graph", "all"):
         return text
     try:
         return _PARSERS[key.type](text.strip().lower())
     except (KeyError, ValueError):
         return text
+
+
+def _line_ends(text: str) -> str:
+    """Give line ends as XML's readers do, also those that were written as ``&#13;``."""
+    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def _entry(
@@ -149,9 +159,14 @@ def _entry(
 ) -> dict[str, Any]:
     values = _values(element, scope, keys, faults)
     entry = {key: value for key, value in values.items() if key not in labels}
-    entry.update((label, element.get(label)) for label in labels if label in element.attrib)
+    entry.update(
+        (label, _line_ends(element.attrib[label])) for label in labels if label in element.attrib
+    )
     position = [entry.get("x"), entry.get("y")]
-    if scope == "node" and "pos" not in entry and all(type(p) in (int, float) for p in position):
+    if scope == "node" and "pos" in entry:
+        owner = f"node {brief(entry.get('id'))}"
+        faults.append(f"{owner}: expected its place as the numbers x and y, found the data 'pos'")
+    elif scope == "node" and all(type(p) in (int, float) for p in position):
         del entry["x"], entry["y"]
         entry["pos"] = position
     return entry

@@ -5,25 +5,25 @@ from __future__ import annotations
 import contextlib
 import json
 import math
+from collections import Counter
 from numbers import Integral, Real
-from reprlib import Repr
 from typing import TYPE_CHECKING, Any
 
 import networkx as nx
 import numpy as np
 
-from botohe_moo.mission.validation import MissionError
+from botohe_moo.mission.validation import MissionError, brief
 
 if TYPE_CHECKING:
-    from collections.abc import Hashable
+    from collections.abc import Hashable, Iterator
 
     from botohe_moo.mission.model import Mission
 
 __all__ = ["decode", "graph_from", "mission_content", "read_node_link", "write_node_link"]
 
-_REPR = Repr()
-_REPR.maxlevel, _REPR.maxstring, _REPR.maxother = 2, 60, 60
-_brief = _REPR.repr
+_MAX_DEPTH = 50
+# Whoever reads a mission's graph checks these anyway, and says what they have to be.
+_CHECKED = {"the graph": ("base", "robots"), "node": ("reward",), "arc": ("survival",)}
 
 
 def read_node_link(data: bytes, /) -> tuple[nx.Graph[Any], list[str]]:
@@ -32,17 +32,30 @@ def read_node_link(data: bytes, /) -> tuple[nx.Graph[Any], list[str]]:
     Raises
     ------
     MissionError
-        If ``data`` is not UTF-8 or not JSON, or has not the form of node-link data.
+        If ``data`` is not UTF-8 or not JSON, names a key twice in one object, or has not the form
+        of node-link data.
     """
     text = decode(data)
     try:
-        content = json.loads(text)
+        content = json.loads(text, object_pairs_hook=_object)
+    except MissionError:
+        raise
     except json.JSONDecodeError as error:
         where = f"line {error.lineno}, column {error.colno}"
         raise MissionError(f"{where}: expected JSON, found: {error.msg}") from None
     except ValueError as error:  # an integer of thousands of digits
         raise MissionError(f"expected JSON of numbers in range, found: {error}") from None
     return graph_from(content)
+
+
+def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    content = dict(pairs)
+    if len(content) < len(pairs):
+        (twice, _), *_ = Counter(key for key, _ in pairs).most_common(1)
+        raise MissionError(
+            f"expected each key once in an object, found {brief(twice)} again in {brief(content)}"
+        )
+    return content
 
 
 def decode(data: bytes) -> str:
@@ -71,7 +84,7 @@ def graph_from(content: object) -> tuple[nx.Graph[Any], list[str]]:
     graph
         Directed and simple only where ``content`` says so, and otherwise empty.
     faults
-        The nodes and arcs that had to be left out.
+        The nodes and arcs that had to be left out, and the attributes that no file can hold.
 
     Raises
     ------
@@ -79,7 +92,7 @@ def graph_from(content: object) -> tuple[nx.Graph[Any], list[str]]:
         If a key is missing or of a wrong type.
     """
     if not isinstance(content, dict):
-        raise MissionError(f"expected node-link data, a JSON object, got {_brief(content)}")
+        raise MissionError(f"expected node-link data, a JSON object, got {brief(content)}")
     content = {"directed": False, "multigraph": False, "graph": {}, **content}
     if faults := _key_faults(content):
         raise MissionError(faults)
@@ -87,6 +100,12 @@ def graph_from(content: object) -> tuple[nx.Graph[Any], list[str]]:
         return nx.Graph() if not content["multigraph"] else nx.MultiDiGraph(), []
     graph: nx.DiGraph[Any] = nx.DiGraph()
     graph.graph.update(content["graph"])
+    faults += _value_faults("the graph", "the graph", content["graph"])
+    faults += [
+        f"the graph: expected {key} to be text, got {brief(content['graph'][key])}"
+        for key in ("name", "title")
+        if isinstance(content["graph"].get(key), dict | list)
+    ]
     if "base" in graph.graph:
         with contextlib.suppress(ValueError):  # no label: then there is no such node either
             graph.graph["base"] = _label(graph.graph["base"])
@@ -112,7 +131,7 @@ def _key_faults(content: dict[str, Any]) -> list[str]:
                 hint = ', but "links": nx.node_link_data(graph, edges="edges") writes "edges"'
             faults.append(f'expected the key "{key}", {words}; found no such key{hint}')
         elif not isinstance(content[key], kind):
-            faults.append(f'expected the key "{key}" to hold {words}, got {_brief(content[key])}')
+            faults.append(f'expected the key "{key}" to hold {words}, got {brief(content[key])}')
     return faults
 
 
@@ -120,10 +139,24 @@ def _label(value: object) -> Hashable:
     """Give the node label that a JSON value stands for."""
     if value is None or isinstance(value, dict) or value != value:
         expected = "a string, a number, a boolean or a list of them"
-        raise ValueError(f"expected a label, {expected}, got {_brief(value)}")
-    if isinstance(value, list):
-        return tuple(None if item is None else _label(item) for item in value)
-    return value
+        raise ValueError(f"expected a label, {expected}, got {brief(value)}")
+    plain = _plain(value)
+    return _tuples(plain) if isinstance(plain, list) else plain
+
+
+def _tuples(items: list[Any]) -> tuple[Hashable, ...]:
+    return tuple(None if item is None else _label(item) for item in items)
+
+
+def _value_faults(kind: str, owner: str, attributes: dict[str, Any]) -> Iterator[str]:
+    """Name the attributes that could not be written again."""
+    for key, value in attributes.items():
+        if key not in _CHECKED[kind]:
+            try:
+                _encodable(key)
+                _plain(value)
+            except ValueError as error:
+                yield f"{owner}: attribute {brief(key)}, {brief(value)}: {error}"
 
 
 def _add_node(graph: nx.DiGraph[Any], where: str, entry: object) -> list[str]:
@@ -135,7 +168,7 @@ def _add_node(graph: nx.DiGraph[Any], where: str, entry: object) -> list[str]:
         return [f"node {label!r}: is listed more than once, again as {where}"]
     graph.add_node(label)
     graph.nodes[label].update(attributes)
-    return []
+    return list(_value_faults("node", f"node {label!r}", attributes))
 
 
 def _add_arc(graph: nx.DiGraph[Any], where: str, entry: object) -> list[str]:
@@ -150,15 +183,15 @@ def _add_arc(graph: nx.DiGraph[Any], where: str, entry: object) -> list[str]:
         return [f"arc {tail!r} -> {head!r}: is listed more than once, again as {where}"]
     graph.add_edge(tail, head)
     graph.edges[tail, head].update(attributes)
-    return []
+    return list(_value_faults("arc", f"arc {tail!r} -> {head!r}", attributes))
 
 
 def _labels(entry: object, *keys: str) -> tuple[list[Hashable], dict[str, Any]]:
     """Split an entry into the labels that ``keys`` hold and its attributes."""
     if not isinstance(entry, dict):
-        raise ValueError(f"expected an object, got {_brief(entry)}")
+        raise ValueError(f"expected an object, got {brief(entry)}")
     if missing := [key for key in keys if key not in entry]:
-        raise ValueError(f'found no key "{missing[0]}" in {_brief(entry)}')
+        raise ValueError(f'found no key "{missing[0]}" in {brief(entry)}')
     labels = []
     for key in keys:
         try:
@@ -213,7 +246,7 @@ def _plain_label(label: Hashable) -> object:
         plain = _plain(label)
         if label == _label(plain):
             return plain
-        reason = f"it would come back as {_brief(plain)}"
+        reason = f"it would come back as {brief(plain)}"
     except ValueError as error:
         reason = str(error)
     raise ValueError(f"Node {label!r} cannot be saved under its label: {reason}.")
@@ -229,13 +262,15 @@ def _attributes(owner: str, attributes: dict[Any, Any], *reserved: str) -> dict[
             plain[key] = _plain(value)
         except ValueError as error:
             raise ValueError(
-                f"{owner}: attribute {key!r}, {_brief(value)}, cannot be saved: {error}."
+                f"{owner}: attribute {key!r}, {brief(value)}, cannot be saved: {error}."
             ) from None
     return plain
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: Any, depth: int = 0) -> Any:
     """Give ``value`` in JSON's own types."""
+    if depth > _MAX_DEPTH:
+        raise ValueError(f"it is nested too deeply, more than {_MAX_DEPTH} times")
     if isinstance(value, np.generic | np.ndarray):
         value = value.tolist()
     if value is None or isinstance(value, bool):
@@ -249,9 +284,9 @@ def _plain(value: Any) -> Any:
             raise ValueError("JSON has no infinite numbers and no NaN")
         return float(value)
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [_plain(item, depth + 1) for item in value]
     if isinstance(value, dict) and all(isinstance(key, str) for key in value):
-        return {_encodable(key): _plain(item) for key, item in value.items()}
+        return {_encodable(key): _plain(item, depth + 1) for key, item in value.items()}
     raise ValueError(f"JSON has no {type(value).__name__}")
 
 
