@@ -8,6 +8,7 @@ import sys
 import warnings
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
+from types import MethodType
 from typing import TYPE_CHECKING, Any
 
 from botohe_moo._checks import nearest_first
@@ -15,7 +16,7 @@ from botohe_moo._checks import nearest_first
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-__all__ = ["PluginError", "PluginGroup", "imported"]
+__all__ = ["PluginError", "PluginGroup", "imported", "same_factory"]
 
 _OURS = "botohe-moo"
 
@@ -82,6 +83,17 @@ class PluginGroup:
             raise PluginError(f"expected {origin} to be a function or class, got {function!r}")
         return function  # type: ignore[no-any-return]
 
+    def name_of(self, found: object, package: str) -> str | None:
+        """Give the name by which a top-level package's entry registers something; None for none."""
+        for name, claimants in sorted(self.claims().items()):
+            if all(re.split(r"[.:]", entry.value)[0].strip() != package for entry in claimants):
+                continue
+            # One that is broken is not the one that was found.
+            with contextlib.suppress(PluginError), warnings.catch_warnings(action="ignore"):
+                if same_factory(self.load(name), found):
+                    return name
+        return None
+
     def entry(self, name: str) -> EntryPoint:
         """Find, without importing anything, the entry of that name.
 
@@ -113,6 +125,17 @@ class PluginGroup:
         elif len({entry.value for entry in others}) > 1:
             raise PluginError(f"the packages {named} both register this name")
         return (ours or others)[0]
+
+
+def same_factory(one: object, other: object) -> bool:
+    """Tell whether two names lead to one thing; a class's method is made anew at each look.
+
+    Parameters
+    ----------
+    one, other
+        What the names lead to.
+    """
+    return one is other or (isinstance(one, MethodType) and one == other)
 
 
 def imported(load: Callable[[], Any], origin: str) -> Any:

@@ -54,7 +54,7 @@ REEF = '''
 
     journal = BOACO.journal
 
-    def reef(*, depth: "int" = 3, width, note: float | None = None, **others):
+    def reef(*, depth: "int" = 3, width, note: float | None = None, **others) -> BOACO:
         """Swim past the reef,
         and back.
 
@@ -84,7 +84,7 @@ REEF = '''
             super().__init__(output=output, **options)
 
         @classmethod
-        def shallow(cls):
+        def shallow(cls) -> "Atoll":
             return cls(depth=0)
 
     def bare(n_ants, /):
@@ -95,6 +95,18 @@ REEF = '''
 
     nothing = dict  # whose signature Python cannot tell
 '''
+
+
+@pytest.fixture
+def local(tmp_path, monkeypatch):
+    """Write a module that nobody has installed."""
+
+    def write(code, name):
+        (tmp_path / f"{name}.py").write_text(textwrap.dedent(code))
+        monkeypatch.syspath_prepend(str(tmp_path))
+        monkeypatch.delitem(sys.modules, name, raising=False)
+
+    return write
 
 
 @pytest.fixture
@@ -441,10 +453,14 @@ class TestCheck:
         ("name", "parameters", "message"),
         [
             ("boaco", {}, "there is no such algorithm; known are bo-aco, "),
-            ("no_such_module:X", {}, "cannot be imported (ModuleNotFoundError: No module named "),
+            (
+                "no_such_module:X",
+                {},
+                "it cannot be imported (ModuleNotFoundError: No module named ",
+            ),
             (3, {}, "Expected the name of an algorithm, got 3."),
             ("bo-aco", [1], "Expected parameters to be a mapping from names to values, got [1]."),
-            ("builtins:dict", {}, "expected a pymoo Algorithm, got {}."),
+            ("builtins:dict", {}, "it is not called, because nothing there says that it makes an "),
         ],
     )
     def test_what_no_parameter_is_to_blame_for(self, name, parameters, message):
@@ -501,6 +517,253 @@ class TestCheck:
         assert check_algorithm("pymoo.algorithms.moo.rvea:RVEA", {"alpha": "x"}) == [
             ("alpha", "Expected alpha to be a number, got 'x'.")
         ]
+
+
+DANGER = """
+    from __future__ import annotations
+
+    import functools
+    import os
+    from typing import TYPE_CHECKING, Annotated, Self
+
+    import botohe_moo as bm
+    from pymoo.core.algorithm import Algorithm
+    from pymoo.algorithms.moo.ctaea import CTAEA
+    from botohe_moo import BOACO, Mission
+
+    if TYPE_CHECKING:
+        from pymoo.algorithms.moo.nsga2 import NSGA2
+
+    called = []
+
+    def make(n=5):
+        called.append(n)
+        return BOACO(n_ants=n)
+
+    def plain(n: int = 5) -> Algorithm:
+        return BOACO(n_ants=n)
+
+    def own(n: int = 5) -> BOACO:
+        return BOACO(n_ants=n)
+
+    def dotted() -> bm.algorithms.BOACO:
+        return BOACO(n_ants=5)
+
+    def lazy() -> bm.BOACO:
+        return BOACO(n_ants=5)
+
+    def quoted() -> "BOACO":
+        return BOACO(n_ants=5)
+
+    def either() -> BOACO | "bm.RandomTrails":
+        return BOACO(n_ants=5)
+
+    def unlikely() -> BOACO | None:
+        return make()
+
+    def kind() -> type[BOACO]:
+        return make()
+
+    def mission() -> Mission:
+        return make()
+
+    def nothing() -> None:
+        return make()
+
+    def checkers() -> NSGA2:
+        return make()
+
+    def evaluated() -> called.append(1) or BOACO:
+        return make()
+
+    def subscripted() -> [BOACO][called.append(1) or 0]:
+        return make()
+
+    def broken():
+        return make()
+
+    broken.__annotations__["return"] = "BOACO if ("
+
+    short = lambda: make()
+    partial = functools.partial(own, n=7)
+    bare_partial = functools.partial(make, n=7)
+    class_partial = functools.partial(BOACO, n_ants=7)
+    cached = functools.cache(quoted)
+
+    class Caller:
+        def __call__(self) -> BOACO:
+            return make()
+
+        def __getattr__(self, name):
+            called.append(name)
+            return lambda: make()
+
+    caller = Caller()
+
+    class Quiet(BOACO):
+        @classmethod
+        def own(cls) -> Self:
+            return cls(n_ants=5)
+
+        @classmethod
+        def bare(cls):
+            return make()
+
+        @staticmethod
+        def static() -> Quiet:
+            return Quiet(n_ants=5)
+
+        def method(self) -> BOACO:
+            return make()
+
+        @property
+        def asked(self) -> BOACO:
+            return make()
+
+    class Factory:
+        @classmethod
+        def named(cls) -> BOACO:
+            return BOACO(n_ants=5)
+
+        @classmethod
+        def itself(cls) -> Self:
+            return make()
+
+    quiet = Quiet()
+
+    class Endless(CTAEA):
+        def __init__(self) -> None:
+            called.append("endless")
+
+    def endless() -> Algorithm:
+        return Endless.__new__(Endless)
+"""
+
+
+class TestOnlyAlgorithmsAreCalled:
+    @pytest.mark.parametrize(
+        "path",
+        [
+            "danger:plain",
+            "danger.plain",
+            "danger:own",
+            "danger:dotted",
+            "danger:lazy",
+            "danger:quoted",
+            "danger:either",
+            "danger:partial",
+            "danger:class_partial",
+            "danger:cached",
+            "danger:Quiet",
+            "danger:Quiet.own",
+            "danger:Quiet.static",
+            "danger:Quiet.journal",
+            "danger:Factory.named",
+            "danger:bm.BOACO",
+            "botohe_moo:BOACO.journal",
+        ],
+    )
+    def test_what_says_that_it_makes_one_is(self, local, path):
+        local(DANGER, "danger")
+        assert isinstance(make_algorithm(path), BOACO)
+        assert check_algorithm(path) == []
+
+    @pytest.mark.parametrize(
+        ("path", "what"),
+        [
+            ("danger:make", "the function make does not say"),
+            ("danger:unlikely", "the function unlikely does not say"),
+            ("danger:kind", "the function kind does not say"),
+            ("danger:mission", "the function mission does not say"),
+            ("danger:nothing", "the function nothing does not say"),
+            ("danger:checkers", "the function checkers does not say"),
+            ("danger:evaluated", "the function evaluated does not say"),
+            ("danger:subscripted", "the function subscripted does not say"),
+            ("danger:broken", "the function broken does not say"),
+            ("danger:short", "the function <lambda> does not say"),
+            ("danger:bare_partial", "an object of type partial does not say"),
+            ("danger:caller", "an object of type Caller does not say"),
+            ("danger:called", "an object of type list does not say"),
+            ("danger:quiet", "an object of type Quiet does not say"),
+            ("danger:Factory", "the class danger.Factory does not say"),
+            ("danger:Factory.itself", "the function Factory.itself does not say"),
+            ("danger:Quiet.bare", "the function Quiet.bare does not say"),
+            ("danger:Quiet.asked", "an object of type property does not say"),
+            ("danger:Quiet.mro", "the function Quiet.mro does not say"),
+            ("danger:os", "the module os does not say"),
+            ("danger:os.system", "the function system does not say"),
+            ("danger:os.path.join", "the function join does not say"),
+            ("danger", "there is no such algorithm"),
+            ("danger:caller.run", "'run' is looked for in an object of type Caller"),
+            ("danger:quiet.own", "'own' is looked for in an object of type Quiet"),
+            ("danger:Quiet.method", "'method' is a method of the instances of the class"),
+            ("danger:BOACO.setup", "'setup' is a method of the instances of the class"),
+            ("danger:make.__globals__", "names such as '__globals__' are not for this"),
+            ("danger:Algorithm.__subclasses__", "names such as '__subclasses__' are not for this"),
+            ("danger.__builtins__.exec", "names such as '__builtins__' are not for this"),
+            ("danger:__doc__", "names such as '__doc__' are not for this"),
+            ("pymoo.__main__:x", "names such as '__main__' are not for this"),
+            ("danger:Endless", "cannot be used; pymoo's CTAEA never ends"),
+            ("botohe_moo.cli:main", "the function main does not say"),
+            ("botohe_moo.study:run_study", "the function run_study does not say"),
+            ("pymoo.optimize:minimize", "the function minimize does not say"),
+            ("numpy:load", "the function load does not say"),
+            ("os:system", "nothing there says"),
+            ("os.system", "nothing there says"),
+            ("posix:system", "nothing there says"),
+            ("subprocess:Popen", "nothing there says"),
+            ("pathlib:Path.unlink", "nothing there says"),
+            ("builtins:exec", "nothing there says"),
+            ("shutil:rmtree", "nothing there says"),
+            ("antigravity:x", "nothing there says"),
+        ],
+    )
+    def test_all_else_is_refused_by_name_and_never_called(self, local, path, what):
+        local(DANGER, "danger")
+        for refuse in (
+            lambda: make_algorithm(path),
+            lambda: make_algorithm(path, command="true"),
+            lambda: algorithm_parameters(path),
+            lambda: describe_algorithm(path),
+            lambda: algorithm_origin(path),
+        ):
+            with pytest.raises(ValueError, match=rf"^Algorithm {path!r}: ") as caught:
+                refuse()
+            assert what in str(caught.value)
+            assert "\n" not in str(caught.value)
+        [(blamed, said)] = check_algorithm(path, {"command": "true"}, plain=True)
+        assert blamed is None
+        assert what in said
+        if "danger" in sys.modules:
+            assert sys.modules["danger"].called == []
+        assert "antigravity" not in sys.modules
+
+    def test_it_is_said_what_to_do(self):
+        with pytest.raises(ValueError, match="is not called") as caught:
+            make_algorithm("numpy:array")
+        assert str(caught.value) == (
+            "Algorithm 'numpy:array': it is not called, because the function array does not say "
+            "that it makes an Algorithm; name a class derived from Algorithm, state what the "
+            "function returns (-> Algorithm), or register it as entry point of "
+            "'botohe_moo.algorithms'."
+        )
+
+    def test_what_is_registered_may_be_called_by_its_path(self, install):
+        install("danger-algorithms", DANGER, make="make")
+        assert make_algorithm("danger_algorithms:make").n_ants == 5
+        assert make_algorithm("make").n_ants == 5
+        with pytest.raises(ValueError, match="does not say that it makes an Algorithm"):
+            make_algorithm("danger_algorithms:Quiet.bare")
+
+    def test_what_never_ends_is_refused_whoever_makes_it(self, install):
+        install("danger-algorithms", DANGER, endless="endless")
+        with pytest.raises(ValueError, match=r"'endless': cannot be used; pymoo's CTAEA never "):
+            make_algorithm("endless")
+
+    def test_a_module_that_cannot_be_imported(self, local):
+        local("import no_such_module_at_all", "danger")
+        with pytest.raises(ValueError, match=r"^Algorithm 'danger.x': it cannot be imported \(Mod"):
+            make_algorithm("danger.x")
 
 
 class TestIdentity:

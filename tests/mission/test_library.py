@@ -52,7 +52,7 @@ REEF = """
     import networkx as nx
     from botohe_moo.mission import Mission
 
-    def reef(*, danger=0.1, width):
+    def reef(*, danger=0.1, width) -> Mission:
         graph = nx.DiGraph(name="reef", base=0, robots=1)
         graph.add_nodes_from(range(width), reward=1)
         for node in range(1, width):
@@ -350,13 +350,55 @@ class TestModules:
         ("path", "message"),
         [
             ("no_such_module:reef", "it cannot be imported .ModuleNotFoundError"),
-            ("math:pi", "expected a function or a class, got 3.14"),
-            ("math:sin", "missing a required parameter"),
+            ("math:pi", "it is not called, because nothing there says that it makes a Mission"),
+            ("numpy:pi", "it is not called, because an object of type float does not say"),
+            ("networkx:path_graph", "it is not called, because the function path_graph does not"),
         ],
     )
     def test_what_cannot_be_used(self, path, message):
         with pytest.raises(ValueError, match=f"^Mission {path!r}: {message}"):
             load_mission(path)
+
+    def test_only_what_says_that_it_makes_a_mission_is_called(self, tmp_path, monkeypatch):
+        monkeypatch.syspath_prepend(str(tmp_path))
+        (tmp_path / "dark_shore.py").write_text(
+            textwrap.dedent(
+                """
+                from botohe_moo import BOACO, Mission, load_mission
+
+                called = []
+
+                def bare(**given):
+                    called.append(given)
+                    return load_mission("toy")
+
+                def other() -> BOACO:
+                    called.append("other")
+
+                class Island(Mission):
+                    def __init__(self) -> None:
+                        super().__init__(load_mission("toy").graph)
+
+                    @classmethod
+                    def far(cls) -> "Island":
+                        return cls()
+                """
+            )
+        )
+        for path in ("dark_shore:bare", "dark_shore:other", "dark_shore:called.append"):
+            with pytest.raises(MissionError, match=r"that it makes a Mission|is looked for in"):
+                load_mission(path)
+            [(blamed, said)] = check_mission(path, {}, plain=True)
+            assert blamed is None
+            assert "makes a Mission" in said or "is looked for in" in said
+        assert sys.modules["dark_shore"].called == []
+        assert load_mission("dark_shore:Island") == load_mission("dark_shore:Island.far")
+
+    def test_what_is_registered_may_be_called_by_its_path(self, install):
+        install("reef-missions", REEF, shoal="shoal")
+        assert len(load_mission("reef_missions:shoal").nodes) == 2
+        with pytest.raises(MissionError, match="it is not called, because the function lagoon"):
+            load_mission("reef_missions:lagoon")
 
 
 def test_import_looks_at_no_entry_point():

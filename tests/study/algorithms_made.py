@@ -10,7 +10,7 @@ import numpy as np
 from pymoo.core.algorithm import Algorithm
 from pymoo.core.population import Population
 
-from botohe_moo import BOTOHE
+from botohe_moo import BOTOHE, Mission
 from botohe_moo import load_mission as generated
 from botohe_moo.algorithms.base import ArchiveAlgorithm
 from botohe_moo.operators import RandomTrailSampling
@@ -246,6 +246,6 @@ class Drawing(ArchiveAlgorithm):
         raise RuntimeError(f"{random.random()} {np.random.random()}")  # noqa: NPY002
 
 
-def changing_mission():
+def changing_mission() -> Mission:
     """Give another mission each time."""
     return generated("terrain", nodes=8, seed=int(time.monotonic_ns() % 10**9))

@@ -516,6 +516,17 @@ indicators: [area, igd]
         first = "a" if isinstance(one, str) else "a (n_ants=100)"
         assert line == f"algorithms.b: 'b' is the same as {first!r}{why}."
 
+    @pytest.mark.parametrize("kind", ["algorithm", "mission"])
+    @pytest.mark.parametrize("path", ["os:system", "local_harm:run", "local_harm:os.system"])
+    def test_nothing_but_algorithms_and_missions_is_called(self, local, tmp_path, kind, path):
+        """Point 2 of the issue: ``study plan`` called ``os.system`` while it checked the file."""
+        local("import os\ndef run(*, command):\n    os.system(command)\n", "local_harm")
+        entry = {kind: path, "parameters": {"command": f"touch {tmp_path / 'harm'}"}}
+        [line] = lines(changed(**{f"{kind}s": {"x": entry}}))
+        assert line.startswith(f"{kind}s.x.{kind}: {path!r}: it is not called, because ")
+        assert f"register it as entry point of 'botohe_moo.{kind}s'" in line
+        assert not (tmp_path / "harm").exists()
+
     def test_missions_that_differ_in_what_no_run_heeds(self):
         budget = {"evaluations": 100}
         other = {"mission": "toy", "budget": {**budget, "seconds": 3}}

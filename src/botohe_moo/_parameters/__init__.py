@@ -2,6 +2,7 @@
 
 from botohe_moo._parameters.checks import Fault, call_factory, check_values, raised_fault
 from botohe_moo._parameters.docstrings import docstring_of
+from botohe_moo._parameters.factories import declared_factory, named
 from botohe_moo._parameters.results import SameResult, plain_value
 from botohe_moo._parameters.stated import Accepted, Parameter, accepted_parameters
 from botohe_moo._parameters.types import wrong_value
@@ -14,7 +15,9 @@ __all__ = [
     "accepted_parameters",
     "call_factory",
     "check_values",
+    "declared_factory",
     "docstring_of",
+    "named",
     "plain_value",
     "raised_fault",
     "wrong_value",

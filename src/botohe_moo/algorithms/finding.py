@@ -8,9 +8,9 @@ from typing import Any
 
 from pymoo.core.algorithm import Algorithm
 
-from botohe_moo._parameters import Accepted, accepted_parameters
+from botohe_moo._parameters import Accepted, accepted_parameters, declared_factory
 from botohe_moo._plugins import PluginError, PluginGroup
-from botohe_moo.algorithms.wired import wired_class
+from botohe_moo.algorithms.wired import wired
 
 __all__ = ["PLUGINS", "accepted_by", "find_algorithm", "is_path", "source_of"]
 
@@ -35,13 +35,13 @@ def find_algorithm(name: str) -> Callable[..., Any]:
     Raises
     ------
     ValueError
-        If there is no such algorithm, or it cannot be imported.
+        If there is no such algorithm, it cannot be imported, or does not say that it is one.
     """
     if not isinstance(name, str):
         raise ValueError(f"Expected the name of an algorithm, got {name!r}.")
-    if is_path(name):
-        return wired_class(name)
     try:
+        if is_path(name):
+            return wired(name, declared_factory(name, PLUGINS, Algorithm))
         return PLUGINS.load(name)
     except PluginError as error:
         raise ValueError(f"{source_of(name)}: {error}.") from error

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import hashlib
-import pkgutil
-import re
 import sys
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
-from types import MethodType
 from typing import Any
 
-from botohe_moo._parameters import call_factory, plain_value
-from botohe_moo._plugins import PluginError
+from botohe_moo._parameters import call_factory, named, plain_value
+from botohe_moo._plugins import same_factory
 from botohe_moo.algorithms.finding import PLUGINS, accepted_by, find_algorithm, is_path, source_of
 
 __all__ = ["AlgorithmIdentity", "algorithm_identity", "algorithm_origin"]
@@ -116,16 +111,11 @@ def _one_name(name: str) -> str:
     """
     if not is_path(name):
         return name
-    found = pkgutil.resolve_name(name)
+    found = named(name)
     module = _module_of(name)
     package = module.partition(".")[0]
-    for registered, entries in sorted(PLUGINS.claims().items()):
-        if all(re.split(r"[.:]", entry.value)[0].strip() != package for entry in entries):
-            continue
-        # One that is broken is not the one that was found.
-        with contextlib.suppress(PluginError), warnings.catch_warnings(action="ignore"):
-            if _is_one(PLUGINS.load(registered), found):
-                return registered
+    if registered := PLUGINS.name_of(found, package):
+        return registered
     written = name if ":" in name else f"{module}:{name.removeprefix(f'{module}.')}"
     owner = getattr(found, "__self__", None)
     home = owner if isinstance(owner, type) else found
@@ -134,14 +124,9 @@ def _one_name(name: str) -> str:
     within = getattr(home, "__qualname__", "") + (f".{found.__name__}" if home is owner else "")
     try:
         defined = f"{home.__module__}:{within}"
-        return defined if _is_one(pkgutil.resolve_name(defined), found) else written
+        return defined if same_factory(named(defined), found) else written
     except (ImportError, AttributeError, ValueError):
         return written
-
-
-def _is_one(one: Any, other: Any) -> bool:
-    """Tell whether two names lead to one thing; a class's method is made anew at each look."""
-    return one is other or (isinstance(one, MethodType) and one == other)
 
 
 def algorithm_origin(name: str) -> dict[str, str | None]:

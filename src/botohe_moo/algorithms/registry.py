@@ -18,6 +18,7 @@ from botohe_moo._parameters import (
 )
 from botohe_moo.algorithms.finding import PLUGINS, accepted_by, find_algorithm, source_of
 from botohe_moo.algorithms.origin import algorithm_origin
+from botohe_moo.algorithms.wired import never_ends
 
 __all__ = [
     "AlgorithmParameter",
@@ -63,7 +64,9 @@ def make_algorithm(name: str, /, **parameters: Any) -> Algorithm:
     are stated can be given: what pymoo's algorithms take as ``**kwargs`` would swallow every
     misspelt name.
 
-    ``module:Class`` names one that nobody has registered; classes of pymoo's own are wired with
+    ``module:Class`` names one that nobody has registered: a class derived from pymoo's
+    ``Algorithm``, or a function whose annotation says that it returns one. Nothing else is called,
+    but importing the module runs it. Classes of pymoo's own are wired with
     this package's operators and an archive of all non-dominated plans, as ``nsga2`` is
     (:class:`PopulationAlgorithm`).
 
@@ -163,4 +166,6 @@ def _made(
     algorithm = call_factory(source_of(name), factory, accepted, parameters)
     if not isinstance(algorithm, Algorithm):
         raise ValueError(f"{source_of(name)}: expected a pymoo Algorithm, got {algorithm!r}.")
+    if reason := never_ends(type(algorithm)):
+        raise ValueError(f"{source_of(name)}: cannot be used; {reason}.")
     return algorithm

@@ -5,16 +5,15 @@ from __future__ import annotations
 import copy
 import functools
 import inspect
-import pkgutil
 from collections.abc import Callable
-from typing import Any, cast
+from typing import Any
 
 from pymoo.algorithms.base.genetic import GeneticAlgorithm
 
-from botohe_moo._plugins import imported
+from botohe_moo._parameters import named
 from botohe_moo.algorithms.population import PopulationAlgorithm, even_weights, genetic_sizes
 
-__all__ = ["wired_class"]
+__all__ = ["never_ends", "wired"]
 
 # What the wiring gives to every class of pymoo's, or who runs it does.
 _TAKEN_CARE_OF = frozenset(
@@ -34,6 +33,14 @@ _REFUSED = {
     "pymoo.algorithms.moo.pinsga2": "it asks for answers at the keyboard",
 }
 
+# Classes that loop inside of one generation, where no budget ends them.
+_ENDLESS = {
+    "pymoo.algorithms.moo.ctaea:CTAEA": (
+        "pymoo's CTAEA never ends where there are fewer plans than directions, which is what "
+        "leaving out duplicates does: its diversity archive looks for plans in as many directions "
+        "as there are plans, until it has all of them"
+    ),
+}
 
 _DOCSTRING = """{0} of pymoo's, with operators for trail plans.
 
@@ -48,27 +55,26 @@ ref_dirs
 """
 
 
-@functools.cache
-def wired_class(path: str) -> Callable[..., Any]:
-    """Find what ``module:Class`` (or ``module.Class``) names, and wire a class of pymoo's.
+def wired(path: str, found: Callable[..., Any]) -> Callable[..., Any]:
+    """Wire a class of pymoo's with this package's operators; give others back as they are.
 
-    Classes of other packages are given back as they are: they know what they solve.
+    Classes of other packages know what they solve.
 
     Parameters
     ----------
     path
-        Where the class is.
+        Where it is.
+    found
+        What has been found there.
 
     Raises
     ------
     ValueError
-        If it cannot be imported, or is a class of pymoo's that is not population-based, or cannot
-        be wired.
+        If it is a class of pymoo's that is not population-based, or cannot be wired, or derives
+        from one that never ends.
     """
-    load = functools.partial(pkgutil.resolve_name, path)
-    found: Callable[..., Any] = imported(load, f"Algorithm {path!r}:")
-    if not callable(found):
-        raise ValueError(f"Algorithm {path!r}: expected a class or a function, got {found!r}.")
+    if isinstance(found, type) and (reason := never_ends(found)):
+        raise ValueError(f"Algorithm {path!r}: cannot be used; {reason}.")
     if getattr(found, "__module__", "").partition(".")[0] != "pymoo":
         return found
     if not (isinstance(found, type) and issubclass(found, GeneticAlgorithm)):
@@ -82,6 +88,24 @@ def wired_class(path: str) -> Callable[..., Any]:
     return _wire(path, found)
 
 
+def never_ends(kind: type) -> str | None:
+    """Say why algorithms of a class, or of one derived from it, would never end.
+
+    Parameters
+    ----------
+    kind
+        The class.
+
+    Returns
+    -------
+    str or None
+        None for all that is well.
+    """
+    names = (f"{base.__module__}:{base.__qualname__}" for base in kind.__mro__)
+    return next((_ENDLESS[name] for name in names if name in _ENDLESS), None)
+
+
+@functools.cache
 def _wire(path: str, wrapped: type[GeneticAlgorithm]) -> type[PopulationAlgorithm]:
     """Derive a class from one of pymoo's, whose own parameters it states."""
     stated = inspect.signature(wrapped).parameters
@@ -149,5 +173,5 @@ def _annotation(parameter: inspect.Parameter) -> Any:
 
 def _revive(path: str) -> PopulationAlgorithm:
     """Make an empty instance for unpickling: classes made here have no name to be found by."""
-    found = cast("type[PopulationAlgorithm]", wired_class(path))
+    found = _wire(path, named(path))
     return found.__new__(found)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import functools
 import os
-import pkgutil
 from collections.abc import Callable, Mapping
 from importlib.resources import as_file, files
 from pathlib import Path
@@ -16,10 +14,11 @@ from botohe_moo._parameters import (
     accepted_parameters,
     call_factory,
     check_values,
+    declared_factory,
     docstring_of,
     raised_fault,
 )
-from botohe_moo._plugins import PluginError, PluginGroup, imported
+from botohe_moo._plugins import PluginError, PluginGroup
 from botohe_moo.mission.files import SUFFIXES, read_mission
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.validation import MissionError
@@ -110,7 +109,9 @@ def load_mission(
     name_or_path
         One of `mission_names`, or the path of a file that `read_mission` reads: what ends like one,
         holds a path separator, is an ``os.PathLike``, or exists as a file and is no mission's name.
-        ``module:function`` names a mission that nobody has registered.
+        ``module:function`` names a mission that nobody has registered: a function whose annotation
+        says that it returns a `Mission`, or a class derived from it. Nothing else is called, but
+        importing the module runs it.
     robots
         Team size; default: the mission's own.
     parameters
@@ -266,19 +267,14 @@ def _factory(name: str | os.PathLike[str]) -> Callable[..., Any] | None:
     if not known and Path(name).is_file():
         return None
     try:
-        return _PLUGINS.load(name) if known or ":" not in name else _imported(name)
+        if known or ":" not in name:
+            return _PLUGINS.load(name)
+        return declared_factory(name, _PLUGINS, Mission)
     except PluginError as error:
         hint = (
             "" if known or ":" in name else f"; mission files end in one of {', '.join(SUFFIXES)}"
         )
         raise MissionError(f"{error}{hint}", _source(name)) from error
-
-
-def _imported(path: str) -> Callable[..., Any]:
-    found = imported(functools.partial(pkgutil.resolve_name, path), "it")
-    if not callable(found):
-        raise PluginError(f"expected a function or a class, got {found!r}")
-    return found  # type: ignore[no-any-return]
 
 
 def _make(
