@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from botohe_moo.console.options import integer
-from botohe_moo.console.shell import FAILED, INTERRUPTED, fail, failing, say, tell
+from botohe_moo.console.shell import FAILED, fail, failing, say, tell
 
 if TYPE_CHECKING:
     from botohe_moo.study.estimate import Estimate
@@ -20,7 +20,12 @@ study_app = typer.Typer(
     no_args_is_help=True, help="Compare algorithms: from a study file to tables and figures."
 )
 
+_BY_SIGNAL = 128  # exit status of a command that a signal has ended, and the signal's number
+
 FileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="A study file (YAML).")]
+FolderArgument = Annotated[
+    Path, typer.Argument(metavar="DIR", help="Folder that `botohe study run` has written to.")
+]
 OutOption = Annotated[
     Path | None,
     typer.Option("--out", "-o", metavar="DIR", help="Its folder; by default results/NAME."),
@@ -55,7 +60,8 @@ def run(
 ) -> None:
     """Perform the runs that are missing, and make the tables.
 
-    Ctrl-C stops; what is done stays done, and the same command goes on from there.
+    Ctrl-C, SIGTERM and SIGHUP stop; what is done stays done, and the same command goes on from
+    there.
     """
     from botohe_moo.study.loading import load_study, study_folder
     from botohe_moo.study.progress import ProgressWatcher
@@ -67,8 +73,9 @@ def run(
     try:
         with failing(FAILED), ProgressWatcher(say) as watcher:
             tables = run_study(study, folder, workers=_workers(workers), dask=dask, watcher=watcher)
-    except StudyInterrupted:
-        fail(f"stopped; what is done is in {folder}. Run it again to go on.", INTERRUPTED)
+    except StudyInterrupted as stopped:
+        status = _BY_SIGNAL + stopped.signal
+        fail(f"stopped; what is done is in {folder}. Run it again to go on.", status)
     tell(_outcome(tables))
     tell(f"\nwrote the tables to {folder}; `botohe study report {folder}` makes the report.")
     if n_failed := int((tables.runs["status"] == "failed").sum()):
@@ -164,18 +171,36 @@ def _duration(seconds: float) -> str:
     return f"{seconds:.1f} s"
 
 
+@study_app.command("tables")
+def tables(folder: FolderArgument) -> None:
+    """Make the tables of the runs that are there: while a runner is at work, or after a kill.
+
+    Every file of a run is read and checked. The study file is not needed.
+    """
+    from botohe_moo.study.runner import make_tables
+
+    with failing():
+        made = make_tables(folder, say=say)
+    tell(_outcome(made))
+    _say_missing(made)
+    tell(f"\nwrote the tables to {folder}; `botohe study report {folder}` makes the report.")
+
+
+def _say_missing(tables: StudyTables) -> None:
+    n_runs = len(tables.runs) + tables.n_missing
+    if tables.n_missing:
+        say(f"{tables.n_missing} of the study's {n_runs} runs are missing from the tables.")
+
+
 @study_app.command("report")
-def report(
-    folder: Annotated[
-        Path, typer.Argument(metavar="DIR", help="Folder that `botohe study run` has written to.")
-    ],
-) -> None:
+def report(folder: FolderArgument) -> None:
     """Make the report: a page, figures, LaTeX tables and a summary."""
     from botohe_moo.study.report import write_report
     from botohe_moo.study.tables import read_study
 
     with failing():
         tables = read_study(folder)
+    _say_missing(tables)
     with failing(FAILED):
         paths = write_report(tables)
     for path in paths:

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 
-from botohe_moo.study import StudyError, pool, read_study, run_study
+from botohe_moo.study import StudyError, make_tables, pool, read_study, run_study
 from tests.study.test_perform import marked_processes
 from tests.study.test_runner import MADE, Watcher, assert_same, without_times
 
@@ -121,6 +121,66 @@ def test_ctrl_c_stops_cleanly_and_keeps_what_is_done(study_file, uninterrupted, 
     assert status == 0, err
     assert f"{kept} are there" in err
     assert_same(read_study(folder), uninterrupted)
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_what_ends_processes_stops_like_ctrl_c(number, study_file, uninterrupted, tmp_path):
+    folder = tmp_path / "stopped"
+    environment = {**os.environ, "BOTOHE_TEST_FOLDER": str(folder)}
+    process = start("run", study_file, "--out", folder, "--workers", 1, env=environment)
+    wait_until(lambda: len(list(folder.glob("runs/*.npz"))) >= 2)
+    os.kill(process.pid, number)
+    status, _, err = finish(process)
+    assert status == 128 + number, err
+    assert "stopped; what is done is in" in err
+    assert "Traceback" not in err
+    assert not marked_processes(folder)
+    partial = read_study(folder)
+    assert len(partial.runs) == len(list(folder.glob("runs/*.npz")))
+    assert partial.n_missing == 24 - len(partial.runs) > 0
+    status, _, err = finish(start("report", folder))
+    assert status == 0, err
+    assert f"{partial.n_missing} of the study's 24 runs are missing" in err
+    assert_same(run_study(study_file, folder, workers=2), uninterrupted)
+
+
+def test_signals_that_are_ignored_stay_so(study_file, tmp_path):
+    """As ``nohup`` starts it."""
+    folder = tmp_path / "out"
+    process = start(
+        "run", study_file, "--out", folder,
+        preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN),
+    )  # fmt: skip
+    wait_until(lambda: list(folder.glob("runs/*.npz")))
+    os.kill(process.pid, signal.SIGHUP)
+    status, _, err = finish(process)
+    assert status == 0, err
+
+
+def test_tables_are_there_while_it_runs_and_after_a_kill(study_file, uninterrupted, tmp_path):
+    """The earlier ones, or those that are asked for, of the runs that are there."""
+    folder = tmp_path / "out"
+    path = tmp_path / "slow.yaml"
+    slow = f"{{algorithm: '{MADE}:Slow', parameters: {{seconds: 30}}}}"
+    content = study_file.read_text().replace("  random: random", f"  random: random\n  zz: {slow}")
+    path.write_text(content)
+    run_study(study_file, folder, workers=2)
+    process = start("run", path, "--out", folder, "--workers", 2)
+    try:
+        wait_until(lambda: '"zz"' in (folder / "study.json").read_text())
+        assert_same(read_study(folder), uninterrupted)  # while it is at work
+        status, out, err = finish(start("tables", folder))
+        assert status == 0, err
+        assert "8 of the study's 32 runs are missing" in err
+        assert f"wrote the tables to {folder}" in out
+        assert process.poll() is None
+    finally:
+        process.kill()
+        process.communicate()
+    partial = read_study(folder)
+    assert (len(partial.runs), partial.n_missing) == (24, 8)
+    assert_same(make_tables(folder), partial)
+    assert_same(run_study(study_file, folder), uninterrupted)
 
 
 def test_a_terminal_shows_how_it_gets_on(tmp_path):
@@ -343,6 +403,7 @@ class TestCommands:
             (["run", "missing.yaml"], "missing.yaml: there is no such file"),
             (["plan", "missing.yaml"], "missing.yaml: there is no such file"),
             (["report", "nowhere"], "nowhere: there is no study in this folder"),
+            (["tables", "nowhere"], "nowhere: there is no study in this folder"),
             (["run", "x.yaml", "--workers", "0"], "expected an integer >= 1, got 0"),
         ],
     )

@@ -2,7 +2,9 @@
 
 import errno
 import json
+import os
 import shutil
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +12,9 @@ import pandas as pd
 import pytest
 
 from botohe_moo import BOTOHE, area_indicator, load_mission
-from botohe_moo.study import read_study, run_study
+from botohe_moo.mission.files import save_mission
+from botohe_moo.study import collect, make_tables, read_study, refresh, run_study
+from botohe_moo.study.kept import kept_study
 from botohe_moo.study.loading import load_study
 from botohe_moo.study.runner import plan_study
 from botohe_moo.study.store import Store
@@ -45,6 +49,10 @@ def assert_same(one, other):
     one, other = without_times(one), without_times(other)
     for name in TABLES:
         pd.testing.assert_frame_equal(one[name], other[name], obj=name)
+
+
+def forbidden(*_, **__):
+    raise AssertionError("nobody needs this")
 
 
 class Watcher:
@@ -246,10 +254,141 @@ class TestTables:
         with pytest.raises(StudyError, match=r"summary\.parquet: damaged, or of another moment"):
             read_study(small)
 
-    def test_so_is_a_study_that_is_not_finished(self, small):
-        Store(small).write_study(load_study(study_of(seeds=3)))
-        with pytest.raises(StudyError, match="its tables are not made yet"):
-            read_study(small)
+    def test_so_is_a_study_without_any(self, tmp_path):
+        with Store(tmp_path).locked():
+            Store(tmp_path).write_study(load_study(study_of()))
+        with pytest.raises(StudyError, match=r"its tables are not made yet.*botohe study tables"):
+            read_study(tmp_path)
+
+    def test_earlier_ones_stay_readable_while_a_changed_study_runs(self, small):
+        before, seen = read_study(small), []
+
+        class Reading(Watcher):
+            def end(self, run, outcome):
+                seen.append(read_study(small))
+
+        after = run_study(study_of(seeds=3), small, watcher=Reading())
+        assert len(seen) == 2
+        for tables in seen:
+            assert_same(tables, before)
+            assert tables.manifest["seeds"] == [1, 2]
+            assert tables.mission("toy") == load_mission("toy")
+        assert len(after.runs) == 6
+
+    @pytest.mark.parametrize("tidied", [False, True])
+    def test_new_ones_replace_them_all_at_once_wherever_it_is_killed(
+        self, small, monkeypatch, tidied
+    ):
+        """Kills before each file that is written or moved, and reads what is there then."""
+        from botohe_moo.study import shelf
+
+        before = read_study(small)
+        Store(small).write_study(load_study(study_of(seeds=1)))
+        after = make_tables(shutil.copytree(small, small.with_name("other")))
+        usual_replace, usual_move = shelf.replace_file, Path.replace
+        left = [0]
+
+        def counted(act):
+            def do(path, *rest):
+                if "study.json" in str(path) or "tables-" in str(path):
+                    left[0] -= 1
+                    if left[0] < 0:
+                        raise KeyboardInterrupt
+                return act(path, *rest)
+
+            return do
+
+        monkeypatch.setattr(shelf, "replace_file", counted(usual_replace))
+        monkeypatch.setattr(Path, "replace", counted(usual_move))
+        if not tidied:  # a process that is killed puts nothing in order
+            monkeypatch.setattr(shelf.shutil, "rmtree", lambda *_, **__: None)
+        n_steps, found = 0, []
+        while True:
+            folder = shutil.copytree(small, small.with_name(f"killed-{n_steps}"))
+            left[0] = n_steps
+            try:
+                make_tables(folder)
+            except KeyboardInterrupt:
+                found.append(read_study(folder))
+            else:
+                break
+            n_steps += 1
+        assert n_steps > 20
+        lengths = [len(tables.runs) for tables in found]
+        assert set(lengths) == {4, 2}
+        assert lengths == sorted(lengths, reverse=True)
+        for tables in found:
+            assert_same(tables, before if len(tables.runs) == 4 else after)
+        monkeypatch.undo()
+        for path in small.parent.glob("killed-*"):
+            assert_same(make_tables(path), after)
+            assert not list(path.glob(".tables-*"))
+
+    def test_they_say_how_many_runs_are_missing(self, small):
+        assert read_study(small).n_missing == 0
+        path, _ = a_run_of(small)
+        path.unlink()
+        assert make_tables(small).n_missing == 1
+        assert read_study(small).n_missing == 1
+
+    def test_they_are_made_without_the_file_and_the_packages(self, tmp_path, monkeypatch):
+        """Of the folder alone: no code is called, and no file outside of it is read."""
+        (tmp_path / "elsewhere").mkdir()
+        (tmp_path / "elsewhere" / "mine_for_a_while.py").write_text(
+            "from botohe_moo import BOACO as Ants, load_mission\n"
+        )
+        save_mission(load_mission("toy"), tmp_path / "elsewhere" / "site.json")
+        monkeypatch.syspath_prepend(tmp_path / "elsewhere")
+        source = study_of(
+            missions={"site": {"mission": "site.json", "robots": 3}, "toy": "toy"},
+            algorithms={
+                "mine": {"algorithm": "mine_for_a_while:Ants", "grid": {"evaporation": [0.1, 0.5]}},
+                "random": "random",
+            },
+            recording={"at": [7]},
+            title="As it was",
+            comparison={"control": "random", "significance": 0.1},
+        )
+        path = tmp_path / "elsewhere" / "study.yaml"
+        path.write_text(json.dumps(source))
+        before = run_study(path, tmp_path / "out")
+        digests = [run.digest for run in load_study(path).runs()]
+        shutil.rmtree(tmp_path / "elsewhere")
+        del sys.modules["mine_for_a_while"]
+        with pytest.raises(StudyError):
+            load_study(tmp_path / "out" / "study.yaml")
+        moved = (tmp_path / "out").rename(tmp_path / "moved")
+        assert [run.digest for run in kept_study(moved).runs()] == digests
+        for name in TABLES:
+            (moved / f"{name}.parquet").unlink()
+        after = make_tables(moved)
+        assert_same(after, before)
+        assert {**after.manifest, "tables": 0} == {**before.manifest, "tables": 0}
+
+    @pytest.mark.parametrize(
+        ("key", "value"),
+        [("missions", [{}]), ("algorithms", [{"label": 1}]), ("text", "[1, 2]"), ("seeds", "x")],
+    )
+    def test_what_they_are_made_of_may_be_damaged(self, small, key, value):
+        content = json.loads((small / "study.json").read_text())
+        content["kept"][key] = value
+        (small / "study.json").write_text(json.dumps(content))
+        with pytest.raises(StudyError, match=r"study\.json: cannot be read"):
+            make_tables(small)
+
+    def test_damaged_runs_are_named_when_they_are_made(self, small):
+        path, _ = a_run_of(small)
+        state = path.stat()
+        data = bytearray(path.read_bytes())
+        data[300] ^= 1
+        path.write_bytes(data)
+        os.utime(path, ns=(state.st_atime_ns, state.st_mtime_ns))
+        said = []
+        assert len(make_tables(small, say=said.append).runs) == 3
+        [line] = said
+        assert line.startswith(f"{path}: damaged (")
+        _, watcher = watched(study_of(), small)
+        assert len(watcher.performed) == 1
 
     def test_so_are_changed_missions(self, small):
         [path] = (small / "missions").glob("*.json")
@@ -310,6 +449,59 @@ class TestAgain:
         assert_same(first, second)
         # Times, too, for nothing ran.
         pd.testing.assert_frame_equal(first.runs, second.runs)
+
+    def test_and_nothing_is_made_anew(self, finished, monkeypatch):
+        """No file of a run is opened, no table is written, where nothing has changed."""
+        run_study(study_of(), finished)
+        before = {path: path.stat().st_mtime_ns for path in finished.glob("*.*")}
+        monkeypatch.setattr(Store, "load", forbidden)
+        monkeypatch.setattr(Store, "_read", forbidden)
+        monkeypatch.setattr(collect, "collect_tables", forbidden)
+        tables, watcher = watched(study_of(), finished)
+        assert watcher.performed == []
+        assert len(tables.runs) == 4
+        made = {path: path.stat().st_mtime_ns for path in finished.glob("*.*")}
+        assert made.keys() == before.keys()
+        assert {path.name for path in made if made[path] != before[path]} <= {"study.yaml"}
+
+    def test_files_that_were_touched_are_read_and_tables_stay(self, small, monkeypatch):
+        run_study(study_of(), small)
+        for path in (small / "runs").glob("*.npz"):
+            path.touch()
+        read, usual = [], Store._read
+        monkeypatch.setattr(
+            Store, "_read", lambda store, run: read.append(run) or usual(store, run)
+        )
+        monkeypatch.setattr(collect, "collect_tables", forbidden)
+        run_study(study_of(), small)
+        assert len(read) == 4
+        run_study(study_of(), small)
+        assert len(read) == 4
+
+    @pytest.mark.parametrize(
+        "change",
+        [
+            lambda folder, _: a_run_of(folder)[0].unlink(),
+            lambda folder, _: (folder / "runs.csv").unlink(),
+            lambda folder, _: (folder / "trace.parquet").write_bytes(b"x"),
+            lambda folder, _: (folder / ".index.json").write_bytes(b"x"),
+            lambda folder, _: (folder / "study.json").write_bytes(b"x"),
+            lambda _, patch: patch.setattr(refresh, "_code", lambda: "another"),
+        ],
+        ids=["run", "csv", "table", "index", "manifest", "code"],
+    )
+    def test_what_has_changed_is_made_anew(self, small, monkeypatch, change):
+        before = run_study(study_of(), small)
+        change(small, monkeypatch)
+        assert_same(run_study(study_of(), small), before)
+        assert (small / "runs.csv").exists()
+        assert_same(read_study(small), before)
+
+    def test_changed_comparisons_make_new_tables_of_old_runs(self, small):
+        run_study(study_of(), small)
+        tables, watcher = watched(study_of(comparison={"control": "greedy"}), small)
+        assert watcher.performed == []
+        assert set(tables.comparisons["other"]) == {"greedy"}
 
     def test_only_what_is_new_is_performed(self, small, tmp_path):
         source = study_of(algorithms={"new": "bo-aco", "random": "random", "g": "greedy"}, seeds=3)
@@ -456,7 +648,10 @@ class TestPlan:
         assert not (tmp_path / "none").exists()
         plan = plan_study(load_study(study_of(seeds=[2, 3])), small)
         assert [run.seed for run in plan.missing] == [3, 3]
-        assert set(plan.seconds) == set(plan.finished)
+        runs = read_study(small).runs.set_index("run")["seconds"]
+        assert len(plan.finished) == 2
+        for digest, entry in plan.finished.items():
+            assert entry.seconds == runs[digest]
 
 
 class TestFolder:

@@ -2,7 +2,7 @@
 
 from botohe_moo.study.grid import Study
 from botohe_moo.study.loading import load_study
-from botohe_moo.study.runner import StudyInterrupted, run_study
+from botohe_moo.study.runner import StudyInterrupted, make_tables, run_study
 from botohe_moo.study.tables import SCHEMAS, StudyError, StudyTables, read_study
 
 __all__ = [
@@ -12,6 +12,7 @@ __all__ = [
     "StudyInterrupted",
     "StudyTables",
     "load_study",
+    "make_tables",
     "read_study",
     "run_study",
 ]

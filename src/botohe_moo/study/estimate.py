@@ -72,7 +72,8 @@ def estimate_times(plan: Plan) -> Iterator[Estimate]:
     sandbox = Sandbox()
     try:
         for (mission, algorithm), runs in cells.items():
-            known = [plan.seconds[run.digest] for run in runs if run.digest in plan.seconds]
+            there = [plan.finished[run.digest] for run in runs if run.digest in plan.finished]
+            known = [entry.seconds for entry in there]
             seconds, at_most = (
                 (statistics.median(known), False) if known else _try(runs[0], sandbox)
             )

@@ -22,6 +22,11 @@ __all__ = ["Run", "Study", "StudyAlgorithm", "StudyMission", "canonical", "missi
 _VERSIONS = {"version": "botohe-moo", "pymoo": "pymoo"}
 
 
+def installed_versions() -> dict[str, str]:
+    """Give the versions of the packages that every result depends on."""
+    return {name: version(package) for name, package in _VERSIONS.items()}
+
+
 @dataclass(frozen=True)
 class StudyMission:
     """A mission as a study plans for it.
@@ -157,6 +162,8 @@ class Study:
         What is compared on what, grids expanded, in the order of the file.
     seeds
         Seeds of the repetitions.
+    versions
+        Of the packages that every result depends on.
     """
 
     file: StudyFile
@@ -164,6 +171,7 @@ class Study:
     missions: tuple[StudyMission, ...]
     algorithms: tuple[StudyAlgorithm, ...]
     seeds: tuple[int, ...]
+    versions: Mapping[str, str] = field(default_factory=installed_versions)
 
     @property
     def name(self) -> str:
@@ -172,9 +180,8 @@ class Study:
 
     def runs(self) -> tuple[Run, ...]:
         """List the runs: mission by mission, algorithm by algorithm, seed by seed."""
-        versions = {name: version(package) for name, package in _VERSIONS.items()}
         return tuple(
-            _run(mission, algorithm, seed, self.file.recording, versions)
+            _run(mission, algorithm, seed, self.file.recording, self.versions)
             for mission in self.missions
             for algorithm in self.algorithms
             for seed in self.seeds
@@ -186,7 +193,7 @@ class Study:
             "name": self.name,
             "title": self.file.title,
             "description": self.file.description,
-            "version": version("botohe-moo"),
+            "version": self.versions["version"],
             "missions": {
                 mission.label: {
                     "file": f"missions/{mission.digest}.json",

@@ -16,7 +16,7 @@ from botohe_moo.study.checking import CheckedContent
 from botohe_moo.study.config import printable
 from botohe_moo.study.document import Document, Fault
 from botohe_moo.study.grid import Study
-from botohe_moo.study.tables import StudyError, read_manifest
+from botohe_moo.study.manifest import StudyError, read_manifest
 
 __all__ = ["load_study", "remembered_packages", "study_folder"]
 

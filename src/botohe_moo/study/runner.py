@@ -3,27 +3,49 @@
 from __future__ import annotations
 
 import os
-import threading
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+import signal
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Protocol
 
 from botohe_moo._checks import check_integer
-from botohe_moo.console.waiting import hold_interrupt
 from botohe_moo.study.grid import Run, Study
+from botohe_moo.study.index import Entry, read_index
+from botohe_moo.study.kept import kept_study
 from botohe_moo.study.loading import load_study, study_folder
+from botohe_moo.study.manifest import read_manifest
 from botohe_moo.study.pool import Outcomes, dask_outcomes, local_outcomes
+from botohe_moo.study.refresh import refresh_tables
+from botohe_moo.study.shelf import tables_locked
+from botohe_moo.study.stopping import Stop, hold_stop
 from botohe_moo.study.store import DamagedError, Store
-from botohe_moo.study.tables import StudyTables, read_study
+from botohe_moo.study.tables import StudyTables
 from botohe_moo.study.task import Outcome, Record, Task
 
-__all__ = ["Plan", "StudyInterrupted", "make_task", "plan_study", "run_study"]
+__all__ = [
+    "Plan",
+    "StudyInterrupted",
+    "make_tables",
+    "make_task",
+    "plan_study",
+    "run_study",
+]
 
 
 class StudyInterrupted(KeyboardInterrupt):
-    """A study was stopped by Ctrl-C; what was finished is in its folder, as tables, too."""
+    """A study was stopped by a signal; what was finished is in its folder, as tables, too.
+
+    Parameters
+    ----------
+    number
+        Of the signal: Ctrl-C is SIGINT.
+    """
+
+    def __init__(self, number: int = signal.SIGINT) -> None:
+        super().__init__()
+        self.signal = number
 
 
 class Watcher(Protocol):
@@ -66,20 +88,17 @@ class Plan:
     runs
         All runs.
     finished
-        Names of those whose results are there.
+        The files of those whose results are there, by name of the run.
     failed
         Names of those that failed the last time.
     damaged
         What is wrong with the files of runs that cannot be used, by name of the run.
-    seconds
-        How long the finished ones took, by name of the run.
     """
 
     runs: tuple[Run, ...]
-    finished: frozenset[str]
+    finished: Mapping[str, Entry]
     failed: frozenset[str]
     damaged: Mapping[str, str]
-    seconds: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def missing(self) -> tuple[Run, ...]:
@@ -87,8 +106,10 @@ class Plan:
         return tuple(run for run in self.runs if run.digest not in self.finished)
 
 
-def plan_study(study: Study, folder: Path) -> Plan:
-    """Find out which runs of a study are already in its folder; each file is read and checked.
+def plan_study(study: Study, folder: Path, *, anew: bool = False) -> Plan:
+    """Find out which runs of a study are already in its folder.
+
+    A file that is new, or has changed since it was read, is read in full and checked.
 
     Parameters
     ----------
@@ -96,6 +117,8 @@ def plan_study(study: Study, folder: Path) -> Plan:
         The study.
     folder
         Its folder; need not exist.
+    anew
+        Whether every file is read, also those that were read before and have not changed.
 
     Raises
     ------
@@ -105,20 +128,17 @@ def plan_study(study: Study, folder: Path) -> Plan:
     store = Store(folder)
     store.check(study)
     runs = study.runs()
-    finished, damaged, seconds = set(), {}, {}
+    known = {} if anew else read_index(folder)
+    finished, damaged = {}, {}
     for run in runs:
-        if store.finished(run.digest):
-            try:
-                seconds[run.digest] = store.load(run).seconds
-                finished.add(run.digest)
-            except DamagedError as error:
-                damaged[run.digest] = str(error)
-    failed = {
-        run.digest
-        for run in runs
-        if run.digest not in finished and store.failure(run.digest) is not None
-    }
-    return Plan(runs, frozenset(finished), frozenset(failed), damaged, seconds)
+        try:
+            if entry := store.entry(run, known.get(run.digest)):
+                finished[run.digest] = entry
+        except DamagedError as error:
+            damaged[run.digest] = str(error)
+    failed = store.failures().keys() & {run.digest for run in runs} - finished.keys()
+    readable = (digest for digest in failed if store.failure(digest) is not None)
+    return Plan(runs, finished, frozenset(readable), damaged)
 
 
 def run_study(
@@ -159,7 +179,7 @@ def run_study(
         If the study file is wrong, the folder cannot be used or written to, another runner is at
         work in it, or the cluster does not answer.
     StudyInterrupted
-        After Ctrl-C; what was finished until then is kept.
+        After Ctrl-C, SIGTERM or SIGHUP; what was finished until then is kept.
 
     Examples
     --------
@@ -175,9 +195,6 @@ def run_study(
     >>> tables.runs[["algorithm", "seed", "status"]].values.tolist()
     [['random', 1, 'done'], ['random', 2, 'done'], ['greedy', 1, 'done'], ['greedy', 2, 'done']]
     """
-    # scipy.stats takes half a second to import, which every worker's process would wait for.
-    from botohe_moo.study.collect import collect_tables
-
     workers = check_integer("workers", workers, at_least=1, at_most=1_024)
     study = source if isinstance(source, Study) else load_study(source, out=out)
     folder = study_folder(study.name, out)
@@ -189,27 +206,61 @@ def run_study(
         store.write_study(study)
         watcher = watcher or _Silent()
         watcher.begin(plan)
-        with hold_interrupt() as stop:
-            _perform(plan, store, stop, workers=workers, dask=dask, watcher=watcher)
-            collect_tables(study, store)
+        with hold_stop() as stop:
+            done = _perform(plan, store, stop, workers=workers, dask=dask, watcher=watcher)
+            with tables_locked(folder):
+                tables = refresh_tables(study, store, {**plan.finished, **done})
     if stop.is_set():
-        raise StudyInterrupted
-    return read_study(folder)
+        raise StudyInterrupted(stop.signal)
+    return tables
+
+
+def make_tables(
+    folder: str | os.PathLike[str], *, say: Callable[[str], None] | None = None
+) -> StudyTables:
+    """Make the tables of a study anew, of the runs that are in its folder.
+
+    Every file of a run is read and checked. The study file is not needed, nor are the packages
+    that algorithms are from. A runner may be at work meanwhile.
+
+    Parameters
+    ----------
+    folder
+        Folder that ``botohe study run`` has written to.
+    say
+        Is told which files are damaged; their runs are not in the tables.
+
+    Raises
+    ------
+    StudyError
+        If the folder holds no study, or cannot be written to.
+    """
+    folder = Path(folder)
+    read_manifest(folder)
+    with tables_locked(folder):
+        study = kept_study(folder)
+        plan = plan_study(study, folder, anew=True)
+        for fault in plan.damaged.values():
+            if say is not None:
+                say(f"{fault}; the run is missing from the tables.")
+        return refresh_tables(study, Store(folder), plan.finished, anew=True)
 
 
 def _perform(
     plan: Plan,
     store: Store,
-    stop: threading.Event,
+    stop: Stop,
     *,
     workers: int,
     dask: str | None,
     watcher: Watcher,
-) -> None:
+) -> dict[str, Entry]:
+    """Perform the runs that are missing; give the files of those that did not fail."""
+    done: dict[str, Entry] = {}
     runs = {run.digest: run for run in plan.missing}
     tasks = [make_task(run) for run in runs.values()]
     if not tasks:
-        return
+        return done
 
     def note(task: Task, record: Record) -> None:
         watcher.record(runs[task.digest], record)
@@ -222,10 +273,12 @@ def _perform(
     try:
         for task, outcome in outcomes:
             run = runs[task.digest]
-            store.save(run, outcome)
+            if entry := store.save(run, outcome):
+                done[run.digest] = entry
             watcher.end(run, outcome)
     finally:
         outcomes.close()  # type: ignore[attr-defined]
+    return done
 
 
 def make_task(run: Run) -> Task:

@@ -21,7 +21,10 @@ import numpy as np
 from botohe_moo._files import replace_file
 from botohe_moo.mission.files import save_mission
 from botohe_moo.study.grid import Run, Study
-from botohe_moo.study.tables import MANIFEST, StudyError, read_manifest, write_manifest
+from botohe_moo.study.index import Entry
+from botohe_moo.study.kept import keep_study
+from botohe_moo.study.manifest import MANIFEST, StudyError, read_manifest
+from botohe_moo.study.shelf import put_study, tables_locked
 from botohe_moo.study.task import Outcome, Record
 from botohe_moo.trails import PlanBatch
 
@@ -140,6 +143,8 @@ class Store:
     def write_study(self, study: Study) -> None:
         """Keep what the study is: its file, its missions, and a manifest.
 
+        Tables that are there stay readable.
+
         Raises
         ------
         StudyError
@@ -150,7 +155,8 @@ class Store:
                 path = self.folder / "missions" / f"{mission.digest}.json"
                 save_mission(mission.mission, path)
             replace_file(self.folder / "study.yaml", study.text.encode())
-            write_manifest(self.folder, study.manifest())
+            with tables_locked(self.folder):
+                put_study(self.folder, {**study.manifest(), "kept": keep_study(study)})
 
     def finished(self, digest: str) -> bool:
         """Tell whether there is a file of a run; it may be damaged.
@@ -161,6 +167,38 @@ class Store:
             The run's name.
         """
         return self._path(digest).exists()
+
+    def entry(self, run: Run, known: Entry | None = None) -> Entry | None:
+        """Make sure that a run's file is whole; None if there is none.
+
+        Parameters
+        ----------
+        run
+            The run.
+        known
+            What was found when it was read before: it is not read again if it is the same file.
+
+        Raises
+        ------
+        DamagedError
+            As :meth:`load`.
+        """
+        try:
+            state = self._path(run.digest).stat()
+        except OSError:  # such as a link to nowhere
+            return None
+        if known is not None and known.is_of(state):
+            return known
+        data, outcome = self._read(run)
+        return Entry.of(state, data, outcome.seconds)
+
+    def failures(self) -> dict[str, bytes]:
+        """Give the files of the last failures, by name of the run."""
+        found = {}
+        for path in self._failures.glob("*.json"):
+            with contextlib.suppress(OSError):
+                found[path.stem] = path.read_bytes()
+        return found
 
     def failure(self, digest: str) -> Outcome | None:
         """Give the last failure of a run; None if there was none, or it cannot be read.
@@ -176,8 +214,8 @@ class Store:
         except (OSError, ValueError, TypeError, RecursionError):
             return None
 
-    def save(self, run: Run, outcome: Outcome) -> None:
-        """Keep how a run ended.
+    def save(self, run: Run, outcome: Outcome) -> Entry | None:
+        """Keep how a run ended; say what is known of its file, None for a failed run.
 
         Parameters
         ----------
@@ -195,9 +233,11 @@ class Store:
         with writing(self.folder):
             if outcome.status == "failed":
                 replace_file(failed, json.dumps(_about(outcome), indent=1).encode())
-            else:
-                replace_file(self._path(run.digest), _packed(run, outcome))
-                failed.unlink(missing_ok=True)
+                return None
+            path, data = self._path(run.digest), _packed(run, outcome)
+            replace_file(path, data)
+            failed.unlink(missing_ok=True)
+            return Entry.of(path.stat(), data, outcome.seconds)
 
     def load(self, run: Run) -> Outcome:
         """Read how a run ended.
@@ -212,9 +252,13 @@ class Store:
         DamagedError
             If its file is truncated, corrupted, or another run's; names it.
         """
+        return self._read(run)[1]
+
+    def _read(self, run: Run) -> tuple[bytes, Outcome]:
         path = self._path(run.digest)
         try:
-            return _unpacked(path.read_bytes(), run)
+            data = path.read_bytes()
+            return data, _unpacked(data, run)
         except _DAMAGE as error:
             said = f"{type(error).__name__}: {error}".partition("\n")[0]
             raise DamagedError(f"{path}: damaged ({said})") from error

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import io
 import json
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -14,13 +14,12 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
-from pydantic import BaseModel
 
-from botohe_moo._checks import nearest_first
-from botohe_moo._files import replace_file
 from botohe_moo.mission.files import read_mission
 from botohe_moo.study.grid import mission_digest
+from botohe_moo.study.manifest import StudyError, read_manifest, tabled_manifest
 from botohe_moo.study.schemas import SCHEMAS
+from botohe_moo.study.shelf import AGAIN, put_tables, read_file
 
 if TYPE_CHECKING:
     import os
@@ -32,14 +31,9 @@ if TYPE_CHECKING:
 __all__ = ["SCHEMAS", "StudyError", "StudyTables", "read_study", "write_tables"]
 
 SMALL = tuple(name for name in SCHEMAS if name not in ("trace", "fronts", "plans", "references"))
-MANIFEST = "study.json"
 # Of columns that depend on the study.
 _TYPES = {dtype: dtype for dtype in (pa.string(), pa.int64(), pa.float64(), pa.bool_())}
 _TYPES[pa.large_string()] = pa.string()
-
-
-class StudyError(ValueError):
-    """What is wrong with a study or its folder, and where; one line for each fault."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,6 +112,12 @@ class StudyTables:
         return list(self.manifest["algorithms"])
 
     @property
+    def n_missing(self) -> int:
+        """How many runs of the study were not there yet when its tables were made."""
+        parts = (self.manifest[name] for name in ("missions", "algorithms", "seeds"))
+        return max(0, math.prod(map(len, parts)) - len(self.runs))
+
+    @property
     def control(self) -> str | None:
         """Label of the algorithm that the others are compared with; None: all pairs."""
         return self.manifest["comparison"]["control"]  # type: ignore[no-any-return]
@@ -144,7 +144,7 @@ class StudyTables:
         """
         if label not in self._missions:
             entry = self.manifest["missions"][label]
-            self._missions[label] = _read_mission(self.folder / entry["file"], entry["digest"])
+            self._missions[label] = saved_mission(self.folder / entry["file"], entry["digest"])
         return self._missions[label]
 
     @cached_property
@@ -177,7 +177,21 @@ class StudyTables:
         return self.mission(row["mission"]).plan([[_label(v) for v in trail] for trail in trails])
 
 
-def _read_mission(path: Path, digest: str) -> Mission:
+def saved_mission(path: Path, digest: str) -> Mission:
+    """Read a mission that is kept with a study.
+
+    Parameters
+    ----------
+    path
+        Its file.
+    digest
+        Of the mission that was planned for.
+
+    Raises
+    ------
+    StudyError
+        If the file holds another one, or none.
+    """
     mission = read_mission(path)
     if mission_digest(mission) != digest:
         raise StudyError(
@@ -242,53 +256,18 @@ def write_tables(
         If the folder cannot be written to.
     """
     checked = {name: to_arrow(name, frame) for name, frame in tables.items()}
-    digests = {}
+    files = {}
     for name, table in checked.items():
         buffer = io.BytesIO()
         pq.write_table(table, buffer, compression="zstd")
-        data = buffer.getvalue()
-        digests[name] = hashlib.sha256(data).hexdigest()
-        replace_file(folder / f"{name}.parquet", data)
+        files[f"{name}.parquet"] = buffer.getvalue()
         if name in SMALL:
-            text = tables[name].to_csv(index=False, lineterminator="\n")
-            replace_file(folder / f"{name}.csv", text.encode())
-    write_manifest(folder, {**manifest, "tables": digests})
-
-
-def write_manifest(folder: Path, manifest: Mapping[str, Any]) -> None:
-    """Write what a study is.
-
-    Parameters
-    ----------
-    folder
-        The study's folder.
-    manifest
-        What :func:`read_manifest` will give.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be written to.
-    """
-    replace_file(folder / MANIFEST, (json.dumps(manifest, indent=1) + "\n").encode())
-
-
-def _read_table(path: Path, digest: str) -> pd.DataFrame:
-    again = "run the study again to make it"
-    try:
-        data = path.read_bytes()
-        if hashlib.sha256(data).hexdigest() != digest:
-            raise StudyError(f"{path}: damaged, or of another moment than the others; {again}.")
-        table: pd.DataFrame = pq.read_table(io.BytesIO(data)).to_pandas()
-    except FileNotFoundError:
-        raise StudyError(f"{path}: there is no such table; {again}.") from None
-    except (OSError, pa.ArrowException) as error:
-        raise StudyError(f"{path}: cannot be read ({error}); {again}.") from error
-    return table
+            files[f"{name}.csv"] = tables[name].to_csv(index=False, lineterminator="\n").encode()
+    put_tables(folder, files, manifest)
 
 
 def read_study(folder: str | os.PathLike[str]) -> StudyTables:
-    """Read the tables of a study.
+    """Read the tables of a study: while a runner is at work, those that were made last.
 
     Parameters
     ----------
@@ -298,76 +277,34 @@ def read_study(folder: str | os.PathLike[str]) -> StudyTables:
     Raises
     ------
     StudyError
-        If it holds no study, or a table is missing or damaged; names the file.
+        If it holds no study, no tables are made yet, or one is missing or damaged; names the file.
     """
     folder = Path(folder)
     manifest = read_manifest(folder)
-    digests = manifest["tables"]
     names = [field.name for field in dataclasses.fields(StudyTables)][2:]
-    if digests is None or not digests.keys() >= set(names):
-        raise StudyError(
-            f"{folder}: its tables are not made yet: a runner is at work, or was killed. Run the "
-            "study again to go on."
-        )
-    tables = {name: _read_table(folder / f"{name}.parquet", digests[name]) for name in names}
-    return StudyTables(folder, manifest, **tables)
+    while True:
+        tabled = tabled_manifest(manifest)
+        if tabled is None or not tabled["tables"].keys() >= set(names):
+            raise StudyError(
+                f"{folder}: its tables are not made yet: a runner is at work, or was killed. "
+                f"`botohe study tables {folder}` makes them of the runs that are there."
+            )
+        try:
+            tables = {name: _read_table(folder, name, tabled["tables"]) for name in names}
+        except StudyError:
+            latest = read_manifest(folder)
+            if latest == manifest:
+                raise
+            manifest = latest  # they have been replaced meanwhile
+        else:
+            return StudyTables(folder, tabled, **tables)
 
 
-def read_manifest(folder: Path) -> dict[str, Any]:
-    """Read what a folder's study is.
-
-    Raises
-    ------
-    StudyError
-        If the folder holds no study, or the file is damaged.
-    """
-    path = folder / MANIFEST
+def _read_table(folder: Path, name: str, digests: Mapping[str, str]) -> pd.DataFrame:
+    data = read_file(folder, f"{name}.parquet", digests)
     try:
-        content: dict[str, Any] = json.loads(path.read_bytes())
-        _Manifest.model_validate(content)
-    except FileNotFoundError:
-        among = sorted(p.parent.name for p in folder.parent.glob(f"*/{MANIFEST}"))
-        near = nearest_first(folder.name, among)
-        known = f"; studies beside it are {', '.join(near)}" if near else ""
-        raise StudyError(f"{folder}: there is no study in this folder{known}.") from None
-    except (OSError, ValueError, RecursionError) as error:
-        said = " ".join(str(error).split()[:20])
-        raise StudyError(f"{path}: cannot be read ({said}); run the study again.") from error
-    return content
-
-
-class _MissionEntry(BaseModel):
-    file: str
-    digest: str
-    source: dict[str, Any]
-    package: str | None
-    version: str | None
-    min_survival: float
-    budget: dict[str, float | None]
-
-
-class _AlgorithmEntry(BaseModel):
-    algorithm: str
-    parameters: dict[str, Any]
-    package: str | None
-    version: str | None
-
-
-class _ComparisonEntry(BaseModel):
-    control: str | None
-    significance: float
-
-
-class _Manifest(BaseModel):
-    """What readers of a manifest rely on."""
-
-    name: str
-    title: str | None
-    description: str | None
-    version: str
-    missions: dict[str, _MissionEntry]
-    algorithms: dict[str, _AlgorithmEntry]
-    seeds: list[int]
-    indicators: list[str]
-    comparison: _ComparisonEntry
-    tables: dict[str, str] | None
+        table: pd.DataFrame = pq.read_table(io.BytesIO(data)).to_pandas()
+    except (OSError, pa.ArrowException) as error:
+        path = folder / f"{name}.parquet"
+        raise StudyError(f"{path}: cannot be read ({error}); {AGAIN}.") from error
+    return table
