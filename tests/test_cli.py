@@ -239,7 +239,7 @@ class TestSolve:
         )
         assert ended.status == 0, ended
         assert ended.err == ""
-        content = plans_in(tmp_path / "results" / "terrain")
+        content = plans_in(tmp_path / "results" / "solve" / "terrain")
         assert content["parameters"] == {
             "n_ants": 20,
             "evaporation": 0.1,
@@ -270,8 +270,8 @@ class TestSolve:
         assert ended.status == 0, ended
         assert ended.err == ""
         assert ended.out.startswith("[link]a$b: 3 nodes")
-        folder = tmp_path / "results" / "odd [bold]pier[red] ü"
-        assert f"wrote results/{folder.name}/front.csv" in ended.out
+        folder = tmp_path / "results" / "solve" / "odd [bold]pier[red] ü"
+        assert f"wrote results/solve/{folder.name}/front.csv" in ended.out
         mission, content = load_mission(tmp_path / name), plans_in(folder)
         plans = [
             mission.plan(
@@ -281,6 +281,27 @@ class TestSolve:
         ]
         assert mission.evaluate(plans).tolist() == [list(row[1:]) for row in front_in(folder)]
         assert {said, "[red]漢字[/red]"} <= set(sum(mission.labels(plans[0]), ()))
+
+    def test_without_a_folder_nothing_is_written_over(self, botohe, tmp_path):
+        committed = tmp_path / "results" / "toy" / "front.csv"
+        taken = tmp_path / "results" / "solve" / "toy" / "front.csv"
+        for path in (committed, taken):
+            path.parent.mkdir(parents=True)
+            path.write_text("precious")
+        for number in (2, 3):
+            ended = botohe("solve", "toy", "-n", 9)
+            assert (ended.status, ended.err) == (0, "")
+            assert f"wrote results/solve/toy-{number}/front.csv\n" in ended.out
+            assert names_in(tmp_path / "results" / "solve" / f"toy-{number}") == FILES
+        assert (committed.read_text(), taken.read_text()) == ("precious", "precious")
+        assert names_in(tmp_path / "results" / "toy") == ["front.csv"]
+        assert names_in(tmp_path / "results") == ["solve", "toy"]
+
+    def test_a_folder_that_was_asked_for_is_used_again(self, botohe, tmp_path):
+        for seed in (1, 2):
+            assert botohe("solve", "toy", "-n", 9, "-s", seed, "-o", "out").status == 0
+            assert plans_in(tmp_path / "out")["seed"] == seed
+        assert names_in(tmp_path) == ["out"]
 
     def test_a_mission_that_is_only_a_base(self, botohe, pier, tmp_path):
         assert botohe("solve", pier([("a", 0)], []), "-n", 5, "-o", "out").status == 0
@@ -346,6 +367,7 @@ def test_terminal_and_interrupt(tmp_path):
     assert b"%" in plain
     assert b"evaluations" in plain
     assert b"Traceback" not in plain
+    assert b"\n" + STOPPING.strip().encode() + b"\r\n" in plain
     assert shown.rstrip().endswith(b"\x1b[?25h")  # the cursor is there again
     assert process.returncode == 130
     assert "stopped after" in out
@@ -373,6 +395,9 @@ WHEN_CALLED = """
 
 def when_called(module, name, *, times=1, sent="SIGINT"):
     return WHEN_CALLED.format(module=module, name=name, times=times, signal=sent)
+
+
+STOPPING = "botohe: stopping; what was found will be written. Press Ctrl-C again to break off.\n"
 
 
 class TestSignals:
@@ -415,21 +440,63 @@ class TestSignals:
             text=True,
         )
         assert done.stdout == "pressed\n"
-        assert done.stderr == ""
-        assert done.returncode in (130, -signal.SIGINT)
+        assert done.stderr == "botohe: interrupted\n"
+        assert done.returncode == 130
         assert names_in(tmp_path) == []
+
+    def test_it_is_answered_at_once(self, tmp_path):
+        """The answer comes while the first iteration goes on, which ends when we say so."""
+        code = """
+            import ctypes, os, signal, sys
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+            import botohe_moo.cli, botohe_moo.algorithms
+            read = ctypes.CDLL(None).read  # takes no lock, like a kernel; nor do signals end it
+            signal.siginterrupt(signal.SIGINT, False)
+
+            def _infill(self, usual=botohe_moo.algorithms.RandomTrails._infill):
+                signal.siginterrupt(signal.SIGINT, False)
+                print("computing", flush=True)
+                read(0, ctypes.create_string_buffer(1), 1)
+                return usual(self)
+
+            botohe_moo.algorithms.RandomTrails._infill = _infill
+            botohe_moo.algorithms.RandomTrails._initialize_infill = _infill
+            sys.argv = ["botohe", "solve", "toy", "-a", "random", "-n", "1000000", "-o", "out"]
+            botohe_moo.cli.main()
+        """
+        process = subprocess.Popen(
+            [sys.executable, "-c", textwrap.dedent(code)],
+            cwd=tmp_path,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        alarm = threading.Timer(120, process.kill)
+        alarm.start()
+        try:
+            assert "computing\n" in iter(process.stdout.readline, "")
+            process.send_signal(signal.SIGINT)
+            assert process.stderr.readline() == STOPPING  # while it computes
+            out, err = process.communicate("x")
+        finally:
+            alarm.cancel()
+            process.kill()
+        assert (process.returncode, err) == (130, "")
+        assert "stopped after" in out
+        assert plans_in(tmp_path / "out")["interrupted"] is True
 
     def test_before_the_first_iteration(self, botohe, tmp_path):
         code = when_called("botohe_moo.solve", "search")
         ended = botohe("solve", "toy", "-a", "bo-aco", "-n", 10**6, "-o", "out", code=code)
-        assert (ended.status, ended.err) == (130, "")
+        assert (ended.status, ended.err) == (130, STOPPING)
         assert plans_in(tmp_path / "out")["evaluations"] == 100
         assert names_in(tmp_path / "out") == FILES
 
     def test_once_while_writing(self, botohe, tmp_path):
         code = when_called("botohe_moo.plots", "plot_mission")
         ended = botohe("solve", "toy", "-n", 9, "-o", "out", code=code)
-        assert (ended.status, ended.err) == (130, "")
+        assert (ended.status, ended.err) == (130, STOPPING)
         assert names_in(tmp_path / "out") == FILES
         assert plans_in(tmp_path / "out")["interrupted"] is False
 
@@ -437,20 +504,20 @@ class TestSignals:
         code = when_called("botohe_moo.solve", "search")
         code += when_called("botohe_moo.plots", "plot_mission")
         ended = botohe("solve", "toy", "-a", "bo-aco", "-n", 10**6, "-o", "out", code=code)
-        assert (ended.status, ended.err) == (130, "")
+        assert (ended.status, ended.err) == (130, STOPPING)
         assert names_in(tmp_path / "out") == FILES
         assert plans_in(tmp_path / "out")["interrupted"] is True
 
     def test_twice_while_writing(self, botohe, tmp_path):
         code = when_called("botohe_moo.plots", "plot_mission", times=2)
         ended = botohe("solve", "toy", "-n", 9, "-o", "out", code=code)
-        assert (ended.status, ended.err) == (130, "")
+        assert (ended.status, ended.err) == (130, STOPPING)
         assert names_in(tmp_path / "out") == ["front.csv", "front.png", "plans.json"]
 
     def test_twice_while_searching(self, botohe, tmp_path):
         code = when_called("botohe_moo.solve", "progress_bar", times=2)
         ended = botohe("solve", "toy", "-o", "out", code=code)
-        assert (ended.status, ended.err) == (130, "")
+        assert (ended.status, ended.err) == (130, STOPPING)
         assert names_in(tmp_path) == []
 
     def test_sigterm_does_what_it_usually_does(self, botohe):
@@ -532,6 +599,8 @@ class TestBadMissions:
         ended = botohe("missions", "show", "pier.json", "--picture", "pier.png")
         assert ended.status == 2
         assert ended.err.startswith(expected)
+        message = refused("missions", "check", "pier.json")
+        assert message == expected.replace("Mission 'pier'", "pier.json") + ", got [0, 'left'].\n"
 
     @pytest.mark.parametrize(
         ("name", "message"),
@@ -556,6 +625,8 @@ class TestBadMissions:
         [
             (["-m", "node=3"], ["'terrain': there is no parameter 'node'", "known are nodes, "]),
             (["-m", "nodes=1"], ["Expected nodes >= 2, got 1."]),
+            (["-m", "nodes=10000000"], ["85.7 GiB", "at most 8 GiB", "lower nodes"]),
+            (["--robots", "1000000"], ["186 GiB", "take 8 GiB of memory", "lower robots"]),
             (["-m", "nodes=many"], ["Expected nodes to be an integer >= 2, got 'many'."]),
             (["-m", "robots=0"], ["Expected robots >= 1, got 0."]),
             (["-m", "robots=3", "--robots", "3"], ["each parameter once, got 'robots' twice"]),
@@ -638,11 +709,14 @@ class TestBadOptions:
             ("file", "it is a file"),
             ("file/out", "Not a directory"),
             ("taken", "front.csv is a folder in it"),
+            ("study", "it holds a study, as study.json says"),
             ("[b]/" + "x" * 300, "File name too long"),
         ],
     )
     def test_folder(self, refused, tmp_path, out, reason):
         (tmp_path / "file").touch()
+        (tmp_path / "study").mkdir()
+        (tmp_path / "study" / "study.json").touch()
         (tmp_path / "taken" / "front.csv").mkdir(parents=True)
         message = refused("solve", "toy", "--out", out)
         assert message.startswith(f"botohe: {out}: ")
@@ -892,7 +966,7 @@ class TestHelp:
             "--evaluations",
             "--seed",
             "--out",
-            "results/MISSION",
+            "results/solve/MISSION",
             "Ctrl-C",
         ):
             assert word in ended.out

@@ -5,7 +5,7 @@ import os
 
 import pytest
 
-from botohe_moo._files import replace_file
+from botohe_moo._files import new_folder, replace_file
 
 
 def contents(folder):
@@ -94,3 +94,21 @@ def test_a_folder_in_place_of_the_file(tmp_path):
         replace_file(path, b"new")
     assert raised.value.filename == str(path)
     assert [found.name for found in tmp_path.iterdir()] == ["plans.json"]
+
+
+class TestNewFolder:
+    def test_it_is_new_every_time(self, tmp_path):
+        for name in ("run", "run-2", "run-3"):
+            with new_folder(tmp_path / "all" / "run") as folder:
+                assert folder == tmp_path / "all" / name
+                (folder / "file").touch()
+        assert len(list((tmp_path / "all").iterdir())) == 3
+
+    def test_two_at_a_time(self, tmp_path):
+        with new_folder(tmp_path / "run") as first, new_folder(tmp_path / "run") as second:
+            assert {first.name, second.name} == {"run", "run-2"}
+
+    def test_an_empty_one_goes_again(self, tmp_path):
+        with pytest.raises(KeyboardInterrupt), new_folder(tmp_path / "all" / "run"):
+            raise KeyboardInterrupt
+        assert list(tmp_path.iterdir()) == []

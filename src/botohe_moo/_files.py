@@ -3,11 +3,39 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import os
 import secrets
+from collections.abc import Iterator
 from pathlib import Path
 
-__all__ = ["replace_file"]
+__all__ = ["new_folder", "replace_file"]
+
+
+@contextlib.contextmanager
+def new_folder(wanted: Path) -> Iterator[Path]:
+    """Make a folder that was not there; it goes again, with its parents, if it is left empty.
+
+    Parameters
+    ----------
+    wanted
+        What to call it; where there is one, ``-2``, ``-3`` and so on is added.
+    """
+    missing = [path for path in wanted.parents if not path.exists()]
+    wanted.parent.mkdir(parents=True, exist_ok=True)
+    made = wanted
+    for number in itertools.count(2):
+        try:
+            made.mkdir()  # at once, so that no other process takes it
+            break
+        except FileExistsError:
+            made = wanted.with_name(f"{wanted.name}-{number}")
+    try:
+        yield made
+    finally:
+        for path in (made, *missing):
+            with contextlib.suppress(OSError):
+                path.rmdir()
 
 
 def replace_file(path: Path, data: bytes) -> None:

@@ -6,11 +6,14 @@ answers at once.
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from botohe_moo.console.interrupt import ending_on_interrupt
 
-try:
+with ending_on_interrupt:
+    import sys
+    from contextlib import ExitStack
+    from pathlib import Path
+    from typing import TYPE_CHECKING, Annotated, Any
+
     import typer
 
     from botohe_moo.cli_study import study_app
@@ -43,13 +46,13 @@ try:
         say,
         tell,
     )
-except KeyboardInterrupt:
-    raise SystemExit(130) from None
 
 if TYPE_CHECKING:
     from pymoo.core.algorithm import Algorithm
 
     from botohe_moo.mission.model import Mission
+
+_STOPPING = "stopping; what was found will be written. Press Ctrl-C again to break off."
 
 app = typer.Typer(
     name="botohe",
@@ -103,12 +106,15 @@ def solve(
     min_survival: MinSurvivalOption = 0.0,
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="Folder to write to; by default results/MISSION."),
+        typer.Option(
+            "--out", "-o", help="Folder to write to; by default a new one, results/solve/MISSION."
+        ),
     ] = None,
 ) -> None:
     """Search for the Pareto front of a mission; write it as tables and pictures.
 
-    Writes front.csv, plans.json, front.png and mission.png.
+    Writes front.csv, plans.json, front.png and mission.png. In the folder that --out names they
+    replace those of an earlier search; without it, every search gets a new folder.
 
     Ctrl-C stops the search and writes what was found.
     """
@@ -126,7 +132,8 @@ def solve(
     _search_and_write(
         loaded,
         built,
-        out if out is not None else Path("results") / Path(mission).stem,
+        out,
+        default=Path("results", "solve", Path(mission).stem),
         name=algorithm,
         parameters=parameters,
         source=source,
@@ -136,14 +143,18 @@ def solve(
     )
 
 
-def _search_and_write(mission: Mission, algorithm: Algorithm, folder: Path, **how: Any) -> None:
+def _search_and_write(
+    mission: Mission, algorithm: Algorithm, out: Path | None, *, default: Path, **how: Any
+) -> None:
+    from botohe_moo._files import new_folder
     from botohe_moo.console.waiting import hold_interrupt
     from botohe_moo.solution import PictureError, check_folder
     from botohe_moo.solve import RefusalError, search
 
-    with hold_interrupt() as stop:
+    with hold_interrupt(answer=_STOPPING) as stop, ExitStack() as stack:
         with failing():
-            check_folder(folder)
+            check_folder(default.parent if out is None else out)
+            folder = stack.enter_context(new_folder(default)) if out is None else out
         tell(f"{mission.title}: {brief(mission)}\n")
         try:
             solution = search(mission, algorithm, stop=stop, **how)
@@ -241,11 +252,14 @@ def check_missions(
 ) -> None:
     """Check mission files; name everything that is wrong with them."""
     from botohe_moo.mission import read_mission
+    from botohe_moo.solution import place_fault
 
     failed = False
     for path in files:
         try:
             loaded = read_mission(path)
+            if fault := place_fault(loaded):
+                raise ValueError(f"{path}: {fault}")
         except ValueError as error:
             say(error)
             failed = True

@@ -23,9 +23,10 @@ from botohe_moo.trails import TrailPlan
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["PictureError", "Solution", "check_folder", "check_picture"]
+__all__ = ["PictureError", "Solution", "check_folder", "check_picture", "place_fault"]
 
 _FILES = ("front.csv", "plans.json", "front.png", "mission.png")
+_OF_STUDIES = ("study.json", "study.yaml")
 _ROWS_SHOWN = 40
 _LONG_START = 0.5  # seconds; compiled kernels start within milliseconds
 
@@ -214,7 +215,7 @@ def check_folder(folder: Path) -> None:
     Raises
     ------
     OSError
-        If it cannot be made or written to: names it.
+        If it cannot be made or written to, or holds a study: names it.
     """
     missing = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
@@ -224,6 +225,9 @@ def check_folder(folder: Path) -> None:
         for name in _FILES:
             if (folder / name).is_dir():
                 raise IsADirectoryError(f"{name} is a folder in it")
+        for name in _OF_STUDIES:
+            if (folder / name).exists():
+                raise FileExistsError(f"it holds a study, as {name} says")
     except OSError as error:
         reason = "it is a file" if folder.is_file() else error.strerror or error
         raise OSError(f"{folder}: expected a folder to write to; {reason}.") from None
@@ -241,14 +245,21 @@ def check_picture(mission: Mission) -> None:
     ValueError
         If a node's ``pos`` is no place: names it.
     """
+    if fault := place_fault(mission):
+        raise ValueError(f"Mission {mission.name!r}: {fault}")
+
+
+def place_fault(mission: Mission) -> str | None:
+    """Say which node's ``pos`` is no place; None where places are right, or have to be found."""
     from botohe_moo.plots.canvas import node_positions
 
     if any(place is None for _, place in mission.graph.nodes(data="pos")):
-        return  # they will be laid out, which takes its time
+        return None  # they will be laid out, which takes its time
     try:
         node_positions(mission)
     except ValueError as error:
-        raise ValueError(f"Mission {mission.name!r}: {error}") from None
+        return str(error)
+    return None
 
 
 def _plain(value: object) -> object:

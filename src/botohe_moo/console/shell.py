@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import os
-import signal
 import sys
 import warnings
 from collections.abc import Iterator
@@ -12,6 +11,8 @@ from contextlib import contextmanager, suppress
 from typing import Any, NoReturn
 
 import typer
+
+from botohe_moo.console.interrupt import INTERRUPTED, end_on_interrupt
 
 __all__ = [
     "BAD_INPUT",
@@ -26,7 +27,6 @@ __all__ = [
 
 FAILED = 1
 BAD_INPUT = 2
-INTERRUPTED = 130
 
 # Every way of misusing a command line; typer has no name for it that all its releases share.
 _UsageError: Any = typer.BadParameter.__mro__[1]
@@ -37,9 +37,7 @@ def run(app: typer.Typer) -> NoReturn:
 
     The exit status is 0, or 1 where there is no result, 2 for bad input, 130 after Ctrl-C.
     """
-    # Imports make tracebacks of a KeyboardInterrupt, and some libraries swallow it.
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    end_on_interrupt()
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")  # no λ or odd path shall end a run

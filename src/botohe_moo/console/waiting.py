@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 import threading
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext, suppress
 from typing import TYPE_CHECKING, Protocol
 
 from rich.console import Console
@@ -28,11 +29,16 @@ def _show_nothing(evaluations: int, *, last: bool) -> None: ...
 
 
 @contextmanager
-def hold_interrupt() -> Iterator[threading.Event]:
+def hold_interrupt(*, answer: str | None = None) -> Iterator[threading.Event]:
     """Let Ctrl-C set an event instead of breaking off; pressed again, it breaks off as usual.
 
     Changes nothing outside the main thread, which alone may handle signals, and where Ctrl-C is to
     be ignored, as it is for jobs in the background.
+
+    Parameters
+    ----------
+    answer
+        What to say on standard error at once, however long the step takes that is going on.
     """
     pressed = threading.Event()
     usual = signal.getsignal(signal.SIGINT)
@@ -41,16 +47,65 @@ def hold_interrupt() -> Iterator[threading.Event]:
         yield pressed
         return
 
+    say_once = _Answer(answer)
+
     def note(*_: object) -> None:
-        pressed.set()
         # Not the usual handler: if that ends the process at once, nothing is put in order.
         signal.signal(signal.SIGINT, signal.default_int_handler)
+        pressed.set()
+        say_once()  # before whoever looks at the event says something
 
     signal.signal(signal.SIGINT, note)
     try:
-        yield pressed
+        with _calling(say_once) if answer else nullcontext():
+            yield pressed
     finally:
         signal.signal(signal.SIGINT, usual)
+
+
+class _Answer:
+    """Says something on standard error, the first time it is called."""
+
+    def __init__(self, answer: str | None) -> None:
+        self._answer = answer
+        self._lock = threading.Lock()
+
+    def __call__(self) -> None:
+        with self._lock:
+            answer, self._answer = self._answer, None
+            if answer is None:
+                return
+            # Not by rich or sys.stderr, whose locks the main thread may hold; below the bar.
+            line = f"{os.linesep if os.isatty(2) else ''}botohe: {answer}{os.linesep}"
+            with suppress(OSError):
+                os.write(2, line.encode())
+
+
+@contextmanager
+def _calling(function: Callable[[], None]) -> Iterator[None]:
+    """Call a function in a thread of its own as soon as Ctrl-C is pressed.
+
+    Python calls handlers between two steps of the main thread, which may be inside of a kernel for
+    minutes. Kernels hold no lock, though, and a signal is written to the wakeup descriptor at once.
+    """
+
+    def wait() -> None:
+        while came := os.read(reader, 1):
+            if came[0] == signal.SIGINT:
+                function()
+
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    usual = signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
+    thread = threading.Thread(target=wait, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        signal.set_wakeup_fd(usual)
+        os.close(writer)  # which ends the thread
+        thread.join()
+        os.close(reader)
 
 
 @contextmanager
