@@ -13,10 +13,12 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from botohe_moo.study.pairs import a12, a12_interval, holm, mann_whitney, smallest_p
+from botohe_moo.study.posthoc import compare_ranks, nemenyi
 from botohe_moo.study.resampling import friedman, generator_for, median_interval
 from botohe_moo.study.scores import INDICATORS, as_table, reference_fronts, score_runs
 from botohe_moo.study.statistics import MIN_BLOCKS, compare_algorithms, rank_algorithms, summarise
 from botohe_moo.study.tables import to_arrow
+from botohe_moo.study.ties import TIE, merge_ties
 from botohe_moo.study.verdicts import effect_size
 from tests.study.test_scores import quay, studies, tables
 
@@ -305,6 +307,69 @@ class TestFriedman:
     def test_other_shapes(self, shape):
         with pytest.raises(ValueError, match=r"Expected blocks of shape \(n, 3 or more\)"):
             friedman(np.zeros(shape), rng=rng())
+
+
+class TestNemenyi:
+    @pytest.mark.parametrize(
+        ("k", "value"),
+        [(2, 1.960), (3, 2.343), (4, 2.569), (5, 2.728), (6, 2.850), (8, 3.031), (10, 3.164)],
+    )
+    def test_the_critical_values_of_demsar(self, k, value):
+        """Table 5 of his paper, at 0.05."""
+        critical, _ = nemenyi(np.arange(k), 7, significance=0.05)
+        assert critical / math.sqrt(k * (k + 1) / 42) == pytest.approx(value, abs=1e-3)
+
+    def test_p_values_cross_the_level_at_the_critical_difference(self):
+        critical, _ = nemenyi(np.arange(5.0), 12, significance=0.05)
+        ranks = np.array([3.0, 3.0 + critical, 3.0 + 0.99 * critical, 3.0 + 1.01 * critical, 3.0])
+        _, p_values = nemenyi(ranks, 12, significance=0.05)
+        assert p_values[0, 1] == pytest.approx(0.05, rel=1e-4)
+        assert p_values[0, 3] < 0.05 < p_values[0, 2]
+        assert p_values[0, 4] == 1.0
+        assert (p_values == p_values.T).all()
+
+    def test_pairs_are_those_of_the_ranks(self):
+        table = ranked(FIVE)
+        found = compare_ranks(table, significance=0.05)
+        to_arrow("posthoc", found)
+        assert found[["algorithm", "other"]].values.tolist() == [
+            ["A", "B"],
+            ["A", "C"],
+            ["B", "C"],
+        ]
+        assert found["difference"].tolist() == [-1, -2, -1]
+        # 2.343 sqrt(3 · 4 / 30)
+        assert found["critical_difference"].tolist() == pytest.approx([1.4818] * 3, abs=6e-4)
+        assert found["significant"].tolist() == [False, True, False]
+
+    def test_without_friedmans_test_there_is_none(self):
+        four = {mission: FIVE[mission] for mission in list(FIVE)[:4]}
+        assert compare_ranks(ranked(four), significance=0.05).empty
+
+    def test_where_friedman_finds_nothing_no_pair_is_significant(self):
+        table = ranked(FIVE).assign(p_value=0.2)
+        assert not compare_ranks(table, significance=0.05)["significant"].any()
+
+
+class TestTies:
+    @given(st.lists(st.floats(-2, 2)))
+    def test_neighbours_are_merged_and_others_are_not(self, values):
+        merged = merge_ties(values)
+        assert (np.abs(merged - values) <= len(values) * TIE).all()
+        apart = np.diff(np.unique(merged))
+        assert (apart > TIE).all()
+        assert (merge_ties(merged) == merged).all()
+
+    def test_by_hand(self):
+        chain = [0.5, 0.5 + 0.9e-12, 0.5 + 1.7e-12]
+        assert merge_ties([*chain, 0.5 + 3e-12]).tolist() == [chain[2]] * 3 + [0.5 + 3e-12]
+
+    @given(st.floats(0, 1), st.floats(0, 1))
+    def test_one_ulp_is_nothing(self, value, other):
+        values = [value, other, np.nextafter(value, 2)]
+        merged = merge_ties(values)
+        assert merged[0] == merged[2]
+        assert abs(value - other) <= 3e-12 or merged[0] != merged[1]
 
 
 def indicator_table(values, indicator="area"):

@@ -1,12 +1,10 @@
-"""The report of a study: a summary, LaTeX tables, figures, and one page with all of it."""
+"""The report of a study: LaTeX tables, figures, and one page with all of it."""
 
 from __future__ import annotations
 
 import hashlib
 import re
 from typing import TYPE_CHECKING
-
-import pandas as pd
 
 from botohe_moo._files import replace_file
 from botohe_moo.study.report_figures import KINDS, draw_figures
@@ -18,24 +16,12 @@ if TYPE_CHECKING:
 
     from botohe_moo.study.tables import StudyTables
 
-__all__ = ["rounded_summary", "slug", "write_report"]
+__all__ = ["slug", "write_report"]
 
 _LONGEST_SLUG = 60
-_OURS = re.compile(rf"({'|'.join(KINDS)})-[a-z0-9][a-z0-9._-]*\.png")
-_DECIMALS = {
-    "area_median": 4,
-    "area_low": 4,
-    "area_high": 4,
-    "area_mean": 4,
-    "area_sd": 4,
-    "area_best": 4,
-    "igd_plus_median": 5,
-    "epsilon_median": 5,
-    "front_size_median": 1,
-    "rank": 1,
-    "evaluations_median": 1,
-    "seconds_median": 4,
-}
+_FORMER = "summary.csv"  # of earlier versions: the table in the folder above, rounded
+_FORMATS = ("png", "pdf", "svg")
+_OURS = re.compile(rf"({'|'.join(KINDS)})(-[a-z0-9][a-z0-9._-]*)?\.({'|'.join(_FORMATS)})")
 
 
 def write_report(tables: StudyTables) -> list[Path]:
@@ -52,8 +38,8 @@ def write_report(tables: StudyTables) -> list[Path]:
     Returns
     -------
     list of pathlib.Path
-        The files written: ``report.html``, ``summary.csv``, ``summary.tex``, ``comparisons.tex``,
-        ``ranks.tex`` and the figures.
+        The files written: ``report.html``, ``summary.tex``, ``comparisons.tex``, ``ranks.tex`` and
+        the figures.
 
     Raises
     ------
@@ -64,14 +50,19 @@ def write_report(tables: StudyTables) -> list[Path]:
     folder.mkdir(exist_ok=True)
     slugs = {label: slug(label) for label in tables.mission_labels}
     figures = draw_figures(tables, folder, slugs)
-    drawn = [figure.path for shown in figures.values() for figure in shown]
+    drawn = [
+        path
+        for shown in figures.values()
+        for figure in shown
+        for path in (figure.path.with_suffix(f".{ending}") for ending in _FORMATS)
+        if path.exists()
+    ]
     names = {path.name for path in drawn}
     for path in folder.iterdir():
-        if _OURS.fullmatch(path.name) and path.name not in names:
+        if (_OURS.fullmatch(path.name) and path.name not in names) or path.name == _FORMER:
             path.unlink()
     texts = {
         "report.html": render_page(tables, slugs, figures),
-        "summary.csv": rounded_summary(tables.summary).to_csv(index=False, lineterminator="\n"),
         "summary.tex": summary_latex(tables),
         "comparisons.tex": comparisons_latex(tables),
         "ranks.tex": ranks_latex(tables),
@@ -79,14 +70,6 @@ def write_report(tables: StudyTables) -> list[Path]:
     for name, text in texts.items():
         replace_file(folder / name, text.encode())
     return [*(folder / name for name in texts), *drawn]
-
-
-def rounded_summary(summary: pd.DataFrame) -> pd.DataFrame:
-    """Round a summary to the digits that mean something."""
-    rounded = summary.copy()
-    for column, decimals in _DECIMALS.items():
-        rounded[column] = pd.to_numeric(rounded[column]).round(decimals)
-    return rounded
 
 
 def slug(label: str) -> str:

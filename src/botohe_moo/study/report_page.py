@@ -3,22 +3,30 @@
 from __future__ import annotations
 
 import base64
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import jinja2
 import pandas as pd
 
+from botohe_moo.study.report_grids import (
+    Grid,
+    comparison_grid,
+    missing_grid,
+    posthoc_grid,
+    posthoc_words,
+    rank_grid,
+    summary_grid,
+    target_grid,
+)
+from botohe_moo.study.report_matrix import matrix
+from botohe_moo.study.report_outcome import leader, standing
 from botohe_moo.study.report_words import (
     INDICATORS,
-    best_label,
     budget_words,
     count,
     fixed,
-    leader,
     level,
     main_indicator,
-    p_value,
     parameter_words,
     seed_words,
     significant,
@@ -31,35 +39,9 @@ if TYPE_CHECKING:
     from botohe_moo.study.report_figures import ReportFigure
     from botohe_moo.study.tables import StudyTables
 
-__all__ = ["Grid", "render_page"]
+__all__ = ["render_page"]
 
-_MANY_ROWS = 30
 _MANY_FAULTS = 100
-
-
-@dataclass(frozen=True)
-class Grid:
-    """A table of the page, its cells already in words.
-
-    Attributes
-    ----------
-    header
-        Names of the columns.
-    rows
-        Cells of each row.
-    texts
-        Number of leading columns with text; the others hold numbers.
-    strong
-        Rows to set off, counted from 0.
-    folded
-        Whether the table is so long that the page shows it on demand.
-    """
-
-    header: Sequence[str]
-    rows: Sequence[Sequence[str]]
-    texts: int = 1
-    strong: frozenset[int] = frozenset()
-    folded: bool = False
 
 
 def render_page(
@@ -74,7 +56,8 @@ def render_page(
     slugs
         What stands for each mission in addresses within the page.
     figures
-        Figures of each mission; their files are read.
+        Figures of each mission, and under ``""`` those of the study as a whole; their files are
+        read.
     """
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("botohe_moo.study", "templates"),
@@ -90,6 +73,9 @@ def render_page(
         name=tables.name,
         description=str(manifest.get("description") or ""),
         size=_size(tables),
+        matrix=matrix(tables),
+        missing=missing_grid(tables),
+        n_missing=int(tables.missing["missing"].sum()),
         outcome=[_outcome(tables, label) for label in tables.mission_labels],
         notes=_notes(tables),
         missions=_missions(tables),
@@ -97,6 +83,7 @@ def render_page(
         settings=_settings(tables),
         sections=[_section(tables, label, slugs, figures) for label in tables.mission_labels],
         ranks=_ranks(tables),
+        figures=_figures(figures.get("", ())),
         faults=_faults(tables),
         n_faults=int((tables.runs["status"] != "done").sum()),
         max_faults=_MANY_FAULTS,
@@ -112,6 +99,7 @@ def _size(tables: StudyTables) -> str:
 
     n_done = int((tables.runs["status"] == "done").sum())
     n_runs = len(tables.runs)
+    n_missing = int(tables.missing["missing"].sum())
     parts = (
         (len(tables.mission_labels), "mission"),
         (len(tables.algorithm_labels), "algorithm"),
@@ -119,24 +107,27 @@ def _size(tables: StudyTables) -> str:
     )
     listed = ", ".join(number(n, thing) for n, thing in parts)
     done = "all done" if n_done == n_runs else f"{count(n_done)} done"
-    return f"{listed}; {number(n_runs, 'run')}, {done}."
+    missing = f"; {count(n_missing)} missing" if n_missing else ""
+    return f"{listed}; {number(n_runs, 'run')}, {done}{missing}."
 
 
 def _outcome(tables: StudyTables, mission: str) -> dict[str, Any]:
-    """Give what the page says first of a mission: who leads, and the verdicts about it."""
+    """Give what the page says of a mission: who leads, and the verdicts about it."""
     rows = tables.comparisons[tables.comparisons["mission"] == mission]
-    rows = rows[rows["indicator"] == main_indicator(rows)]
+    rows = rows[rows["indicator"] == main_indicator(tables.comparisons)]
     if tables.control is None and len(rows) > 1:
         # All pairs would be too many: those with the leader answer who is better than whom.
-        best = set(best_label(tables.summary[tables.summary["mission"] == mission]))
+        best = set(standing(tables, mission).best)
         rows = rows[rows["algorithm"].isin(best) | rows["other"].isin(best)]
     verdicts = [verdict_words(row) for row in rows.to_dict("records")]  # type: ignore[arg-type]
     return {"mission": mission, "leader": leader(tables, mission), "verdicts": verdicts}
 
 
 def _notes(tables: StudyTables) -> list[str]:
-    main = main_indicator(tables.ranks)
-    return list(tables.ranks.loc[tables.ranks["indicator"] == main, "note"].unique())
+    main = main_indicator(tables.comparisons)
+    notes = tables.ranks.loc[tables.ranks["indicator"] == main, "note"].unique()
+    said = posthoc_words(tables.posthoc[tables.posthoc["indicator"] == main])
+    return [*notes, said] if said else list(notes)
 
 
 def _missions(tables: StudyTables) -> Grid:
@@ -195,84 +186,40 @@ def _section(
     slugs: Mapping[str, str],
     figures: Mapping[str, Sequence[ReportFigure]],
 ) -> dict[str, Any]:
+    comparisons = tables.comparisons[tables.comparisons["mission"] == mission]
     return {
         "label": mission,
         "anchor": f"mission-{slugs[mission]}",
         "title": tables.mission(mission).title,
-        "summary": _summary(tables.summary[tables.summary["mission"] == mission]),
-        "figures": [
-            {
-                "data": base64.b64encode(figure.path.read_bytes()).decode(),
-                "caption": figure.caption,
-                "alternative": figure.alternative,
-            }
-            for figure in figures[mission]
-        ],
-        "comparisons": _comparisons(tables.comparisons[tables.comparisons["mission"] == mission]),
+        "summary": summary_grid(tables, mission),
+        "figures": _figures(figures.get(mission, ())),
+        "targets": target_grid(tables.targets[tables.targets["mission"] == mission]),
+        "comparisons": comparison_grid(comparisons),
     }
 
 
-def _summary(rows: pd.DataFrame) -> Grid:
-    header = ["algorithm", "runs", "median area", "interval", "mean ± sd", "best"]
-    header += ["IGD+", "epsilon", "plans", "evaluations", "seconds", "rank"]
-    cells = []
-    for row in rows.to_dict("records"):
-        lost = f" ({count(row['n_not_done'])} not done)" if row["n_not_done"] else ""
-        spread = "" if pd.isna(row["area_sd"]) else f" ± {fixed(row['area_sd'])}"
-        cells.append(
-            [
-                row["algorithm"],
-                f"{count(row['n'])}{lost}",
-                fixed(row["area_median"]),
-                f"{fixed(row['area_low'])}–{fixed(row['area_high'])}",
-                f"{fixed(row['area_mean'])}{spread}",
-                fixed(row["area_best"]),
-                significant(row["igd_plus_median"]),
-                significant(row["epsilon_median"]),
-                count(row["front_size_median"]),
-                count(row["evaluations_median"]),
-                significant(row["seconds_median"]),
-                count(row["rank"]),
-            ]
-        )
-    best = best_label(rows)
-    strong = frozenset(i for i, row in enumerate(cells) if row[0] in best)
-    return Grid(header, cells, strong=strong)
-
-
-def _comparisons(rows: pd.DataFrame) -> Grid:
-    header = ["indicator", "algorithm", "other", "verdict", "median", "of other", "p (Holm)", "A12"]
-    cells = [
-        [
-            INDICATORS.get(row["indicator"], row["indicator"]),
-            row["algorithm"],
-            row["other"],
-            row["verdict"],
-            significant(row["median"], 4),
-            significant(row["median_other"], 4),
-            p_value(row["p_holm"]),
-            f"{fixed(row['a12'], 2)} ({fixed(row['a12_low'], 2)}–{fixed(row['a12_high'], 2)})",
-        ]
-        for row in rows.to_dict("records")
+def _figures(figures: Sequence[ReportFigure]) -> list[dict[str, str]]:
+    return [
+        {
+            "data": base64.b64encode(figure.path.read_bytes()).decode(),
+            "caption": figure.caption,
+            "alternative": figure.alternative,
+        }
+        for figure in figures
     ]
-    strong = frozenset(i for i, found in enumerate(rows["significant"]) if found)
-    return Grid(header, cells, texts=4, strong=strong, folded=len(cells) > _MANY_ROWS)
 
 
 def _ranks(tables: StudyTables) -> list[dict[str, Any]]:
     blocks = []
     for indicator, rows in tables.ranks.groupby("indicator", sort=False):
-        # The best first; those alike as in the file.
-        ranked = rows.sort_values("average_rank", kind="stable")
-        cells = [
-            [row["algorithm"], fixed(row["average_rank"], 2), count(row["n_missions"])]
-            for row in ranked.to_dict("records")
-        ]
+        pairs = tables.posthoc[tables.posthoc["indicator"] == indicator]
         blocks.append(
             {
                 "indicator": INDICATORS.get(str(indicator), str(indicator)),
-                "grid": Grid(["algorithm", "average rank", "missions"], cells),
+                "grid": rank_grid(rows),
                 "note": str(rows["note"].iloc[0]),
+                "posthoc": posthoc_words(pairs),
+                "pairs": posthoc_grid(pairs),
             }
         )
     return blocks

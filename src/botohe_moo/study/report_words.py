@@ -6,23 +6,25 @@ import json
 import math
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pandas as pd
 
 from botohe_moo.study import scores
+from botohe_moo.study.ties import merge_ties
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from botohe_moo.study.tables import StudyTables
 
 __all__ = [
     "INDICATORS",
-    "best_label",
     "budget_words",
     "count",
+    "distinct",
     "fixed",
-    "leader",
     "level",
+    "listed",
     "main_indicator",
     "p_value",
     "parameter_words",
@@ -33,6 +35,7 @@ __all__ = [
 
 INDICATORS = {name: indicator.label for name, indicator in scores.INDICATORS.items()}
 _DASH = "–"
+_MOST_DIGITS = 13  # those of values that are no ties differ
 
 
 def fixed(value: Any, decimals: int = 4) -> str:
@@ -95,30 +98,33 @@ def seed_words(seeds: Sequence[int]) -> str:
     return ", ".join(map(str, seeds))
 
 
-def best_label(summary: pd.DataFrame) -> list[str]:
-    """Give the algorithms with the largest median area among a mission's rows, as it is printed."""
-    if summary.empty:
-        return []
-    medians = summary["area_median"].round(4)
-    return list(summary.loc[medians == medians.max(), "algorithm"])
+def distinct(
+    values: Iterable[float], write: Callable[[Any, int], str] = fixed, *, digits: int = 4
+) -> list[str]:
+    """Write numbers with so many digits that those that are no ties look different.
+
+    Parameters
+    ----------
+    values
+        The numbers, of which those within 1e-12 are ties; NaN where one is missing.
+    write
+        Writes one of them with so many digits: :func:`fixed` or :func:`significant`.
+    digits
+        The least number of digits.
+    """
+    shown = np.array(list(values), np.float64)
+    known = np.isfinite(shown)
+    shown[known] = merge_ties(shown[known])
+    different = set(shown[known].tolist())
+    while digits < _MOST_DIGITS and len({write(v, digits) for v in different}) < len(different):
+        digits += 1
+    return [write(value, digits) for value in shown.tolist()]
 
 
-def leader(tables: StudyTables, mission: str) -> str:
-    """Say in a sentence who has the largest median area on a mission."""
-    rows = tables.summary[tables.summary["mission"] == mission]
-    best = best_label(rows)
-    if not best:
-        return "No runs yet."
-    row = rows[rows["algorithm"] == best[0]].iloc[0]
-    median = f"{fixed(row['area_median'])}"
-    if len(rows) == 1:
-        return f"{best[0]} has a median area of {median}."
-    if len(best) == len(rows):
-        return f"All {len(rows)} algorithms have the same median area, {median}."
-    if len(best) > 1:
-        return f"{', '.join(best[:-1])} and {best[-1]} share the largest median area, {median}."
-    interval = f"{fixed(row['area_low'])}{_DASH}{fixed(row['area_high'])}"
-    return f"{best[0]} has the largest median area, {median} ({level(tables)} interval {interval})."
+def listed(names: Sequence[str]) -> str:
+    """Write names with commas and a last and."""
+    *first, last = names
+    return f"{', '.join(first)} and {last}" if first else last
 
 
 def main_indicator(comparisons: pd.DataFrame) -> str:

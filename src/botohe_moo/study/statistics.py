@@ -14,7 +14,8 @@ from botohe_moo._checks import check_number, nearest_first
 from botohe_moo._types import FloatArray
 from botohe_moo.study.resampling import friedman, generator_for, median_interval
 from botohe_moo.study.scores import INDICATORS, as_table, check_indicators
-from botohe_moo.study.verdicts import Pair, compare_family, p_text, rounded
+from botohe_moo.study.ties import merge_ties
+from botohe_moo.study.verdicts import Pair, compare_family, p_text
 
 __all__ = ["MIN_ALGORITHMS", "MIN_BLOCKS", "compare_algorithms", "rank_algorithms", "summarise"]
 
@@ -35,7 +36,7 @@ def compare_algorithms(
     """Compare algorithms in pairs on each mission, by each indicator that judges.
 
     Two-sided Mann-Whitney tests, corrected by Holm over the tests of a mission by an indicator,
-    with the effect size A12, its interval, and a verdict in words. Differences below 1e-12 count
+    with the effect size A12, its interval, and a verdict in words. Differences up to 1e-12 count
     as ties.
 
     Parameters
@@ -153,7 +154,7 @@ def rank_algorithms(
         if not complete or not algorithms:
             continue
         medians = np.array(
-            [[_best_first(indicator, s[a]) for a in algorithms] for s in complete.values()]
+            [_best_first(indicator, [s[a] for a in algorithms]) for s in complete.values()]
         )
         n_blocks = len({(digests or {}).get(mission, mission) for mission in complete})
         averages = stats.rankdata(medians, axis=1).mean(axis=0)
@@ -238,14 +239,17 @@ def summarise(
         infinite.
     """
     level = check_number("significance", significance, above=0.0, below=1.0)
+    if len(runs):  # the values that are compared
+        areas: Any = runs.groupby("mission", sort=False)["area"]
+        runs = runs.assign(area=areas.transform(merge_ties))
     groups: Any = runs.groupby(["mission", "algorithm"], sort=False)
     found: dict[Any, pd.DataFrame] = dict(iter(groups))
     samples = _samples(indicators)
     rows: list[dict[str, Any]] = []
     for mission in missions:
         labels = [label for label in algorithms if (mission, label) in found]
-        medians = [_best_first("area", found[mission, a]["area"].to_numpy(float)) for a in labels]
-        ranks = stats.rankdata(medians) if labels else []
+        samples_of = [found[mission, label]["area"].to_numpy(float) for label in labels]
+        ranks = stats.rankdata(_best_first("area", samples_of))
         for label, rank in zip(labels, ranks, strict=True):
             row = {"mission": mission, "algorithm": label, "rank": float(rank)}
             for name in ("igd_plus", "epsilon"):
@@ -293,9 +297,9 @@ def _sign(indicator: str) -> int:
     return {True: 1, False: -1, None: 0}[INDICATORS[indicator].higher_is_better]
 
 
-def _best_first(indicator: str, values: FloatArray) -> float:
-    """Give the median so that the smallest is the best."""
-    return float(rounded(-_sign(indicator) * np.median(values)))
+def _best_first(indicator: str, samples: Sequence[FloatArray]) -> FloatArray:
+    """Give the medians so that the smallest is the best, those that are ties equal."""
+    return -_sign(indicator) * merge_ties([np.median(values) for values in samples])
 
 
 def _missions(count: int) -> str:

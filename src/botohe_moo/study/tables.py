@@ -127,6 +127,23 @@ class StudyTables:
         """Significance level of the comparisons; intervals cover 1 minus this."""
         return float(self.manifest["comparison"]["significance"])
 
+    @property
+    def missing(self) -> pd.DataFrame:
+        """Runs of the study that are not in the tables: ``mission``, ``algorithm``, ``missing``.
+
+        A row for each mission and algorithm that lacks some. They were not performed yet, or the
+        study was stopped.
+        """
+        wanted = len(self.manifest["seeds"])
+        found: Any = self.runs.groupby(["mission", "algorithm"]).size()
+        rows = [
+            (mission, algorithm, wanted - int(found.get((mission, algorithm), 0)))
+            for mission in self.mission_labels
+            for algorithm in self.algorithm_labels
+        ]
+        table = pd.DataFrame(rows, columns=["mission", "algorithm", "missing"])
+        return table[table["missing"] > 0].reset_index(drop=True)
+
     def mission(self, label: str) -> Mission:
         """Give a mission by its label.
 

@@ -11,12 +11,11 @@ import numpy as np
 
 from botohe_moo._types import FloatArray
 from botohe_moo.study.pairs import a12, a12_interval, holm, mann_whitney, smallest_p
+from botohe_moo.study.ties import merge_ties
 
-__all__ = ["Pair", "compare_family", "effect_size", "p_text", "rounded"]
+__all__ = ["Pair", "compare_family", "effect_size", "p_text"]
 
-# What differs less comes from the order in which sums were rounded, not from better plans; ranks
-# would make as much of it as of anything else.
-_DECIMALS = 12
+_DECIMALS = 12  # of an effect: 0.56 is a share of pairs, and computed
 _EFFECTS = ((0.71, "large"), (0.64, "medium"), (0.56, "small"), (0.0, "negligible"))
 
 
@@ -49,8 +48,9 @@ class Pair:
 
     @cached_property
     def sides(self) -> tuple[FloatArray, FloatArray]:
-        """Both samples, so that more is better and what is equal up to rounding is equal."""
-        return rounded(self.sign * self.values), rounded(self.sign * self.other_values)
+        """Both samples, so that more is better and ties are equal."""
+        merged = self.sign * merge_ties(np.concatenate([self.values, self.other_values]))
+        return merged[: len(self.values)], merged[len(self.values) :]
 
     @property
     def is_tested(self) -> bool:
@@ -167,11 +167,6 @@ def effect_size(effect: float) -> str:
     """
     distance = round(max(effect, 1.0 - effect), _DECIMALS)
     return next(word for least, word in _EFFECTS if distance >= least)
-
-
-def rounded(values: Any) -> Any:
-    """Give values without the digits that rounding errors reach."""
-    return np.round(values, _DECIMALS)
 
 
 def p_text(value: float) -> str:

@@ -1,0 +1,119 @@
+"""Labels in LaTeX: what pdflatex shows, where lines may break, and how wide texts are."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+
+__all__ = ["breakable", "escape_latex", "width"]
+
+_SPECIAL = {
+    "\\": r"\textbackslash{}",
+    "{": r"\{",
+    "}": r"\}",
+    "$": r"\$",
+    "&": r"\&",
+    "#": r"\#",
+    "%": r"\%",
+    "_": r"\_",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    "<": r"\textless{}",
+    ">": r"\textgreater{}",
+    "|": r"\textbar{}",
+    '"': r"\textquotedbl{}",
+    "[": "{[}",  # which after the end of a row would begin an option
+    "]": "{]}",
+    "-": "{-}",  # two of them would become a dash
+    "`": r"\textasciigrave{}",
+    "'": r"\textquotesingle{}",
+    "–": "--",
+    "—": "---",
+    "°": r"\textdegree{}",
+    "²": r"\texttwosuperior{}",
+    "³": r"\textthreesuperior{}",
+    "\n": " ",
+    "\t": " ",
+    "\xa0": " ",
+}
+_MATHEMATICS = {
+    "−": "-",
+    "×": r"\times",
+    "·": r"\cdot",
+    "±": r"\pm",
+    "÷": r"\div",
+    "≤": r"\leq",
+    "≥": r"\geq",
+    "≠": r"\neq",
+    "≈": r"\approx",
+    "∞": r"\infty",
+    "→": r"\rightarrow",
+    "←": r"\leftarrow",
+    "∈": r"\in",
+    "µ": r"\mu",
+    "ς": r"\varsigma",
+}
+# Other Greek letters have the names of their commands; these look like Latin ones, and have none.
+_GREEK = re.compile(r"GREEK (SMALL|CAPITAL) LETTER ([A-Z]+)")
+_CAPITALS = {"gamma", "delta", "theta", "lamda", "xi", "pi", "sigma", "upsilon", "phi", "psi"}
+_CAPITALS |= {"omega"}
+# Of Latin 1 and Latin Extended-A, what fonts in T1 encoding hold.
+_LATIN = {chr(code) for code in (0xA1, 0xA3, 0xAB, 0xBB, 0xBF, *range(0xC0, 0x17F))}
+_LATIN -= {chr(code) for code in (0x126, 0x127, 0x138, 0x13F, 0x140, 0x149)}
+_LATIN |= set("‘’“”‚„")
+
+_BREAK = r"\allowbreak{}"
+_BREAKS = re.compile(r"(?<=[-=,;:/_.])(?=\S)|(?<=[^\W_]{8})(?=[^\W_])")
+_NARROW, _WIDE = frozenset(" .,:;'|!()[]/-ijlt"), frozenset("mwMW%@&")
+
+
+def escape_latex(text: str) -> str:
+    """Write a text so that pdflatex prints it as it is.
+
+    Characters that its fonts do not hold, such as those of Chinese, are written as their code
+    points, {[}U+7F8E 672F{]}, so that every label stays a label of its own.
+    """
+    written: list[str] = []
+    foreign: list[str] = []
+    for character in [*unicodedata.normalize("NFC", text), ""]:
+        known = _escaped(character)
+        if known is None:
+            foreign.append(f"{ord(character):04X}")
+            continue
+        if foreign:
+            written.append(f"{{[}}U+{' '.join(foreign)}{{]}}")
+            foreign.clear()
+        written.append(known)
+    return "".join(written)
+
+
+def _escaped(character: str) -> str | None:
+    """Write a character; None for one that cannot be shown."""
+    if character in _SPECIAL:
+        return _SPECIAL[character]
+    if character in _LATIN or (character.isascii() and character.isprintable()) or not character:
+        return character
+    command = _MATHEMATICS.get(character) or _greek(character)
+    return f"\\ensuremath{{{command}}}" if command else None
+
+
+def _greek(character: str) -> str | None:
+    match = _GREEK.fullmatch(unicodedata.name(character, ""))
+    if match is None:
+        return None
+    name = match[2].lower()
+    if (match[1] == "CAPITAL" and name not in _CAPITALS) or name == "omicron":
+        return None
+    name = {"lamda": "lambda"}.get(name, name)
+    return "\\" + (name.capitalize() if match[1] == "CAPITAL" else name)
+
+
+def breakable(text: str) -> str:
+    """Write a text with places for lines to break: after signs, and within long words."""
+    pieces = _BREAKS.split(unicodedata.normalize("NFC", text))
+    return _BREAK.join(map(escape_latex, pieces))
+
+
+def width(text: str) -> float:
+    """Estimate how wide a text of digits and plain words is, in em; digits have half of one."""
+    return sum(0.29 if c in _NARROW else 0.83 if c in _WIDE else 0.5 for c in text)
