@@ -6,6 +6,7 @@ import subprocess
 import sys
 from itertools import combinations
 from pathlib import Path
+from xml.etree import ElementTree as ET
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
@@ -20,7 +21,7 @@ from matplotlib.figure import Figure
 
 import botohe_moo
 from botohe_moo.mission import Mission, PlanError
-from botohe_moo.plots import plot_front, plot_mission, plot_pheromone, save_figure
+from botohe_moo.plots import plot_front, plot_mission, plot_pheromone, save_figure, save_plot
 from botohe_moo.plots.canvas import node_positions
 from botohe_moo.plots.front import staircase
 from botohe_moo.plots.lanes import lanes
@@ -657,6 +658,36 @@ def test_save_figure_replaces_whole_files_or_nothing(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_save_figure_writes_png_only(tmp_path):
-    with pytest.raises(ValueError, match=r"ends in '\.png', got .*front\.pdf"):
-        save_figure(plot_front([[1, 1]]).figure, tmp_path / "front.pdf")
+@pytest.mark.parametrize("name", ["front.jpg", "front", "front.png.gz"])
+def test_save_figure_names_what_it_does_not_write(tmp_path, name):
+    with pytest.raises(ValueError, match=r"ends in '\.png', '\.pdf' or '\.svg', got .*front"):
+        save_figure(plot_front([[1, 1]]).figure, tmp_path / "a.png", tmp_path / name)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("picture", PICTURES)
+def test_vector_files_are_the_same_byte_for_byte(tmp_path, picture):
+    files = []
+    for name in ("first", "again"):
+        paths = [tmp_path / f"{name}.{end}" for end in ("png", "pdf", "svg")]
+        save_plot(PICTURES[picture](None), *paths)
+        files.append([path.read_bytes() for path in paths])
+        plt.close("all")
+    assert files[0] == files[1]
+    png, pdf, svg = files[0]
+    assert png.startswith(b"\x89PNG")
+    assert pdf.startswith(b"%PDF")
+    for data in files[0]:
+        assert mpl.__version__.encode() not in data
+    root = ET.fromstring(svg)
+    assert root.tag.endswith("svg")
+    names = [element.get("id") for element in root.iter() if element.get("id")]
+    assert len(set(names)) == len(names)
+
+
+def test_saving_leaves_a_figure_as_it_was(tmp_path):
+    ax = plot_front([[1, 1]])
+    engine, named = ax.figure.get_layout_engine(), [a.get_gid() for a in ax.get_children()]
+    save_figure(ax.figure, tmp_path / "a.svg", tmp_path / "a.pdf")
+    assert ax.figure.get_layout_engine() is engine
+    assert [a.get_gid() for a in ax.get_children()] == named

@@ -22,10 +22,9 @@ from botohe_moo.plots import (
     plot_fronts,
     save_figure,
 )
-from botohe_moo.plots.algorithms import shortened
 from botohe_moo.plots.attainment import attainment_difference, attainment_surface
-from botohe_moo.plots.curves import area_curves
 from botohe_moo.plots.fronts import median_run
+from botohe_moo.plots.progress import progress_curves
 from botohe_moo.plots.scales import log_axis, plain_number, spread
 
 
@@ -84,7 +83,7 @@ def only(ax, gid):
 
 
 def words(ax):
-    return only(ax, "words").get_text()
+    return " ".join(only(ax, "words").get_text().split())
 
 
 def legend_texts(ax):
@@ -120,81 +119,71 @@ class TestStyles:
         with pytest.raises(ValueError, match="missing: B"):
             plot_curves(trace_of(TWO), styles=algorithm_styles("A"))
 
-    def test_long_labels_lose_their_middle(self):
-        assert shortened(["x" * 30]) == {"x" * 30: "x" * 30}
-        long = "BO-ACO " + "x" * 40 + " no heuristic"
-        assert shortened([long]) == {long: "BO-ACO xxxxxxx…x no heuristic"}
-
-    @example(["a" * 40, "a" * 40 + "b", "a" * 41])
-    @given(
-        st.lists(
-            st.builds("".join, st.tuples(*[st.sampled_from(["a" * 20, "b", "n=50"])] * 4)),
-            unique=True,
-        )
-    )
-    def test_shortened_labels_differ_as_whole_ones_do(self, labels):
-        short = shortened(labels)
-        assert list(short) == labels
-        assert len(set(short.values())) == len(labels)
-        assert all(len(text) <= 34 for text in short.values())
-
-    def test_grids_stay_apart(self):
-        labels = [f"BO-ACO (n_ants={n}, evaporation=0.1, exploration=0.01)" for n in (50, 500)]
-        one, other = shortened(labels).values()
-        assert "50," in one
-        assert "500" in other
-
 
 # Curves
 
 
-class TestAreaCurves:
+class TestProgressCurves:
     def test_records_hold_until_the_next_one(self):
-        curve = area_curves(trace_of(TWO), n_points=3)["A"]
+        curve = progress_curves(trace_of(TWO), n_points=3)["A"]
         # The grid is 10, 31.6, 100; both runs have a record from 20 on.
         np.testing.assert_allclose(curve.x, [20, 10**1.5, 100])
-        np.testing.assert_allclose(curve.mean, [0.15, 0.15, 0.45])
+        np.testing.assert_allclose(curve.middle, [0.15, 0.15, 0.45])
         assert curve.n_runs == 2
         assert curve.ended == 100
 
     def test_a_run_that_ended_keeps_its_area(self):
-        curve = area_curves(trace_of(TWO), n_points=3)["B"]
+        curve = progress_curves(trace_of(TWO), n_points=3)["B"]
         np.testing.assert_allclose(curve.x, [10, 10**1.5, 100])
-        np.testing.assert_allclose(curve.mean, [0.6, 0.6, 0.6])
+        np.testing.assert_allclose(curve.middle, [0.6, 0.6, 0.6])
         assert curve.ended == 10
+
+    def test_the_band_lies_between_the_quartiles_around_the_median(self):
+        areas = [0.9, 0.1, 0.4, 0.2, 0.8]
+        trace = trace_of({("A", seed): [(1, area)] for seed, area in enumerate(areas)})
+        curve = progress_curves(trace, n_points=2)["A"]
+        np.testing.assert_allclose(curve.middle, 0.4)
+        np.testing.assert_allclose(curve.low, 0.2)
+        np.testing.assert_allclose(curve.high, 0.8)
+
+    def test_distances_over_evaluations(self):
+        trace = trace_of(TWO).assign(igd_plus=[0.4, 0.2, 0.5, 0.3, 0.1, np.nan])
+        curves = progress_curves(trace, value="igd_plus", n_points=3)
+        assert list(curves) == ["A"]  # B has none
+        np.testing.assert_allclose(curves["A"].middle, [0.45, 0.45, 0.15])
 
     def test_the_band_is_one_standard_deviation_where_runs_are(self):
         trace = trace_of({("A", seed): [(1, area)] for seed, area in enumerate([0.0, 0.0, 0.3])})
-        curve = area_curves(trace, n_points=2)["A"]
-        np.testing.assert_allclose(curve.mean, 0.1)
+        curve = progress_curves(trace, band="sd", n_points=2)["A"]
+        np.testing.assert_allclose(curve.middle, 0.1)
         np.testing.assert_allclose(curve.low, 0.0)  # not 0.1 - 0.1732
         np.testing.assert_allclose(curve.high, 0.1 + 0.3 / np.sqrt(3))
 
     def test_the_band_is_the_range(self):
-        curve = area_curves(trace_of(TWO), band="range", n_points=3)["A"]
+        curve = progress_curves(trace_of(TWO), band="range", n_points=3)["A"]
         np.testing.assert_allclose(curve.low, [0.1, 0.1, 0.4])
         np.testing.assert_allclose(curve.high, [0.2, 0.2, 0.5])
 
     def test_records_at_no_time_count_from_the_first_moment(self):
         trace = trace_of({("A", 1): [(0, 0.1), (200, 0.3)], ("A", 2): [(0, 0.2), (400, 0.5)]})
-        curve = area_curves(trace, x="seconds", n_points=2)["A"]
+        curve = progress_curves(trace, x="seconds", n_points=2)["A"]
         np.testing.assert_allclose(curve.x, [2, 4])
-        np.testing.assert_allclose(curve.mean, [(0.3 + 0.2) / 2, (0.3 + 0.5) / 2])
+        np.testing.assert_allclose(curve.middle, [(0.3 + 0.2) / 2, (0.3 + 0.5) / 2])
 
     def test_only_records_at_no_time(self):
-        curve = area_curves(trace_of({("A", 1): [(0, 0.1)]}), x="seconds")["A"]
-        assert set(curve.mean) == {0.1}
+        curve = progress_curves(trace_of({("A", 1): [(0, 0.1)]}), x="seconds")["A"]
+        assert set(curve.middle) == {0.1}
 
     def test_the_later_of_two_records_at_once_counts(self):
-        curve = area_curves(trace_of({("A", 1): [(5, 0.1), (5, 0.2)]}))["A"]
-        assert set(curve.mean) == {0.2}
+        curve = progress_curves(trace_of({("A", 1): [(5, 0.1), (5, 0.2)]}))["A"]
+        assert set(curve.middle) == {0.2}
 
     def test_those_asked_for_in_their_order(self):
         trace = trace_of(TWO)
-        assert list(area_curves(trace)) == ["A", "B"]
-        assert list(area_curves(trace, algorithms=["B", "A"])) == ["B", "A"]
+        assert list(progress_curves(trace)) == ["A", "B"]
+        assert list(progress_curves(trace, algorithms=["B", "A"])) == ["B", "A"]
         # The grid is that of what is drawn.
-        assert area_curves(trace, algorithms=["B"])["B"].x.max() == 10
+        assert progress_curves(trace, algorithms=["B"])["B"].x.max() == 10
 
     @given(
         st.dictionaries(
@@ -205,27 +194,30 @@ class TestAreaCurves:
         ),
         st.randoms(use_true_random=False),
     )
-    def test_every_point_is_the_mean_of_the_last_records(self, runs, chance):
+    def test_every_point_is_the_median_of_the_last_records(self, runs, chance):
         trace = trace_of({key: list(records.items()) for key, records in runs.items()})
         rows = list(range(len(trace)))
         chance.shuffle(rows)
         last = max(max(records) for records in runs.values())
-        for label, curve in area_curves(trace.iloc[rows], n_points=7).items():
+        for label, curve in progress_curves(trace.iloc[rows], n_points=7).items():
             own = [records for (algorithm, _), records in runs.items() if algorithm == label]
             assert curve.x[0] == max(min(records) for records in own)
             assert curve.x[-1] == last
             assert (np.diff(curve.x) > 0).all()
-            for x, mean, low, high in zip(curve.x, curve.mean, curve.low, curve.high, strict=True):
+            for x, middle, low, high in zip(
+                curve.x, curve.middle, curve.low, curve.high, strict=True
+            ):
                 areas = [r[max(at for at in r if at <= x)] for r in own]
-                assert mean == pytest.approx(np.mean(areas))
-                assert min(areas) - 1e-12 <= low <= mean + 1e-12
-                assert mean - 1e-12 <= high <= max(areas) + 1e-12
+                lower, median, upper = np.quantile(areas, [0.25, 0.5, 0.75])
+                assert (low, middle, high) == pytest.approx((lower, median, upper))
 
     @pytest.mark.parametrize(
         ("change", "options", "message"),
         [
             ({}, {"x": "hours"}, "Expected x to be evaluations or seconds, got 'hours'"),
-            ({}, {"band": "se"}, "Expected band to be sd or range, got 'se'"),
+            ({}, {"band": "se"}, "Expected band to be quartiles or sd or range, got 'se'"),
+            ({}, {"value": "hv"}, "Expected value to be area or igd_plus or epsilon, got 'hv'"),
+            ({"epsilon": np.nan}, {"value": "epsilon"}, "at least one row of trace, got none"),
             ({}, {"algorithms": ["a"]}, "an algorithm of trace, got 'a'; known are A, B"),
             ({}, {"algorithms": []}, "at least one row of trace, got none"),
             ({"mission": list("xxxxxy")}, {}, "trace of one mission, got 'x', 'y'"),
@@ -246,31 +238,38 @@ class TestPlotCurves:
     def test_lines_and_bands(self):
         ax = plot_curves(trace_of(TWO), title="A site")
         styles = algorithm_styles("AB")
-        a, b = drawn(ax, "mean")
+        a, b = drawn(ax, "curve")
         assert to_rgb(a.get_color()) == pytest.approx(styles["A"].colour)
-        assert a.get_drawstyle() == "steps-post"
+        # Steps: level or upright.
+        assert ((np.diff(a.get_xdata()) == 0) | (np.diff(a.get_ydata()) == 0)).all()
         assert a.get_ydata()[-1] == pytest.approx(0.45)
         assert len(drawn(ax, "band")) == 1  # one run has none
         # B has one record: a point, and a thinner line to the end.
         assert b.get_xdata().tolist() == [10]
-        assert b.get_marker() == styles["B"].marker
+        assert only(ax, "marks").get_xdata().tolist() == [10]
+        assert only(ax, "marks").get_marker() == styles["B"].marker
         held = only(ax, "held")
         assert held.get_xdata() == pytest.approx([10, 100])
         assert held.get_ydata() == pytest.approx([0.6, 0.6])
         assert held.get_linewidth() < b.get_linewidth()
         assert ax.get_xscale() == "log"
         assert ax.get_title(loc="left") == "A site"
-        assert words(ax).startswith("mean of 1 to 2 runs ± 1 standard deviation")
+        assert words(ax).startswith("median of 1 to 2 runs and quartiles")
 
     @pytest.mark.parametrize(
         ("runs", "options", "said"),
         [
             ({("A", 1): [(1, 0.5)]}, {}, "one run of each"),
-            ({("A", s): [(1, 0.5)] for s in (1, 2)}, {}, "mean of 2 runs ± 1 standard deviation"),
+            ({("A", s): [(1, 0.5)] for s in (1, 2)}, {}, "median of 2 runs and quartiles"),
+            (
+                {("A", s): [(1, 0.5)] for s in (1, 2)},
+                {"band": "sd"},
+                "mean of 2 runs ± 1 standard deviation",
+            ),
             (
                 {("A", s): [(1, 0.5)] for s in (1, 2)},
                 {"band": "range"},
-                "mean of 2 runs and their range",
+                "median of 2 runs and range",
             ),
         ],
     )
@@ -295,18 +294,18 @@ class TestPlotCurves:
 
     def test_many_curves_have_markers_too(self):
         runs = {(f"a{i}", 1): [(1, 0.1 * i), (50, 0.11 * i)] for i in range(7)}
-        markers = [line.get_marker() for line in drawn(plot_curves(trace_of(runs)), "mean")]
+        markers = [line.get_marker() for line in drawn(plot_curves(trace_of(runs)), "marks")]
         assert len(set(markers)) == 7
         assert "None" not in markers
         few = {key: runs[key] for key in list(runs)[:6]}
-        assert {line.get_marker() for line in drawn(plot_curves(trace_of(few)), "mean")} == {"None"}
+        assert not drawn(plot_curves(trace_of(few)), "marks")
 
     def test_names_of_curves_that_end_together_do_not_overlap(self):
-        runs = {(f"algorithm {i}", 1): [(1, 0.1), (50, 0.5)] for i in range(12)}
+        runs = {(f"algorithm {i}", 1): [(1, 0.1), (50, 0.5)] for i in range(11)}
         ax = plot_curves(trace_of(runs))
         ax.figure.canvas.draw()
         boxes = sorted((t.get_window_extent() for t in drawn(ax, "name")), key=lambda b: b.y0)
-        assert len(boxes) == 12
+        assert len(boxes) == 11
         assert all(low.y1 < high.y0 for low, high in pairwise(boxes))
         assert all(box.x0 > ax.get_window_extent().x1 for box in boxes)
         above = only(ax, "words").get_window_extent()
@@ -557,7 +556,7 @@ class TestAttainment:
         assert a.get_xydata().tolist() == [[0, 2], [1, 2], [1, 1], [2, 1], [2, 0]]
         assert b.get_xydata().tolist() == [[0, 1], [1, 1], [1, 0]]
         # From what one run reaches to what all do, which is nothing.
-        outline = only(ax, "band").get_xy().tolist()
+        outline = only(ax, "band").get_paths()[0].vertices.tolist()
         assert [1, 3] in outline
         assert [0, 0] in outline
         assert legend_texts(ax) == ["A", "B"]

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from botohe_moo import load_mission
 from botohe_moo.study.latex_text import escape_latex
 from botohe_moo.study.report import slug, write_report
-from botohe_moo.study.report_figures import KINDS, rivals
+from botohe_moo.study.report_figures import FORMATS, rivals
 from botohe_moo.study.report_outcome import leader
 from botohe_moo.study.report_words import (
     budget_words,
@@ -35,6 +35,18 @@ from tests.study.made import Record, make_study, random_record
 TOY = load_mission("toy")
 ODD = "a/b_c$ <b>&\"' 50%"
 FIXED_NAMES = ["report.html", "summary.tex", "comparisons.tex", "ranks.tex"]
+
+
+def figure_names(tables, label, *, without=()):
+    """Files of the figures of a mission with fewer than twelve algorithms and all runs done."""
+    kinds = ["curves", "seconds", "reached", "areas", "fronts", "attainment", "difference"]
+    if "igd_plus" in tables.trace.columns:
+        kinds.append("distances")
+    kinds = [kind for kind in kinds if kind not in without]
+    return [f"{kind}-{slug(label)}.{end}" for kind in kinds for end in FORMATS]
+
+
+AREAS_ONLY = [f"areas-toy.{end}" for end in FORMATS]
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -156,7 +168,7 @@ class TestFiles:
     def test_all_are_written_and_named(self, odd):
         tables, paths = odd
         folder = tables.folder / "report"
-        figures = [f"{kind}-{slug(label)}.png" for label in ("toy", ODD) for kind in KINDS]
+        figures = [name for label in ("toy", ODD) for name in figure_names(tables, label)]
         assert sorted(path.name for path in paths) == sorted([*FIXED_NAMES, *figures])
         assert sorted(folder.iterdir()) == sorted(paths)
         assert all(path.stat().st_size for path in paths)
@@ -175,14 +187,15 @@ class TestFiles:
         tables = study(tmp_path, ["toy"], lost("toy", "A", (1,)))
         folder = tmp_path / "report"
         folder.mkdir()
-        stale = ["curves-toy.png", "difference-gone-1a2b3c4d.png", "curves-gone.svg"]
+        stale = ["curves-toy.png", "difference-gone-1a2b3c4d.png", "curves-toy.svg"]
         stale += ["fronts-gone.pdf", "summary.csv"]
-        foreign = ["my-toy.png", "curves-Toy.png", "curves-toy.txt", "curves-.png", "notes.txt"]
+        stale += ["critical-difference-area.pdf", "grid-2-toy.png"]
+        foreign = ["my-toy.png", "curves-Toy.png", "curves-toy.jpg", "curves-.png", "notes.txt"]
         for name in (*stale, *foreign):
             (folder / name).write_text("x")
         write_report(tables)
         kept = {path.name for path in folder.iterdir()}
-        assert kept == {*FIXED_NAMES, *foreign, "areas-toy.png"}
+        assert kept == {*FIXED_NAMES, *foreign, *AREAS_ONLY}
 
     def test_a_figure_of_a_mission_that_is_drawn_is_replaced(self, tmp_path):
         tables = study(tmp_path, ["toy"], lost("toy", "A", (1,)))
@@ -246,15 +259,17 @@ class TestPage:
     def test_figures_are_in_it(self, odd):
         tables, _ = odd
         page = page_of(tables)
-        assert page.tags.count("img") == 12
-        assert page.tags.count("figcaption") == 12
+        n_figures = 2 * len(figure_names(tables, "toy")) // len(FORMATS)
+        assert page.tags.count("img") == n_figures
+        assert page.tags.count("figcaption") == n_figures
         first = next(value for value in page.values("src"))
         assert first.startswith("data:image/png;base64,iVBORw0KGgo")
 
     def test_captions_say_what_lines_and_bands_are(self, odd):
         text = page_of(odd[0]).text
         for said in (
-            "bands reach one standard deviation up and down",
+            "Lines are medians over runs, bands reach from their lower to their upper quartile",
+            "Targets are the 50 whole percents from 50 to 99 of the reference front's area",
             "its 95 % bootstrap interval (line)",
             "the run with the median area, of the middle two the one with less",
             "at least half of the runs reach; bands lie between what a quarter and what three",
@@ -291,7 +306,7 @@ class TestHardStudies:
         names = {path.name for path in write_report(tables)}
         assert names == {
             *FIXED_NAMES,
-            *(f"{kind}-toy.png" for kind in KINDS if kind != "difference"),
+            *figure_names(tables, "toy", without=["difference"]),
         }
         text = page_of(tables).text
         assert "1 mission, 1 algorithm, 1 seed; 1 run, all done." in text
@@ -301,7 +316,7 @@ class TestHardStudies:
     def test_no_run_has_a_front(self, tmp_path):
         tables = study(tmp_path, ["toy"], [r for x in "AB" for r in lost("toy", x, (1, 2))])
         names = {path.name for path in write_report(tables)}
-        assert names == {*FIXED_NAMES, "areas-toy.png"}
+        assert names == {*FIXED_NAMES, *AREAS_ONLY}
         assert "All 2 algorithms have the same median area, 0.0000." in page_of(tables).text
 
     def test_a_mission_without_runs(self, tmp_path):
@@ -323,7 +338,13 @@ class TestHardStudies:
         labels = [f"algorithm {i}" for i in range(12)]
         records = random_records(["toy"], labels, range(1, 31), n_records=8)
         tables = study(tmp_path, ["toy"], records, control=labels[3])
-        assert len(write_report(tables)) == len(FIXED_NAMES) + len(KINDS)
+        names = {path.name for path in write_report(tables)}
+        # Each has a panel of its own, so what stood above each other are figures of their own.
+        panels = [f"reached-seconds-toy.{end}" for end in FORMATS]
+        if "igd_plus" in tables.trace.columns:
+            panels += [f"{kind}-toy.{end}" for kind in ("igd_plus", "epsilon") for end in FORMATS]
+        expected = {*FIXED_NAMES, *figure_names(tables, "toy", without=["distances"]), *panels}
+        assert names == expected
         assert "Seeds 1–30" in page_of(tables).text
 
 

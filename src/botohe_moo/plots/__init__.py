@@ -7,8 +7,11 @@ from botohe_moo.plots.curves import plot_curves
 from botohe_moo.plots.difference import plot_attainment_difference
 from botohe_moo.plots.front import plot_front
 from botohe_moo.plots.fronts import plot_fronts
+from botohe_moo.plots.heat import plot_heat
 from botohe_moo.plots.mission import plot_mission
 from botohe_moo.plots.pheromone import plot_pheromone
+from botohe_moo.plots.ranks import plot_ranks
+from botohe_moo.plots.reached import plot_reached
 from botohe_moo.plots.style import save_figure, save_plot, theme
 
 __all__ = [
@@ -20,8 +23,11 @@ __all__ = [
     "plot_curves",
     "plot_front",
     "plot_fronts",
+    "plot_heat",
     "plot_mission",
     "plot_pheromone",
+    "plot_ranks",
+    "plot_reached",
     "save_figure",
     "save_plot",
     "theme",

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import zip_longest
 from typing import TYPE_CHECKING
 
 from botohe_moo._checks import nearest_first
+from botohe_moo.plots.fonts import drawable
+from botohe_moo.plots.labels import WIDTH, display_names, wrapped
 from botohe_moo.plots.style import MARKERS, Colour, colours
 
 if TYPE_CHECKING:
@@ -14,14 +15,12 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
-__all__ = ["AlgorithmStyle", "algorithm_styles", "chosen_algorithms", "shortened", "styles_of"]
+__all__ = ["AlgorithmStyle", "algorithm_styles", "chosen_algorithms", "names_of", "styles_of"]
 
 Line = tuple[int, tuple[float, ...] | None]
 
 # Colours repeat after ten, then the line changes; the marker has a period of its own.
 _LINES: tuple[Line, ...] = ((0, None), (0, (5, 1.6)), (0, (1.2, 1.2)), (0, (6, 1.5, 1.2, 1.5)))
-_LONGEST = 30
-_HEAD = 8  # letters that stay of a label whose beginning others share
 
 
 @dataclass(frozen=True)
@@ -36,15 +35,20 @@ class AlgorithmStyle:
         Marker, as matplotlib calls it.
     line
         Line style, as matplotlib takes it: offset and lengths of dashes and gaps.
+    name
+        What it is called in pictures; its label, if empty.
     """
 
     colour: Colour
     marker: str
     line: Line
+    name: str = ""
 
 
 def algorithm_styles(labels: Iterable[str]) -> dict[str, AlgorithmStyle]:
-    """Give every algorithm a look of its own, by its place among all of them.
+    """Give every algorithm a look of its own, by its place among all of them, and a name.
+
+    Names are labels without what the members of a grid have in common.
 
     Parameters
     ----------
@@ -57,10 +61,14 @@ def algorithm_styles(labels: Iterable[str]) -> dict[str, AlgorithmStyle]:
     dict
         The style of each label, for the plots' option ``styles``.
     """
-    labels = list(dict.fromkeys(labels))
+    names = display_names(labels)
     return {
-        label: AlgorithmStyle(colour, MARKERS[i % len(MARKERS)], _LINES[i // 10 % len(_LINES)])
-        for i, (label, colour) in enumerate(zip(labels, colours(len(labels)), strict=True))
+        label: AlgorithmStyle(
+            colour, MARKERS[i % len(MARKERS)], _LINES[i // 10 % len(_LINES)], name
+        )
+        for i, ((label, name), colour) in enumerate(
+            zip(names.items(), colours(len(names)), strict=True)
+        )
     }
 
 
@@ -107,22 +115,8 @@ def chosen_algorithms(
     return list(dict.fromkeys(algorithms))
 
 
-def shortened(labels: Iterable[str]) -> dict[str, str]:
-    """Give labels that leave room for the plot, and differ where the whole ones do.
-
-    The middle of a long one is left out; where that would make two alike, what is left out is
-    what they have in common.
-    """
-    short = {label: _cut(label, (_LONGEST - 1) // 2) for label in labels}
-    texts = list(short.values())
-    for text in dict.fromkeys(text for text in texts if texts.count(text) > 1):
-        alike = [label for label in short if short[label] == text]
-        n_common = next(i for i, letters in enumerate(zip_longest(*alike)) if len(set(letters)) > 1)
-        for number, label in enumerate(alike, 1):
-            told = f"{label[:_HEAD]}…{label[max(n_common - 4, _HEAD) :][: _LONGEST - _HEAD - 1]}"
-            short[label] = told if told not in short.values() else f"{text} #{number}"
-    return short
-
-
-def _cut(label: str, half: int) -> str:
-    return label if len(label) <= _LONGEST else f"{label[:half]}…{label[-half:]}"
+def names_of(
+    algorithms: Iterable[str], styles: Mapping[str, AlgorithmStyle], width: int = WIDTH
+) -> dict[str, str]:
+    """Give the names of ``algorithms`` in pictures, on lines of about ``width`` columns."""
+    return {label: wrapped(styles[label].name or drawable(label), width) for label in algorithms}

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from botohe_moo.plots.algorithms import chosen_algorithms, shortened, styles_of
+from botohe_moo.plots.algorithms import chosen_algorithms, names_of, styles_of
+from botohe_moo.plots.panels import study_axes
 from botohe_moo.plots.scales import dress, title_above
-from botohe_moo.plots.style import INK, new_axes, theme, tint
+from botohe_moo.plots.style import INK, theme, tint
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -47,7 +48,7 @@ def plot_areas(
     styles
         Style of each label, as ``algorithm_styles`` gives them.
     title
-        Name of the mission.
+        Name of the mission; what follows a line break is paler.
     ax
         Axes to draw on. One will be created if not given.
 
@@ -68,13 +69,15 @@ def plot_areas(
     medians = summary.set_index("algorithm")
     styles = styles_of(labels, styles)
     with theme():
+        names = names_of(labels, styles)
         if ax is None:
-            ax = new_axes(8.4, 1.5 + 0.42 * max(len(labels), 2))
+            lines = max(name.count("\n") + 1 for name in names.values())
+            (ax,) = study_axes(6.0, max(0.42, 0.18 * lines + 0.08) * max(len(labels), 2))
         dress(ax)
         for row, label in enumerate(labels):
             _draw_runs(ax, row, runs[runs["algorithm"] == label], styles[label])
             _draw_median(ax, row, *medians.loc[label, list(interval[1:])].to_numpy(float))
-        ax.set_yticks(range(len(labels)), list(shortened(labels).values()))
+        ax.set_yticks(range(len(labels)), list(names.values()))
         ax.set_ylim(len(labels) - 0.4, -0.6)
         ax.tick_params(axis="y", length=0)
         ax.set_xlabel("area of the final front (normalised hypervolume)")

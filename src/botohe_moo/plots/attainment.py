@@ -7,11 +7,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from botohe_moo.plots.algorithms import shortened, styles_of
+from botohe_moo.plots.algorithms import names_of, styles_of
 from botohe_moo.plots.front import staircase
-from botohe_moo.plots.fronts import final_fronts, objective_axes
-from botohe_moo.plots.scales import title_above
-from botohe_moo.plots.style import new_axes, theme
+from botohe_moo.plots.fronts import OBJECTIVES, final_fronts, legend_beside, objective_axes
+from botohe_moo.plots.panels import (
+    MANY,
+    add_background,
+    add_band,
+    names_room,
+    open_panels,
+    study_axes,
+    title_panels,
+)
+from botohe_moo.plots.scales import dress, title_above
+from botohe_moo.plots.style import theme
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -41,6 +50,7 @@ def plot_attainment(
 
     Below and left of the line lies what at least half of the runs reach; the band lies between
     what a quarter and what three quarters of them reach. A run without a front reaches nothing.
+    From twelve algorithms on each has a panel of its own, with all others in grey.
 
     Parameters
     ----------
@@ -54,14 +64,14 @@ def plot_attainment(
     styles
         Style of each label, as ``algorithm_styles`` gives them.
     title
-        Name of the mission.
+        Name of the mission; what follows a line break is paler.
     ax
-        Axes to draw on. One will be created if not given.
+        Axes to draw on, for all algorithms. A figure will be created if not given.
 
     Returns
     -------
     matplotlib.axes.Axes
-        The axes drawn on.
+        The axes drawn on; those of the first panel where there are several.
 
     Raises
     ------
@@ -70,44 +80,62 @@ def plot_attainment(
     """
     fronts = final_fronts(plans, runs, algorithms)
     styles = styles_of(list(fronts), styles)
+    surfaces = {label: _surfaces(found) for label, found in fronts.items()}
+    words = "reached by half of the runs; bands: by a quarter to three quarters"
     with theme():
+        if ax is None and len(fronts) >= MANY:
+            panels = open_panels(list(fronts), styles)
+            add_background(panels, {label: half for label, (_, half, _) in surfaces.items()})
+            for label, own in panels.items():
+                dress(own)
+                _draw(own, surfaces[label], styles[label], label, len(fronts[label]))
+            first = next(iter(panels.values()))
+            first.set(xlim=(0, None), ylim=(0, None))
+            title_panels(panels, title, words, *OBJECTIVES)
+            return first
+        names = names_of(fronts, styles)
         if ax is None:
-            ax = new_axes(8.4, 5.2)
-        short = shortened(fronts)
+            height, right = names_room(fronts, styles)
+            (ax,) = study_axes(5.6, max(4.2, 1.3 * height), right=right)
         for label, found in fronts.items():
-            few, half, most = (
-                staircase(attainment_surface(found.values(), percent))[:-1]
-                for percent in (_BAND[0], 50, _BAND[1])
-            )
-            style = styles[label]
-            if len(found) > 1:
-                ax.fill(
-                    *np.concatenate([few, most[::-1]]).T,
-                    facecolor=style.colour,
-                    alpha=0.2,
-                    linewidth=0,
-                    zorder=1,
-                    gid="band",
-                )
-            ax.plot(
-                *half.T,
-                color=style.colour,
-                linestyle=style.line,
-                linewidth=1.6,
-                marker=style.marker,
-                markersize=5,
-                markeredgecolor="white",
-                markeredgewidth=0.5,
-                # Ends of stairs, not plans: a few are enough to tell the lines apart.
-                markevery=max(1, len(half) // 8),
-                zorder=2,
-                label=short[label],
-                gid="median",
-            )
+            _draw(ax, surfaces[label], styles[label], names[label], len(found))
         objective_axes(ax)
-        title_above(ax, title, "reached by half of the runs; bands: by a quarter to three quarters")
-        ax.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False)
+        title_above(ax, title, words)
+        legend_beside(ax)
     return ax
+
+
+Surfaces = tuple["FloatArray", "FloatArray", "FloatArray"]
+
+
+def _surfaces(found: Mapping[int, FloatArray]) -> Surfaces:
+    """Give what a quarter of the runs reach, what half and what three quarters."""
+    few, half, most = (
+        staircase(attainment_surface(found.values(), percent))[:-1]
+        for percent in (_BAND[0], 50, _BAND[1])
+    )
+    return few, half, most
+
+
+def _draw(ax: Axes, surfaces: Surfaces, style: AlgorithmStyle, name: str, n_runs: int) -> None:
+    few, half, most = surfaces
+    if n_runs > 1:
+        add_band(ax, np.concatenate([few, most[::-1]]), style.colour, 0.2)
+    ax.plot(
+        *half.T,
+        color=style.colour,
+        linestyle=style.line,
+        linewidth=1.6,
+        marker=style.marker,
+        markersize=5,
+        markeredgecolor="white",
+        markeredgewidth=0.5,
+        # Ends of stairs, not plans: a few are enough to tell the lines apart.
+        markevery=max(1, len(half) // 8),
+        zorder=2,
+        label=name,
+        gid="median",
+    )
 
 
 def attainment_surface(fronts: Iterable[FloatArray], percent: float) -> FloatArray:

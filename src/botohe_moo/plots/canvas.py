@@ -14,6 +14,7 @@ from matplotlib.patheffects import withStroke
 from matplotlib.transforms import IdentityTransform
 from scipy.spatial import KDTree
 
+from botohe_moo.plots.fonts import drawable
 from botohe_moo.plots.style import INK, MUTED, new_axes, readable_on
 
 if TYPE_CHECKING:
@@ -174,7 +175,7 @@ class Canvas:
             self._draw_labels(mission, fills)
 
     def _draw_labels(self, mission: Mission, fills: Sequence[Any]) -> None:
-        texts = [str(node) for node in mission.nodes]
+        texts = [drawable(str(node)) for node in mission.nodes]
         size = min(9.0, 1.05 * self.radius)
         inside = size >= 6.5 and 0.62 * size * max(map(len, texts)) <= 1.8 * self.radius
         for i, (text, (x, y)) in enumerate(zip(texts, self.xy, strict=True)):

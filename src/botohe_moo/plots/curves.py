@@ -1,16 +1,24 @@
-"""The picture of how the area grows while algorithms run."""
+"""The picture of how the area of fronts grows, or their distance shrinks, while algorithms run."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from botohe_moo._checks import check_integer
-from botohe_moo.plots.algorithms import chosen_algorithms, shortened, styles_of
+from botohe_moo.plots.algorithms import styles_of
+from botohe_moo.plots.panels import (
+    MANY,
+    add_background,
+    add_band,
+    names_room,
+    open_panels,
+    study_axes,
+    title_panels,
+)
+from botohe_moo.plots.progress import NAMES, Band, Curve, Progress, Value, progress_curves, stairs
 from botohe_moo.plots.scales import label_ends, log_axis, title_above
-from botohe_moo.plots.style import new_axes, theme
+from botohe_moo.plots.style import theme
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -18,86 +26,68 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
-    from botohe_moo._types import FloatArray
     from botohe_moo.plots.algorithms import AlgorithmStyle
 
-__all__ = ["Curve", "Progress", "area_curves", "plot_curves"]
+__all__ = ["plot_curves"]
 
-Progress = Literal["evaluations", "seconds"]
-Band = Literal["sd", "range"]
-
-_N_POINTS = 500
-_NAMES = {"evaluations": "evaluations", "seconds": "seconds of the algorithm's own time"}
-_BANDS = {"sd": "± 1 standard deviation", "range": "and their range"}
-_MANY = 6  # with more curves than this, colours alone are hard to follow
-
-
-@dataclass(frozen=True, eq=False)
-class Curve:
-    """What the runs of one algorithm on one mission have reached, over their progress.
-
-    Attributes
-    ----------
-    x
-        Evaluations or seconds, ascending; the value at ``x[i]`` holds until ``x[i + 1]``.
-    mean
-        Mean area over runs.
-    low
-        Lower edge of the band.
-    high
-        Upper edge of the band.
-    n_runs
-        Number of runs.
-    ended
-        Where the last record of any run is; later values are held.
-    """
-
-    x: FloatArray
-    mean: FloatArray
-    low: FloatArray
-    high: FloatArray
-    n_runs: int
-    ended: float
+_VALUES: dict[Value, str] = {
+    "area": "area (normalised hypervolume)",
+    "igd_plus": "IGD+",
+    "epsilon": "additive epsilon",
+}
+_BANDS: dict[Band, tuple[str, str]] = {
+    "quartiles": ("median", "and quartiles"),
+    "sd": ("mean", "± 1 standard deviation"),
+    "range": ("median", "and range"),
+}
+_COLOURS_ALONE = 6  # with more curves than this, colours alone are hard to follow
 
 
 def plot_curves(
     trace: pd.DataFrame,
     *,
     x: Progress = "evaluations",
+    value: Value = "area",
     algorithms: Sequence[str] | None = None,
     styles: Mapping[str, AlgorithmStyle] | None = None,
-    band: Band = "sd",
+    band: Band = "quartiles",
     title: str | None = None,
     ax: Axes | None = None,
 ) -> Axes:
-    """Draw how the area grows over evaluations or seconds: mean over runs and a band.
+    """Draw how the area grows over evaluations or seconds: median over runs and quartiles.
 
     Between two records a run's area is that of the last one, nothing is interpolated. A run that
     ended keeps its last area; where all runs of an algorithm have ended, its curve is thinner.
+    From twelve algorithms on each has a panel of its own, with all others in grey.
 
     Parameters
     ----------
     trace
-        Rows of one mission in a study's trace: columns ``algorithm``, ``seed``, ``area`` and that
-        of ``x``, one row a recorded front. A run that failed has no rows and is not in the mean.
+        Rows of one mission in a study's trace: columns ``algorithm``, ``seed``, that of ``value``
+        and that of ``x``, one row a recorded front. A run that failed has no rows and is not in
+        the median; nor are rows without a value.
     x
         What the horizontal, logarithmic axis shows.
+    value
+        What the vertical axis shows; a logarithmic one for ``igd_plus`` and ``epsilon``, the
+        distances to the reference front.
     algorithms
         Labels of the algorithms to draw. Default: all of them.
     styles
         Style of each label, as ``algorithm_styles`` gives them.
     band
-        ``sd``: mean plus and minus one standard deviation, where runs are; ``range``: smallest to
-        largest. The line under the title says which. An algorithm with one run has no band.
+        ``quartiles``: median, between a quarter and three quarters of the runs; ``sd``: mean plus
+        and minus one standard deviation, where runs are; ``range``: median, smallest to largest.
+        The line under the title says which. An algorithm with one run has no band.
     title
-        Name of the mission.
+        Name of the mission; what follows a line break is paler.
     ax
-        Axes to draw on. One will be created if not given.
+        Axes to draw on, for all algorithms. A figure will be created if not given.
 
     Returns
     -------
     matplotlib.axes.Axes
-        The axes drawn on.
+        The axes drawn on; those of the first panel where there are several.
 
     Raises
     ------
@@ -105,152 +95,77 @@ def plot_curves(
         If a column is missing, there are rows of several missions or none at all, or an algorithm
         or option is not known.
     """
-    curves = area_curves(trace, x=x, algorithms=algorithms, band=band)
+    curves = progress_curves(trace, x=x, value=value, algorithms=algorithms, band=band)
     styles = styles_of(list(curves), styles)
+    words = _in_words(list(curves.values()), band)
     with theme():
+        if ax is None and len(curves) >= MANY:
+            panels = open_panels(list(curves), styles)
+            ax = next(iter(panels.values()))
+            cut = _axes(ax, curves, value)
+            add_background(panels, {k: stairs(c.x, c.middle) for k, c in curves.items()})
+            for label, own in panels.items():
+                own.spines[["top", "right"]].set_visible(False)
+                _draw(own, label, curves[label], styles[label], None)
+            title_panels(panels, title, words + cut, NAMES[x], _VALUES[value])
+            return ax
         if ax is None:
-            ax = new_axes(8.4, 4.8)
-        xs = [curve.x for curve in curves.values()]
-        log_axis(ax, min(float(at[0]) for at in xs), max(float(at[-1]) for at in xs))
+            height, right = names_room(curves, styles)
+            (ax,) = study_axes(6.0, max(3.7, height), right=right)
+        cut = _axes(ax, curves, value)
         for i, (label, curve) in enumerate(curves.items()):
-            _draw(ax, label, curve, styles[label], i if len(curves) > _MANY else None)
-        cut = _area_axis(ax, list(curves.values()))
-        ax.set_xlabel(_NAMES[x])
-        ax.set_ylabel("area (normalised hypervolume)")
-        title_above(ax, title, _in_words(list(curves.values()), band) + cut)
-        short = shortened(curves)
-        ends = {short[label]: float(curve.mean[-1]) for label, curve in curves.items()}
-        marks = {short[label]: styles[label] for label in curves}
-        label_ends(ax, ends, marks)
+            _draw(ax, label, curve, styles[label], i if len(curves) > _COLOURS_ALONE else None)
+        ax.set_xlabel(NAMES[x])
+        ax.set_ylabel(_VALUES[value])
+        title_above(ax, title, words + cut)
+        low = ax.get_ylim()[0]
+        label_ends(ax, {k: max(float(c.middle[-1]), low) for k, c in curves.items()}, styles)
     return ax
 
 
-def area_curves(
-    trace: pd.DataFrame,
-    *,
-    x: Progress = "evaluations",
-    algorithms: Sequence[str] | None = None,
-    band: Band = "sd",
-    n_points: int = _N_POINTS,
-) -> dict[str, Curve]:
-    """Give the curves that ``plot_curves`` draws, on a logarithmic grid.
-
-    The grid spans the records of all algorithms. An algorithm's curve begins where all of its runs
-    have a record, and ends where the grid does.
-
-    Parameters
-    ----------
-    trace
-        As in ``plot_curves``.
-    x
-        As in ``plot_curves``; records at 0 seconds count as of the first moment after it.
-    algorithms
-        As in ``plot_curves``.
-    band
-        As in ``plot_curves``.
-    n_points
-        Points of the grid.
-
-    Returns
-    -------
-    dict
-        A ``Curve`` for each label.
-
-    Raises
-    ------
-    ValueError
-        As ``plot_curves``.
-    """
-    for name, value, known in (("x", x, _NAMES), ("band", band, _BANDS)):
-        if value not in known:
-            raise ValueError(f"Expected {name} to be {' or '.join(known)}, got {value!r}.")
-    check_integer("n_points", n_points, at_least=2)
-    labels = chosen_algorithms("trace", trace, ("algorithm", "seed", x, "area"), algorithms)
-    trace = trace[trace["algorithm"].isin(labels)]
-    if trace.empty:
-        raise ValueError("Expected at least one row of trace, got none.")
-    at = trace[x].to_numpy(float)
-    if not (np.isfinite(at).all() and (at >= 0).all()):
-        raise ValueError(f"Expected {x} in [0, inf), got {at[~(np.isfinite(at) & (at >= 0))][0]}.")
-    if at.max() == 0:
-        at = at + 1.0
-    at = np.maximum(at, at[at > 0].min())  # a logarithmic axis has no 0
-    trace = trace.assign(**{x: at})
-    # Rounding could put the ends beside the records there.
-    grid = np.unique(np.clip(np.geomspace(at.min(), at.max(), n_points), at.min(), at.max()))
-    return {label: _curve(trace[trace["algorithm"] == label], x, grid, band) for label in labels}
-
-
-def _curve(rows: pd.DataFrame, x: Progress, grid: FloatArray, band: Band) -> Curve:
-    runs = [
-        run.sort_values(x, kind="stable")[[x, "area"]].to_numpy(float)
-        for _, run in rows.groupby("seed", sort=True)
-    ]
-    start = max(run[0, 0] for run in runs)
-    at = np.concatenate([[start], grid[grid > start]])
-    areas = np.array([run[np.searchsorted(run[:, 0], at, side="right") - 1, 1] for run in runs])
-    mean = areas.mean(axis=0)
-    if band == "range":
-        low, high = areas.min(axis=0), areas.max(axis=0)
-    else:
-        sd = areas.std(axis=0, ddof=1) if len(areas) > 1 else np.zeros(len(at))
-        # A band must not promise what no run has reached.
-        low = np.maximum(mean - sd, areas.min(axis=0))
-        high = np.minimum(mean + sd, areas.max(axis=0))
-    return Curve(at, mean, low, high, len(runs), float(rows[x].max()))
+def _axes(ax: Axes, curves: Mapping[str, Curve], value: Value) -> str:
+    """Set both axes, and say what they do not show."""
+    found = list(curves.values())
+    log_axis(ax, min(float(c.x[0]) for c in found), max(float(c.x[-1]) for c in found))
+    return _area_axis(ax, found) if value == "area" else _distance_axis(ax, found)
 
 
 def _draw(ax: Axes, label: str, curve: Curve, style: AlgorithmStyle, many: int | None) -> None:
     colour = style.colour
     if curve.n_runs > 1:
-        ax.fill_between(
-            curve.x,
-            curve.low,
-            curve.high,
-            step="post",
-            facecolor=colour,
-            alpha=0.16 if many is None else 0.1,
-            linewidth=0,
-            zorder=1,
-            gid="band",
-        )
+        low, high = stairs(curve.x, curve.low), stairs(curve.x, curve.high)
+        add_band(ax, np.concatenate([low, high[::-1]]), colour, 0.16 if many is None else 0.1)
     held = curve.x >= curve.ended
     running = ~held
     running[np.argmax(held)] = True  # both parts meet where the last record is
     alone = running.sum() == 1  # no line to be seen
-    every = max(1, len(curve.x) // 6)
-    ax.plot(
-        curve.x[running],
-        curve.mean[running],
-        drawstyle="steps-post",
-        color=colour,
-        linestyle=style.line,
-        linewidth=2.0,
-        marker=style.marker if alone or many is not None else None,
-        markersize=5.5,
-        markeredgecolor="white",
-        markeredgewidth=0.6,
-        markevery=(0 if alone or many is None else many * 29 % every, every),
-        zorder=3,
-        label=label,
-        gid="mean",
-    )
+    line: dict[str, Any] = {"color": colour, "linestyle": style.line}
+    steps = stairs(curve.x[running], curve.middle[running])
+    ax.plot(*steps.T, linewidth=2.0, zorder=3, label=label, gid="curve", **line)
+    if alone or many is not None:
+        every = max(1, len(curve.x) // 6)
+        at = np.arange(0 if alone or many is None else many * 29 % every, running.sum(), every)
+        ax.plot(
+            curve.x[running][at],
+            curve.middle[running][at],
+            linestyle="none",
+            color=colour,
+            marker=style.marker,
+            markersize=5.5,
+            markeredgecolor="white",
+            markeredgewidth=0.6,
+            zorder=3,
+            gid="marks",
+        )
     last = ax.get_xlim()[1]
     if curve.ended < last:
-        ax.plot(
-            [curve.ended, last],
-            curve.mean[[-1, -1]],
-            color=colour,
-            linestyle=style.line,
-            linewidth=1.0,
-            zorder=2,
-            gid="held",
-        )
+        end = curve.middle[[-1, -1]]
+        ax.plot([curve.ended, last], end, linewidth=1.0, zorder=2, gid="held", **line)
 
 
 def _area_axis(ax: Axes, curves: Sequence[Curve]) -> str:
     """Show where curves end, and at least the upper half of the way there; say what is cut off."""
-    ends = [float(curve.mean[-1]) for curve in curves]
+    ends = [float(curve.middle[-1]) for curve in curves]
     lowest = min(float(curve.low.min()) for curve in curves)
     low = max(lowest, min(2 * min(ends) - max(ends), 0.5 * max(ends)))
     high = max(float(curve.high.max()) for curve in curves)
@@ -260,9 +175,23 @@ def _area_axis(ax: Axes, curves: Sequence[Curve]) -> str:
     return f"; areas below {bottom:.2f} cut off" if lowest < bottom else ""
 
 
+def _distance_axis(ax: Axes, curves: Sequence[Curve]) -> str:
+    """Show all distances; those of 0, which a logarithmic axis has not, at its lower edge."""
+    values = np.concatenate([part for c in curves for part in (c.low, c.middle, c.high)])
+    positive = values[values > 0]
+    if not len(positive):
+        ax.set_ylim(-0.05, 1.0)
+        return ""
+    low, high = float(positive.min()), float(positive.max())
+    zeros = len(positive) < len(values)
+    log_axis(ax, low / 1.12 / (1.5 if zeros else 1), high * 1.12, "y")
+    return "; 0 lies at the lower edge" if zeros else ""
+
+
 def _in_words(curves: Sequence[Curve], band: Band) -> str:
     fewest, most = min(c.n_runs for c in curves), max(c.n_runs for c in curves)
     if most == 1:
         return "one run of each"
     runs = f"{most}" if fewest == most else f"{fewest} to {most}"
-    return f"mean of {runs} runs {_BANDS[band]}"
+    middle, around = _BANDS[band]
+    return f"{middle} of {runs} runs {around}"

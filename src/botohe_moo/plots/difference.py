@@ -11,10 +11,12 @@ from matplotlib.collections import PolyCollection
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from botohe_moo.plots.algorithms import shortened, styles_of
+from botohe_moo.plots.algorithms import names_of, styles_of
 from botohe_moo.plots.attainment import attainment_difference, attainment_surface
 from botohe_moo.plots.front import staircase
 from botohe_moo.plots.fronts import final_fronts, objective_axes
+from botohe_moo.plots.labels import wrapped
+from botohe_moo.plots.scales import stack_above
 from botohe_moo.plots.style import INK, MUTED, theme, tint
 
 if TYPE_CHECKING:
@@ -32,6 +34,8 @@ __all__ = ["plot_attainment_difference"]
 
 _SHADES = 5  # as many as are told apart
 _DASHED = (0, (4, 2))
+_NAME_WIDTH = 44  # columns
+_MANY = 1_500  # more rectangles are drawn as an image in vector files, too
 
 
 def plot_attainment_difference(
@@ -65,7 +69,7 @@ def plot_attainment_difference(
     styles
         Style of each label, as ``algorithm_styles`` gives them.
     title
-        Name of the mission.
+        Name of the mission; what follows a line break is paler.
     axes
         The two axes to draw on. A figure with two will be created if not given.
 
@@ -86,12 +90,12 @@ def plot_attainment_difference(
     reach = staircase(attainment_surface([*mine, *theirs], 0))[:-1]
     with theme():
         if axes is None:
-            _, drawn = plt.subplots(
-                1, 2, figsize=(9.6, 4.7), layout="constrained", sharex=True, sharey=True
-            )
-            axes = list(drawn)
+            axes = _two_axes()
         left, right = axes
-        short = shortened([algorithm, other])
+        names = {
+            label: wrapped(f"{name} reaches more often", _NAME_WIDTH)
+            for label, name in names_of([algorithm, other], styles).items()
+        }
         sides = ((left, algorithm, mine, difference), (right, other, theirs, -difference))
         for ax, label, found, ahead in sides:
             colour = styles[label].colour
@@ -100,11 +104,38 @@ def plot_attainment_difference(
             half = staircase(attainment_surface(found, 50))[:-1]
             ax.plot(*half.T, color=INK, linewidth=1.0, linestyle=_DASHED, zorder=3, gid="median")
             objective_axes(ax)
-            ax.set_title(f"{short[label]} reaches more often", fontsize=11)
-            ax.legend(handles=_key(colour), loc="lower left", title="share of its runs, ahead by")
+            ax.set_title(names[label], fontsize=11, y=1.0)
+            ax.legend(
+                handles=_key(colour),
+                loc="upper center",
+                bbox_to_anchor=(0.5, -0.13),
+                ncols=4,
+                columnspacing=1.2,
+                handlelength=1.6,
+                fontsize=9,
+                frameon=False,
+                title="share of its runs, ahead by",
+                title_fontsize=9,
+            )
         right.set_ylabel("")
         if title:
-            left.figure.suptitle(title, fontweight="bold", fontsize=12)
+            lines = max(name.count("\n") + 1 for name in names.values())
+            head, _, rest = title.partition("\n")
+            bold = {"fontweight": "bold", "color": INK}
+            parts = [(rest, "subtitle", 10.0, {"color": "0.4"}), (head, "title", 12.0, bold)]
+            stack_above(left, parts, 9.0, 1.3 * 11 * lines + 8)
+    return left, right
+
+
+def _two_axes() -> tuple[Axes, Axes]:
+    """Open a figure with two axes beside each other, the same in both directions."""
+    fig = plt.figure(figsize=(9.7, 4.9))
+    left = fig.add_axes((0.07, 0.12, 0.435, 0.74))
+    right = fig.add_axes((0.535, 0.12, 0.435, 0.74), sharex=left, sharey=left)
+    right.tick_params(labelleft=False)
+    for ax in (left, right):
+        ax.xaxis.set_label_coords(0.5, -0.1)
+        ax.yaxis.set_label_coords(-0.12, 0.5)
     return left, right
 
 
@@ -125,6 +156,7 @@ def _shade(ax: Axes, rectangles: FloatArray, ahead: FloatArray, colour: Colour) 
             edgecolors=shades,
             linewidths=0.3,
             zorder=1,
+            rasterized=len(corners) > _MANY,
             gid="ahead",
         )
     )

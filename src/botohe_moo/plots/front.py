@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
+from botohe_moo.plots.fonts import drawable
 from botohe_moo.plots.style import INK, MARKERS, colours, new_axes, theme, tint
 
 if TYPE_CHECKING:
@@ -68,13 +69,14 @@ def plot_front(
         if ax is None:
             ax = new_axes(7.0, 5.0)
         drawn = sum(line.get_gid() == "front" for line in ax.lines)
-        _draw(ax, points, corners, drawn, f"{label}: {summary}" if label else None)
+        _draw(ax, points, corners, drawn, drawable(f"{label}: {summary}") if label else None)
         for row in chosen:
             _ring(ax, row, points[row])
         if label:
             ax.legend(loc="upper right", framealpha=0.9)
         if mission is not None:
-            summary = mission.title if label else f"{mission.title}\n{summary}"
+            title = drawable(mission.title)
+            summary = title if label else f"{title}\n{summary}"
         elif label:
             summary = ax.get_title()
         ax.set_title(summary)

@@ -6,10 +6,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from botohe_moo.plots.algorithms import chosen_algorithms, shortened, styles_of
+from botohe_moo.plots.algorithms import chosen_algorithms, names_of, styles_of
 from botohe_moo.plots.front import staircase
+from botohe_moo.plots.labels import WIDTH, columns
+from botohe_moo.plots.panels import (
+    MANY,
+    add_background,
+    names_room,
+    open_panels,
+    study_axes,
+    title_panels,
+)
 from botohe_moo.plots.scales import dress, title_above
-from botohe_moo.plots.style import INK, new_axes, theme
+from botohe_moo.plots.style import INK, theme
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -20,7 +29,16 @@ if TYPE_CHECKING:
     from botohe_moo._types import FloatArray
     from botohe_moo.plots.algorithms import AlgorithmStyle
 
-__all__ = ["final_fronts", "median_run", "objective_axes", "plot_fronts"]
+__all__ = [
+    "OBJECTIVES",
+    "final_fronts",
+    "legend_beside",
+    "median_run",
+    "objective_axes",
+    "plot_fronts",
+]
+
+OBJECTIVES = ("expected team reward E[R]", "expected number of survivors E[S]")
 
 
 def plot_fronts(
@@ -35,7 +53,8 @@ def plot_fronts(
 ) -> Axes:
     """Draw the final front of each algorithm's median run over each other.
 
-    The median run is the one with the median area, of the middle two the lower.
+    The median run is the one with the median area, of the middle two the lower. From twelve
+    algorithms on each has a panel of its own, with all others in grey.
 
     Parameters
     ----------
@@ -51,14 +70,14 @@ def plot_fronts(
     styles
         Style of each label, as ``algorithm_styles`` gives them.
     title
-        Name of the mission.
+        Name of the mission; what follows a line break is paler.
     ax
-        Axes to draw on. One will be created if not given.
+        Axes to draw on, for all algorithms. A figure will be created if not given.
 
     Returns
     -------
     matplotlib.axes.Axes
-        The axes drawn on.
+        The axes drawn on; those of the first panel where there are several.
 
     Raises
     ------
@@ -67,27 +86,60 @@ def plot_fronts(
     """
     fronts = final_fronts(plans, runs, algorithms)
     styles = styles_of(list(fronts), styles)
+    seeds = {label: median_run(runs[runs["algorithm"] == label]) for label in fronts}
+    shown = {label: found[seeds[label]] for label, found in fronts.items()}
+    words = "final fronts of the runs with the median area"
     with theme():
+        names = {
+            label: _with_seed(name, seeds[label], len(shown[label]))
+            for label, name in names_of(fronts, styles).items()
+        }
+        if ax is None and len(fronts) >= MANY:
+            panels = open_panels(list(fronts), styles, names)
+            add_background(panels, {k: staircase(front)[:-1] for k, front in shown.items()})
+            for label, own in panels.items():
+                dress(own)
+                _draw_reference(own, reference)
+                _draw(own, shown[label], styles[label], None)
+            first = next(iter(panels.values()))
+            first.set(xlim=(0, None), ylim=(0, None))
+            title_panels(panels, title, f"{words}; thin: all runs together", *OBJECTIVES)
+            return first
         if ax is None:
-            ax = new_axes(8.4, 5.2)
-        if reference is not None:
-            corners = staircase(reference[["reward", "survivors"]].to_numpy(float))
-            ax.plot(
-                *corners[:-1].T,
-                color=INK,
-                linewidth=0.6,
-                zorder=4,
-                label="all runs together",
-                gid="reference",
-            )
-        short = shortened(fronts)
-        for label, found in fronts.items():
-            seed = median_run(runs[runs["algorithm"] == label])
-            _draw(ax, found[seed], styles[label], f"{short[label]} (seed {seed})")
+            height, right = names_room(fronts, styles)
+            (ax,) = study_axes(5.6, max(4.2, 2 * height), right=right)
+        _draw_reference(ax, reference)
+        for label, front in shown.items():
+            _draw(ax, front, styles[label], names[label])
         objective_axes(ax)
-        title_above(ax, title, "final fronts of the runs with the median area")
-        ax.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False)
+        title_above(ax, title, words)
+        legend_beside(ax)
     return ax
+
+
+def _with_seed(name: str, seed: int, n_points: int) -> str:
+    told = f"(seed {seed})" if n_points else f"(seed {seed}): no plans"
+    room = columns(name.split("\n")[-1]) + 1 + len(told) <= WIDTH
+    return f"{name} {told}" if room else f"{name}\n{told}"
+
+
+def legend_beside(ax: Axes) -> None:
+    """Say right of the axes what is what."""
+    ax.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False, borderaxespad=0.0)
+
+
+def _draw_reference(ax: Axes, reference: pd.DataFrame | None) -> None:
+    if reference is None:
+        return
+    corners = staircase(reference[["reward", "survivors"]].to_numpy(float))
+    ax.plot(
+        *corners[:-1].T,
+        color=INK,
+        linewidth=0.6,
+        zorder=4,
+        label="all runs together",
+        gid="reference",
+    )
 
 
 def final_fronts(
@@ -105,8 +157,9 @@ def final_fronts(
     labels = chosen_algorithms("runs", runs, ("algorithm", "seed", "area"), algorithms)
     point = ["reward", "survivors"]
     chosen_algorithms("plans", plans, ("algorithm", "seed", *point), None)
+    points = plans[point].to_numpy(float)
     found = {
-        key: front[point].to_numpy(float) for key, front in plans.groupby(["algorithm", "seed"])
+        key: points[rows] for key, rows in plans.groupby(["algorithm", "seed"]).indices.items()
     }
     return {
         label: {
@@ -128,11 +181,11 @@ def objective_axes(ax: Axes) -> None:
     dress(ax)
     ax.set_xlim(left=0)
     ax.set_ylim(bottom=0)
-    ax.set_xlabel("expected team reward E[R]")
-    ax.set_ylabel("expected number of survivors E[S]")
+    ax.set_xlabel(OBJECTIVES[0])
+    ax.set_ylabel(OBJECTIVES[1])
 
 
-def _draw(ax: Axes, front: FloatArray, style: AlgorithmStyle, label: str) -> None:
+def _draw(ax: Axes, front: FloatArray, style: AlgorithmStyle, label: str | None) -> None:
     corners = staircase(front)
     ax.plot(
         *corners[:-1].T,
@@ -156,6 +209,8 @@ def _draw(ax: Axes, front: FloatArray, style: AlgorithmStyle, label: str) -> Non
         zorder=3,
         gid="front",
     )
+    if label is None:
+        return
     ax.plot(
         [],
         [],
@@ -164,6 +219,6 @@ def _draw(ax: Axes, front: FloatArray, style: AlgorithmStyle, label: str) -> Non
         linewidth=1.4,
         marker=style.marker,
         markersize=5.5,
-        label=label if len(best) else f"{label}: no plans",
+        label=label,
         gid="key",
     )

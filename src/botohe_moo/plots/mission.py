@@ -13,6 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from botohe_moo.plots.canvas import Canvas, add_colour_bar, bowed_arcs, node_positions, open_axes
+from botohe_moo.plots.fonts import drawable
 from botohe_moo.plots.lanes import draw_trails
 from botohe_moo.plots.style import (
     MUTED,
@@ -69,7 +70,7 @@ def plot_mission(
     ValueError
         If the ``pos`` of a node is not two finite numbers.
     """
-    title = mission.title
+    title = drawable(mission.title)
     if plan is not None:
         reward, survivors = mission.evaluate([plan])[0]
         title += f"\nE[R] = {reward:.2f},  E[S] = {survivors:.2f}"
@@ -162,10 +163,12 @@ def _add_legend(
     hollow: dict[str, Any] = {"linestyle": "none", "markerfacecolor": "white", "markersize": 9}
     square = {"marker": "s", "markeredgecolor": "black", "markeredgewidth": 2, **hollow}
     circle = {"marker": "o", "markeredgecolor": MUTED, "markeredgewidth": 1.1, **hollow}
-    handles: list[Artist] = [Line2D([], [], label=f"{team} at base {mission.base}", **square)]
+    handles: list[Artist] = [
+        Line2D([], [], label=drawable(f"{team} at base {mission.base}"), **square)
+    ]
     if (np.delete(mission.arrays.reward, mission.arrays.base) == 0).any():
         handles.append(Line2D([], [], label="no reward", **circle))
-    handles += [Patch(color=colour, label=zone) for zone, colour in zones.items()]
+    handles += [Patch(color=colour, label=drawable(zone)) for zone, colour in zones.items()]
     trails = [] if plan is None else _trail_handles(mission, plan)
     # Colour bars stand beside the axes, and the legend may reach below them.
     room = 1.25 * ax.get_window_extent().width

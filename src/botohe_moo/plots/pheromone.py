@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 import numpy as np
 
 from botohe_moo.plots.canvas import Canvas, add_colour_bar, node_positions, open_axes
+from botohe_moo.plots.fonts import drawable
 from botohe_moo.plots.style import colour_range, pheromone_palette, theme
 
 if TYPE_CHECKING:
@@ -57,7 +58,7 @@ def plot_pheromone(
     xy = node_positions(mission)
     with theme():
         ax = open_axes(xy, ax)
-        ax.set_title(f"{mission.title}\npheromone for {kind}")
+        ax.set_title(f"{drawable(mission.title)}\npheromone for {kind}")
         palette = pheromone_palette()
         norm = colour_range(values, low=0.0) if len(values) else None
         if norm is not None:

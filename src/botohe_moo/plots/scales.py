@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
+from matplotlib.collections import LineCollection
+from matplotlib.markers import TICKDOWN, TICKLEFT
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
+from botohe_moo.plots.algorithms import names_of
+from botohe_moo.plots.fonts import drawable
+from botohe_moo.plots.labels import wrapped
 from botohe_moo.plots.style import INK, MUTED
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from matplotlib.axes import Axes
 
     from botohe_moo._types import FloatArray
     from botohe_moo.plots.algorithms import AlgorithmStyle
 
-__all__ = ["dress", "label_ends", "log_axis", "spread", "title_above"]
+__all__ = ["dress", "label_ends", "log_axis", "spread", "stack_above", "title_above"]
+
+_END = 10.0  # points of the letters of names right of axes
 
 
 def dress(ax: Axes) -> None:
@@ -27,26 +34,43 @@ def dress(ax: Axes) -> None:
     ax.spines[["top", "right"]].set_visible(False)
 
 
-def log_axis(ax: Axes, low: float, high: float) -> None:
-    """Make the horizontal axis logarithmic, from ``low`` to ``high``, with numbers people read."""
+def log_axis(ax: Axes, low: float, high: float, which: Literal["x", "y"] = "x") -> None:
+    """Make an axis logarithmic, from ``low`` to ``high``, with numbers people read."""
     dress(ax)
-    ax.set_xscale("log")
+    axis = ax.xaxis if which == "x" else ax.yaxis
     if high < 6.5 * low:  # less has no room for two of the numbers 1, 2 and 5
         middle = np.sqrt(low * high)
         low, high = min(low, middle / np.sqrt(10)), middle * np.sqrt(10)
-    ax.set_xlim(low, high)
+    ax.set(**{f"{which}scale": "log", f"{which}lim": (low, high)})
     decades = np.log10(high / low)
     if decades > 8:
-        ax.xaxis.set_major_locator(LogLocator(numticks=8))
-        ax.xaxis.set_minor_locator(NullLocator())
+        axis.set_major_locator(LogLocator(numticks=8))
     else:
         subs = (1.0, 2.0, 5.0) if decades < 1.7 else (1.0,)
-        ax.xaxis.set_major_locator(LogLocator(subs=subs, numticks=12))
-        ax.xaxis.set_minor_locator(LogLocator(subs=range(2, 10), numticks=12))
+        axis.set_major_locator(LogLocator(subs=subs, numticks=12))
+        _small_ticks(ax, low, high, which)
+    axis.set_minor_locator(NullLocator())
     # Matplotlib's own formatter writes mathematics, which the theme switches off for labels' sake.
-    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: plain_number(value)))
-    ax.xaxis.set_minor_formatter(NullFormatter())
-    ax.tick_params(which="minor", length=2.5, color=MUTED)
+    axis.set_major_formatter(FuncFormatter(lambda value, _: plain_number(value)))
+
+
+def _small_ticks(ax: Axes, low: float, high: float, which: Literal["x", "y"]) -> None:
+    """Mark 2, 3, ... 9 of every decade; as one line, since ticks are slow to draw."""
+    decades = 10.0 ** np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)))
+    at = np.outer(decades, np.arange(2, 10)).ravel()
+    at = at[(low <= at) & (at <= high)]
+    along = ax.get_xaxis_transform() if which == "x" else ax.get_yaxis_transform()
+    edge = np.zeros(len(at))
+    ax.plot(
+        *((at, edge) if which == "x" else (edge, at)),
+        linestyle="none",
+        marker=TICKDOWN if which == "x" else TICKLEFT,
+        markersize=2.5,
+        color=MUTED,
+        transform=along,
+        clip_on=False,
+        gid="small ticks",
+    )
 
 
 def plain_number(value: float) -> str:
@@ -56,19 +80,72 @@ def plain_number(value: float) -> str:
     return f"{value:,.0f}" if value >= 1 else f"{value:.10f}".rstrip("0")
 
 
-def title_above(ax: Axes, title: str | None, words: str) -> None:
-    """Write what the plot is above it, and below that, paler, what it shows."""
-    ax.set_title(title or "", loc="left", fontweight="bold", pad=24 if title else 6)
-    ax.annotate(
-        words,
-        (0, 1),
-        (0, 7),
-        xycoords="axes fraction",
-        textcoords="offset points",
-        fontsize=9.5,
-        color="0.4",
-        gid="words",
+def title_above(
+    ax: Axes, title: str | None, words: str, *, width: float | None = None, lift: float = 0.0
+) -> None:
+    """Write what the plot is above it, and below that, paler, what it shows.
+
+    Parameters
+    ----------
+    ax
+        Axes in their place.
+    title
+        Its first line is bold, and stands alone; further ones are paler.
+    words
+        What is shown.
+    width
+        Room in inches; by default that above ``ax``.
+    lift
+        Points to leave free above ``ax``.
+    """
+    if width is None:
+        width = ax.get_window_extent().width / ax.figure.figure.dpi
+    head, _, rest = (title or "").partition("\n")
+    pale = {"color": "0.4"}
+    at = stack_above(
+        ax, [(words, "words", 9.5, pale), (rest, "subtitle", 10.0, pale)], width, 7.0 + lift
     )
+    head = wrapped(drawable(head), _fitting(width, 13.5))
+    # With its height given, matplotlib does not look at all numbers of the axes to find one.
+    ax.set_title(head, loc="left", fontweight="bold", pad=at + 1.5, y=1.0)
+
+
+def stack_above(
+    ax: Axes, parts: Iterable[tuple[str, str, float, Mapping[str, Any]]], width: float, at: float
+) -> float:
+    """Write texts above each other, the lowest first, and give the points that they reach up to.
+
+    Parameters
+    ----------
+    ax
+        Axes in their place.
+    parts
+        Each text with its name, the size of its letters, and what else matplotlib takes.
+    width
+        Room in inches.
+    at
+        Points above ``ax`` of the lowest.
+    """
+    for text, name, size, style in parts:
+        if text:
+            lines = wrapped(drawable(text), _fitting(width, size))
+            ax.annotate(
+                lines,
+                (0, 1),
+                (0, at),
+                xycoords="axes fraction",
+                textcoords="offset points",
+                fontsize=size,
+                gid=name,
+                **style,
+            )
+            at += 1.25 * size * (lines.count("\n") + 1) + 1.5
+    return at
+
+
+def _fitting(width: float, size: float) -> int:
+    """Columns that fit on ``width`` inches in letters of ``size`` points."""
+    return max(8, int(width * 72 / (0.56 * size)))
 
 
 def label_ends(ax: Axes, ends: Mapping[str, float], styles: Mapping[str, AlgorithmStyle]) -> None:
@@ -79,28 +156,38 @@ def label_ends(ax: Axes, ends: Mapping[str, float], styles: Mapping[str, Algorit
     ax
         Axes with its limits set.
     ends
-        Height of each name, in data units.
+        Height of each name, in data units, by label.
     styles
-        Style of each name.
+        Style of each label.
     """
-    low, high = ax.get_ylim()
-    points = ax.get_window_extent().height / ax.figure.figure.dpi * 72
-    size = float(np.clip(points / (1.35 * len(ends)), 6.5, 10.0))
-    wanted = (np.array(list(ends.values())) - low) / (high - low)
-    places = spread(wanted, 1.35 * size / points)
-    for name, wish, place in zip(ends, wanted, places, strict=True):
-        style = styles[name]
-        ax.plot(
-            [1.0, 1.022, 1.034],
-            [wish, place, place],
+    names = names_of(ends, styles)
+    n_lines = np.array([name.count("\n") + 1 for name in names.values()])
+    box = ax.get_window_extent()
+    points = box.height / ax.figure.figure.dpi * 72
+    size = float(np.clip(points / (1.35 * n_lines.sum()), 6.5, _END))
+    heights = np.array([ax.transData.transform((1.0, end))[1] for end in ends.values()])
+    wanted = (heights - box.y0) / box.height
+    places = spread(wanted, (1.2 * n_lines + 0.15) * size / points)
+    width = box.width / ax.figure.figure.dpi * 72
+    start, bend, mark, end = (1 + part / width for part in (0, 9, 14, 31))
+    ax.add_collection(
+        LineCollection(
+            [
+                [(start, wish), (bend, place), (mark, place)]
+                for wish, place in zip(wanted, places, strict=True)
+            ],
+            colors=[styles[label].colour for label in names],
+            linewidths=0.8,
             transform=ax.transAxes,
-            color=style.colour,
-            linewidth=0.8,
             clip_on=False,
-            gid="leader",
-        )
+            gid="leaders",
+        ),
+        autolim=False,
+    )
+    for (label, name), place in zip(names.items(), places, strict=True):
+        style = styles[label]
         ax.plot(
-            [1.034, 1.075],
+            [mark, end],
             [place, place],
             transform=ax.transAxes,
             color=style.colour,
@@ -116,18 +203,21 @@ def label_ends(ax: Axes, ends: Mapping[str, float], styles: Mapping[str, Algorit
         )
         ax.annotate(
             name,
-            (1.075, place),
+            (end, place),
             (6, 0),
             xycoords="axes fraction",
             textcoords="offset points",
-            va="center_baseline",
+            va="center" if "\n" in name else "center_baseline",
             fontsize=size,
+            linespacing=1.1,
             color=INK,
             gid="name",
         )
 
 
-def spread(wanted: Sequence[float] | FloatArray, gap: float) -> FloatArray:
+def spread(
+    wanted: Sequence[float] | FloatArray, gap: float | Sequence[float] | FloatArray
+) -> FloatArray:
     """Move places in [0, 1] as little as needed so that they lie ``gap`` apart, in their order.
 
     The least sum of squared moves: neighbours that are too close share their mean (pool adjacent
@@ -138,7 +228,7 @@ def spread(wanted: Sequence[float] | FloatArray, gap: float) -> FloatArray:
     wanted
         Where the places would be if there were room.
     gap
-        Least distance.
+        Least distance; or the height of each, of which neighbours need half.
 
     Returns
     -------
@@ -151,15 +241,17 @@ def spread(wanted: Sequence[float] | FloatArray, gap: float) -> FloatArray:
     [0.4, 0.6, 0.9]
     """
     order = np.argsort(wanted, kind="stable")
+    heights = np.broadcast_to(np.asarray(gap, float), len(order))[order]
+    offsets = np.concatenate([[0.0], np.cumsum((heights[:-1] + heights[1:]) / 2)])[: len(order)]
     pools: list[tuple[float, int]] = []
-    for at in np.asarray(wanted, float)[order] - gap * np.arange(len(order)):
+    for at in np.asarray(wanted, float)[order] - offsets:
         mean, size = float(at), 1
         while pools and pools[-1][0] >= mean:
             before, n = pools.pop()
             mean, size = (before * n + mean * size) / (n + size), n + size
         pools.append((mean, size))
     moved = np.concatenate([np.full(n, mean) for mean, n in pools] or [np.empty(0)])
-    moved = np.clip(moved, 0.0, max(0.0, 1.0 - gap * (len(order) - 1)))
+    moved = np.clip(moved, 0.0, max(0.0, 1.0 - offsets[-1:].sum()))
     places = np.empty(len(order))
-    places[order] = moved + gap * np.arange(len(order))
+    places[order] = moved + offsets
     return places

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,9 +12,11 @@ import matplotlib.pyplot as plt
 import seaborn as sns
 from matplotlib.colors import Colormap, Normalize, to_rgb
 
+from botohe_moo.plots.fonts import families
+
 if TYPE_CHECKING:
     import os
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping, Sequence
 
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -45,6 +47,12 @@ Colour = tuple[float, float, float]
 DPI = 160
 INK = "#262626"
 MUTED = "#8c8c8c"
+# Nothing that is another one tomorrow.
+_METADATA: Mapping[str, Mapping[str, str | None]] = {
+    ".png": {"Software": "botohe_moo"},
+    ".pdf": {"Creator": "botohe_moo", "Producer": None, "CreationDate": None},
+    ".svg": {"Creator": "botohe_moo", "Date": None},
+}
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")  # so that fronts differ in a grey print too
 
 
@@ -104,14 +112,13 @@ def theme() -> Iterator[None]:
     settings = {
         **sns.axes_style("ticks"),
         **sns.plotting_context("notebook", font_scale=0.9),
-        # The one font that matplotlib brings along: pictures are the same on every machine.
-        "font.family": ["sans-serif"],
-        "font.sans-serif": ["DejaVu Sans"],
+        "font.family": list(families()),
         "axes.edgecolor": INK,
         "axes.titlesize": 12,
         "legend.fontsize": 9.5,
         "text.color": INK,
         "text.parse_math": False,  # a dollar sign in a label is a dollar sign
+        "svg.hashsalt": "botohe_moo",  # or names within the file would differ every time
     }
     with mpl.rc_context(settings):
         yield
@@ -124,35 +131,80 @@ def new_axes(width: float, height: float) -> Axes:
     return ax
 
 
-def save_figure(fig: Figure, path: str | os.PathLike[str], *, dpi: int = DPI) -> None:
-    """Write a figure as PNG, whole or not at all, and the same bytes every time.
+def save_figure(
+    fig: Figure, path: str | os.PathLike[str], *others: str | os.PathLike[str], dpi: int = DPI
+) -> None:
+    """Write a figure, whole or not at all, and the same bytes every time.
+
+    The picture is as large as what is drawn. It is laid out once for all files.
 
     Parameters
     ----------
     fig
         Figure to write; it stays open.
     path
-        File to write or to replace; its folder exists already.
+        File to write or to replace, PNG, PDF or SVG by its name; its folder exists already.
+    *others
+        Further files to write.
     dpi
         Pixels an inch.
 
     Raises
     ------
     ValueError
-        If ``path`` does not end in ``.png``.
+        If a path does not end in ``.png``, ``.pdf`` or ``.svg``.
     """
-    target = Path(path)
-    if target.suffix.lower() != ".png":
-        raise ValueError(f"Expected a path that ends in '.png', got {str(path)!r}.")
-    with tempfile.TemporaryDirectory(dir=target.parent, prefix=".figure-") as folder, theme():
-        draft = Path(folder) / target.name
-        fig.savefig(
-            draft, format="png", dpi=dpi, bbox_inches="tight", metadata={"Software": "botohe_moo"}
-        )
-        draft.replace(target)
+    targets = [Path(target) for target in (path, *others)]
+    for target in targets:
+        if target.suffix.lower() not in _METADATA:
+            raise ValueError(
+                f"Expected a path that ends in '.png', '.pdf' or '.svg', got {str(target)!r}."
+            )
+    engine = fig.get_layout_engine()
+    with theme():
+        if engine is not None:
+            engine.execute(fig)
+            fig.set_layout_engine("none")  # once is enough
+        try:
+            _write_all(fig, targets, dpi)
+        finally:
+            if engine is not None:
+                fig.set_layout_engine(engine)
 
 
-def save_plot(ax: Axes, path: str | os.PathLike[str]) -> None:
+def _write_all(fig: Figure, targets: Sequence[Path], dpi: int) -> None:
+    box = fig.get_tightbbox().padded(0.1)
+    for folder in dict.fromkeys(target.parent for target in targets):
+        here = [target for target in targets if target.parent == folder]
+        with tempfile.TemporaryDirectory(dir=folder, prefix=".figure-") as drafts:
+            for target in here:
+                kind = target.suffix.lower()
+                # Artists have names for whoever looks for them; in SVG each has to be another.
+                with _without_names(fig) if kind == ".svg" else nullcontext():
+                    fig.savefig(
+                        Path(drafts) / target.name,
+                        format=kind[1:],
+                        dpi=dpi,
+                        bbox_inches=box,
+                        metadata=dict(_METADATA[kind]),
+                    )
+            for target in here:
+                (Path(drafts) / target.name).replace(target)
+
+
+@contextmanager
+def _without_names(fig: Figure) -> Iterator[None]:
+    named = [(artist, artist.get_gid()) for artist in fig.findobj() if artist.get_gid()]
+    for artist, _ in named:
+        artist.set_gid(None)
+    try:
+        yield
+    finally:
+        for artist, gid in named:
+            artist.set_gid(gid)
+
+
+def save_plot(ax: Axes, path: str | os.PathLike[str], *others: str | os.PathLike[str]) -> None:
     """Write the figure that ``ax`` is in, as ``save_figure`` does, and close it.
 
     Parameters
@@ -160,15 +212,17 @@ def save_plot(ax: Axes, path: str | os.PathLike[str]) -> None:
     ax
         A plot, the only one in its figure or one of several.
     path
-        PNG file to write or to replace; its folder exists already.
+        File to write or to replace, PNG, PDF or SVG by its name; its folder exists already.
+    *others
+        Further files to write.
 
     Raises
     ------
     ValueError
-        If ``path`` does not end in ``.png``.
+        If a path does not end in ``.png``, ``.pdf`` or ``.svg``.
     """
     figure = ax.get_figure(root=True)
     if figure is None:
         raise ValueError("Expected axes in a figure, got axes that were removed from theirs.")
-    save_figure(figure, path)
+    save_figure(figure, path, *others)
     plt.close(figure)

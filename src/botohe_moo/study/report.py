@@ -7,7 +7,7 @@ import re
 from typing import TYPE_CHECKING
 
 from botohe_moo._files import replace_file
-from botohe_moo.study.report_figures import KINDS, draw_figures
+from botohe_moo.study.report_figures import FORMATS, KINDS, draw_figures
 from botohe_moo.study.report_latex import comparisons_latex, ranks_latex, summary_latex
 from botohe_moo.study.report_page import render_page
 
@@ -20,8 +20,7 @@ __all__ = ["slug", "write_report"]
 
 _LONGEST_SLUG = 60
 _FORMER = "summary.csv"  # of earlier versions: the table in the folder above, rounded
-_FORMATS = ("png", "pdf", "svg")
-_OURS = re.compile(rf"({'|'.join(KINDS)})(-[a-z0-9][a-z0-9._-]*)?\.({'|'.join(_FORMATS)})")
+_OURS = re.compile(rf"({'|'.join(KINDS)})-[a-z0-9][a-z0-9._-]*\.({'|'.join(FORMATS)})")
 
 
 def write_report(tables: StudyTables) -> list[Path]:
@@ -50,13 +49,7 @@ def write_report(tables: StudyTables) -> list[Path]:
     folder.mkdir(exist_ok=True)
     slugs = {label: slug(label) for label in tables.mission_labels}
     figures = draw_figures(tables, folder, slugs)
-    drawn = [
-        path
-        for shown in figures.values()
-        for figure in shown
-        for path in (figure.path.with_suffix(f".{ending}") for ending in _FORMATS)
-        if path.exists()
-    ]
+    drawn = [path for shown in figures.values() for figure in shown for path in figure.paths]
     names = {path.name for path in drawn}
     for path in folder.iterdir():
         if (_OURS.fullmatch(path.name) and path.name not in names) or path.name == _FORMER:
