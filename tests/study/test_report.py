@@ -37,11 +37,10 @@ ODD = "a/b_c$ <b>&\"' 50%"
 FIXED_NAMES = ["report.html", "summary.tex", "comparisons.tex", "ranks.tex"]
 
 
-def figure_names(tables, label, *, without=()):
+def figure_names(label, *, without=()):
     """Files of the figures of a mission with fewer than twelve algorithms and all runs done."""
-    kinds = ["curves", "seconds", "reached", "areas", "fronts", "attainment", "difference"]
-    if "igd_plus" in tables.trace.columns:
-        kinds.append("distances")
+    kinds = ["curves", "seconds", "reached", "distances", "areas"]
+    kinds += ["fronts", "attainment", "difference"]
     kinds = [kind for kind in kinds if kind not in without]
     return [f"{kind}-{slug(label)}.{end}" for kind in kinds for end in FORMATS]
 
@@ -168,7 +167,7 @@ class TestFiles:
     def test_all_are_written_and_named(self, odd):
         tables, paths = odd
         folder = tables.folder / "report"
-        figures = [name for label in ("toy", ODD) for name in figure_names(tables, label)]
+        figures = [name for label in ("toy", ODD) for name in figure_names(label)]
         assert sorted(path.name for path in paths) == sorted([*FIXED_NAMES, *figures])
         assert sorted(folder.iterdir()) == sorted(paths)
         assert all(path.stat().st_size for path in paths)
@@ -259,7 +258,7 @@ class TestPage:
     def test_figures_are_in_it(self, odd):
         tables, _ = odd
         page = page_of(tables)
-        n_figures = 2 * len(figure_names(tables, "toy")) // len(FORMATS)
+        n_figures = 2 * len(figure_names("toy")) // len(FORMATS)
         assert page.tags.count("img") == n_figures
         assert page.tags.count("figcaption") == n_figures
         first = next(value for value in page.values("src"))
@@ -306,7 +305,7 @@ class TestHardStudies:
         names = {path.name for path in write_report(tables)}
         assert names == {
             *FIXED_NAMES,
-            *figure_names(tables, "toy", without=["difference"]),
+            *figure_names("toy", without=["difference"]),
         }
         text = page_of(tables).text
         assert "1 mission, 1 algorithm, 1 seed; 1 run, all done." in text
@@ -341,9 +340,8 @@ class TestHardStudies:
         names = {path.name for path in write_report(tables)}
         # Each has a panel of its own, so what stood above each other are figures of their own.
         panels = [f"reached-seconds-toy.{end}" for end in FORMATS]
-        if "igd_plus" in tables.trace.columns:
-            panels += [f"{kind}-toy.{end}" for kind in ("igd_plus", "epsilon") for end in FORMATS]
-        expected = {*FIXED_NAMES, *figure_names(tables, "toy", without=["distances"]), *panels}
+        panels += [f"{kind}-toy.{end}" for kind in ("igd_plus", "epsilon") for end in FORMATS]
+        expected = {*FIXED_NAMES, *figure_names("toy", without=["distances"]), *panels}
         assert names == expected
         assert "Seeds 1–30" in page_of(tables).text
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from botohe_moo.indicators import area_indicator
 from botohe_moo.plots.areas import plot_areas
@@ -22,6 +21,7 @@ from botohe_moo.study.report_words import INDICATORS, level
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
+    import pandas as pd
     from matplotlib.axes import Axes
 
     from botohe_moo._types import FloatArray
@@ -222,7 +222,7 @@ class MissionPictures:
         yield "areas", ax, caption, f"Final areas of the runs of {self._names()}"
 
     def _grids(self) -> Iterator[Picture]:
-        found = two_parameter_grids(getattr(self._tables, "algorithms", pd.DataFrame()))
+        found = two_parameter_grids(self._tables.algorithms)
         medians = self._rows(self._tables.summary).set_index("algorithm")["area_median"]
         for i, (family, grid) in enumerate(found.items()):
             values = grid.apply(lambda column: column.map(medians)).astype(float)
