@@ -4,17 +4,19 @@ import copy
 import pickle
 from importlib.metadata import distribution
 
+import networkx as nx
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from pymoo.core.callback import Callback
 from pymoo.core.termination import TerminateIfAny
 from pymoo.optimize import minimize
 from pymoo.termination.default import DefaultMultiObjectiveTermination
 from pymoo.termination.max_eval import MaximumFunctionCallTermination
 from pymoo.termination.max_gen import MaximumGenerationTermination
 
-from botohe_moo import BOTOHE, area_indicator, load_mission, make_algorithm
+from botohe_moo import BOTOHE, Mission, area_indicator, exact_front, load_mission, make_algorithm
 from botohe_moo.algorithms.registry import algorithm_parameters
 from tests.strategies import missions
 
@@ -219,6 +221,72 @@ def test_starts_from_given_plans(name):
         BOTOHE(museum), make_algorithm(name, **parameters), ("n_eval", len(start.X) + 40), seed=1
     )
     assert area_indicator(-result.F, museum) >= area_indicator(-start.F, museum) - 1e-12
+
+
+def blind_alley():
+    """Where annealing once stood still: a spur, and a round trip of which no arc has a reverse."""
+    graph = nx.DiGraph(base="D", robots=2)
+    graph.add_nodes_from(
+        (node, {"reward": r}) for node, r in zip("DGABC", (0, 1, 5, 5, 5), strict=True)
+    )
+    graph.add_edges_from(["DG", "GD", "DA", "AB", "BC", "CD"], survival=0.95)
+    return Mission(graph)
+
+
+def one_way(seed):
+    """Six nodes, strongly connected by ears of one to three nodes; hardly an arc has a reverse."""
+    rng = np.random.default_rng(seed)
+    graph = nx.DiGraph(base=0, robots=1 + seed % 3)
+    graph.add_node(0, reward=0.0)
+    while (n := len(graph)) < 6:
+        ear = [*range(n, min(6, n + int(rng.integers(1, 4))))]
+        nx.add_path(graph, [int(rng.integers(n)), *ear, int(rng.integers(n))])
+    for tail, head in rng.permutation([(u, v) for u in graph for v in graph if u != v])[
+        :6
+    ].tolist():
+        if not graph.has_edge(head, tail):
+            graph.add_edge(tail, head)
+    for node in range(1, 6):
+        graph.nodes[node]["reward"] = float(rng.integers(1, 10))
+    for arc in graph.edges:
+        graph.edges[arc]["survival"] = float(rng.uniform(0.6, 1.0))
+    return Mission(graph)
+
+
+class Until(Callback):
+    """Ends a run at an area."""
+
+    def __init__(self, wanted):
+        super().__init__()
+        self.wanted, self.area = wanted, 0.0
+
+    def notify(self, algorithm):
+        self.area = area_indicator(-algorithm.opt.get("F"), algorithm.problem.mission)
+        if self.area >= self.wanted:
+            algorithm.termination.terminate()
+
+
+def supported(objectives, mission):
+    """Those that are best for some weight: all that a sweep of weights looks for."""
+    weights = np.linspace(0, 1, 100)[:, None]
+    worth = weights * objectives[:, 0] / mission.total_reward
+    return objectives[(worth + (1 - weights) * objectives[:, 1] / mission.robots).argmax(axis=1)]
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    "mission", [blind_alley(), *map(one_way, range(6))], ids=["alley", *map(str, range(6))]
+)
+def test_one_way_missions_are_solved(name, mission):
+    front = mission.evaluate(exact_front(mission))
+    if name == "greedy":
+        # It ends with its sweep, and promises no more than plans that are best for some weight:
+        # with few robots much of the front may lie between them.
+        front = supported(front, mission)
+    wanted = 0.9 * area_indicator(front, mission)
+    reached = Until(wanted)
+    minimize(BOTOHE(mission), make_algorithm(name), ("n_eval", 50_000), seed=1, callback=reached)
+    assert reached.area >= wanted
 
 
 @pytest.mark.parametrize("name", NAMES)

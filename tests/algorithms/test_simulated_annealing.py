@@ -14,8 +14,17 @@ from pymoo.optimize import minimize
 from pymoo.termination import get_termination
 from pymoo.termination.collection import TerminationCollection
 
-from botohe_moo import BOTOHE, Mission, RandomTrails, TrailPlan, area_indicator, load_mission
+from botohe_moo import (
+    BOTOHE,
+    Mission,
+    RandomTrails,
+    TrailPlan,
+    area_indicator,
+    exact_front,
+    load_mission,
+)
 from botohe_moo.algorithms.simulated_annealing import SimulatedAnnealing
+from botohe_moo.kernels import moves
 from tests.strategies import missions
 
 schedules = pytest.mark.parametrize("schedule", ["cooled", "journal"])
@@ -315,13 +324,38 @@ def test_unknown_parameters():
         SimulatedAnnealing(n_weight=3)
 
 
-def test_one_way_missions_start_from_guided_plans():
-    # No node has an arc from the base and one back: no move leads away from there.
+@schedules
+def test_one_way_missions_are_explored_from_the_base(schedule):
+    # No node has an arc from the base and one back: none but detours lead away from there.
     graph = nx.DiGraph()
     graph.add_nodes_from(range(6), reward=1.0)
     graph.add_edges_from([(i, (i + 1) % 6) for i in range(6)], survival=0.95)
     graph.add_edge(2, 4, survival=0.9)
     mission = Mission(graph, base=0, robots=2)
-    result = minimize(BOTOHE(mission), SimulatedAnnealing(), ("n_eval", 500), seed=1)
+    algorithm = SimulatedAnnealing(schedule=schedule)
+    result = minimize(BOTOHE(mission), algorithm, ("n_eval", 500), seed=1)
     assert area_indicator(-result.F, mission) > 0.5
     assert result.algorithm.evaluator.n_eval == 500
+
+
+@schedules
+def test_a_spur_with_arcs_both_ways_is_no_trap(schedule):
+    graph = nx.DiGraph(base="D", robots=2)
+    graph.add_nodes_from("DG", reward=1.0)
+    graph.add_nodes_from("ABC", reward=5.0)
+    graph.add_edges_from(["DG", "GD", "DA", "AB", "BC", "CD"], survival=0.95)
+    mission = Mission(graph)
+    front = mission.evaluate(exact_front(mission))
+    assert area(solve(mission, 5_000, schedule=schedule)) > 0.95 * area_indicator(front, mission)
+
+
+@schedules
+@pytest.mark.parametrize("name", ["art_museum", "power_plant", "terrain_200"])
+def test_detours_are_for_one_way_arcs(monkeypatch, schedule, name):
+    """Where every arc has a reverse none is drawn: published runs stay as they were published."""
+    mission = load_mission(name)
+    usual = solve(mission, 3_000, schedule=schedule)
+    kinds = usual.algorithm._kinds
+    assert len(kinds) <= moves.DETOUR
+    monkeypatch.setattr(SimulatedAnnealing, "_kinds_of_moves", lambda _: np.append(kinds, 1.0))
+    assert not same(solve(mission, 3_000, schedule=schedule), usual)

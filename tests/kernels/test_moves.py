@@ -1,7 +1,8 @@
 """Moves of trails: every outcome with the probability of a readable twin, and never a fault."""
 
 from collections import Counter, defaultdict
-from itertools import pairwise
+from itertools import pairwise, product
+from math import log
 
 import networkx as nx
 import numpy as np
@@ -13,7 +14,8 @@ from botohe_moo.kernels import moves
 from botohe_moo.kernels.rng import seed_states
 from botohe_moo.mission import Mission, load_mission
 from botohe_moo.trails import PlanBatch
-from tests.strategies import missions_with_plans, plans
+from tests import twins
+from tests.strategies import missions_with_plans, plans, small_missions
 
 KINDS = {
     "insert": moves.INSERT,
@@ -24,6 +26,7 @@ KINDS = {
     "delete segment": moves.DELETE_SEGMENT,
     "reverse": moves.REVERSE,
     "delete loop": moves.DELETE_LOOP,
+    "detour": moves.DETOUR,
 }
 PUBLISHED = np.array([1, 1, 1, 1, 1, 1, 0.1])
 
@@ -33,6 +36,7 @@ class Moves:
 
     def __init__(self, mission):
         self.arcs, self.base, self.graph = set(mission.graph.edges), mission.base, mission.graph
+        self.repairer = twins.Repairer(mission)
 
     def is_trail(self, trail):
         hops = list(pairwise(trail))
@@ -93,6 +97,8 @@ class Moves:
                 return self.at_positions(pairs, lambda p: [trail[: p[0]] + trail[p[1] + 1 :]])
             case "reverse":
                 return self.at_positions([0] if inner else [], lambda _: [trail[::-1]])
+            case "detour":
+                return self.detours(trail)
             case "delete loop":
                 return self.at_positions(
                     range(last + 1) if inner else [],
@@ -102,6 +108,38 @@ class Moves:
                         if j != i and trail[i] == trail[j]
                     ],
                 )
+
+    def detour(self, trail, start, stop, via):
+        """Another way between two positions, or None where there is none."""
+        free = self.repairer.free(trail[: start + 1])
+        free.remove_edges_from(pairwise(trail[stop:]))
+        way = [trail[start]]
+        if via not in (self.base, trail[start], trail[stop]):
+            way = self.by_arc(free, trail[start], via) or self.safest(free, trail[start], via)
+            free.remove_edges_from(list(pairwise(way or [])))
+        back = self.safest(free, way[-1], trail[stop]) if way else None
+        if not back or (*way, *back[1:]) == trail[start : stop + 1]:
+            return None
+        return (*trail[:start], *way, *back[1:], *trail[stop + 1 :])
+
+    def by_arc(self, free, tail, head):
+        return [tail, head] if free.has_edge(tail, head) else None
+
+    def safest(self, free, source, target):
+        if not nx.has_path(free, source, target):
+            return None
+        return nx.dijkstra_path(free, source, target, weight="cost")
+
+    def detours(self, trail):
+        """Short spans are drawn as often as long ones: evenly in their logarithms."""
+        chances, n = defaultdict(float), len(trail)
+        for start, via in product(range(n), self.graph):
+            room = n - start
+            for span in range(room):
+                chance = log((span + 2) / (span + 1)) / log(room + 1)
+                outcome = self.detour(trail, start, start + span, via)
+                chances[outcome] += chance / n / len(self.graph)
+        return dict(chances)
 
     def drawn(self, weights, trail):
         """Outcomes of drawing kinds until a move can be made; empty where none ever can."""
@@ -170,12 +208,13 @@ def test_one_move_has_the_outcomes_of_the_twin(kind):
         makeable += set(expected) != {None}
         counted = Counter()
         moves.mark_trail(arrays.first, arrays.head, buffer(mission, trail), len(trail), used, mark)
-        marks = used.copy()
+        marked = used == mark
         for _ in range(n_times):
             nodes = buffer(mission, trail)
             length = moves.move_trail(
                 arrays.first,
                 arrays.head,
+                arrays.survival,
                 arrays.base,
                 nodes,
                 len(trail),
@@ -188,7 +227,7 @@ def test_one_move_has_the_outcomes_of_the_twin(kind):
             if length == moves.CANNOT:
                 assert nodes.tolist() == buffer(mission, trail).tolist()
             counted[None if length == moves.CANNOT else tuple(nodes[:length].tolist())] += 1
-        assert np.array_equal(used, marks)
+        assert np.array_equal(used == mark, marked)
         agree(counted, expected, n_times)
     assert makeable >= 2
 
@@ -288,16 +327,51 @@ def test_one_robot_drawn_uniformly_or_every_robot(every_robot):
         assert np.abs(differs.mean(axis=0) - 0.25).max() < 5 * (0.25 * 0.75 / 4_000) ** 0.5
 
 
-def test_a_trail_that_no_move_can_change_stays():
+def round_trip():
+    """A cycle of one-way arcs, which only detours leave the base for."""
     graph = nx.DiGraph(base=0, robots=2)
     graph.add_nodes_from(range(3), reward=1.0)
     nx.add_cycle(graph, range(3), survival=0.9)
-    mission = Mission(graph)
+    return Mission(graph)
+
+
+def test_where_no_move_drawn_can_be_made_there_are_detours():
+    mission = round_trip()
+    assert Moves(mission).drawn(PUBLISHED, (0,)) == {}
+    batch = mission.batch([mission.plan([[0], [0]])] * 50)
+    out = PlanBatch(*change(mission, batch), 2)
+    assert {trail for plan in out for trail in plan.trails} == {(0, 1, 2, 0)}
+    back = PlanBatch(*change(mission, out), 2)
+    assert {trail for plan in back for trail in plan.trails} == {(0, 1, 2, 0), (0,)}
+
+
+def test_a_trail_that_no_move_can_change_stays():
+    mission = round_trip()
     batch = mission.batch([mission.plan([[0], [0]])])
-    nodes, offsets = change(mission, batch)
+    nodes, offsets = change(mission, batch, floor=0.73)  # one round survives with 0.729
     assert nodes.tolist() == [0, 0]
     assert offsets.tolist() == [0, 1, 2]
-    assert Moves(mission).drawn(PUBLISHED, (0,)) == {}
+
+
+@settings(max_examples=60)
+@given(small_missions(max_trails=30, one_way=True))
+def test_moves_lead_from_every_trail_to_every_other(drawn):
+    """With detours; by the twin, whose outcomes are the kernel's."""
+    mission, trails = drawn
+    found, fresh = {(0,)}, [(0,)]
+    twin = Moves(mission)
+    weights = np.ones(moves.N_KINDS)
+    while fresh:
+        following = set(twin.drawn(weights, fresh.pop())) - found
+        found |= following
+        fresh += following
+    assert found == {tuple(trail) for trail in trails}
+    for trail in found:
+        home = {trail}
+        while (0,) not in home:
+            larger = home.union(*(twin.drawn(weights, one) for one in home))
+            assert larger != home
+            home = larger
 
 
 def test_no_plans():

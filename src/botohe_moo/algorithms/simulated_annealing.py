@@ -15,19 +15,18 @@ from botohe_moo._types import FloatArray, IntArray, ObjectArray, OffsetArray
 from botohe_moo.algorithms.base import ArchiveAlgorithm, generation_limit
 from botohe_moo.kernels import anneal as kernels
 from botohe_moo.kernels.rng import seed_states
-from botohe_moo.operators.sampling import GuidedTrailSampling
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import PlanBatch, TrailPlan
 
 __all__ = ["SimulatedAnnealing"]
 
 SCHEDULES = ("cooled", "journal")
-# How likely each kind of move is to be drawn: the published ones, and our deletion of loops.
-_PUBLISHED_KINDS = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.1)
-_COOLED_KINDS = (*_PUBLISHED_KINDS, 0.1)
-_MAX_TRIES = 100  # a trail with which a hundred draws cannot be made stays as it is for a step
+# How likely each kind of move is to be drawn: the published ones, and our deletion of loops;
+# ``_kinds_of_moves`` adds detours.
+_PUBLISHED_KINDS = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.1, 0.0)
+_COOLED_KINDS = (*_PUBLISHED_KINDS[:-1], 0.1)
+_MAX_TRIES = 100  # draws, before a few detours are tried
 _WEIGHTS_A_PASS = 10  # at least, where generations are few
-_GUIDED = 20  # plans to start from where no move leads away from the base
 _PUBLISHED_TEMPERATURE = 0.2
 _PUBLISHED_COOLING = 0.95
 # Where a kernel's figures hold E[R] and E[S] of the plan the search is at, and of the best one.
@@ -39,7 +38,7 @@ class SimulatedAnnealing(ArchiveAlgorithm):
     """Simulated annealing of a weighted sum of the objectives, for one weight after another.
 
     Every step changes trails by moves (insert, delete, substitute or swap nodes, grab a neighbour,
-    delete a segment or a loop, reverse) and scores the plan with
+    delete a segment or a loop, reverse; a detour where arcs are one-way) and scores the plan with
     weight · E[R] / (total reward) + (1 − weight) · E[S] / (robots).
 
     Parameters
@@ -108,9 +107,11 @@ class SimulatedAnnealing(ArchiveAlgorithm):
     base, or from the best of the plans to start from. Where the schedule has run out and pymoo asks
     for more, another sweep begins.
 
-    Where no node has an arc from the base and one back, no move leads away from the base: there the
-    cooled schedule also starts from a few guided plans, while the journal's needs plans to be
-    given.
+    The published moves join what they leave by arcs there and back. A ninth move, a detour, works
+    wherever there is a trail: it leaves the trail for a node and returns to the same place or a
+    later one, along safest paths over arcs that the trail has not taken. It is drawn as often as
+    another move times the share of arcs without a reverse, with both schedules: where every arc has
+    a reverse, as in the journal's missions, never, unless a hundred draws could not be made.
     """
 
     evaluates_in_kernels = True
@@ -166,11 +167,19 @@ class SimulatedAnnealing(ArchiveAlgorithm):
         self._weight, self._cooling = 0.0, 1.0
         shares = arrays.reward / (mission.total_reward or 1.0)
         self._share = float(shares @ shares) or 1.0
+        self._kinds = self._kinds_of_moves()
+
+    def _kinds_of_moves(self) -> FloatArray:
+        """Detours are as likely as there are one-way arcs, which the other moves can hardly use."""
+        kinds = _PUBLISHED_KINDS if self.schedule == "journal" else _COOLED_KINDS
+        graph = self.problem.mission.graph
+        n_one_way = sum(not graph.has_edge(head, tail) for tail, head in graph.edges)
+        return np.array([*kinds, n_one_way / len(graph.edges)] if n_one_way else kinds)
 
     def _advance(self, **_: Any) -> None:
         journal = self.schedule == "journal"
         if not journal and len(self.archive) == 0:
-            self._take_in(self._starts()[: self._n_left()])
+            self._take_in(_batch(*self._best)[: self._n_left()])
         n_left = self._n_left()
         if n_left == 0:
             return
@@ -184,15 +193,6 @@ class SimulatedAnnealing(ArchiveAlgorithm):
             self.archive.absorb(batch, objectives)
         elif self._steps_left == 0:
             self._archive_best()
-
-    def _starts(self) -> PlanBatch:
-        """Everybody at base, and a few guided plans where no move leads away from there."""
-        mission = self.problem.mission
-        home, base = _batch(*self._best), mission.base
-        if any(mission.graph.has_edge(node, base) for node in mission.graph[base]):
-            return home
-        guided = GuidedTrailSampling().sample_batch(self.problem, _GUIDED, self.random_state)
-        return PlanBatch.concatenate([home, guided])
 
     def _finalize(self) -> None:
         if self.schedule == "journal" and self._steps_left > 0:  # ended by something else
@@ -284,7 +284,7 @@ class SimulatedAnnealing(ArchiveAlgorithm):
             arrays.reward,
             arrays.base,
             self.problem.planning_floor,
-            np.array(_PUBLISHED_KINDS if journal else _COOLED_KINDS),
+            self._kinds,
             _MAX_TRIES,
             journal,
             mission.total_reward or 1.0,

@@ -198,8 +198,7 @@ def anneal(
         Survival floor, which every robot of every plan keeps, the first one's included; 0 sets
         none.
     kinds, max_tries
-        How likely each kind of move is to be drawn, and how often to draw; where no draw can be
-        made, the trail stays as it is.
+        How likely each kind of move is to be drawn, and how often to draw; see ``change_trail``.
     every_robot
         Whether a step changes every robot's trail.
     total_reward
@@ -245,7 +244,7 @@ def anneal(
     touched, order = np.empty(n_nodes, np.int32), np.empty(n_robots, np.int64)
     rows, row_offsets = np.empty(0, np.int32), np.zeros(n_steps * n_robots + 1, np.int64)
     row_objectives = np.empty((n_steps, 2))
-    n_rows = mark = walk = 0
+    n_rows = mark = int(row_offsets[0])  # a plain 0 has a type of its own: all would compile twice
 
     for k in range(n_robots):
         lengths[0, k] = current_lengths[k]

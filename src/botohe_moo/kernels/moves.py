@@ -1,15 +1,16 @@
 """Moves that change one trail and leave it a trail.
 
 Seven are those of the simulated annealing in Simon, Richley, Overbey and Perez-Lavin, PeerJ
-Computer Science, 2025; an eighth deletes loops. A trail lies in a buffer, with a length, and moves
-work in place. No move uses a missing arc, uses an arc twice, or inserts the base. They see the
-mission's arcs, without the self-loop.
+Computer Science, 2025; an eighth deletes loops, a ninth takes detours. A trail lies in a buffer,
+with a length, and moves work in place. No move uses a missing arc, or uses an arc twice; none but
+detours inserts the base, on their way. They see the mission's arcs, without the self-loop.
 """
 
 import numpy as np
 
 from botohe_moo._types import FloatArray, IntArray, OffsetArray, SeedArray
 from botohe_moo.kernels.compile import kernel
+from botohe_moo.kernels.detours import take_detour
 from botohe_moo.kernels.evaluate import find_arc
 from botohe_moo.kernels.rng import uniform
 
@@ -23,10 +24,14 @@ DELETE_SEGMENT = 5
 REVERSE = 6
 N_PUBLISHED = 7
 DELETE_LOOP = 7  # ours
-N_KINDS = 8
+DETOUR = 8
+N_KINDS = 9
 
 # Instead of a length: the move cannot be made, and the trail is as it was.
 CANNOT = -1
+
+# How many detours are tried where none of the moves drawn could be made.
+_LAST_TRIES = 10
 
 
 @kernel
@@ -101,7 +106,7 @@ def _insert(
     which: int,
 ) -> int:
     last = position == length - 1  # behind the return to base, where another loop opens
-    onward = base if last else nodes[position + 1]
+    onward = nodes[0] if last else nodes[position + 1]
     node = _between(first, head, base, nodes[position], onward, used, mark, states, which)
     if node < 0:
         return CANNOT
@@ -203,6 +208,7 @@ def _reverse(first: OffsetArray, head: IntArray, nodes: IntArray, length: int) -
 def move_trail(
     first: OffsetArray,
     head: IntArray,
+    survival: FloatArray,
     base: int,
     nodes: IntArray,
     length: int,
@@ -222,7 +228,9 @@ def move_trail(
     - ``GRAB``: from a node to a neighbour and straight back;
     - ``DELETE_SEGMENT``: two or more consecutive nodes, by the arc that joins what is left;
     - ``REVERSE``: the whole trail;
-    - ``DELETE_LOOP``: what lies between two visits to a node, with one of them.
+    - ``DELETE_LOOP``: what lies between two visits to a node, with one of them;
+    - ``DETOUR``: another way, mostly by way of a node drawn among all, from a position to the same
+      one, which inserts a loop, or to a later one; short spans are drawn as often as long ones.
 
     Positions are drawn first, among the inner ones (for ``INSERT`` and ``GRAB`` among those behind
     which a node may come, for ``DELETE_LOOP`` among all), then a node or a visit, among those that
@@ -230,15 +238,15 @@ def move_trail(
 
     Parameters
     ----------
-    first, head, base
+    first, head, survival, base
         The mission's arcs, grouped by tail node, and its base.
     nodes, length
         A valid trail, in a buffer of at least n_arcs + 1 nodes.
     kind
-        ``INSERT`` to ``DELETE_LOOP``.
+        ``INSERT`` to ``DETOUR``.
     used, mark
-        ``used[a] == mark`` for just the trail's arcs (``mark_trail``). Left as they are, hence
-        the marks of the trail as it was.
+        ``used[a] == mark`` for just the trail's arcs (``mark_trail``). Left so, hence the marks of
+        the trail as it was.
     states, which
         Random numbers, advanced.
 
@@ -258,6 +266,8 @@ def move_trail(
         length = _open(nodes, length, at + 1, 2)
         nodes[at + 1], nodes[at + 2] = node, nodes[at]
         return length
+    if kind == DETOUR:
+        return take_detour(first, head, survival, base, nodes, length, used, mark, states, which)
     n_inner = length - 2
     if n_inner < 1:
         return CANNOT
@@ -320,14 +330,12 @@ def change_trail(
     """Make one move, in place, of a kind drawn with given weights.
 
     Drawn again, kind and all, when it cannot be made, or would leave the robot a lesser chance to
-    survive than ``min_survival``.
+    survive than ``min_survival``. Where none could be made, a few detours are tried.
 
     Parameters
     ----------
-    first, head, base, nodes, length, states, which
+    first, head, survival, base, nodes, length, states, which
         As for ``move_trail``.
-    survival
-        Of each arc.
     min_survival
         Survival floor, which the trail keeps; 0 sets none.
     weights
@@ -349,18 +357,22 @@ def change_trail(
     total = 0.0
     for kind in range(n_kinds):
         total += weights[kind]
-    for _ in range(max_tries):
-        left = uniform(states, which) * total - weights[0]
-        kind = 0
-        while left >= 0.0 and kind < n_kinds - 1:
-            kind += 1
-            left -= weights[kind]
-        if weights[kind] <= 0.0:  # rounding has run past the last kind that may be drawn
-            continue
+    for attempt in range(max_tries + _LAST_TRIES):
+        kind = DETOUR
+        if attempt < max_tries:
+            left = uniform(states, which) * total - weights[0]
+            kind = 0
+            while left >= 0.0 and kind < n_kinds - 1:
+                kind += 1
+                left -= weights[kind]
+            if weights[kind] <= 0.0:  # rounding has run past the last kind that may be drawn
+                continue
         if min_survival > 0.0:
             for i in range(length):
                 spare[i] = nodes[i]
-        changed = move_trail(first, head, base, nodes, length, kind, used, mark, states, which)
+        changed = move_trail(
+            first, head, survival, base, nodes, length, kind, used, mark, states, which
+        )
         if changed == CANNOT:
             continue
         if min_survival <= 0.0:
@@ -408,7 +420,7 @@ def change_plans(
     used = np.full(n_arcs, -1, np.int64)
     trail_nodes = np.empty(n_arcs + 1, np.int32)
     spare = np.empty(n_arcs + 1, np.int32)
-    changed_nodes = np.empty(nodes.shape[0] + 2 * n_trails, np.int32)  # a move adds two at most
+    changed_nodes = np.empty(nodes.shape[0] + 2 * n_trails, np.int32)  # most moves add two at most
     changed_offsets = np.zeros(n_trails + 1, np.int64)
     chosen = size = 0
     for trail in range(n_trails):
@@ -436,6 +448,10 @@ def change_plans(
                 which,
             )
             length = length if changed == CANNOT else changed
+        if size + length > changed_nodes.shape[0]:
+            larger = np.empty(2 * (size + length), np.int32)
+            larger[:size] = changed_nodes[:size]
+            changed_nodes = larger
         for i in range(length):
             changed_nodes[size + i] = trail_nodes[i]
         size += length

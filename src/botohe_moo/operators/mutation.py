@@ -116,6 +116,8 @@ class TrailMoves(PlanMutation):
     Insert, delete or substitute a node, swap two, grab a neighbour's reward and come straight back,
     delete a segment, reverse the trail. A move that would use a missing arc, an arc twice, or
     insert the base is drawn again, so that valid plans stay valid; plans that are not are left.
+    Where no move drawn could be made, as on missions with one-way arcs, the trail takes a detour:
+    to another node and back along safest paths.
 
     Parameters
     ----------
@@ -127,7 +129,7 @@ class TrailMoves(PlanMutation):
     every_robot
         Whether every robot's trail is changed, rather than that of one drawn at random.
     max_tries
-        How often a move is drawn before a trail is left as it is, from 1 to 1 000 000.
+        How often a move is drawn before detours are tried, from 1 to 1 000 000.
     prob, repair
         As for :class:`PlanMutation`.
 
