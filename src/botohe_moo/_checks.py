@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+_LONG = 120
+
 
 def check_integer(name: str, value: Any, *, at_least: int, at_most: int | None = None) -> int:
     """Give ``value`` as an int, or raise the ValueError that says what was expected."""
@@ -114,5 +116,11 @@ def keyword_names(function: Callable[..., object]) -> tuple[str, ...] | None:
 
 def nearest_first(word: str, words: Iterable[str]) -> list[str]:
     """Sort ``words`` by how much they look like ``word``, those alike by name."""
-    word = word.lower()
-    return sorted(words, key=lambda w: (-SequenceMatcher(None, word, w.lower()).ratio(), w))
+    word = word[:_LONG].lower()  # how long it takes grows with the square of the lengths
+    return sorted(words, key=lambda w: (-SequenceMatcher(None, word, w[:_LONG].lower()).ratio(), w))
+
+
+def quoted(value: object) -> str:
+    """Write a value as ``repr`` does, but of a long one only the beginning."""
+    text = repr(value)
+    return text if len(text) <= _LONG else f"{text[: _LONG - 20]}... ({len(text):,} characters)"

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import functools
+import os
 import re
 import sys
 import warnings
@@ -14,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from botohe_moo._checks import nearest_first
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
 
 __all__ = ["PluginError", "PluginGroup", "imported", "same_factory"]
 
@@ -47,7 +49,7 @@ class PluginGroup:
     def claims(self) -> dict[str, list[EntryPoint]]:
         """Find out, without importing anything, who registers which name."""
         claims: dict[str, list[EntryPoint]] = {}
-        for entry in entry_points(group=self.group):
+        for entry in _registered(entry_points, self.group, tuple(map(_as_it_is, sys.path))):
             claims.setdefault(entry.name, []).append(entry)
         return claims
 
@@ -160,6 +162,21 @@ def imported(load: Callable[[], Any], origin: str) -> Any:
     except (Exception, SystemExit) as error:  # whatever another package's code may raise
         found = f"{type(error).__name__}: {error}"
         raise PluginError(f"{origin} cannot be imported ({found})") from error
+
+
+@functools.lru_cache(maxsize=16)
+def _registered(
+    look: Callable[..., Iterable[EntryPoint]], group: str, _: tuple[object, ...]
+) -> tuple[EntryPoint, ...]:
+    """Remember what is installed, as long as no folder of the path changes: looking takes 10 ms."""
+    return tuple(look(group=group))
+
+
+def _as_it_is(folder: str) -> tuple[str, int]:
+    try:
+        return folder, os.stat(folder or ".").st_mtime_ns  # noqa: PTH116
+    except (OSError, ValueError):
+        return folder, 0
 
 
 def _package(entry: EntryPoint) -> str:

@@ -17,6 +17,8 @@ import numpy as np
 from pydantic import ConfigDict, PydanticUserError, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
+from botohe_moo._checks import quoted
+
 __all__ = [
     "UNIONS",
     "bounds_text",
@@ -147,7 +149,7 @@ def wrong_value(name: str, *errors: Error, bounds: str = "") -> str:
     bounds
         The range that the value has to be in, as :func:`range_text` gives it.
     """
-    got = f"got {errors[0]['input']!r}."
+    got = f"got {quoted(errors[0]['input'])}."
     phrases = []
     for error in errors:
         kind = _ALIKE.get(error["type"], error["type"])

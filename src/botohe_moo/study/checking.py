@@ -2,39 +2,30 @@
 
 from __future__ import annotations
 
-import itertools
-import json
-import math
 import os
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from pydantic import ValidationError
 
-from botohe_moo._checks import nearest_first
+from botohe_moo._checks import nearest_first, quoted
 from botohe_moo.algorithms.origin import algorithm_identity, algorithm_origin
 from botohe_moo.algorithms.registry import check_algorithm
 from botohe_moo.mission.files import SUFFIXES
 from botohe_moo.mission.library import check_mission, load_mission, mission_origin
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.nodelink import mission_content
-from botohe_moo.study.config import (
-    AlgorithmEntry,
-    Budget,
-    MissionEntry,
-    Seeds,
-    StudyFile,
-    file_faults,
-)
+from botohe_moo.study.config import AlgorithmEntry, Budget, MissionEntry, StudyFile
+from botohe_moo.study.expansion import Member, members, seeds_of
 from botohe_moo.study.grid import Study, StudyAlgorithm, StudyMission, canonical, mission_digest
+from botohe_moo.study.shape import Faults, Place, file_faults, misspelt
 
 __all__ = ["CheckedContent"]
 
 _MAX_RUNS = 1_000_000
-_MAX_COMBINATIONS = 1_000  # of a grid
-_Path = tuple[int | str, ...]
+_MAX_LISTED = 20  # labels in a message
 
 
 class CheckedContent:
@@ -53,27 +44,35 @@ class CheckedContent:
     ----------
     faults
         The path of keys and positions to each culprit, and what is wrong with it.
+    notices
+        The same of what is not wrong, but will not have the effect that somebody may expect.
     """
 
     def __init__(self, content: Any, folder: Path, packages: Mapping[str, str]) -> None:
-        self.faults: list[tuple[_Path, str]] = list(file_faults(content))
+        self.faults = Faults()
+        self.notices: list[tuple[Place, str]] = []
         self._folder = folder
+        self._packages = packages
         self._file: StudyFile | None = None
+        for place, said in file_faults(content):
+            self.faults.add(place, said)
         if not self.faults:
             self._file = StudyFile.model_validate(content)
         content = content if isinstance(content, dict) else {}
-        self._packages = packages
         self._default_budget = _valid(Budget, content.get("budget"))
         self._missions = list(self._read_missions(_entries(content, "missions", MissionEntry)))
+        self._check_budgets(content)
         self._algorithms = list(
             self._read_algorithms(_entries(content, "algorithms", AlgorithmEntry))
         )
         self._check_different()
         self._check_control(content)
-        self._seeds = _seeds(self._file.seeds) if self._file else ()
+        self._seeds = seeds_of(self._file.seeds) if self._file and not self.faults else ()
         n_runs = len(self._missions) * len(self._algorithms) * len(self._seeds)
         if n_runs > _MAX_RUNS:
-            self._fault(("seeds",), f"expected at most {_MAX_RUNS:,} runs, found {n_runs:,}.")
+            self.faults.add(("seeds",), f"expected at most {_MAX_RUNS:,} runs, found {n_runs:,}.")
+        if self._file:
+            self.notices += _notices(self._file, [mission.budget for mission in self._missions])
 
     def study(self, text: str) -> Study:
         """Give the study, if there are no faults.
@@ -86,60 +85,55 @@ class CheckedContent:
         assert self._file is not None  # there would be faults
         return Study(self._file, text, tuple(self._missions), tuple(self._algorithms), self._seeds)
 
-    def _fault(self, path: _Path, message: str) -> None:
-        self.faults.append((path, " ".join(message.split())))  # a fault is a line
-
     def _read_missions(self, entries: Mapping[str, MissionEntry]) -> Iterator[StudyMission]:
         for label, entry in entries.items():
-            path: _Path = ("missions", label)
-            budget = entry.budget or self._default_budget
-            if budget is None and not any(where[:1] == ("budget",) for where, _ in self.faults):
-                self._fault(path, "expected a budget, the mission's own or the study's.")
             for name in ("name_or_path", *(["robots"] if entry.robots is not None else [])):
                 for key in ("parameters", "grid"):
                     if name in getattr(entry, key):
-                        self._fault((*path, key, name), f"{name} stands in the mission's own keys.")
-            for full, parameters, grid in self._expanded(label, entry, path):
-                source = self._mission_source(entry, parameters)
-                if mission := self._load(source, path):
-                    yield StudyMission(
-                        label=full,
-                        mission=mission,
-                        source=source,
-                        origin=mission_origin(source["name_or_path"]),
-                        min_survival=entry.min_survival,
-                        budget=budget or Budget(evaluations=1),
-                        digest=mission_digest(mission),
-                        family=label,
-                        grid=grid,
-                    )
+                        said = f"{name} stands in the mission's own keys."
+                        self.faults.add(("missions", label, key, name), said)
+        for member in members("missions", entries, self.faults):
+            source = self._mission_source(member)
+            if mission := self._load(source, member):
+                yield StudyMission(
+                    label=member.label,
+                    mission=mission,
+                    source=source,
+                    origin=mission_origin(source["name_or_path"]),
+                    min_survival=member.entry.min_survival,
+                    budget=member.entry.budget or self._default_budget or Budget(evaluations=1),
+                    digest=mission_digest(mission),
+                    family=member.family,
+                    grid=member.grid,
+                )
 
-    def _mission_source(self, entry: MissionEntry, parameters: dict[str, Any]) -> dict[str, Any]:
-        name = entry.mission
+    def _mission_source(self, member: Member) -> dict[str, Any]:
+        name = member.entry.mission
         if Path(name).suffix.lower() in SUFFIXES or "/" in name or os.sep in name:
             name = str(self._folder / name)
-        robots = {} if entry.robots is None else {"robots": entry.robots}
-        return {"name_or_path": name, **robots, **parameters}
+        robots = {} if member.entry.robots is None else {"robots": member.entry.robots}
+        return {"name_or_path": name, **robots, **member.parameters} | {"name_or_path": name}
 
-    def _load(self, source: dict[str, Any], path: _Path) -> Mission | None:
+    def _load(self, source: dict[str, Any], member: Member) -> Mission | None:
+        name, path = source["name_or_path"], member.path
         parameters = {key: value for key, value in source.items() if key != "name_or_path"}
         try:
             mission = load_mission(**source)
         except (Exception, SystemExit) as error:  # whatever another package's code may do
             unknown = f"{type(error).__name__}: {error}"
-            found = check_mission(source["name_or_path"], parameters, plain=True)
-            for name, message in found or [(None, unknown)]:
-                said = message if name else self._said_of(source["name_or_path"], message)
-                self._fault((*path, *_place(name)), said)
+            found = check_mission(name, parameters, plain=True)
+            for blamed, message in found or [(None, unknown)]:
+                said = message if blamed else self._said_of(name, message)
+                self.faults.add((*path, *_place(blamed, member.entry)), said)
             return None
-        if _is_foreign(source["name_or_path"]) and load_mission(**source) != mission:
+        if _is_foreign(name) and load_mission(**source) != mission:
             said = "gives another mission each time; it needs a seed among its parameters"
-            self._fault((*path, "mission"), f"{source['name_or_path']!r} {said}.")
+            self.faults.add((*path, "mission"), f"{name!r} {said}.")
             return None
         try:
             mission_content(mission)  # it will be saved with the study
         except ValueError as error:
-            self._fault((*path, "mission"), str(error))
+            self.faults.add((*path, "mission"), str(error))
             return None
         return mission
 
@@ -150,43 +144,38 @@ class CheckedContent:
         return f"{name!r}: {message}{missing}"
 
     def _read_algorithms(self, entries: Mapping[str, AlgorithmEntry]) -> Iterator[StudyAlgorithm]:
-        for label, entry in entries.items():
-            path: _Path = ("algorithms", label)
-            for full, parameters, grid in self._expanded(label, entry, path):
-                found = check_algorithm(entry.algorithm, parameters, plain=True)
-                for name, message in found:
-                    said = message if name else self._said_of(entry.algorithm, message)
-                    self._fault((*path, *_place(name, entry)), said)
-                if not found:
-                    yield StudyAlgorithm(
-                        label=full,
-                        algorithm=entry.algorithm,
-                        parameters=parameters,
-                        origin=algorithm_origin(entry.algorithm),
-                        identity=algorithm_identity(entry.algorithm, parameters),
-                        family=label,
-                        grid=grid,
-                    )
+        for member in members("algorithms", entries, self.faults):
+            name = member.entry.algorithm
+            found = check_algorithm(name, member.parameters, plain=True)
+            for blamed, message in found:
+                said = message if blamed else self._said_of(name, message)
+                self.faults.add((*member.path, *_place(blamed, member.entry)), said)
+            if not found:
+                yield StudyAlgorithm(
+                    label=member.label,
+                    algorithm=name,
+                    parameters=member.parameters,
+                    origin=algorithm_origin(name),
+                    identity=algorithm_identity(name, member.parameters),
+                    family=member.family,
+                    grid=member.grid,
+                )
 
-    def _expanded(
-        self, label: str, entry: MissionEntry | AlgorithmEntry, path: _Path
-    ) -> Iterator[tuple[str, dict[str, Any], dict[str, Any]]]:
-        """Give label and parameters of every combination of a grid, and the combination."""
-        for name in entry.grid.keys() & entry.parameters.keys():
-            self._fault((*path, "grid", name), f"{name} stands in parameters, too.")
-        for name, values in entry.grid.items():
-            if len({canonical(value) for value in values}) < len(values):
-                self._fault((*path, "grid", name), "expected different values.")
-        n_combinations = math.prod(map(len, entry.grid.values()))
-        if n_combinations > _MAX_COMBINATIONS:
-            said = f"expected at most {_MAX_COMBINATIONS:,} combinations, got {n_combinations:,}."
-            self._fault((*path, "grid"), said)
+    def _check_budgets(self, content: Mapping[str, Any]) -> None:
+        """Say which missions have no budget, where no key that is misspelt or wrong is to blame."""
+        if content.get("budget") is not None or misspelt(
+            "budget", [key for key in content if key not in StudyFile.model_fields]
+        ):
             return
-        for combination in itertools.product(*entry.grid.values()):
-            chosen = dict(zip(entry.grid, combination, strict=True))
-            named = ", ".join(f"{name}={_brief(value)}" for name, value in chosen.items())
-            full = f"{label} ({named})" if named else label
-            yield full, {**entry.parameters, **chosen}, chosen
+        entries = _entries(content, "missions", MissionEntry)
+        without = [label for label, entry in entries.items() if entry.budget is None]
+        if without and "budget" in content:
+            said = '"budget:" has no value: expected evaluations or seconds, or both.'
+            self.faults.add(("budget",), said)
+            return
+        for label in without:
+            said = "expected a budget, the mission's own or the study's."
+            self.faults.add(("missions", label), said)
 
     def _check_different(self) -> None:
         """Refuse what stands in a study under two labels: its runs would be the same."""
@@ -200,11 +189,11 @@ class CheckedContent:
         for algorithm in self._algorithms:
             self._note("algorithms", algorithm, canonical(algorithm.decides(budget)), alike)
         for labels in (
-            [mission.label for mission in self._missions],
-            [algorithm.label for algorithm in self._algorithms],
+            Counter(mission.label for mission in self._missions),
+            Counter(algorithm.label for algorithm in self._algorithms),
         ):
-            for label in sorted({label for label in labels if labels.count(label) > 1}):
-                self._fault((), f"two entries have the label {label!r}.")
+            for label in sorted(label for label, count in labels.items() if count > 1):
+                self.faults.add((), f"two entries have the label {quoted(label)}.")
 
     def _note(
         self,
@@ -216,7 +205,7 @@ class CheckedContent:
         other = alike.setdefault(key, member)
         if other.label == member.label:
             return
-        said = f"{member.label!r} is the same as {other.label!r}"
+        said = f"{quoted(member.label)} is the same as {quoted(other.label)}"
         written = [
             (algorithm.algorithm, algorithm.parameters)
             for algorithm in (member, other)
@@ -224,7 +213,7 @@ class CheckedContent:
         ]
         if written and written[0] != written[1]:
             said += ": defaults, spellings and numbers of threads make no other run"
-        self._fault((kind, member.family), f"{said}.")
+        self.faults.add((kind, member.family), f"{said}.")
 
     def _check_control(self, content: Mapping[str, Any]) -> None:
         comparison = content.get("comparison")
@@ -232,11 +221,31 @@ class CheckedContent:
         labels = [algorithm.label for algorithm in self._algorithms]
         wrong = any(path[:1] == ("algorithms",) for path, _ in self.faults)
         if isinstance(control, str) and control not in labels and not wrong:
-            known = ", ".join(nearest_first(control, labels))
-            self._fault(
+            known = ", ".join(nearest_first(control, labels)[:_MAX_LISTED])
+            self.faults.add(
                 ("comparison", "control"),
-                f"there is no algorithm {control!r} in this study; its labels are {known}.",
+                f"there is no algorithm {quoted(control)} in this study; its labels are {known}.",
             )
+
+
+def _notices(file: StudyFile, budgets: list[Budget]) -> Iterator[tuple[Place, str]]:
+    """Say what is without effect: nobody writes it on purpose."""
+    given: list[tuple[Place, Budget | None]] = [(("budget",), file.budget)]
+    given += [(("missions", label, "budget"), e.budget) for label, e in file.missions.items()]
+    for path, budget in given:
+        if budget and budget.seconds is None and "grace_seconds" in budget.model_fields_set:
+            said = "without seconds nobody is killed, and it has no effect."
+            yield (*path, "grace_seconds"), said
+    limits = [budget.evaluations for budget in budgets]
+    if not limits or None in limits:
+        return
+    most = max(limit for limit in limits if limit is not None)
+    beyond = [(n, position) for position, n in enumerate(file.recording.at) if n > most]
+    if beyond:
+        first, position = min(beyond)
+        more = f", nor {len(beyond) - 1:,} further numbers" if len(beyond) > 1 else ""
+        said = f"no run makes {first:,} evaluations{more}: the largest budget is {most:,}."
+        yield ("recording", "at", position), said
 
 
 def _is_foreign(mission: str) -> bool:
@@ -262,26 +271,11 @@ def _valid(model: type[Any], content: Any) -> Any:
         return None
 
 
-def _place(name: str | None, entry: AlgorithmEntry | None = None) -> _Path:
+def _place(name: str | None, entry: MissionEntry | AlgorithmEntry) -> Place:
     """Say where in an entry a parameter stands."""
     if name is None:
-        return ("algorithm",) if entry else ("mission",)
-    if name == "robots" and entry is None:
-        return ("robots",)
-    return ("grid", name) if entry and name in entry.grid else ("parameters", name)
-
-
-def _seeds(seeds: Seeds) -> tuple[int, ...]:
-    """Give the seeds of the repetitions; a repetition's never depends on how many there are."""
-    if seeds.values is not None:
-        return tuple(seeds.values)
-    numbers = range(1, (seeds.count or 0) + 1)
-    if seeds.seed is None:
-        return tuple(numbers)
-    return tuple(
-        int(np.random.SeedSequence([seeds.seed, number]).generate_state(1)[0]) for number in numbers
-    )
-
-
-def _brief(value: Any) -> str:
-    return value if isinstance(value, str) else json.dumps(value)
+        return ("algorithm",) if isinstance(entry, AlgorithmEntry) else ("mission",)
+    if name in entry.grid:
+        return ("grid", name)
+    own = name == "robots" and isinstance(entry, MissionEntry) and name not in entry.parameters
+    return (name,) if own else ("parameters", name)

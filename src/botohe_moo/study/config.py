@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-import types
-import typing
-from collections.abc import Callable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable
 from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import (
@@ -14,14 +13,13 @@ from pydantic import (
     ConfigDict,
     Field,
     StringConstraints,
-    ValidationError,
     model_validator,
 )
 
-from botohe_moo._checks import nearest_first
-from botohe_moo._parameters import wrong_value
+from botohe_moo._checks import quoted
 
 __all__ = [
+    "NAME_PATTERN",
     "AlgorithmEntry",
     "Budget",
     "Comparison",
@@ -29,8 +27,6 @@ __all__ = [
     "Recording",
     "Seeds",
     "StudyFile",
-    "file_faults",
-    "printable",
     "study_schema",
 ]
 
@@ -44,22 +40,30 @@ def _label(value: str) -> str:
     """Refuse what files, figures and LaTeX cannot show; matplotlib hides what begins with _."""
     if not value.isprintable() or value.startswith("_"):
         raise ValueError(
-            f"expected a label of printable characters that does not begin with _, got {value!r}"
+            "expected a label of printable characters that does not begin with _, "
+            f"got {quoted(value)}"
         )
     return value
 
 
 def _different(values: list[str]) -> list[str]:
-    for value in values:
-        if values.count(value) > 1:
-            raise ValueError(f"expected each once, got {value!r} {values.count(value)} times")
+    value, count = Counter(values).most_common(1)[0] if values else ("", 1)
+    if count > 1:
+        raise ValueError(f"expected each once, got {quoted(value)} {count} times")
     return values
 
 
-_NAME = r"^[A-Za-z0-9][A-Za-z0-9._-]*$"
+def _printable(value: str) -> str:
+    """Refuse what pages and LaTeX cannot show."""
+    if not all(character.isprintable() or character in "\n\t" for character in value):
+        raise ValueError(f"expected a text of printable characters, got {quoted(value)}")
+    return value
+
+
+NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9._-]*$"
 Text = Annotated[str, StringConstraints(min_length=1, max_length=200, pattern=r"^\S(.*\S)?$")]
 Label = Annotated[Text, AfterValidator(_label)]
-Name = Annotated[str, StringConstraints(max_length=100, pattern=_NAME)]
+Name = Annotated[str, StringConstraints(max_length=100, pattern=NAME_PATTERN)]
 Count = Annotated[int, Field(ge=1, le=MAX_EVALUATIONS)]
 Seed = Annotated[int, Field(ge=0, le=MAX_SEED)]
 Values = Annotated[list[Any], Field(min_length=1)]
@@ -167,7 +171,7 @@ class Seeds(_Entry):
     def _from_short(cls, value: Any) -> Any:
         if isinstance(value, list):
             return {"values": value}
-        return {"count": value} if not isinstance(value, dict) else value
+        return value if isinstance(value, dict) or value is None else {"count": value}
 
     @model_validator(mode="after")
     def _says_which(self) -> Self:
@@ -177,8 +181,8 @@ class Seeds(_Entry):
         if self.values is not None and self.seed is not None:
             raise ValueError("expected no seed beside values, which are the seeds themselves")
         if self.values is not None and len(set(self.values)) < len(self.values):
-            twice = sorted({seed for seed in self.values if self.values.count(seed) > 1})
-            raise ValueError(f"expected each seed once, got {twice[0]} twice")
+            twice = min(seed for seed, count in Counter(self.values).items() if count > 1)
+            raise ValueError(f"expected each seed once, got {twice} twice")
         return self
 
 
@@ -207,9 +211,9 @@ class StudyFile(_Entry):
 
     name: Name
     """Short name: letters, digits, dots, dashes, underscores. Also the name of the folder."""
-    title: Text | None = None
+    title: Annotated[Text, AfterValidator(_printable)] | None = None
     """What the study is, in a line."""
-    description: str | None = None
+    description: Annotated[str, AfterValidator(_printable)] | None = None
     """What the study is for."""
     missions: Annotated[dict[Label, MissionEntry], Field(min_length=1)]
     """Missions under labels of your own; or a list of names and files, which are the labels."""
@@ -256,79 +260,3 @@ def study_schema() -> str:
         schema["properties"][key] = {**about, "anyOf": [names, whole]}
     schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
     return json.dumps(schema, indent=1) + "\n"
-
-
-def file_faults(content: Any) -> Iterator[tuple[tuple[int | str, ...], str]]:
-    """Find all that is wrong with the shape of a study file's content.
-
-    Parameters
-    ----------
-    content
-        What the file says.
-
-    Yields
-    ------
-    tuple
-        The path of keys and positions to the culprit, and what is wrong.
-    """
-    if not isinstance(content, dict):
-        found = "nothing" if content is None else repr(content)
-        yield (), f"expected a mapping with the keys of a study, found {found}."
-        return
-    try:
-        StudyFile.model_validate(content)
-    except ValidationError as invalid:
-        for error in invalid.errors(include_url=False):
-            path = tuple(step for step in error["loc"] if step != "[key]")
-            yield path, _said(path, error)
-
-
-def _said(path: Sequence[int | str], found: Any) -> str:
-    """Say in a sentence what pydantic has found."""
-    name = printable(path[-1]) if path else "the study"
-    if path and isinstance(path[-1], int):
-        name = f"{path[-2]}[{path[-1]}]"
-    if found["type"] == "extra_forbidden":
-        known = ", ".join(nearest_first(name, _known_keys(path[:-1])))
-        return f"there is no key {name!r}; known are {known}."
-    if found["type"] == "missing":
-        return f"expected the key {name!r}, which is missing."
-    if found["type"] == "value_error":
-        return f"{found['ctx']['error']}."
-    if found["type"] in ("too_short", "string_too_short"):
-        return f"Expected {name} not to be empty, got {found['input']!r}."
-    if found["type"] == "string_pattern_mismatch":
-        kind = (
-            "of letters, digits, dots, dashes and underscores"
-            if found["ctx"]["pattern"] == _NAME
-            else "in one line, without spaces around it"
-        )
-        return f"Expected {name} {kind}, got {found['input']!r}."
-    if found["type"] in ("model_type", "dict_type", "model_attributes_type"):
-        return f"Expected {name} to be a mapping, got {found['input']!r}."
-    return wrong_value(name, found)
-
-
-def printable(step: int | str) -> str:
-    """Write a key so that it stays in its line.
-
-    Parameters
-    ----------
-    step
-        A key, or a position in a list.
-    """
-    text = str(step)
-    return text if text.isprintable() else repr(text)
-
-
-def _known_keys(path: Sequence[int | str]) -> list[str]:
-    """List the keys that may stand where a path leads to."""
-    known: Any = StudyFile
-    for step in path:
-        if isinstance(known, type) and issubclass(known, BaseModel):
-            known = known.model_fields[str(step)].annotation
-        else:  # a mapping from labels to entries
-            known = get_args(known)[1]
-        while typing.get_origin(known) in (Annotated, typing.Union, types.UnionType):
-            known = get_args(known)[0]
-    return list(known.model_fields)

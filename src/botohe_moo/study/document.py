@@ -2,58 +2,81 @@
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import yaml
 from yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
+from botohe_moo._checks import quoted
+from botohe_moo.study.syntax import syntax_fault
+
 __all__ = ["Document", "Fault"]
 
-_MAX_NODES = 100_000  # aliases of aliases can make a small file huge
+_MAX_NODES = 20_000  # also of those that aliases and merged mappings repeat
 _MAX_DEPTH = 50
-_PLAIN_TAGS = ("tag:yaml.org,2002:map", "tag:yaml.org,2002:seq")
+_MAX_DIGITS = 10_000  # what is longer is a text
+_TOO_MANY = f"too large for a study file, which has at most {_MAX_NODES:,} values"
+_TOO_DEEP = f"expected a study file, found more than {_MAX_DEPTH} levels"
+_PLAIN = "tag:yaml.org,2002:"
+_PATTERNS = {
+    "null": r"~|null|Null|NULL|",
+    "bool": r"true|True|TRUE|false|False|FALSE",
+    "int": r"[-+]?[0-9](?:_?[0-9])*",
+    "float": (
+        r"[-+]?(?:[0-9](?:_?[0-9])*(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
+        r"|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)"
+    ),
+    "merge": r"<<",
+}
 
 
 class _Loader(yaml.SafeLoader):
-    """Reads numbers and flags as YAML 1.2 does.
+    """Reads numbers and flags as YAML 1.2 does, and stops where a document is too large.
 
     YAML 1.1 takes 1e-2 for text, 1:30 for ninety, 010 for eight, and ``no`` and ``on`` for flags.
     """
 
+    n_nodes = 0
+    depth = 0
+
+    def compose_node(self, parent: Node | None, index: int) -> Node | None:
+        self.n_nodes += 1
+        self.depth += 1
+        if self.n_nodes > _MAX_NODES:
+            raise _refused(self.peek_event(), _TOO_MANY)  # type: ignore[no-untyped-call]
+        if self.depth > _MAX_DEPTH:
+            raise _refused(self.peek_event(), _TOO_DEEP)  # type: ignore[no-untyped-call]
+        node = super().compose_node(parent, index)
+        self.depth -= 1
+        return node
+
+    def resolve(self, kind: type[Node], value: Any, implicit: Any) -> Any:
+        if kind is ScalarNode and len(value) > _MAX_DIGITS:
+            return f"{_PLAIN}str"
+        return super().resolve(kind, value, implicit)  # type: ignore[no-untyped-call]
+
 
 _Loader.yaml_implicit_resolvers = {}
-for _tag, _pattern, _first in (
-    ("null", r"~|null|Null|NULL|", ["~", "n", "N", ""]),
-    ("bool", r"true|True|TRUE|false|False|FALSE", list("tTfF")),
-    ("int", r"[-+]?[0-9](?:_?[0-9])*", list("-+0123456789")),
-    (
-        "float",
-        r"[-+]?(?:[0-9](?:_?[0-9])*\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
-        r"|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)",
-        list("-+.0123456789"),
-    ),
-    ("merge", r"<<", ["<"]),
+for _tag, _first in (
+    ("null", ["~", "n", "N", ""]),
+    ("bool", list("tTfF")),
+    ("int", list("-+0123456789")),
+    ("float", list("-+.0123456789")),
+    ("merge", ["<"]),
 ):
-    _Loader.add_implicit_resolver(
-        f"tag:yaml.org,2002:{_tag}", re.compile(f"^(?:{_pattern})$"), _first
-    )
+    _Loader.add_implicit_resolver(f"{_PLAIN}{_tag}", re.compile(f"^(?:{_PATTERNS[_tag]})$"), _first)
 
 
-def _read_integer(_: _Loader, node: ScalarNode) -> int:
-    return int(node.value)
+class _RefusedError(yaml.MarkedYAMLError):
+    """What is YAML, but not for a study file."""
 
 
-def _read_number(loader: _Loader, node: ScalarNode) -> float:
-    text = node.value.lower()
-    special = text.lstrip("+-") in (".inf", ".nan")
-    return loader.construct_yaml_float(node) if special else float(text)
-
-
-_Loader.add_constructor("tag:yaml.org,2002:int", _read_integer)
-_Loader.add_constructor("tag:yaml.org,2002:float", _read_number)
+def _refused(node: Any, problem: str) -> _RefusedError:
+    return _RefusedError(problem=problem, problem_mark=node.start_mark)
 
 
 @dataclass(frozen=True, order=True)
@@ -104,21 +127,25 @@ class Document:
             loader = _Loader(text)
             document._root = loader.get_single_node()
             if document._root is not None:
-                document.content = document._value(loader, document._root, ())
-        except yaml.MarkedYAMLError as error:
-            mark = error.problem_mark or error.context_mark
-            said = ", ".join(part for part in (error.context, error.problem) if part)
-            document.faults.append(Fault(mark.line + 1 if mark else 1, f"not valid YAML: {said}."))
-        except yaml.YAMLError as error:  # characters that YAML does not allow
-            before = text[: getattr(error, "position", 0)]
-            said = " ".join(str(error).split())
-            document.faults.append(Fault(before.count("\n") + 1, f"not valid YAML: {said}."))
+                document.content = document._value(document._root, ())
+        except _RefusedError as error:
+            mark = error.problem_mark
+            document._note(mark.line + 1 if mark else 1, f"{error.problem}.")
+        except yaml.YAMLError as error:
+            document._note(*syntax_fault(error, text))
         except RecursionError:
-            document.faults.append(Fault(1, "expected a study file, found thousands of levels."))
+            document._note(1, "expected a study file, found thousands of levels.")
+        except (ValueError, OverflowError):  # "\UFFFFFFFF" is no character
+            line = loader.get_mark().line + 1 if loader else 1
+            document._note(line, "not valid YAML: expected characters and numbers that exist.")
         finally:
             if loader is not None:
                 loader.dispose()
+        document.faults = list(dict.fromkeys(document.faults))
         return document
+
+    def _note(self, line: int, message: str) -> None:
+        self.faults.append(Fault(line, message))
 
     def line(self, path: Sequence[int | str]) -> int:
         """Give the line of the value, or of its key, that a path of keys and positions leads to.
@@ -136,64 +163,115 @@ class Document:
                 line, node = found
         return line
 
-    def _value(self, loader: _Loader, node: Node, above: tuple[Node, ...]) -> Any:
-        self._n_nodes += 1
-        line = node.start_mark.line + 1
+    def _value(self, node: Node, above: tuple[Node, ...]) -> Any:
+        self._count(node)
         if node in above:
-            raise _fault(node, "an alias stands inside of what it stands for")
-        if self._n_nodes > _MAX_NODES or len(above) > _MAX_DEPTH:
-            raise _fault(node, "too large for a study file")
-        if not isinstance(node, ScalarNode) and node.tag not in _PLAIN_TAGS:
-            self.faults.append(Fault(line, f"expected plain YAML: found the tag {node.tag!r}."))
+            raise _refused(node, "an alias stands inside of what it stands for")
+        if len(above) > _MAX_DEPTH:
+            raise _refused(node, _TOO_DEEP)
+        if isinstance(node, ScalarNode):
+            return self._scalar(node)
+        if node.tag not in (f"{_PLAIN}map", f"{_PLAIN}seq"):
+            self._note(_line(node), f"expected plain YAML, found the tag {_tag_of(node)}.")
         if isinstance(node, MappingNode):
             self._note_repeated(node)
-            loader.flatten_mapping(node)
-            return {
-                self._key(key): self._value(loader, value, (*above, node))
-                for key, value in node.value
-            }
-        if isinstance(node, SequenceNode):
-            return [self._value(loader, item, (*above, node)) for item in node.value]
+            self._merge(node, above)
+            return {self._key(key): self._value(value, (*above, node)) for key, value in node.value}
+        return [self._value(item, (*above, node)) for item in node.value]
+
+    def _count(self, node: Node) -> None:
+        self._n_nodes += 1
+        if self._n_nodes > _MAX_NODES:
+            raise _refused(node, _TOO_MANY)
+
+    def _merge(self, node: MappingNode, above: tuple[Node, ...]) -> None:
+        """Put what ``<<`` brings along in its place, before the mapping's own keys."""
+        if not any(_merges(key) for key, _ in node.value):
+            return
+        merged: dict[Any, tuple[Node, Node]] = {}
+        for pair in (*self._merged(node, (*above, node)), *node.value):
+            if not _merges(pair[0]):
+                self._count(pair[0])
+                merged[pair[0].value if isinstance(pair[0], ScalarNode) else id(pair[0])] = pair
+        node.value = list(merged.values())
+
+    def _merged(self, node: MappingNode, above: tuple[Node, ...]) -> Iterator[tuple[Node, Node]]:
+        """Give what the ``<<`` of a mapping bring along, what counts most last."""
+        for key, value in node.value:
+            if not _merges(key):
+                continue
+            for source in reversed(value.value) if isinstance(value, SequenceNode) else [value]:
+                if not isinstance(source, MappingNode):
+                    raise _refused(source, "expected a mapping, or a list of mappings, after <<")
+                if source in above:
+                    raise _refused(source, "an alias stands inside of what it stands for")
+                if len(above) > _MAX_DEPTH:
+                    raise _refused(source, _TOO_DEEP)
+                self._note_repeated(source)
+                self._merge(source, above)
+                yield from source.value
+
+    def _scalar(self, node: ScalarNode) -> Any:
+        kind, text = node.tag.removeprefix(_PLAIN), node.value
+        if kind in ("str", "merge"):
+            if any("\ud800" <= character <= "\udfff" for character in text):
+                self._note(_line(node), "expected characters, found half of one.")
+            return text
+        if kind not in _PATTERNS or not re.fullmatch(_PATTERNS[kind], text):
+            self._note(_line(node), f"expected plain YAML, found the tag {_tag_of(node)}.")
+            return None
+        if kind == "null":
+            return None
+        if kind == "bool":
+            return text.lower() == "true"
+        if kind == "float":
+            word = text.lower().lstrip("+-").lstrip(".")
+            special = {"inf": math.inf, "nan": math.nan}.get(word)
+            return float(text) if special is None else -special if text[0] == "-" else special
         try:
-            return loader.construct_object(node)
-        except yaml.YAMLError as error:
-            problem = getattr(error, "problem", error)
-            self.faults.append(Fault(line, f"expected plain YAML: {problem}."))
-        except ValueError:  # an integer of thousands of digits
-            self.faults.append(Fault(line, "expected a number of less than 4 300 digits."))
-        return None
+            return int(text)
+        except ValueError:
+            self._note(_line(node), "expected a number of less than 4 300 digits.")
+            return None
 
     def _key(self, node: Node) -> Hashable:
         # Labels and names are texts, whatever YAML takes them for: 2, true, null.
         if isinstance(node, ScalarNode):
             return str(node.value)
-        raise _fault(node, "expected a text as a key, found a list or mapping")
+        raise _refused(node, "expected a text as a key, found a list or mapping")
 
     def _note_repeated(self, node: MappingNode) -> None:
         seen: dict[str, int] = {}
         for key, _ in node.value:
-            if not isinstance(key, ScalarNode) or key.tag.endswith(":merge"):
+            if not isinstance(key, ScalarNode) or _merges(key):
                 continue
-            line = key.start_mark.line + 1
+            line = _line(key)
             if key.value in seen:
                 before = seen[key.value]
-                self.faults.append(
-                    Fault(line, f"{key.value!r} stands twice, first in line {before}.")
-                )
+                self._note(line, f"{quoted(key.value)} stands twice, first in line {before}.")
             seen[key.value] = line
 
 
-def _fault(node: Node, problem: str) -> yaml.MarkedYAMLError:
-    return yaml.MarkedYAMLError(problem=problem, problem_mark=node.start_mark)
+def _line(node: Node) -> int:
+    return int(node.start_mark.line) + 1
+
+
+def _merges(key: Node) -> bool:
+    return key.tag == f"{_PLAIN}merge"
+
+
+def _tag_of(node: Node) -> str:
+    tag = node.tag
+    return quoted(f"!!{tag.removeprefix(_PLAIN)}" if tag.startswith(_PLAIN) else tag)
 
 
 def _child(node: Node | None, step: int | str) -> tuple[int, Node] | None:
     """Find an item of a list, or the value of a key, and its line."""
     if isinstance(node, SequenceNode) and isinstance(step, int) and step < len(node.value):
         item = node.value[step]
-        return item.start_mark.line + 1, item
+        return _line(item), item
     if isinstance(node, MappingNode):
         for key, value in reversed(node.value):  # what a merge brings along stands first
             if isinstance(key, ScalarNode) and key.value == str(step):
-                return key.start_mark.line + 1, value
+                return _line(key), value
     return None

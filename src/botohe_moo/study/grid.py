@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from typing import Any
@@ -181,10 +181,10 @@ class Study:
     def runs(self) -> tuple[Run, ...]:
         """List the runs: mission by mission, algorithm by algorithm, seed by seed."""
         return tuple(
-            _run(mission, algorithm, seed, self.file.recording, self.versions)
+            run
             for mission in self.missions
             for algorithm in self.algorithms
-            for seed in self.seeds
+            for run in _runs(mission, algorithm, self)
         )
 
     def manifest(self) -> dict[str, Any]:
@@ -227,22 +227,21 @@ class Study:
         }
 
 
-def _run(
-    mission: StudyMission,
-    algorithm: StudyAlgorithm,
-    seed: int,
-    recording: Recording,
-    versions: Mapping[str, str],
-) -> Run:
+def _runs(mission: StudyMission, algorithm: StudyAlgorithm, study: Study) -> Iterator[Run]:
+    recording = study.file.recording
     identity = {
         **mission.decides(),
         **algorithm.decides(mission.budget),
         "recording": _recorded(recording, mission.budget),
-        "seed": seed,
-        **versions,
+        "seed": None,
+        **study.versions,
     }
-    digest = hashlib.sha256(canonical(identity).encode()).hexdigest()[:16]
-    return Run(mission, algorithm, seed, recording, identity, digest)
+    # Only the seed differs, of all keys the last but one.
+    before, mark, after = canonical(identity).rpartition('"seed":null')
+    for seed in study.seeds:
+        text = f"{before}{mark.removesuffix('null')}{seed}{after}"
+        digest = hashlib.sha256(text.encode()).hexdigest()[:16]
+        yield Run(mission, algorithm, seed, recording, {**identity, "seed": seed}, digest)
 
 
 def _spent(budget: Budget) -> dict[str, Any]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+import warnings
+from collections.abc import Iterable, Mapping
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -13,12 +14,14 @@ import numpy as np
 
 from botohe_moo._checks import nearest_first
 from botohe_moo.study.checking import CheckedContent
-from botohe_moo.study.config import printable
 from botohe_moo.study.document import Document, Fault
 from botohe_moo.study.grid import Study
 from botohe_moo.study.manifest import StudyError, read_manifest
+from botohe_moo.study.shape import MAX_FAULTS, Place, printable
 
 __all__ = ["load_study", "remembered_packages", "study_folder"]
+
+_MAX_BYTES = 1_000_000
 
 
 def load_study(
@@ -41,6 +44,11 @@ def load_study(
     StudyError
         Lists every fault: the file and line, what was expected and what was found.
 
+    Warns
+    -----
+    UserWarning
+        Names what is allowed but without effect, such as a record beyond every budget.
+
     Examples
     --------
     >>> study = load_study({
@@ -56,7 +64,8 @@ def load_study(
     if isinstance(source, Mapping):
         content = _as_json(source)
         checked = CheckedContent(content, Path(), _missing(content, out))
-        faults = list(dict.fromkeys(f"{_dotted(at)}{said}" for at, said in checked.faults))
+        faults = [f"{_dotted(at)}{said}" for at, said in checked.faults]
+        notices = [f"{_dotted(at)}{said}" for at, said in checked.notices]
         text = json.dumps(content, indent=1) + "\n"  # JSON is YAML, too
     else:
         path = Path(source)
@@ -65,13 +74,19 @@ def load_study(
         found = list(document.faults)
         checked = CheckedContent(document.content, path.parent, _missing(document.content, out))
         if document.content is not None or not found:  # else there is nothing to check
-            found += [
-                Fault(document.line(at), f"{_dotted(at)}{said}") for at, said in checked.faults
-            ]
+            found += _with_lines(document, checked.faults)
         faults = [f"{path}:{fault.line}: {fault.message}" for fault in sorted(set(found))]
+        notices = [f"{path}:{f.line}: {f.message}" for f in _with_lines(document, checked.notices)]
     if faults:
-        raise StudyError("\n".join(faults))
+        more = [f"These are the first {MAX_FAULTS} faults."] if len(faults) >= MAX_FAULTS else []
+        raise StudyError("\n".join([*faults[:MAX_FAULTS], *more]))
+    for notice in notices:
+        warnings.warn(notice, stacklevel=2)
     return checked.study(text)
+
+
+def _with_lines(document: Document, said: Iterable[tuple[Place, str]]) -> list[Fault]:
+    return [Fault(document.line(at), f"{_dotted(at)}{what}") for at, what in said]
 
 
 def _as_json(source: Mapping[str, Any]) -> Any:
@@ -96,13 +111,23 @@ def _no_json(value: Any) -> Any:
 
 def _text(path: Path) -> str:
     try:
-        return path.read_bytes().decode("utf-8-sig")
+        size = path.stat().st_size
+        with path.open("rb") as file:
+            read = b"" if size > _MAX_BYTES else file.read(_MAX_BYTES + 1)  # a pipe has no size
     except FileNotFoundError:
         among = sorted(p.name for p in path.parent.glob("*.y*ml"))
         near = f"; beside it are {', '.join(nearest_first(path.name, among))}" if among else ""
         raise StudyError(f"{path}: there is no such file{near}.") from None
     except OSError as error:
         raise StudyError(f"{path}: cannot be read ({error.strerror}).") from None
+    except ValueError as error:  # a name with a NUL
+        raise StudyError(f"{str(path)!r}: cannot be read ({error}).") from None
+    if max(size, len(read)) > _MAX_BYTES:
+        found = f"{size / 1e6:.1f} MB" if size > _MAX_BYTES else "more"
+        limit = f"{_MAX_BYTES / 1e6:g} MB"
+        raise StudyError(f"{path}: expected a study file of at most {limit}, found {found}.")
+    try:
+        return read.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise StudyError(
             f"{path}: expected UTF-8 text, found byte {error.start} is none."

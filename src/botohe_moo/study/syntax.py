@@ -1,0 +1,113 @@
+"""What is wrong with a text that is no YAML, in the words of somebody who writes a study file."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+__all__ = ["syntax_fault"]
+
+_LINE_BREAK = r"\r\n|[\n\r\x85\u2028\u2029]"
+_LONG = 80
+# What PyYAML says, what that means, and whether the culprit is where it began or where it ended.
+_MEANINGS = (
+    (r"could not find expected ':'", "expected 'key: value', found no ':' after it", "began"),
+    (
+        r"mapping values are not allowed here",
+        "no ':' can stand here; keys of one mapping begin in the same column, and a text that "
+        "contains ': ' has to be in quotes",
+        "ended",
+    ),
+    (
+        r"sequence entries are not allowed here",
+        "no list item can stand here; '- ' begins a line of its own, below its key",
+        "ended",
+    ),
+    (r"mapping keys are not allowed here", "no '? ' can stand here", "ended"),
+    (r"found character '\\t'", "expected spaces, found a tab", "ended"),
+    (r"found character", "no value begins like this; put it in quotes", "ended"),
+    (
+        r"(?:an (?:alias|anchor)).*expected alphabetic",
+        "expected a name after '*' or '&'; a text that begins with one has to be in quotes",
+        "began",
+    ),
+    (r"directive", "a text that begins with '%' has to be in quotes", "began"),
+    (
+        r"a block scalar",
+        "'|' and '>' begin a text of several lines, and nothing follows them in theirs; a text "
+        "that begins with one has to be in quotes",
+        "began",
+    ),
+    (
+        r"found unknown escape|expected escape sequence",
+        "this is no character in double quotes; use single ones, or write \\\\",
+        "ended",
+    ),
+    (r"a quoted scalar", "these quotes are never closed", "began"),
+    (r"tag", "a text that begins with '!' has to be in quotes", "began"),
+    (
+        r"expected <block end>",
+        "this does not fit what began in line {began}; keys of one mapping, and items of one "
+        "list, begin in the same column",
+        "ended",
+    ),
+    (r"expected ',' or ']'", "expected ',' or ']' for the list that line {began} opens", "ended"),
+    (
+        r"expected ',' or '}'",
+        "expected ',' or '}}' for the mapping that line {began} opens",
+        "ended",
+    ),
+    (r"expected the node content", "expected a value", "ended"),
+    (
+        r"expected a single document|expected '<document start>'",
+        "expected a single document, found more after its end",
+        "ended",
+    ),
+    (r"found undefined alias '(.*)'", "undefined alias: nothing before it is named &{0}", "ended"),
+    (
+        r"found duplicate anchor '(.*)'",
+        "the anchor &{0} stands twice, first in line {began}",
+        "ended",
+    ),
+)
+
+
+def syntax_fault(error: Any, text: str) -> tuple[int, str]:
+    """Say where a text is no YAML, and what is wrong there.
+
+    Parameters
+    ----------
+    error
+        What PyYAML has raised.
+    text
+        The text.
+
+    Returns
+    -------
+    tuple
+        The line, counted from 1, and a sentence with the column and what stands there.
+    """
+    ended = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
+    if ended is None:  # a character that YAML does not allow
+        at = getattr(error, "position", len(text))
+        return _placed("this character cannot stand in YAML", at, text)
+    began = error.context_mark or ended
+    said = " ".join(part for part in (error.context, error.problem) if part)
+    for pattern, meaning, where in _MEANINGS:
+        if found := re.search(pattern, said):
+            words = meaning.format(*found.groups(), began=began.line + 1)
+            return _placed(words, began.index if where == "began" else ended.index, text)
+    return _placed("this cannot be read", ended.index, text)
+
+
+def _placed(words: str, at: int, text: str) -> tuple[int, str]:
+    """Give the line, and say what is wrong in which column of what."""
+    before = re.split(_LINE_BREAK, text[:at])
+    line = before[-1] + re.split(_LINE_BREAK, text[at:], maxsplit=1)[0]
+    if not text[at:].strip():
+        where = "at the end of the file"
+    elif len(line) <= _LONG:
+        where = f"column {len(before[-1]) + 1} of {line.rstrip()!r}"
+    else:
+        where = f"column {len(before[-1]) + 1}, {text[at : at + _LONG]!r}"
+    return len(before), f"not valid YAML: {words} ({where})."
