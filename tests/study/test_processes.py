@@ -12,11 +12,12 @@ import subprocess
 import sys
 import termios
 import time
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
 
-from botohe_moo.study import StudyError, make_tables, pool, read_study, run_study
+from botohe_moo.study import StudyError, cluster, make_tables, read_study, run_study
 from tests.study.test_perform import marked_processes
 from tests.study.test_runner import MADE, Watcher, assert_same, without_times
 
@@ -322,9 +323,132 @@ def test_a_dask_cluster_gives_the_same(study_file, uninterrupted, tmp_path):
     assert_same(tables, uninterrupted)
 
 
+@pytest.fixture
+def scheduler(tmp_path):
+    """A Dask scheduler without workers; gives its address."""
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=0, dashboard_address=None, local_directory=tmp_path / "dask"
+    ) as cluster:
+        yield cluster.scheduler_address
+
+
+@pytest.fixture
+def hire(scheduler, tmp_path):
+    """Starts Dask workers as processes: by default one that has all a worker needs."""
+    hired = []
+
+    def start_worker(*flags, path=()):
+        name = f"w{len(hired)}"
+        begin = "import sys; sys.path[:] = [p for p in sys.path if p] + eval(sys.argv.pop()); "
+        work = "from distributed.cli.dask_worker import main; main()"
+        hired.append(
+            subprocess.Popen(
+                [
+                    sys.executable, *flags, "-c", begin + work, scheduler, "--no-nanny",
+                    "--no-dashboard", "--nthreads", "1", "--name", name,
+                    "--local-directory", str(tmp_path / name), repr([str(p) for p in path]),
+                ],
+                cwd=tmp_path,
+                stderr=subprocess.DEVNULL,
+                env={**os.environ, "PYTHONPATH": os.pathsep.join(map(str, (*path, ROOT)))},
+            )
+        )  # fmt: skip
+        return hired[-1]
+
+    yield start_worker
+    for worker in hired:
+        worker.kill()
+        worker.wait()
+
+
+def lines_until(process, wanted):
+    """Read what a process says until it says that; it is killed if it does not."""
+    said = []
+    with contextlib.suppress(StopIteration):
+        while wanted not in "".join(said):
+            said.append(next(process.stderr))
+    return "".join(said)
+
+
+def test_workers_are_asked_before_they_get_runs(
+    study_file, uninterrupted, scheduler, hire, tmp_path
+):
+    """None is there, one lacks the package, one has another version of it, then one is fit."""
+    folder = tmp_path / "out"
+    process = start("run", study_file, "--out", folder, "--dask", scheduler)
+    assert f"no worker of the Dask cluster at {scheduler} can perform runs" in lines_until(
+        process, "waiting for one that can"
+    )
+    import distributed
+
+    # Without site, what is installed for editing is not found.
+    hire("-S", path=[Path(distributed.__file__).parents[1]])
+    said = lines_until(process, "gets no runs")
+    assert "it cannot import botohe-moo (ModuleNotFoundError: No module named 'botohe_moo" in said
+    other = tmp_path / "other" / "botohe_moo-9.9.9.dist-info"
+    other.mkdir(parents=True)
+    (other / "METADATA").write_text("Metadata-Version: 2.1\nName: botohe-moo\nVersion: 9.9.9\n")
+    hire(path=[other.parent])
+    said = lines_until(process, "gets no runs")
+    assert f"it has botohe-moo 9.9.9, the study {version('botohe-moo')}" in said
+    assert process.poll() is None
+    hire()
+    status, _, err = finish(process)
+    assert status == 0, err
+    assert "Traceback" not in err
+    assert_same(read_study(folder), uninterrupted)
+
+
+def test_nobody_waits_for_a_worker_that_died(scheduler, hire, tmp_path):
+    """What it had is performed by another."""
+    slow = {"algorithm": f"{MADE}:Slow", "parameters": {"seconds": 0.5}}
+    source = {
+        "name": "s",
+        "missions": ["toy"],
+        "algorithms": {"slow": slow},
+        "budget": {"evaluations": 40},
+        "seeds": 3,
+    }
+    first = hire()
+
+    class Killing(Watcher):
+        def end(self, run, outcome):
+            super().end(run, outcome)
+            if len(self.performed) == 1:
+                hire()
+                first.kill()
+
+    watcher = Killing()
+    tables = run_study(source, tmp_path / "out", dask=scheduler, watcher=watcher)
+    assert tables.runs["status"].tolist() == ["done"] * 3
+    assert len(watcher.performed) == 3
+
+
+def test_waiting_for_workers_can_be_stopped(study_file, scheduler, tmp_path):
+    process = start("run", study_file, "--out", tmp_path / "out", "--dask", scheduler)
+    lines_until(process, "waiting for one that can")
+    os.kill(process.pid, signal.SIGINT)
+    status, _, err = finish(process)
+    assert status == 130, err
+    assert "Traceback" not in err
+
+
+@pytest.mark.parametrize(
+    "address", ["nonsense", "", "tcp://", "localhost", "tcp://127.0.0.1:99999"]
+)
+def test_addresses_that_are_none(address, study_file, tmp_path):
+    pytest.importorskip("distributed")
+    status, _, err = finish(start("run", study_file, "--out", tmp_path, "--dask", address))
+    assert status == 1
+    assert repr(address) in err
+    [line] = [line for line in err.splitlines() if "runs: " not in line]
+    assert "Dask scheduler" in line
+
+
 def test_nobody_at_the_address(study_file, tmp_path, monkeypatch):
     pytest.importorskip("distributed")
-    monkeypatch.setattr(pool, "_SECONDS_TO_CONNECT", 1)
+    monkeypatch.setattr(cluster, "_SECONDS_TO_CONNECT", 1)
     with pytest.raises(StudyError, match=r"No Dask scheduler answers at 'tcp://127\.0\.0\.1:1'"):
         run_study(study_file, tmp_path, dask="tcp://127.0.0.1:1")
 

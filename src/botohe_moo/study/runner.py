@@ -11,12 +11,13 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from botohe_moo._checks import check_integer
+from botohe_moo.study.cluster import dask_outcomes
 from botohe_moo.study.grid import Run, Study
 from botohe_moo.study.index import Entry, read_index
 from botohe_moo.study.kept import kept_study
 from botohe_moo.study.loading import load_study, study_folder
 from botohe_moo.study.manifest import read_manifest
-from botohe_moo.study.pool import Outcomes, dask_outcomes, local_outcomes
+from botohe_moo.study.pool import Outcomes, local_outcomes
 from botohe_moo.study.refresh import refresh_tables
 from botohe_moo.study.shelf import tables_locked
 from botohe_moo.study.stopping import Stop, hold_stop
