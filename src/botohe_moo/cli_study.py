@@ -186,6 +186,26 @@ def tables(folder: FolderArgument) -> None:
     tell(f"\nwrote the tables to {folder}; `botohe study report {folder}` makes the report.")
 
 
+@study_app.command("merge")
+def merge(
+    folders: Annotated[
+        list[Path], typer.Argument(metavar="DIR...", help="Folders of the same study.")
+    ],
+    out: OutOption = None,
+) -> None:
+    """Make one study of the results that several machines have of it.
+
+    Every run is checked as if it had been performed here; missions, algorithms and seeds add up.
+    """
+    from botohe_moo.study.merge import merge_studies
+
+    with failing():
+        merged = merge_studies(folders, out)
+    tell(_outcome(merged))
+    _say_missing(merged)
+    tell(f"\nwrote {len(merged.runs)} runs and the tables to {merged.folder}.")
+
+
 def _say_missing(tables: StudyTables) -> None:
     n_runs = len(tables.runs) + tables.n_missing
     if tables.n_missing:

@@ -2,6 +2,7 @@
 
 from botohe_moo.study.grid import Study
 from botohe_moo.study.loading import load_study
+from botohe_moo.study.merge import merge_studies
 from botohe_moo.study.runner import StudyInterrupted, make_tables, run_study
 from botohe_moo.study.tables import SCHEMAS, StudyError, StudyTables, read_study
 
@@ -13,6 +14,7 @@ __all__ = [
     "StudyTables",
     "load_study",
     "make_tables",
+    "merge_studies",
     "read_study",
     "run_study",
 ]

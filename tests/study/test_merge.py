@@ -1,0 +1,179 @@
+"""Results of several machines become one study."""
+
+import dataclasses
+import shutil
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from botohe_moo.cli import app
+from botohe_moo.study import StudyError, load_study, merge_studies, read_study, run_study
+from botohe_moo.study.store import Store
+
+TIMES = ["seconds", "recording_seconds", "began", "environment"]
+BUDGET = {"evaluations": 60}
+
+
+def part(seeds, *, missions=("toy",), algorithms=("random", "greedy"), **keys):
+    return {
+        "name": "shared",
+        "missions": missions if isinstance(missions, dict) else list(missions),
+        "algorithms": algorithms if isinstance(algorithms, dict) else list(algorithms),
+        "budget": BUDGET,
+        "seeds": list(seeds),
+        **keys,
+    }
+
+
+@pytest.fixture(scope="module")
+def parts(tmp_path_factory):
+    """Two machines' folders, whose seeds overlap, and the folder of one that did all."""
+    folder = tmp_path_factory.mktemp("parts")
+    run_study(part([1, 2]), folder / "one")
+    run_study(part([2, 3]), folder / "two")
+    run_study(part([1, 2, 3]), folder / "whole")
+    return folder
+
+
+@pytest.fixture
+def copies(parts, tmp_path):
+    for name in ("one", "two"):
+        shutil.copytree(parts / name, tmp_path / name)
+    return tmp_path
+
+
+def change(folder, changed, *, seed=2):
+    """Write a run again, as ``changed`` makes its outcome."""
+    store, study = Store(folder), load_study(part([1, 2]))
+    run = next(r for r in study.runs() if r.seed == seed and r.algorithm.label == "random")
+    store.save(run, changed(store.load(run)))
+    return run
+
+
+def test_two_parts_are_the_study_that_one_machine_did(parts, tmp_path):
+    merged = merge_studies([parts / "one", parts / "two"], tmp_path / "all")
+    whole = read_study(parts / "whole")
+    for name in ("runs", "indicators", "references", "comparisons", "plans", "fronts"):
+        ours, theirs = getattr(merged, name), getattr(whole, name)
+        kept = [column for column in theirs.columns if column not in TIMES]
+        pd.testing.assert_frame_equal(ours[kept], theirs[kept])
+    assert merged.n_missing == 0
+
+
+def test_it_goes_on_as_a_study(parts, tmp_path):
+    merge_studies([parts / "one", parts / "two"], tmp_path / "all")
+    study = load_study(tmp_path / "all" / "study.yaml", out=tmp_path / "all")
+    assert study.seeds == (1, 2, 3)
+    runs = {run.digest for run in study.runs()}
+    assert runs == set(read_study(parts / "whole").runs["run"])
+
+
+def test_one_of_the_folders_can_take_the_others(copies):
+    before = read_study(copies / "one").runs.set_index("run")["seconds"]
+    merged = merge_studies([copies / "one", copies / "two"], copies / "one")
+    assert len(merged.runs) == 6
+    after = merged.runs.set_index("run")["seconds"]
+    assert after[before.index].equals(before)  # its own runs stay
+
+
+def test_missions_algorithms_and_grids_add_up(parts, tmp_path):
+    hills = {"hills": {"mission": "random", "parameters": {"nodes": 6}, "grid": {"seed": [1, 2]}}}
+    other = part([1], missions=hills, algorithms=["random"])
+    run_study(other, tmp_path / "hills")
+    merged = merge_studies([parts / "one", tmp_path / "hills"], tmp_path / "all")
+    assert merged.mission_labels == ["toy", "hills (seed=1)", "hills (seed=2)"]
+    assert merged.n_missing == 3 * 2 * 2 - 6
+    assert merged.manifest["missions"]["hills (seed=1)"]["family"] == "hills"
+    study = load_study(tmp_path / "all" / "study.yaml", out=tmp_path / "all")
+    assert [mission.label for mission in study.missions] == merged.mission_labels
+
+
+def test_values_of_a_grid_can_be_shared_out(tmp_path):
+    for seed in (1, 2):
+        hills = {
+            "hills": {"mission": "random", "parameters": {"nodes": 6}, "grid": {"seed": [seed]}}
+        }
+        run_study(part([1], missions=hills, algorithms=["random"]), tmp_path / str(seed))
+    merged = merge_studies([tmp_path / "1", tmp_path / "2"], tmp_path / "all")
+    assert len(merged.runs) == 2
+    study = load_study(tmp_path / "all" / "study.yaml", out=tmp_path / "all")
+    assert {run.digest for run in study.runs()} == set(merged.runs["run"])
+
+
+@pytest.mark.parametrize(
+    ("other", "said"),
+    [
+        ({"name": "another"}, "expected its name to be 'shared', found 'another'"),
+        ({"missions": {"toy": {"mission": "toy", "robots": 1}}}, "mission 'toy' is not the one"),
+        ({"budget": {"evaluations": 70}}, "budget is {'evaluations': 70"),
+        (
+            {"algorithms": {"random": "greedy"}},
+            "algorithm 'random' is not the one",
+        ),
+        ({"recording": {"per_decade": 3}}, "expected its recording to be"),
+    ],
+)
+def test_what_differs_is_no_one_study(parts, tmp_path, other, said):
+    run_study({**part([4]), **other}, tmp_path / "other")
+    with pytest.raises(StudyError) as caught:
+        merge_studies([parts / "one", tmp_path / "other"], tmp_path / "all")
+    message = str(caught.value)
+    assert said in message
+    assert str(tmp_path / "other") in message
+    assert "\n" not in message
+    assert not (tmp_path / "all").exists()
+
+
+def test_another_result_of_the_same_run(copies):
+    run = change(copies / "two", lambda outcome: dataclasses.replace(outcome, evaluations=59))
+    with pytest.raises(StudyError, match="has another result than in") as caught:
+        merge_studies([copies / "one", copies / "two"], copies / "all")
+    assert run.digest in str(caught.value)
+    assert not (copies / "all").exists()
+
+
+def test_plans_that_do_not_bring_what_they_claim(copies):
+    def better(outcome):
+        *others, last = outcome.records
+        plans, objectives = last.plans
+        claimed = dataclasses.replace(last, plans=(plans, np.asarray(objectives) + 1))
+        return dataclasses.replace(outcome, records=(*others, claimed))
+
+    change(copies / "one", better)
+    with pytest.raises(StudyError, match="is claimed to bring"):
+        merge_studies([copies / "one", copies / "two"], copies / "all")
+
+
+def test_a_damaged_file_is_named(copies):
+    path = next((copies / "two" / "runs").glob("*.npz"))
+    path.write_bytes(path.read_bytes()[:100])
+    with pytest.raises(StudyError, match="damaged") as caught:
+        merge_studies([copies / "one", copies / "two"], copies / "all")
+    assert str(path) in str(caught.value)
+
+
+def test_failures_come_along_where_nobody_succeeded(copies):
+    def failed(outcome):
+        return dataclasses.replace(outcome, status="failed", error="it broke", records=())
+
+    run = change(copies / "one", failed, seed=1)
+    (copies / "one" / "runs" / f"{run.digest}.npz").unlink()
+    merged = merge_studies([copies / "one", copies / "two"], copies / "all")
+    row = merged.runs.set_index("run").loc[run.digest]
+    assert (row["status"], row["error"]) == ("failed", "it broke")
+
+
+def test_a_folder_without_a_study(parts, tmp_path):
+    with pytest.raises(StudyError, match="there is no study in this folder"):
+        merge_studies([parts / "one", tmp_path / "nothing"], tmp_path / "all")
+    with pytest.raises(StudyError, match="Expected at least two folders to merge, got 1"):
+        merge_studies([parts / "one"], tmp_path / "all")
+
+
+def test_from_the_command_line(parts, tmp_path):
+    given = [str(parts / "one"), str(parts / "two"), "--out", str(tmp_path / "all")]
+    done = CliRunner().invoke(app, ["study", "merge", *given])
+    assert done.exit_code == 0, done.output
+    assert "wrote 6 runs" in done.output
