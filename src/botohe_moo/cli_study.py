@@ -41,6 +41,17 @@ WorkersOption = Annotated[
     ),
 ]
 
+PatienceOption = Annotated[
+    int,
+    typer.Option(
+        "--patience",
+        metavar="SECONDS",
+        parser=integer(at_least=1),
+        help="A run of another package's algorithm fails that evaluates nothing for that long, "
+        "where its budget has no seconds.",
+    ),
+]
+
 
 def _workers(given: int | None) -> int:
     from botohe_moo.study.environment import n_cpus
@@ -57,6 +68,7 @@ def run(
         str | None,
         typer.Option("--dask", metavar="ADDRESS", help="Work on the Dask cluster there."),
     ] = None,
+    patience: PatienceOption = 3600,
 ) -> None:
     """Perform the runs that are missing, and make the tables.
 
@@ -72,7 +84,14 @@ def run(
     folder = study_folder(study.name, out)
     try:
         with failing(FAILED), ProgressWatcher(say) as watcher:
-            tables = run_study(study, folder, workers=_workers(workers), dask=dask, watcher=watcher)
+            tables = run_study(
+                study,
+                folder,
+                workers=_workers(workers),
+                dask=dask,
+                patience=patience,
+                watcher=watcher,
+            )
     except StudyInterrupted as stopped:
         status = _BY_SIGNAL + stopped.signal
         fail(f"stopped; what is done is in {folder}. Run it again to go on.", status)
@@ -112,7 +131,7 @@ def plan(file: FileArgument, out: OutOption = None, workers: WorkersOption = Non
     """List the runs, what is already there, and how long the rest will take."""
     from botohe_moo.study.estimate import estimate_times
     from botohe_moo.study.loading import load_study, study_folder
-    from botohe_moo.study.runner import plan_study
+    from botohe_moo.study.planning import plan_study
 
     with failing():
         study = load_study(file, out=out)

@@ -94,6 +94,33 @@ class NeverEnding(ArchiveAlgorithm):
                 time.sleep(3600)
 
 
+class Refusing(Sampler):
+    """Does not hear that its budget is spent, and tries for ever."""
+
+    def _infill(self):
+        while True:
+            try:
+                self.evaluator.eval(self.problem, super()._infill())
+            except Exception:
+                time.sleep(0.01)
+
+
+class SlowWithin(Sampler):
+    """Takes its time within one iteration."""
+
+    def __init__(self, seconds: float = 0.01):
+        super().__init__()
+        self.seconds = seconds
+
+    def _infill(self):
+        while True:
+            time.sleep(self.seconds)
+            self.evaluator.eval(
+                self.problem,
+                RandomTrailSampling().do(self.problem, 10, random_state=self.random_state),
+            )
+
+
 class Dying(ArchiveAlgorithm):
     """Takes its process along."""
 

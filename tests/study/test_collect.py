@@ -16,8 +16,8 @@ from botohe_moo.study import read_study
 from botohe_moo.study.collect import collect_tables
 from botohe_moo.study.environment import environment
 from botohe_moo.study.loading import load_study
+from botohe_moo.study.planning import make_task
 from botohe_moo.study.recording import Recorder
-from botohe_moo.study.runner import make_task
 from botohe_moo.study.store import Store
 from botohe_moo.study.task import Outcome, Record
 from botohe_moo.trails import PlanBatch

@@ -1,6 +1,7 @@
 """Runs: their budgets, their records and how they end, in this process and in sandboxes."""
 
 import os
+import pickle
 import re
 import subprocess
 import sys
@@ -352,6 +353,45 @@ class TestSandbox:
 
     def test_a_run_that_never_began_did_not_begin(self, sandbox):
         assert sandboxed(sandbox, replace(make_task("random"), version="0.0.1")).began is None
+
+    @pytest.mark.parametrize("busy", [False, True])
+    @pytest.mark.parametrize("name", ["NeverEnding", "Refusing"])
+    def test_what_evaluates_nothing_any_more_is_killed_without_seconds_too(
+        self, sandbox, name, busy
+    ):
+        parameters = {"busy": busy} if name == "NeverEnding" else {}
+        task = make_task(f"{MADE}:{name}", patience=0.5, parameters=parameters)
+        outcome = sandboxed(sandbox, task)
+        assert (outcome.status, outcome.stopped_by) == ("failed", "error")
+        assert outcome.error.startswith("killed: it had evaluated no plan for 0.5 s")
+        assert outcome.records == ()
+        assert sandboxed(sandbox, make_task("random")).status == "done"
+
+    def test_what_goes_on_evaluating_is_waited_for(self, sandbox):
+        """However long it takes, within one iteration or many."""
+        patience, parameters = 5.0, {"seconds": 0.25}
+        for name in ("Slow", "SlowWithin"):
+            task = make_task(
+                f"{MADE}:{name}", evaluations=300, patience=patience, parameters=parameters
+            )
+            outcome = sandboxed(sandbox, task)
+            assert (outcome.status, outcome.evaluations) == ("done", 300)
+            assert outcome.seconds > patience
+
+    def test_patience_is_for_other_peoples_algorithms_and_changes_no_run(self, sandbox):
+        ours = make_task("bo-aco", evaluations=5_000, patience=1e-3)
+        assert sandboxed(sandbox, ours).status == "done"
+        [one], [other] = (
+            [sandboxed(sandbox, make_task(f"{MADE}:Sampler", patience=p)).records[-1].objectives]
+            for p in (100.0, 1e6)
+        )
+        assert one.tolist() == other.tolist()
+
+    def test_problems_can_be_pickled_while_they_are_watched(self):
+        problem = MeteredBOTOHE(load_mission("toy"), evaluations=5)
+        problem.meter.watch = lambda: None
+        problem.meter.count(3)
+        assert pickle.loads(pickle.dumps(problem)).meter.spent == 3
 
     def test_a_process_that_dies_fails_its_run_only(self, sandbox):
         outcome = sandboxed(sandbox, make_task(f"{MADE}:Dying"))

@@ -529,6 +529,7 @@ class TestCommands:
             (["report", "nowhere"], "nowhere: there is no study in this folder"),
             (["tables", "nowhere"], "nowhere: there is no study in this folder"),
             (["run", "x.yaml", "--workers", "0"], "expected an integer >= 1, got 0"),
+            (["run", "x.yaml", "--patience", "0"], "expected an integer >= 1, got 0"),
         ],
     )
     def test_bad_input(self, arguments, said):

@@ -16,7 +16,7 @@ from botohe_moo.mission.files import save_mission
 from botohe_moo.study import collect, make_tables, read_study, refresh, run_study
 from botohe_moo.study.kept import kept_study
 from botohe_moo.study.loading import load_study
-from botohe_moo.study.runner import plan_study
+from botohe_moo.study.planning import plan_study
 from botohe_moo.study.store import Store
 from botohe_moo.study.tables import SCHEMAS, StudyError, to_arrow
 

@@ -25,6 +25,8 @@ from botohe_moo.study.task import Task, failure
 __all__ = ["main"]
 
 _SECONDS_BETWEEN_MAILS = 0.2
+_SIGNS = 10  # of life within the patience that a run may need
+_MOST_SECONDS_BETWEEN_SIGNS = 10.0
 
 
 def main() -> None:
@@ -57,7 +59,7 @@ def main() -> None:
         # same shall at least draw the same again.
         random.seed(task.seed)
         np.random.seed(task.seed % 2**32)  # noqa: NPY002
-        outcome = perform(task, mail.put)
+        outcome = perform(task, mail.put, mail.show_progress)
         mail.send_records()
         mail.send("end", outcome)
 
@@ -88,11 +90,20 @@ class _Mail:
         self._pause = 0.0 if task.seconds is not None else _SECONDS_BETWEEN_MAILS
         self._waiting: list[object] = []
         self._sent_at = time.monotonic()
+        self._shown_at = self._sent_at
+        self._shown_every = min(task.patience / _SIGNS, _MOST_SECONDS_BETWEEN_SIGNS)
 
     def put(self, record: object) -> None:
         self._waiting.append(record)
         if time.monotonic() - self._sent_at >= self._pause:
             self.send_records()
+
+    def show_progress(self) -> None:
+        """Give a sign of life now and then."""
+        now = time.monotonic()
+        if now - self._shown_at >= self._shown_every:
+            self._shown_at = now
+            self.send("progress", None)
 
     def send_records(self) -> None:
         self.send("records", self._waiting)

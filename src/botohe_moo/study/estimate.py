@@ -6,14 +6,14 @@ import statistics
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from botohe_moo.study.runner import make_task
+from botohe_moo.study.planning import make_task
 from botohe_moo.study.sandbox import Sandbox
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from botohe_moo.study.grid import Run
-    from botohe_moo.study.runner import Plan
+    from botohe_moo.study.planning import Plan
     from botohe_moo.study.task import Outcome, Record
 
 __all__ = ["Estimate", "estimate_times"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,9 +30,27 @@ class Meter:
     ----------
     spent
         Plans evaluated so far.
+    watch
+        Is called when some have been.
     """
 
     spent: int = 0
+    watch: Callable[[], None] = lambda: None
+
+    def count(self, n_plans: int) -> None:
+        """Count plans that are evaluated.
+
+        Parameters
+        ----------
+        n_plans
+            How many.
+        """
+        self.spent += n_plans
+        if n_plans:
+            self.watch()
+
+    def __reduce__(self) -> tuple[type[Meter], tuple[int]]:
+        return Meter, (self.spent,)  # nobody watches a copy that an algorithm stores
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Meter:
         return self  # pymoo copies algorithms with their problem; there is one meter
@@ -70,7 +89,7 @@ class CountedBOTOHE(BOTOHE):
         numpy.ndarray
             F of shape (n, 2), to be minimised.
         """
-        self.meter.spent += len(batch)
+        self.meter.count(len(batch))
         return super().evaluate_batch(batch)
 
 

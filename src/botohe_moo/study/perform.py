@@ -29,7 +29,9 @@ __all__ = ["perform", "verify", "warm_up"]
 _WARM_UP_EVALUATIONS = 250
 
 
-def perform(task: Task, send: Callable[[Record], None]) -> Outcome:
+def perform(
+    task: Task, send: Callable[[Record], None], progress: Callable[[], None] = lambda: None
+) -> Outcome:
     """Perform a run.
 
     Parameters
@@ -38,6 +40,8 @@ def perform(task: Task, send: Callable[[Record], None]) -> Outcome:
         The run.
     send
         Is given every record when it is made.
+    progress
+        Is called whenever plans have been evaluated.
 
     Returns
     -------
@@ -53,7 +57,9 @@ def perform(task: Task, send: Callable[[Record], None]) -> Outcome:
         recorder = Recorder(task, lambda: _archive(algorithm, problem), send)
         termination = NoTermination() if task.evaluations is None else ("n_eval", task.evaluations)
         algorithm.setup(problem, termination=termination, seed=task.seed)
-        stopped_by = _loop(task, algorithm, problem, recorder, spent)
+        if isinstance(problem, CountedBOTOHE):
+            problem.meter.watch = progress
+        stopped_by = _loop(task, algorithm, problem, recorder, spent, progress)
         seconds = recorder.elapsed()
         if isinstance(problem, CountedBOTOHE):  # whatever the algorithm says
             spent[0] = max(spent[0], problem.meter.spent)
@@ -97,6 +103,7 @@ def _loop(
     problem: BOTOHE,
     recorder: Recorder,
     spent: list[int],
+    progress: Callable[[], None],
 ) -> str:
     """Let the algorithm run until its budget is spent; say what ended it."""
     limit = math.inf if task.seconds is None else task.seconds
@@ -109,7 +116,9 @@ def _loop(
         except BudgetSpentError:
             spent[0] = metered.meter.spent if metered else evaluator.n_eval
             break
-        spent[0] = metered.meter.spent if metered else evaluator.n_eval
+        before, spent[0] = spent[0], metered.meter.spent if metered else evaluator.n_eval
+        if spent[0] > before:
+            progress()
         recorder.watch(spent[0])
         if spent[0] >= allowed:
             break

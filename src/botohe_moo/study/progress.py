@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from botohe_moo.study.grid import Run
-    from botohe_moo.study.runner import Plan
+    from botohe_moo.study.planning import Plan
     from botohe_moo.study.task import Outcome, Record
 
 __all__ = ["ProgressWatcher"]

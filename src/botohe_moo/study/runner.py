@@ -5,34 +5,26 @@ from __future__ import annotations
 import os
 import signal
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Protocol
 
-from botohe_moo._checks import check_integer
+from botohe_moo._checks import check_integer, check_number
 from botohe_moo.study.cluster import dask_outcomes
 from botohe_moo.study.grid import Run, Study
-from botohe_moo.study.index import Entry, read_index
+from botohe_moo.study.index import Entry
 from botohe_moo.study.kept import kept_study
 from botohe_moo.study.loading import load_study, study_folder
 from botohe_moo.study.manifest import read_manifest
+from botohe_moo.study.planning import Plan, make_task, plan_study
 from botohe_moo.study.pool import Outcomes, local_outcomes
 from botohe_moo.study.refresh import refresh_tables
 from botohe_moo.study.shelf import tables_locked
 from botohe_moo.study.stopping import Stop, hold_stop
-from botohe_moo.study.store import DamagedError, Store
+from botohe_moo.study.store import Store
 from botohe_moo.study.tables import StudyTables
-from botohe_moo.study.task import Outcome, Record, Task
+from botohe_moo.study.task import PATIENCE, Outcome, Record, Task
 
-__all__ = [
-    "Plan",
-    "StudyInterrupted",
-    "make_tables",
-    "make_task",
-    "plan_study",
-    "run_study",
-]
+__all__ = ["StudyInterrupted", "make_tables", "run_study"]
 
 
 class StudyInterrupted(KeyboardInterrupt):
@@ -80,74 +72,13 @@ class Watcher(Protocol):
         """
 
 
-@dataclass(frozen=True)
-class Plan:
-    """The runs of a study, and which of them are already there.
-
-    Attributes
-    ----------
-    runs
-        All runs.
-    finished
-        The files of those whose results are there, by name of the run.
-    failed
-        Names of those that failed the last time.
-    damaged
-        What is wrong with the files of runs that cannot be used, by name of the run.
-    """
-
-    runs: tuple[Run, ...]
-    finished: Mapping[str, Entry]
-    failed: frozenset[str]
-    damaged: Mapping[str, str]
-
-    @property
-    def missing(self) -> tuple[Run, ...]:
-        """The runs that are to be performed."""
-        return tuple(run for run in self.runs if run.digest not in self.finished)
-
-
-def plan_study(study: Study, folder: Path, *, anew: bool = False) -> Plan:
-    """Find out which runs of a study are already in its folder.
-
-    A file that is new, or has changed since it was read, is read in full and checked.
-
-    Parameters
-    ----------
-    study
-        The study.
-    folder
-        Its folder; need not exist.
-    anew
-        Whether every file is read, also those that were read before and have not changed.
-
-    Raises
-    ------
-    StudyError
-        If the folder holds another study.
-    """
-    store = Store(folder)
-    store.check(study)
-    runs = study.runs()
-    known = {} if anew else read_index(folder)
-    finished, damaged = {}, {}
-    for run in runs:
-        try:
-            if entry := store.entry(run, known.get(run.digest)):
-                finished[run.digest] = entry
-        except DamagedError as error:
-            damaged[run.digest] = str(error)
-    failed = store.failures().keys() & {run.digest for run in runs} - finished.keys()
-    readable = (digest for digest in failed if store.failure(digest) is not None)
-    return Plan(runs, finished, frozenset(readable), damaged)
-
-
 def run_study(
     source: str | os.PathLike[str] | Mapping[str, Any] | Study,
     out: str | os.PathLike[str] | None = None,
     *,
     workers: int = 1,
     dask: str | None = None,
+    patience: float = PATIENCE,
     watcher: Watcher | None = None,
 ) -> StudyTables:
     """Perform what is missing of a study, and make its tables.
@@ -166,6 +97,9 @@ def run_study(
         Runs at a time on this machine, at least 1. Results do not depend on it.
     dask
         Address of the scheduler of a Dask cluster, to work there instead.
+    patience
+        Seconds, above 0, after which a run of another package's algorithm fails that evaluates no
+        plan any more, where no budget of seconds ends it.
     watcher
         Is told how the study gets on.
 
@@ -197,6 +131,7 @@ def run_study(
     [['random', 1, 'done'], ['random', 2, 'done'], ['greedy', 1, 'done'], ['greedy', 2, 'done']]
     """
     workers = check_integer("workers", workers, at_least=1, at_most=1_024)
+    patience = check_number("patience", patience, above=0)
     study = source if isinstance(source, Study) else load_study(source, out=out)
     folder = study_folder(study.name, out)
     store = Store(folder)
@@ -208,7 +143,10 @@ def run_study(
         watcher = watcher or _Silent()
         watcher.begin(plan)
         with hold_stop() as stop:
-            done = _perform(plan, store, stop, workers=workers, dask=dask, watcher=watcher)
+            done = _perform(
+                plan, store, stop,
+                workers=workers, dask=dask, patience=patience, watcher=watcher,
+            )  # fmt: skip
             with tables_locked(folder):
                 tables = refresh_tables(study, store, {**plan.finished, **done})
     if stop.is_set():
@@ -254,12 +192,13 @@ def _perform(
     *,
     workers: int,
     dask: str | None,
+    patience: float,
     watcher: Watcher,
 ) -> dict[str, Entry]:
     """Perform the runs that are missing; give the files of those that did not fail."""
     done: dict[str, Entry] = {}
     runs = {run.digest: run for run in plan.missing}
-    tasks = [make_task(run) for run in runs.values()]
+    tasks = [make_task(run, patience) for run in runs.values()]
     if not tasks:
         return done
 
@@ -280,33 +219,6 @@ def _perform(
     finally:
         outcomes.close()  # type: ignore[attr-defined]
     return done
-
-
-def make_task(run: Run) -> Task:
-    """Say what a worker needs to know of a run.
-
-    Parameters
-    ----------
-    run
-        The run.
-    """
-    budget = run.mission.budget
-    return Task(
-        digest=run.digest,
-        mission=run.mission.mission,
-        min_survival=run.mission.min_survival,
-        algorithm=run.algorithm.algorithm,
-        parameters=dict(run.algorithm.parameters),
-        origin=dict(run.algorithm.origin),
-        seed=run.seed,
-        evaluations=budget.evaluations,
-        seconds=budget.seconds,
-        grace_seconds=budget.grace_seconds,
-        per_decade=run.recording.per_decade,
-        start=run.recording.start,
-        at=tuple(run.recording.at),
-        version=version("botohe-moo"),
-    )
 
 
 class _Silent:

@@ -70,8 +70,13 @@ class _Story:
     def killed(self) -> Outcome:
         """Tell of a run that had to be killed; what it had recorded is evaluated again."""
         task, last = self.task, self.records[-1] if self.records else None
-        if task.seconds is None or self.began is None:
+        if self.began is None:
             return self.failed(f"killed: it did not start within {_MOST_SECONDS_TO_START:g} s")
+        if task.seconds is None:
+            return self.failed(
+                f"killed: it had evaluated no plan for {task.patience:g} s; a budget of seconds "
+                "would have ended it, --patience allows it more"
+            )
         outcome = Outcome(
             status="timeout",
             stopped_by="limit",
@@ -84,6 +89,13 @@ class _Story:
             ),
         )
         return self.ended(outcome)
+
+
+def _most_seconds(task: Task) -> float:
+    """Say for how long a run may go on, without budget of seconds from its last evaluation on."""
+    if task.seconds is not None:
+        return task.seconds + task.grace_seconds
+    return math.inf if task.origin["package"] == "botohe-moo" else task.patience
 
 
 class Sandbox:
@@ -172,8 +184,10 @@ class Sandbox:
                 return story.ended(content)
             if kind == "begin":
                 story.began = content
-                limit = math.inf if task.seconds is None else task.seconds + task.grace_seconds
-                story.deadline = time.monotonic() + limit
+                story.deadline = time.monotonic() + _most_seconds(task)
+            elif kind == "progress":
+                if task.seconds is None:
+                    story.deadline = time.monotonic() + _most_seconds(task)
             else:
                 for record in content:
                     story.note(record)

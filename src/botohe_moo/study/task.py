@@ -9,7 +9,9 @@ from botohe_moo._types import FloatArray
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import PlanBatch
 
-__all__ = ["Outcome", "Record", "Task", "failure"]
+__all__ = ["PATIENCE", "Outcome", "Record", "Task", "failure"]
+
+PATIENCE = 3600.0
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,9 @@ class Task:
         When the front is recorded.
     version
         Version of this package that the study was planned with.
+    patience
+        Seconds without an evaluation after which another package's algorithm is given up, where no
+        budget of seconds ends it; no result depends on it.
     """
 
     digest: str
@@ -50,6 +55,7 @@ class Task:
     start: float
     at: tuple[int, ...]
     version: str
+    patience: float = PATIENCE
 
 
 @dataclass(frozen=True)
