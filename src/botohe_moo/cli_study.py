@@ -233,7 +233,7 @@ def _say_missing(tables: StudyTables) -> None:
 
 @study_app.command("report")
 def report(folder: FolderArgument) -> None:
-    """Make the report: a page, figures, LaTeX tables and a summary."""
+    """Make the report: a page, figures and LaTeX tables."""
     from botohe_moo.study.report import write_report
     from botohe_moo.study.tables import read_study
 

@@ -56,6 +56,7 @@ def outcome_of(run, *fronts, ties=0):
         recording_seconds=0.0,
         records=tuple(records),
         environment=environment(),
+        began="2026-11-22T04:30:12Z" if records else None,
     )
 
 
@@ -167,6 +168,11 @@ class TestTrace:
             assert rows[key] == area_indicator(points[["reward", "survivors"]], mission)
 
 
+def test_runs_say_when_they_began(kept):
+    assert set(kept.runs.loc[kept.runs["status"] == "done", "began"]) == {"2026-11-22T04:30:12Z"}
+    assert kept.runs.loc[kept.runs["status"] != "done", "began"].isna().all()
+
+
 class TestEntries:
     def test_parameters_are_columns(self, kept):
         table = kept.algorithms.set_index("algorithm")
@@ -175,6 +181,7 @@ class TestEntries:
         assert list(table["evaporation"].dropna()) == [0.1, 0.2, 0.1, 0.2]
         assert pd.isna(table.loc["random", "n_ants"])
         assert set(table["name"]) == {"random", "bo-aco"}
+        assert table["family"].value_counts().to_dict() == {"ants": 4, "random": 1}
 
     def test_missions_are_described(self, kept):
         table = kept.missions.set_index("mission")
@@ -183,6 +190,8 @@ class TestEntries:
             assert (row["nodes"], row["arcs"]) == (len(mission.nodes), len(mission.arrays.tail))
             assert (row["robots"], row["total_reward"]) == (mission.robots, mission.total_reward)
         assert list(table["name"]) == ["toy", "two_communities", "two_communities"]
+        assert list(table["family"]) == ["toy", "towns", "towns"]
+        assert list(table["seed"].dropna()) == [1, 2]
 
     def test_the_small_ones_are_csv_too(self, kept):
         for name in ("algorithms", "missions", "targets", "posthoc"):

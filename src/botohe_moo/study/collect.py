@@ -127,7 +127,7 @@ def _run_row(run: Run, outcome: Outcome, where: str) -> dict[str, Any]:
         "seed": run.seed,
         "status": outcome.status,
         "stopped_by": outcome.stopped_by,
-        "began": getattr(outcome, "began", None),
+        "began": outcome.began,
         "evaluations": outcome.evaluations,
         "seconds": outcome.seconds,
         "recording_seconds": outcome.recording_seconds,
