@@ -19,8 +19,8 @@ from botohe_moo.study.index import Entry as FileEntry
 from botohe_moo.study.kept import kept_study
 from botohe_moo.study.loading import study_folder
 from botohe_moo.study.perform import verify
-from botohe_moo.study.refresh import refresh_tables
 from botohe_moo.study.planning import make_task
+from botohe_moo.study.refresh import refresh_tables
 from botohe_moo.study.shelf import tables_locked
 from botohe_moo.study.store import DamagedError, Store
 from botohe_moo.study.tables import StudyError, StudyTables
