@@ -129,9 +129,10 @@ def _outcome(tables: StudyTables) -> str:
 @study_app.command("plan")
 def plan(file: FileArgument, out: OutOption = None, workers: WorkersOption = None) -> None:
     """List the runs, what is already there, and how long the rest will take."""
-    from botohe_moo.study.estimate import estimate_times
+    from botohe_moo.study.estimate import estimate_times, time_left
     from botohe_moo.study.loading import load_study, study_folder
     from botohe_moo.study.planning import plan_study
+    from botohe_moo.study.progress import showing_trials
 
     with failing():
         study = load_study(file, out=out)
@@ -139,18 +140,18 @@ def plan(file: FileArgument, out: OutOption = None, workers: WorkersOption = Non
         planned = plan_study(study, folder)
     for fault in planned.damaged.values():
         say(f"{fault}; the run will be performed again.")
-    estimates = list(estimate_times(planned))
+    with showing_trials(say) as show:
+        estimates = list(estimate_times(planned, show))
     tell(_plan_table(estimates))
     n_there, n_runs = len(planned.finished), len(planned.runs)
     tell(f"\n{n_runs} runs: {n_there} are there, {n_runs - n_there} to go, in {folder}")
     n_workers = _workers(workers)
     if waiting := [estimate for estimate in estimates if estimate.n_there < estimate.n_runs]:
-        left = sum(estimate.seconds_left for estimate in waiting) / n_workers
-        longest = max(estimate.seconds or 0.0 for estimate in waiting)
+        left = time_left(waiting, n_workers)
         about = "at most about" if any(e.at_most for e in waiting) else "about"
         unknown = any(estimate.seconds is None for estimate in waiting)
         tell(
-            f"{about} {_duration(max(left, longest))} with {n_workers} at a time"
+            f"{about} {_duration(left)} with {n_workers} at a time"
             f"{', besides what is unknown' if unknown else ''}"
         )
 
@@ -179,7 +180,8 @@ def _each(estimate: Estimate) -> str:
     if estimate.seconds is None:
         return "unknown: a trial failed"
     sign = "" if estimate.measured else "at most ~" if estimate.at_most else "~"
-    return f"{sign}{_duration(estimate.seconds)}"
+    start = f" and {_duration(estimate.start_seconds)} to start" if estimate.start_seconds else ""
+    return f"{sign}{_duration(estimate.seconds)}{start}"
 
 
 def _duration(seconds: float) -> str:

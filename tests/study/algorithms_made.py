@@ -121,6 +121,20 @@ class SlowWithin(Sampler):
             )
 
 
+class Compiling(ArchiveAlgorithm):
+    """Takes long once and for all, in its first iteration ever; the file says that it was."""
+
+    def __init__(self, path: str = "", seconds: float = 1.0):
+        super().__init__()
+        self.path, self.seconds = Path(path), seconds
+
+    def _advance(self, **_):
+        if not self.path.exists():
+            time.sleep(self.seconds)
+            self.path.touch()
+        sample(self, min(10, self._n_left()))
+
+
 class Dying(ArchiveAlgorithm):
     """Takes its process along."""
 

@@ -484,7 +484,9 @@ class TestCommands:
             "budget: {evaluations: 200}\nseeds: 2\n"
         )
         status, out, err = finish(start("plan", path, "--out", folder))
-        assert (status, err) == (0, "")
+        assert status == 0
+        assert err.startswith("botohe: trying random on toy (1 of 2); what is not compiled yet")
+        assert "Traceback" not in err
         assert "4 runs: 0 are there, 4 to go" in out
         assert not folder.exists()
         status, out, err = finish(start("run", path, "--out", folder))

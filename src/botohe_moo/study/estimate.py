@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import heapq
 import statistics
+import time
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -10,16 +12,20 @@ from botohe_moo.study.planning import make_task
 from botohe_moo.study.sandbox import Sandbox
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterable, Iterator
 
+    from botohe_moo.study.config import Budget
     from botohe_moo.study.grid import Run
     from botohe_moo.study.planning import Plan
     from botohe_moo.study.task import Outcome, Record
 
-__all__ = ["Estimate", "estimate_times"]
+__all__ = ["Estimate", "estimate_times", "time_left"]
 
 _TRIAL_SECONDS = 0.5
+_FIRST_SECONDS = 0.01
 _GRACE_SECONDS = 10.0
+_COMPILING_SECONDS = 120.0  # a first iteration may take
+_ENDED = ("done", "infeasible")
 
 
 @dataclass(frozen=True)
@@ -34,8 +40,11 @@ class Estimate:
         How many there are, how many are finished, and how many failed the last time.
     seconds
         How long one will take; None where a trial did not come to an end.
+    start_seconds
+        How long the process takes to start that each of them has to itself; 0 where one process
+        serves for several, or nothing is missing.
     measured
-        Whether that is known from finished runs, and not from a trial.
+        Whether ``seconds`` is known from finished runs, and not from a trial.
     at_most
         Whether a run may end by itself long before, or a trial was too short to tell.
     """
@@ -46,65 +55,138 @@ class Estimate:
     n_there: int
     n_failed: int
     seconds: float | None
+    start_seconds: float
     measured: bool
     at_most: bool
 
     @property
-    def seconds_left(self) -> float:
-        """How long the missing runs will take, one after another."""
-        return (self.n_runs - self.n_there) * (self.seconds or 0.0)
+    def n_left(self) -> int:
+        """How many are missing."""
+        return self.n_runs - self.n_there
+
+    @property
+    def each(self) -> float:
+        """How long one takes a worker."""
+        return self.start_seconds + (self.seconds or 0.0)
 
 
-def estimate_times(plan: Plan) -> Iterator[Estimate]:
+def estimate_times(plan: Plan, tell: Callable[[str], None]) -> Iterator[Estimate]:
     """Estimate how long each mission and algorithm will take.
 
-    Where no run is finished, a run is tried for half a second. What an evaluation takes after its
-    first iteration, which may have much to prepare, is scaled up to its budget.
+    Where no run is finished, a run is tried for half a second, after a first trial in which kernels
+    are compiled. What an evaluation takes after the trial's first iteration, which may have much to
+    prepare, is scaled up to its budget.
 
     Parameters
     ----------
     plan
         The runs, and what is already there.
+    tell
+        Is told what is tried, before it is.
     """
     cells: dict[tuple[str, str], list[Run]] = {}
     for run in plan.runs:
         cells.setdefault((run.mission.label, run.algorithm.label), []).append(run)
-    sandbox = Sandbox()
+    missing = {(run.mission.label, run.algorithm.label): run for run in plan.missing}
+    trial = _Trial()
     try:
-        for (mission, algorithm), runs in cells.items():
+        for n, (cell, runs) in enumerate(cells.items(), 1):
+            mission, algorithm = cell
             there = [plan.finished[run.digest] for run in runs if run.digest in plan.finished]
-            known = [entry.seconds for entry in there]
-            seconds, at_most = (
-                (statistics.median(known), False) if known else _try(runs[0], sandbox)
-            )
+            seconds: float | None = 0.0
+            at_most, start = False, 0.0
+            if cell in missing and (not there or _has_own_process(missing[cell])):
+                tell(f"trying {algorithm} on {mission} ({n} of {len(cells)})")
+                seconds, at_most, start = trial.of(missing[cell])
+            if there:
+                seconds, at_most = statistics.median(entry.seconds for entry in there), False
             yield Estimate(
                 mission=mission,
                 algorithm=algorithm,
                 n_runs=len(runs),
-                n_there=len(known),
+                n_there=len(there),
                 n_failed=sum(run.digest in plan.failed for run in runs),
                 seconds=seconds,
-                measured=bool(known),
+                start_seconds=start,
+                measured=bool(there),
                 at_most=at_most,
             )
     finally:
-        sandbox.close()
+        trial.close()
 
 
-def _try(run: Run, sandbox: Sandbox) -> tuple[float | None, bool]:
-    """Give the seconds a run will take, None if unknown, and whether it may take less."""
-    task = make_task(run)
-    limit = min(task.seconds or _TRIAL_SECONDS, _TRIAL_SECONDS)
-    trial = replace(task, seconds=limit, grace_seconds=_GRACE_SECONDS)
-    outcome = sandbox.perform(trial, stopped=lambda: False, note=_ignore)
-    if outcome is None or outcome.status in ("failed", "timeout"):
-        return task.seconds, True
+def time_left(estimates: Iterable[Estimate], workers: int) -> float:
+    """Say when the last of the missing runs will end, in seconds from now.
+
+    Parameters
+    ----------
+    estimates
+        What is known of them, in the order of the study.
+    workers
+        How many take one after the other, as they are free.
+    """
+    free_at = [0.0] * workers
+    for estimate in estimates:
+        for _ in range(estimate.n_left):
+            heapq.heapreplace(free_at, free_at[0] + estimate.each)
+    return max(free_at)
+
+
+def _has_own_process(run: Run) -> bool:
+    return run.algorithm.origin["source"] is not None
+
+
+class _Trial:
+    """Tries runs, each algorithm for the first time so that what it needs is compiled."""
+
+    def __init__(self) -> None:
+        self._sandbox = Sandbox()
+        self._compiled: set[str] = set()
+
+    def of(self, run: Run) -> tuple[float | None, bool, float]:
+        """Try a run.
+
+        Returns
+        -------
+        tuple
+            The seconds it will take, None if unknown; whether it may take less; and the seconds
+            that the start of its process takes, 0 where it has none of its own.
+        """
+        outcome = None
+        if run.algorithm.label not in self._compiled:
+            outcome = self._perform(run, _FIRST_SECONDS, _COMPILING_SECONDS)
+        if outcome is None or outcome.status in _ENDED:
+            self._compiled.add(run.algorithm.label)
+            started = time.perf_counter()
+            outcome = self._perform(run, _TRIAL_SECONDS, _GRACE_SECONDS)
+            waited = time.perf_counter() - started
+        if outcome.status not in _ENDED:
+            return run.mission.budget.seconds, True, 0.0
+        spent = outcome.seconds + outcome.recording_seconds
+        start = max(0.0, waited - spent) if _has_own_process(run) else 0.0
+        return *_whole(run.mission.budget, outcome), start
+
+    def _perform(self, run: Run, seconds: float, grace_seconds: float) -> Outcome:
+        task = make_task(run)
+        limit = min(task.seconds or seconds, seconds)
+        trial = replace(task, seconds=limit, grace_seconds=grace_seconds)
+        outcome = self._sandbox.perform(trial, stopped=lambda: False, note=_ignore)
+        assert outcome is not None  # nobody has stopped it
+        return outcome
+
+    def close(self) -> None:
+        """End the process."""
+        self._sandbox.close()
+
+
+def _whole(budget: Budget, outcome: Outcome) -> tuple[float, bool]:
+    """Give the seconds that a run will take of which a trial is known, and whether it may less."""
     if outcome.stopped_by != "seconds":
         return outcome.seconds, False
-    limits = [] if task.seconds is None else [task.seconds]
+    limits = [] if budget.seconds is None else [budget.seconds]
     at_most = False
-    if task.evaluations is not None:
-        scaled, at_most = _scaled(outcome, task.evaluations)
+    if budget.evaluations is not None:
+        scaled, at_most = _scaled(outcome, budget.evaluations)
         limits.append(scaled)
     return min(limits), at_most
 

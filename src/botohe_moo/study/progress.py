@@ -2,25 +2,61 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import threading
 import time
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Self
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from botohe_moo.study.grid import Run
     from botohe_moo.study.planning import Plan
     from botohe_moo.study.task import Outcome, Record
 
-__all__ = ["ProgressWatcher"]
+__all__ = ["ProgressWatcher", "showing_trials"]
 
 _SECONDS_BETWEEN_LINES = 60.0  # where there is no terminal to draw a bar on
+_SECONDS_BETWEEN_TRIALS = 10.0  # that are told where there is none
 _STEPS = 1_000  # of a run, so that the bar moves within one
+
+
+@contextmanager
+def showing_trials(say: Callable[[str], None]) -> Iterator[Callable[[str], None]]:
+    """Show on standard error what is tried, in a line that changes, or now and then in one more.
+
+    Parameters
+    ----------
+    say
+        Says a line.
+
+    Yields
+    ------
+    callable
+        Takes what is tried now.
+    """
+    if sys.stderr is not None and sys.stderr.isatty():
+        with Console(stderr=True).status("reading") as status:
+            yield lambda tried: status.update(_trial(tried))
+        return
+    said_at = -math.inf
+
+    def show(tried: str) -> None:
+        nonlocal said_at
+        if time.monotonic() - said_at >= _SECONDS_BETWEEN_TRIALS:
+            said_at = time.monotonic()
+            say(_trial(tried))
+
+    yield show
+
+
+def _trial(tried: str) -> str:
+    return f"{tried}; what is not compiled yet is compiled first, which may take minutes."
 
 
 class ProgressWatcher:
