@@ -75,7 +75,7 @@ def render_page(
         size=_size(tables),
         matrix=matrix(tables),
         missing=missing_grid(tables),
-        n_missing=int(tables.missing["missing"].sum()),
+        n_missing=tables.n_missing,
         outcome=[_outcome(tables, label) for label in tables.mission_labels],
         notes=_notes(tables),
         missions=_missions(tables),
@@ -99,7 +99,7 @@ def _size(tables: StudyTables) -> str:
 
     n_done = int((tables.runs["status"] == "done").sum())
     n_runs = len(tables.runs)
-    n_missing = int(tables.missing["missing"].sum())
+    n_missing = tables.n_missing
     parts = (
         (len(tables.mission_labels), "mission"),
         (len(tables.algorithm_labels), "algorithm"),
