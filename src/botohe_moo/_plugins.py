@@ -9,7 +9,7 @@ import re
 import sys
 import warnings
 from dataclasses import dataclass
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import Distribution, EntryPoint, entry_points
 from types import MethodType
 from typing import TYPE_CHECKING, Any
 
@@ -180,5 +180,11 @@ def _as_it_is(folder: str) -> tuple[str, int]:
 
 
 def _package(entry: EntryPoint) -> str:
-    name = entry.dist.name if entry.dist else None  # None, too, where its metadata are broken
+    name = _name_of(entry.dist) if entry.dist else None
     return re.sub(r"[-_.]+", "-", name).lower() if name else "(unknown)"
+
+
+@functools.lru_cache(maxsize=256)
+def _name_of(package: Distribution) -> str | None:
+    """Read a package's name, once; None where its metadata are broken."""
+    return package.name

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from typing import Any
 
 from pymoo.core.algorithm import Algorithm
@@ -49,4 +50,9 @@ def find_algorithm(name: str) -> Callable[..., Any]:
 
 def accepted_by(factory: Callable[..., Any]) -> Accepted:
     """Find out what a factory can be given: what it states, but for pymoo's own options."""
+    return _accepted(factory) if isinstance(factory, Hashable) else _accepted.__wrapped__(factory)
+
+
+@functools.lru_cache(maxsize=64)  # a grid asks for every combination
+def _accepted(factory: Callable[..., Any]) -> Accepted:
     return accepted_parameters(factory, hidden=_PYMOOS_OWN, closed=True)

@@ -56,6 +56,8 @@ class CheckedContent:
         self._file: StudyFile | None = None
         for place, said in file_faults(content):
             self.faults.add(place, said)
+            if self.faults.full:
+                break
         if not self.faults:
             self._file = StudyFile.model_validate(content)
         content = content if isinstance(content, dict) else {}
@@ -144,6 +146,7 @@ class CheckedContent:
         return f"{name!r}: {message}{missing}"
 
     def _read_algorithms(self, entries: Mapping[str, AlgorithmEntry]) -> Iterator[StudyAlgorithm]:
+        origins: dict[str, dict[str, str | None]] = {}
         for member in members("algorithms", entries, self.faults):
             name = member.entry.algorithm
             found = check_algorithm(name, member.parameters, plain=True)
@@ -151,11 +154,13 @@ class CheckedContent:
                 said = message if blamed else self._said_of(name, message)
                 self.faults.add((*member.path, *_place(blamed, member.entry)), said)
             if not found:
+                if name not in origins:
+                    origins[name] = algorithm_origin(name)
                 yield StudyAlgorithm(
                     label=member.label,
                     algorithm=name,
                     parameters=member.parameters,
-                    origin=algorithm_origin(name),
+                    origin=origins[name],
                     identity=algorithm_identity(name, member.parameters),
                     family=member.family,
                     grid=member.grid,

@@ -75,11 +75,13 @@ def file_faults(content: Any) -> Iterator[tuple[Place, str]]:
         StudyFile.model_validate(content)
     except ValidationError as invalid:
         errors = invalid.errors(include_url=False)
-        unknown = [e["loc"] for e in errors if e["type"] == "extra_forbidden"]
+        unknown: dict[Place, list[str]] = {}
         for error in errors:
-            *above, name = error["loc"] or ("",)
-            others = [str(key) for *where, key in unknown if where == above]
-            if error["type"] == "missing" and misspelt(str(name), others):
+            if error["type"] == "extra_forbidden":
+                unknown.setdefault(error["loc"][:-1], []).append(str(error["loc"][-1]))
+        for error in errors:
+            others = unknown.get(error["loc"][:-1], ())
+            if error["type"] == "missing" and misspelt(str(error["loc"][-1]), others):
                 continue  # the misspelt key is reported, and says what it should have been
             place = _written(content, error["loc"])
             yield place, _said(place, error)
@@ -95,7 +97,7 @@ def misspelt(name: str, words: Sequence[str]) -> str | None:
     words
         Words that mean nothing.
     """
-    near = difflib.get_close_matches(name, [word[:100] for word in words], n=1)
+    near = difflib.get_close_matches(name, [word[:100] for word in words[:1_000]], n=1)
     return near[0] if near else None
 
 
