@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from botohe_moo._checks import nearest_first
 from botohe_moo.plots.fonts import drawable
-from botohe_moo.plots.labels import WIDTH, display_names, wrapped
+from botohe_moo.plots.labels import UNBROKEN, WIDTH, display_names, wrapped
 from botohe_moo.plots.style import MARKERS, Colour, colours
 
 if TYPE_CHECKING:
@@ -116,7 +116,14 @@ def chosen_algorithms(
 
 
 def names_of(
-    algorithms: Iterable[str], styles: Mapping[str, AlgorithmStyle], width: int = WIDTH
+    algorithms: Iterable[str],
+    styles: Mapping[str, AlgorithmStyle],
+    width: int = WIDTH,
+    *,
+    longest: int = UNBROKEN,
 ) -> dict[str, str]:
-    """Give the names of ``algorithms`` in pictures, on lines of about ``width`` columns."""
-    return {label: wrapped(styles[label].name or drawable(label), width) for label in algorithms}
+    """Give the names of ``algorithms`` in pictures, on lines as ``wrapped`` makes them."""
+    return {
+        label: wrapped(styles[label].name or drawable(label), width, longest=longest)
+        for label in algorithms
+    }

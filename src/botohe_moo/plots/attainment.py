@@ -19,7 +19,7 @@ from botohe_moo.plots.panels import (
     study_axes,
     title_panels,
 )
-from botohe_moo.plots.scales import dress, title_above
+from botohe_moo.plots.scales import title_above
 from botohe_moo.plots.style import theme
 
 if TYPE_CHECKING:
@@ -87,7 +87,6 @@ def plot_attainment(
             panels = open_panels(list(fronts), styles)
             add_background(panels, {label: half for label, (_, half, _) in surfaces.items()})
             for label, own in panels.items():
-                dress(own)
                 _draw(own, surfaces[label], styles[label], label, len(fronts[label]))
             first = next(iter(panels.values()))
             first.set(xlim=(0, None), ylim=(0, None))

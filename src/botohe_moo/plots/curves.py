@@ -102,10 +102,10 @@ def plot_curves(
         if ax is None and len(curves) >= MANY:
             panels = open_panels(list(curves), styles)
             ax = next(iter(panels.values()))
-            cut = _axes(ax, curves, value)
+            cut = _axes(ax, curves, value, small=False)
+            ax.grid(visible=False)
             add_background(panels, {k: stairs(c.x, c.middle) for k, c in curves.items()})
             for label, own in panels.items():
-                own.spines[["top", "right"]].set_visible(False)
                 _draw(own, label, curves[label], styles[label], None)
             title_panels(panels, title, words + cut, NAMES[x], _VALUES[value])
             return ax
@@ -123,11 +123,14 @@ def plot_curves(
     return ax
 
 
-def _axes(ax: Axes, curves: Mapping[str, Curve], value: Value) -> str:
+def _axes(ax: Axes, curves: Mapping[str, Curve], value: Value, *, small: bool = True) -> str:
     """Set both axes, and say what they do not show."""
     found = list(curves.values())
-    log_axis(ax, min(float(c.x[0]) for c in found), max(float(c.x[-1]) for c in found))
-    return _area_axis(ax, found) if value == "area" else _distance_axis(ax, found)
+    low, high = min(float(c.x[0]) for c in found), max(float(c.x[-1]) for c in found)
+    log_axis(ax, low, high, small=small)
+    if value == "area":
+        return _area_axis(ax, found)
+    return _distance_axis(ax, found, small=small)
 
 
 def _draw(ax: Axes, label: str, curve: Curve, style: AlgorithmStyle, many: int | None) -> None:
@@ -175,7 +178,7 @@ def _area_axis(ax: Axes, curves: Sequence[Curve]) -> str:
     return f"; areas below {bottom:.2f} cut off" if lowest < bottom else ""
 
 
-def _distance_axis(ax: Axes, curves: Sequence[Curve]) -> str:
+def _distance_axis(ax: Axes, curves: Sequence[Curve], *, small: bool) -> str:
     """Show all distances; those of 0, which a logarithmic axis has not, at its lower edge."""
     values = np.concatenate([part for c in curves for part in (c.low, c.middle, c.high)])
     positive = values[values > 0]
@@ -184,7 +187,7 @@ def _distance_axis(ax: Axes, curves: Sequence[Curve]) -> str:
         return ""
     low, high = float(positive.min()), float(positive.max())
     zeros = len(positive) < len(values)
-    log_axis(ax, low / 1.12 / (1.5 if zeros else 1), high * 1.12, "y")
+    log_axis(ax, low / 1.12 / (1.5 if zeros else 1), high * 1.12, "y", small=small)
     return "; 0 lies at the lower edge" if zeros else ""
 
 

@@ -15,7 +15,7 @@ from botohe_moo.plots.algorithms import names_of, styles_of
 from botohe_moo.plots.attainment import attainment_difference, attainment_surface
 from botohe_moo.plots.front import staircase
 from botohe_moo.plots.fronts import final_fronts, objective_axes
-from botohe_moo.plots.labels import wrapped
+from botohe_moo.plots.labels import columns
 from botohe_moo.plots.scales import stack_above
 from botohe_moo.plots.style import INK, MUTED, theme, tint
 
@@ -35,6 +35,7 @@ __all__ = ["plot_attainment_difference"]
 _SHADES = 5  # as many as are told apart
 _DASHED = (0, (4, 2))
 _NAME_WIDTH = 44  # columns
+_BREAK = "\n"
 _MANY = 1_500  # more rectangles are drawn as an image in vector files, too
 
 
@@ -93,8 +94,10 @@ def plot_attainment_difference(
             axes = _two_axes()
         left, right = axes
         names = {
-            label: wrapped(f"{name} reaches more often", _NAME_WIDTH)
-            for label, name in names_of([algorithm, other], styles).items()
+            label: f"{name}{' ' if columns(name) < _NAME_WIDTH - 20 else _BREAK}reaches more often"
+            for label, name in names_of(
+                [algorithm, other], styles, _NAME_WIDTH, longest=_NAME_WIDTH
+            ).items()
         }
         sides = ((left, algorithm, mine, difference), (right, other, theirs, -difference))
         for ax, label, found, ahead in sides:
@@ -109,7 +112,7 @@ def plot_attainment_difference(
                 handles=_key(colour),
                 loc="upper center",
                 bbox_to_anchor=(0.5, -0.13),
-                ncols=4,
+                ncols=3,
                 columnspacing=1.2,
                 handlelength=1.6,
                 fontsize=9,

@@ -92,13 +92,12 @@ def plot_fronts(
     with theme():
         names = {
             label: _with_seed(name, seeds[label], len(shown[label]))
-            for label, name in names_of(fronts, styles).items()
+            for label, name in names_of(fronts, styles, longest=WIDTH).items()
         }
         if ax is None and len(fronts) >= MANY:
             panels = open_panels(list(fronts), styles, names)
             add_background(panels, {k: staircase(front)[:-1] for k, front in shown.items()})
             for label, own in panels.items():
-                dress(own)
                 _draw_reference(own, reference)
                 _draw(own, shown[label], styles[label], None)
             first = next(iter(panels.values()))

@@ -17,7 +17,7 @@ __all__ = ["WIDTH", "columns", "display_names", "parsed_label", "wrapped"]
 Pairs = tuple[tuple[str, str], ...]
 
 WIDTH = 32  # columns of a line, as far as words allow
-_UNBROKEN = 64  # a single word or value gets a line of its own up to here
+UNBROKEN = 44  # a single word or value gets a line of its own up to here
 
 _GRID = re.compile(r"(?P<family>.*\S) \((?P<pairs>\w[\w.-]*=.*)\)")
 _NEXT = re.compile(r", (?=[^\W\d][\w.-]*=)")
@@ -111,7 +111,7 @@ def columns(text: str) -> int:
     )
 
 
-def wrapped(name: str, width: int = WIDTH) -> str:
+def wrapped(name: str, width: int = WIDTH, *, longest: int = UNBROKEN) -> str:
     """Break a name into lines, at spaces, and never within a value that has room on a line.
 
     Parameters
@@ -119,7 +119,9 @@ def wrapped(name: str, width: int = WIDTH) -> str:
     name
         Name of an algorithm, or a title.
     width
-        Columns of a line. Single words and values may take up to 64.
+        Columns of a line, as far as words allow.
+    longest
+        Columns of a single word or value, which is broken only beyond.
 
     Examples
     --------
@@ -133,7 +135,7 @@ def wrapped(name: str, width: int = WIDTH) -> str:
     if pairs:
         told = [f"{key}={value}".replace(" ", _GLUE) for key, value in pairs]
         name = f"{family} ({', '.join(told)})"
-    words = [part for word in name.split() for part in _broken(word, max(width, _UNBROKEN))]
+    words = [part for word in name.split() for part in _broken(word, max(width, longest))]
     return "\n".join(_lines(words, width)).replace(_GLUE, " ")
 
 

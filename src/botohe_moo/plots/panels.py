@@ -34,7 +34,7 @@ __all__ = [
 MANY = 12  # from so many algorithms on, one plot would be a tangle
 
 _PANEL = (2.35, 1.6)  # inches
-_GAP = 0.16
+_GAP = 0.36
 _NAME = 8.5  # points
 _NAME_WIDTH = 32  # columns
 _FEW_POINTS = 20_000  # more are drawn as an image in vector files, too
@@ -101,12 +101,13 @@ def open_panels(
     names
         What to call them instead of their names.
     """
-    names = names_of(labels, styles, _NAME_WIDTH) if names is None else names
+    if names is None:
+        names = names_of(labels, styles, _NAME_WIDTH, longest=_NAME_WIDTH)
     lines = max(name.count("\\n") + 1 for name in names.values())
     n_columns = 4 if len(labels) <= 24 else 5
     n_rows = -(-len(labels) // n_columns)
     wide, high = _PANEL
-    gap = (1.2 * lines * _NAME + 9) / 72
+    gap = (1.25 * lines * _NAME + 14) / 72
     left, below, above = 0.85, 0.6, 0.75 + gap
     width = left + n_columns * wide + (n_columns - 1) * _GAP + 0.2
     height = above + n_rows * high + (n_rows - 1) * gap + below
@@ -120,7 +121,11 @@ def open_panels(
             (x / width, y / height, wide / width, high / height), sharex=first, sharey=first
         )
         lowest = place + n_columns >= len(labels)
-        ax.tick_params(labelsize=8, labelbottom=lowest, labelleft=column == 0)
+        ax.tick_params(labelsize=8)
+        ax.spines[["top", "right"]].set_visible(False)
+        # Numbers stand at the edges only; hundreds of ticks would take longer than all curves.
+        ax.xaxis.set_visible(lowest)
+        ax.yaxis.set_visible(column == 0)
         ax.annotate(
             names[label],
             (0, 1),
@@ -163,7 +168,7 @@ def title_panels(panels: Mapping[str, Axes], title: str | None, words: str, x: s
     lines = max(text.get_text().count("\\n") + 1 for ax in axes for text in ax.texts)
     fig = axes[0].figure.figure
     words = f"{words}; in grey all others"
-    lift = 1.2 * lines * _NAME + 3
+    lift = 1.25 * lines * _NAME + 10
     title_above(axes[0], title, words, width=fig.get_figwidth() - 1.0, lift=lift)
     boxes = [ax.get_position() for ax in axes]
     middle = (min(box.x0 for box in boxes) + max(box.x1 for box in boxes)) / 2

@@ -100,7 +100,8 @@ def plot_ranks(
             _draw_difference(ax, float(difference.iloc[0]))
             lift = 50.0
         n_missions = int(ranks["n_missions"].iloc[0])
-        words = f"average ranks over {n_missions} missions, 1 is best; bars join what may be chance"
+        over = f"{n_missions} mission{'' if n_missions == 1 else 's'}"
+        words = f"average ranks over {over}, 1 is best; bars join what may be chance"
         title_above(ax, title, words, lift=lift)
     return ax
 
@@ -160,9 +161,8 @@ def _draw_name(
     )
     ax.plot(rank, 0, color=colour, marker=style.marker, markersize=6, clip_on=False, zorder=3)
     number = f"{rank:.2f}"
-    shown = f"{name}  ({number})" if "\n" not in name else f"{name}\n({number})"
     ax.annotate(
-        shown,
+        f"{name}  ({number})",
         (edge, drop),
         (-6 if left else 6, 0),
         textcoords="offset points",

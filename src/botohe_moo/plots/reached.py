@@ -101,11 +101,11 @@ def plot_reached(
         if ax is None and len(lines) >= MANY:
             panels = open_panels(list(lines), styles)
             ax = next(iter(panels.values()))
-            log_axis(ax, low, high)
+            log_axis(ax, low, high, small=False)
+            ax.grid(visible=False)
             ax.set_ylim(-0.02, 1.02)
             add_background(panels, lines)
             for label, own in panels.items():
-                own.spines[["top", "right"]].set_visible(False)
                 _draw(own, lines[label], styles[label])
             title_panels(panels, title, words, NAMES[x], _Y)
             return ax

@@ -34,8 +34,22 @@ def dress(ax: Axes) -> None:
     ax.spines[["top", "right"]].set_visible(False)
 
 
-def log_axis(ax: Axes, low: float, high: float, which: Literal["x", "y"] = "x") -> None:
-    """Make an axis logarithmic, from ``low`` to ``high``, with numbers people read."""
+def log_axis(
+    ax: Axes, low: float, high: float, which: Literal["x", "y"] = "x", *, small: bool = True
+) -> None:
+    """Make an axis logarithmic, from ``low`` to ``high``, with numbers people read.
+
+    Parameters
+    ----------
+    ax
+        Axes to change.
+    low, high
+        What has to be in sight, above 0.
+    which
+        Which of the two axes.
+    small
+        Whether to mark what lies between the powers of ten.
+    """
     dress(ax)
     axis = ax.xaxis if which == "x" else ax.yaxis
     if high < 6.5 * low:  # less has no room for two of the numbers 1, 2 and 5
@@ -48,7 +62,8 @@ def log_axis(ax: Axes, low: float, high: float, which: Literal["x", "y"] = "x") 
     else:
         subs = (1.0, 2.0, 5.0) if decades < 1.7 else (1.0,)
         axis.set_major_locator(LogLocator(subs=subs, numticks=12))
-        _small_ticks(ax, low, high, which)
+        if small:
+            _small_ticks(ax, low, high, which)
     axis.set_minor_locator(NullLocator())
     # Matplotlib's own formatter writes mathematics, which the theme switches off for labels' sake.
     axis.set_major_formatter(FuncFormatter(lambda value, _: plain_number(value)))

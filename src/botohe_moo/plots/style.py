@@ -194,7 +194,9 @@ def _write_all(fig: Figure, targets: Sequence[Path], dpi: int) -> None:
 
 @contextmanager
 def _without_names(fig: Figure) -> Iterator[None]:
-    named = [(artist, artist.get_gid()) for artist in fig.findobj() if artist.get_gid()]
+    # Not findobj, which makes all ticks of all axes, also of those that are not shown.
+    artists = [*fig.get_children(), *(child for ax in fig.axes for child in ax.get_children())]
+    named = [(artist, artist.get_gid()) for artist in artists if artist.get_gid()]
     for artist, _ in named:
         artist.set_gid(None)
     try:
