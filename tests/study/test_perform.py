@@ -246,7 +246,8 @@ class TestRecords:
         mission = load_mission("art_museum")
         plans, objectives = records[-1].plans
         assert np.allclose(mission.evaluate(plans), objectives, rtol=1e-9)
-        assert len(plans) == records[-1].front_size
+        assert len(records[-1].objectives) == records[-1].front_size
+        assert len(plans) == records[-1].front_size + records[-1].ties
         assert {tuple(p) for p in objectives} == {tuple(p) for p in records[-1].objectives}
         assert (np.diff(records[-1].objectives[:, 0]) < 0).all()
         assert outcome.recording_seconds > 0
