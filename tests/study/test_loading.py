@@ -493,7 +493,7 @@ indicators: [area, igd]
                         "a": {"algorithm": "bo-aco", "grid": {"n_ants": list(range(1, 21))}}
                     },
                 },
-                "at most 1,000,000 runs",
+                "at most 250,000 runs, found 2,000,000.",
             ),
         ],
     )

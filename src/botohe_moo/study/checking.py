@@ -24,7 +24,7 @@ from botohe_moo.study.shape import Faults, Place, file_faults, misspelt
 
 __all__ = ["CheckedContent"]
 
-_MAX_RUNS = 1_000_000
+_MAX_RUNS = 250_000  # a study takes 200 bytes for each, and every run a file
 _MAX_LISTED = 20  # labels in a message
 
 

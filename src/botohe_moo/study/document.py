@@ -217,7 +217,8 @@ class Document:
             if any("\ud800" <= character <= "\udfff" for character in text):
                 self._note(_line(node), "expected characters, found half of one.")
             return text
-        if kind not in _PATTERNS or not re.fullmatch(_PATTERNS[kind], text):
+        known = kind in _PATTERNS and len(text) <= _MAX_DIGITS
+        if not known or not re.fullmatch(_PATTERNS[kind], text):
             self._note(_line(node), f"expected plain YAML, found the tag {_tag_of(node)}.")
             return None
         if kind == "null":

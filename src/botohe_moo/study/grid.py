@@ -122,7 +122,7 @@ class StudyAlgorithm:
         }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Run:
     """One mission × algorithm × seed.
 
@@ -134,8 +134,8 @@ class Run:
         Seed of the run's random numbers.
     recording
         When its front is recorded.
-    identity
-        Everything that its result depends on.
+    setting
+        Everything that its result depends on, but for the seed; of all its repetitions the same.
     digest
         Digest of ``identity``: the run's name.
     """
@@ -144,8 +144,13 @@ class Run:
     algorithm: StudyAlgorithm
     seed: int
     recording: Recording
-    identity: Mapping[str, Any] = field(repr=False)
+    setting: Mapping[str, Any] = field(repr=False)
     digest: str
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """Everything that its result depends on."""
+        return {**self.setting, "seed": self.seed}
 
 
 @dataclass(frozen=True)
@@ -229,7 +234,7 @@ class Study:
 
 def _runs(mission: StudyMission, algorithm: StudyAlgorithm, study: Study) -> Iterator[Run]:
     recording = study.file.recording
-    identity = {
+    setting = {
         **mission.decides(),
         **algorithm.decides(mission.budget),
         "recording": _recorded(recording, mission.budget),
@@ -237,11 +242,11 @@ def _runs(mission: StudyMission, algorithm: StudyAlgorithm, study: Study) -> Ite
         **study.versions,
     }
     # Only the seed differs, of all keys the last but one.
-    before, mark, after = canonical(identity).rpartition('"seed":null')
+    before, mark, after = canonical(setting).rpartition('"seed":null')
     for seed in study.seeds:
         text = f"{before}{mark.removesuffix('null')}{seed}{after}"
         digest = hashlib.sha256(text.encode()).hexdigest()[:16]
-        yield Run(mission, algorithm, seed, recording, {**identity, "seed": seed}, digest)
+        yield Run(mission, algorithm, seed, recording, setting, digest)
 
 
 def _spent(budget: Budget) -> dict[str, Any]:

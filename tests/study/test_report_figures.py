@@ -1,0 +1,140 @@
+"""Which figures a report has: of the study as a whole, of grids, and where there is little."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import combinations
+
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+import pytest
+
+from botohe_moo import load_mission
+from botohe_moo.study.parameter_grids import two_parameter_grids
+from botohe_moo.study.report_figures import FORMATS, draw_figures
+from tests.study.made import make_study, random_record
+
+TOY = load_mission("toy")
+SLUGS = {"toy": "toy", "later": "later"}
+
+
+@pytest.fixture(autouse=True)
+def _backend():
+    mpl.use("Agg")
+    yield
+    plt.close("all")
+
+
+def grid_study(folder, *, missions=("toy",), n_records=3):
+    parameters = [{"n_ants": n, "evaporation": e} for n in (100, 50) for e in (0.04, 0.1)]
+    algorithms = {
+        f"BO-ACO (n_ants={p['n_ants']}, evaporation={p['evaporation']})": {
+            "algorithm": "bo-aco",
+            "parameters": p,
+            "family": "BO-ACO",
+        }
+        for p in parameters
+    }
+    algorithms["random"] = {"algorithm": "random", "parameters": {}, "family": "random"}
+    rng = np.random.default_rng(0)
+    records = [
+        random_record(rng, "toy", TOY, label, seed, strength=0.4 + i / 20, n_records=n_records)
+        for i, label in enumerate(algorithms)
+        for seed in (1, 2)
+    ]
+    return make_study(folder, dict.fromkeys(missions, TOY), algorithms, records)
+
+
+def kinds(figures, label):
+    return [figure.path.name.removesuffix(f"-{label}.png") for figure in figures[label]]
+
+
+class TestDrawFigures:
+    def test_a_grid_has_a_heat_map_and_labels_are_whole(self, tmp_path):
+        tables = grid_study(tmp_path, missions=("toy", "later"))
+        figures = draw_figures(tables, tmp_path, SLUGS)
+        assert figures[""] == []
+        assert figures["later"] == []  # without runs
+        assert kinds(figures, "toy") == [
+            "curves",
+            "seconds",
+            "reached",
+            "distances",
+            "areas",
+            "grid",
+            "fronts",
+            "attainment",
+            "difference",
+        ]
+        grid = next(figure for figure in figures["toy"] if "grid" in figure.path.name)
+        assert "median area of BO-ACO for each combination of n_ants (rows)" in grid.caption
+        for figure in figures["toy"]:
+            assert [path.suffix[1:] for path in figure.paths] == list(FORMATS)
+            assert all(path.stat().st_size for path in figure.paths)
+            assert figure.path == figure.paths[0]
+
+    def test_what_is_missing_everywhere_has_no_figure(self, tmp_path):
+        tables = grid_study(tmp_path)
+        bare = replace(tables, trace=tables.trace.assign(igd_plus=np.nan, epsilon=np.nan))
+        assert "distances" not in kinds(draw_figures(bare, tmp_path, SLUGS), "toy")
+        half = replace(tables, trace=tables.trace.assign(epsilon=np.nan))
+        drawn = kinds(draw_figures(half, tmp_path, SLUGS), "toy")
+        assert "igd_plus" in drawn
+        assert not {"epsilon", "distances"} & set(drawn)
+
+    def test_ranks_that_were_tested_have_the_critical_difference(self, tmp_path):
+        tables = grid_study(tmp_path)
+        ranks = dict(zip(tables.ranks["algorithm"], tables.ranks["average_rank"], strict=True))
+        posthoc = pd.DataFrame(
+            [
+                {
+                    "indicator": "area",
+                    "algorithm": a,
+                    "other": b,
+                    "difference": ranks[a] - ranks[b],
+                    "critical_difference": 2.0,
+                    "p_value": 0.5,
+                    "significant": abs(ranks[a] - ranks[b]) > 2.0,
+                }
+                for a, b in combinations(ranks, 2)
+            ]
+        )
+        figures = draw_figures(replace(tables, posthoc=posthoc), tmp_path, SLUGS)
+        (figure,) = figures[""]
+        assert [path.name for path in figure.paths] == [
+            f"critical-difference-area.{end}" for end in FORMATS
+        ]
+        assert "no two differ significantly by the Nemenyi test" in figure.caption
+
+
+class TestTwoParameterGrids:
+    def test_rows_and_columns_ascend(self, tmp_path):
+        grids = two_parameter_grids(grid_study(tmp_path).algorithms)
+        assert list(grids) == ["BO-ACO"]
+        grid = grids["BO-ACO"]
+        assert (grid.index.name, grid.columns.name) == ("n_ants", "evaporation")
+        assert list(grid.index) == [50, 100]
+        assert list(grid.columns) == [0.04, 0.1]
+        assert grid.loc[50, 0.1] == "BO-ACO (n_ants=50, evaporation=0.1)"
+
+    @pytest.mark.parametrize(
+        "rows",
+        [
+            [],
+            [("A", "x", 1, 1), ("B", "x", 1, 2)],  # one parameter
+            [("A", "x", 1, 1), ("B", "y", 2, 2)],  # two algorithms
+            [("A", "x", 1, 1), ("B", "x", 2, 2), ("C", "x", 1, 1)],  # one cell twice
+        ],
+    )
+    def test_anything_else_is_none(self, rows):
+        frame = pd.DataFrame(rows, columns=["algorithm", "name", "p", "q"]).assign(family="F")
+        assert two_parameter_grids(frame) == {}
+
+    def test_values_that_are_no_numbers_stand_as_in_the_file(self):
+        rows = [(f"F (p={p}, q={q})", "x", p, q) for p in ("slow", "fast") for q in (2, 1)]
+        frame = pd.DataFrame(rows, columns=["algorithm", "name", "p", "q"])
+        (grid,) = two_parameter_grids(frame).values()
+        assert list(grid.index) == ["slow", "fast"]
+        assert list(grid.columns) == [1, 2]
