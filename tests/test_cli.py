@@ -927,7 +927,10 @@ class TestListings:
 
     @pytest.mark.parametrize(
         ("picture", "message"),
-        [("toy.jpg", "ends in '.png', got 'toy.jpg'"), ("no/toy.png", "no: there is no such fold")],
+        [
+            ("toy.jpg", "ends in '.png', '.pdf' or '.svg', got 'toy.jpg'"),
+            ("no/toy.png", "no: there is no such fold"),
+        ],
     )
     def test_a_picture_that_cannot_be_written(self, botohe, tmp_path, picture, message):
         ended = botohe("missions", "show", "toy", "--picture", picture)

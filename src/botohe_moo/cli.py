@@ -218,7 +218,8 @@ def show_mission(
     robots: RobotsOption = None,
     mission_parameter: MissionParameterOption = None,
     picture: Annotated[
-        Path | None, typer.Option("--picture", help="Also draw the mission to this PNG file.")
+        Path | None,
+        typer.Option("--picture", help="Also draw the mission to this file: PNG, PDF or SVG."),
     ] = None,
 ) -> None:
     """Say what a mission is like; on request, draw it."""
