@@ -82,8 +82,9 @@ def median_interval(
         method="percentile",
         rng=rng,
     ).confidence_interval
-    # Where a percentile is interpolated, rounding can take it past the values.
-    low, high = np.clip([found.low, found.high], sample[0], sample[-1]).tolist()
+    # Where a percentile is interpolated, rounding can take it past the values, and the median.
+    low = min(max(float(found.low), float(sample[0])), median)
+    high = max(min(float(found.high), float(sample[-1])), median)
     return median, low, high
 
 
