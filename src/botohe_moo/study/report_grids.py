@@ -15,6 +15,7 @@ from botohe_moo.study.report_words import (
     listed,
     p_value,
     significant,
+    spent_and_found,
 )
 
 if TYPE_CHECKING:
@@ -72,12 +73,7 @@ def summary_grid(tables: StudyTables, mission: str) -> Grid:
                 f"{fixed(row['area_low'])}–{fixed(row['area_high'])}",
                 f"{fixed(row['area_mean'])}{spread}",
                 fixed(row["area_best"]),
-                significant(row["igd_plus_median"]),
-                significant(row["epsilon_median"]),
-                count(row["front_size_median"]),
-                count(row["evaluations_median"]),
-                significant(row["seconds_median"]),
-                count(row["rank"]),
+                *spent_and_found(row),
             ]
         )
     best = rows["rank"].to_numpy() == rows["rank"].min()

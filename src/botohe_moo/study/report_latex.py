@@ -14,6 +14,7 @@ from botohe_moo.study.report_words import (
     fixed,
     p_value,
     significant,
+    spent_and_found,
 )
 
 if TYPE_CHECKING:
@@ -62,12 +63,7 @@ def summary_latex(tables: StudyTables) -> str:
                 count(row["n"]),
                 median,
                 f"{fixed(row['area_low'])}–{fixed(row['area_high'])}",
-                significant(row["igd_plus_median"]),
-                significant(row["epsilon_median"]),
-                count(row["front_size_median"]),
-                count(row["evaluations_median"]),
-                significant(row["seconds_median"]),
-                count(row["rank"]),
+                *spent_and_found(row),
             ]
             line = [breakable(row["algorithm"]), *map(escape_latex, numbers)]
             if row["rank"] == least:

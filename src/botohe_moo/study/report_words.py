@@ -30,6 +30,7 @@ __all__ = [
     "parameter_words",
     "seed_words",
     "significant",
+    "spent_and_found",
     "verdict_words",
 ]
 
@@ -59,6 +60,18 @@ def count(value: Any) -> str:
     if pd.isna(value):
         return _DASH
     return f"{float(value):,.1f}".removesuffix(".0")
+
+
+def spent_and_found(row: Mapping[Any, Any]) -> list[str]:
+    """Write IGD+, epsilon, points, evaluations, seconds and rank of a row of the summary."""
+    return [
+        significant(row["igd_plus_median"]),
+        significant(row["epsilon_median"]),
+        count(row["front_size_median"]),
+        count(row["evaluations_median"]),
+        significant(row["seconds_median"]),
+        count(row["rank"]),
+    ]
 
 
 def p_value(value: Any) -> str:
