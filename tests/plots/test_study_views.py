@@ -264,6 +264,16 @@ class TestPanels:
         assert width < 16
         assert height < 25
 
+    @pytest.mark.parametrize("kind", PANELS)
+    def test_names_of_several_lines_have_room(self, kind):
+        labels = [f"BO-ACO, memetic (n_ants={i}, evaporation=0.0{i})" for i in range(10, 23)]
+        fig = PANELS[kind](labels).figure
+        assert all("\n" in only(ax, "name").get_text() for ax in fig.axes)
+        names = boxes(fig, "name")
+        assert_apart([*names, *boxes(fig, "words"), *boxes(fig, "subtitle")])
+        frames = [ax.get_window_extent() for ax in fig.axes]
+        assert not any(name.overlaps(frame) for name in names for frame in frames)
+
     def test_given_axes_take_all(self):
         _, ax = plt.subplots()
         trace = trace_of({(a, 1): [(1, 0.1), (50, 0.5)] for a in many(12)})

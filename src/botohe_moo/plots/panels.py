@@ -103,7 +103,7 @@ def open_panels(
     """
     if names is None:
         names = names_of(labels, styles, _NAME_WIDTH, longest=_NAME_WIDTH)
-    lines = max(name.count("\\n") + 1 for name in names.values())
+    lines = max(name.count("\n") + 1 for name in names.values())
     n_columns = 4 if len(labels) <= 24 else 5
     n_rows = -(-len(labels) // n_columns)
     wide, high = _PANEL
@@ -165,7 +165,7 @@ def title_panels(panels: Mapping[str, Axes], title: str | None, words: str, x: s
         Names of the axes.
     """
     axes = list(panels.values())
-    lines = max(text.get_text().count("\\n") + 1 for ax in axes for text in ax.texts)
+    lines = max(text.get_text().count("\n") + 1 for ax in axes for text in ax.texts)
     fig = axes[0].figure.figure
     words = f"{words}; in grey all others"
     lift = 1.25 * lines * _NAME + 10

@@ -90,7 +90,7 @@ def plot_ranks(
         ax.set_yticks([])
         for side, left in zip(drops, (True, False), strict=True):
             for label, drop in side.items():
-                _draw_name(ax, f"{names[label]}", average[label], drop, styles[label], left=left)
+                _draw_name(ax, names[label], average[label], drop, styles[label], left=left)
         for i, group in enumerate(groups):
             ends = [average[group[0]] - 0.04, average[group[-1]] + 0.04]
             at = 0.2 + _GROUP * i
@@ -123,14 +123,14 @@ def groups_alike(labels: Sequence[str], posthoc: pd.DataFrame) -> list[list[str]
     }
     groups: list[list[str]] = []
     reach = 0
-    for i, label in enumerate(labels):
+    for i in range(len(labels)):
         end = i + 1
         while end < len(labels) and not any(
             frozenset((labels[end], inside)) in differ for inside in labels[i:end]
         ):
             end += 1
         if end > max(reach, i + 1):
-            groups.append([label, *labels[i + 1 : end]])
+            groups.append(list(labels[i:end]))
         reach = max(reach, end)
     return groups
 
@@ -160,9 +160,8 @@ def _draw_name(
         gid="rank",
     )
     ax.plot(rank, 0, color=colour, marker=style.marker, markersize=6, clip_on=False, zorder=3)
-    number = f"{rank:.2f}"
     ax.annotate(
-        f"{name}  ({number})",
+        f"{name}  ({rank:.2f})",
         (edge, drop),
         (-6 if left else 6, 0),
         textcoords="offset points",
