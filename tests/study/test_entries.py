@@ -51,6 +51,23 @@ def test_parameters_that_only_some_have_are_missing_for_the_others():
     assert table["b"].isna().tolist() == [True, False, True]
 
 
+def test_defaults_stand_beside_what_others_are_given():
+    entry = {"algorithm": "m:A", "name": "a", "package": None, "version": None}
+    table = algorithm_table(
+        {
+            "algorithms": {
+                "few": {**entry, "parameters": {"n": 5}, "effective": {"n": 5, "rate": 0.5}},
+                "usual": {**entry, "parameters": {}, "effective": {"n": 100, "rate": 0.5}},
+                "other": {**entry, "parameters": {}, "effective": {}},
+            }
+        }
+    )
+    assert list(table)[5:] == ["n"]  # what nobody is given tells nothing apart
+    assert table["n"].tolist()[:2] == [5, 100]
+    assert table["n"].isna().tolist() == [False, False, True]
+    assert table["name"].tolist() == ["a"] * 3
+
+
 def test_parameters_named_like_a_column_stay_apart():
     table = algorithms({"name": "x", "parameter_name": "y", "version": 2})
     assert list(table)[5:] == ["parameter_name", "parameter_parameter_name", "parameter_version"]

@@ -97,6 +97,7 @@ class TestScores:
             return area_indicator(points, mission)
 
         monkeypatch.setattr(traces, "area_indicator", measure)
-        fronts = [("m", front) for front in self.FRONTS * 5]
+        one, _, other = self.FRONTS
+        fronts = [("m", front) for front in [one] * 5 + [other] * 5]
         score_records(fronts, REFERENCE, missions={"m": quay()}, indicators=[])
         assert len(measured) == 2

@@ -61,20 +61,25 @@ def algorithm_table(manifest: Mapping[str, Any]) -> pd.DataFrame:
     -------
     pandas.DataFrame
         The table ``algorithms``, in the order of the file: columns of the schema, then one for
-        each parameter, missing where an algorithm is not given one of that name.
+        each parameter that the file gives to any, with the defaults of those it is not given to;
+        missing where an algorithm does not state one of that name.
     """
     rows = [
         {
             "algorithm": label,
-            "name": entry["algorithm"],
+            "name": entry.get("name", entry["algorithm"]),
             "family": entry.get("family", label),
             "package": entry["package"],
             "version": entry["version"],
         }
         for label, entry in manifest["algorithms"].items()
     ]
-    given = [entry["parameters"] for entry in manifest["algorithms"].values()]
-    return _widened("algorithms", rows, given, prefix="parameter_")
+    entries = manifest["algorithms"].values()
+    given = dict.fromkeys(name for entry in entries for name in entry["parameters"])
+    # Beside a value that one algorithm is given stand the defaults of the others.
+    used = [{**entry.get("effective", {}), **entry["parameters"]} for entry in entries]
+    shown = [{name: values[name] for name in given if name in values} for values in used]
+    return _widened("algorithms", rows, shown, prefix="parameter_")
 
 
 def _widened(

@@ -71,8 +71,8 @@ def merge_studies(
     folder = study_folder(study.name, out)
     store = Store(folder)
     store.check(study)
-    # What is there of this study already has to fit, too.
-    sources = [Store(path) for path in (*paths, folder)]
+    # What is there of this study already has to fit, too; a folder given twice is read once.
+    sources = [Store(path) for path in dict.fromkeys(p.resolve() for p in (*paths, folder))]
     found = {run.digest: _whole_run(run, sources) for run in study.runs()}
     with store.locked():
         store.check(study)
@@ -251,7 +251,7 @@ def _agree(one: Outcome, other: Outcome) -> bool:
 
 def _kept(run: Run, source: Store, store: Store) -> FileEntry:
     """Bring a run to a folder; say what is known of its file."""
-    entry = store.entry(run) if source.folder.resolve() == store.folder.resolve() else None
+    entry = store.entry(run) if source.folder == store.folder.resolve() else None
     entry = entry or store.save(run, source.load(run))
     if entry is None:
         raise StudyError(f"{source.folder}: run {_named(run)} has changed meanwhile; merge again.")

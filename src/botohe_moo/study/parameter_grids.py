@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from botohe_moo.plots.labels import parsed_label
-
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
@@ -35,11 +33,8 @@ def two_parameter_grids(algorithms: pd.DataFrame) -> dict[str, pd.DataFrame]:
     parameters = [column for column in algorithms.columns if column not in _NO_PARAMETERS]
     if algorithms.empty or len(parameters) < 2:
         return {}
-    families = [parsed_label(label)[0] for label in algorithms["algorithm"]]
-    if "family" in algorithms.columns:
-        families = algorithms["family"].tolist()
     grids = {}
-    for family, rows in algorithms.groupby(np.array(families, object), sort=False):
+    for family, rows in algorithms.groupby("family", sort=False):
         shown = rows[parameters].astype(object).where(rows[parameters].notna(), "default")
         varying = [name for name in parameters if len(set(shown[name])) > 1]
         if len(varying) == 2 and len(set(rows["name"])) == 1:

@@ -180,7 +180,7 @@ class MissionPictures:
     def _distances(self, trace: pd.DataFrame) -> Iterator[Picture]:
         found: dict[Value, list[str]] = {}
         for value in _DISTANCES:
-            if value in trace.columns and trace[value].notna().any():
+            if trace[value].notna().any():
                 found[value] = self._recorded(trace[trace[value].notna()])
         if not found:
             return

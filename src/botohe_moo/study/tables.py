@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import io
 import json
-import math
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -114,8 +113,7 @@ class StudyTables:
     @property
     def n_missing(self) -> int:
         """How many runs of the study were not there yet when its tables were made."""
-        parts = (self.manifest[name] for name in ("missions", "algorithms", "seeds"))
-        return max(0, math.prod(map(len, parts)) - len(self.runs))
+        return int(self.missing["missing"].sum())
 
     @property
     def control(self) -> str | None:

@@ -50,16 +50,16 @@ def score_records(
     measures = {"igd_plus": igd_plus_indicator, "epsilon": epsilon_indicator}
     wanted = {name: measure for name, measure in measures.items() if name in indicators}
     scores: dict[str, list[float]] = {"area": [], **{name: [] for name in measures}}
-    known: dict[tuple[str, bytes], dict[str, float]] = {}
+    last: tuple[str, FloatArray] | None = None
+    found: dict[str, float] = {}
     for label, points in fronts:
-        key = label, points.tobytes()
-        if key not in known:
-            mission = missions[label]
-            known[key] = {"area": area_indicator(points, mission)}
+        if last is None or last[0] != label or not np.array_equal(last[1], points):
+            last, mission = (label, points), missions[label]
+            found = {"area": area_indicator(points, mission)}
             for name, measure in wanted.items():
-                known[key][name] = measure(points, targets[label], mission)
+                found[name] = measure(points, targets[label], mission)
         for name, column in scores.items():
-            column.append(known[key].get(name, np.nan))
+            column.append(found.get(name, np.nan))
     return scores
 
 
