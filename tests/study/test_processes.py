@@ -400,6 +400,37 @@ def test_workers_are_asked_before_they_get_runs(
     assert_same(read_study(folder), uninterrupted)
 
 
+def test_workers_without_an_algorithm_get_no_runs(scheduler, hire, tmp_path, monkeypatch):
+    """The first cannot import it, the second has another of that name, the third is fit."""
+    name, code = "seldom_installed", "from botohe_moo import BOACO as Ants\n"
+    for folder, text in [("here", code), ("other", f"# other\n{code}")]:
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / f"{name}.py").write_text(text)
+    monkeypatch.syspath_prepend(tmp_path / "here")
+    source = {
+        "name": "s",
+        "missions": ["toy"],
+        "algorithms": {"ants": f"{name}:Ants"},
+        "budget": {"evaluations": 40},
+        "seeds": 2,
+    }
+    waiting = [[tmp_path / "other"], [tmp_path / "here"]]
+    said = []
+
+    def warn(message, *_, **__):
+        said.append(str(message))
+        if "gets no runs" in said[-1]:
+            hire(path=waiting.pop(0))
+
+    monkeypatch.setattr(cluster.warnings, "warn", warn)
+    hire()
+    tables = run_study(source, tmp_path / "out", dask=scheduler)
+    assert tables.runs["status"].tolist() == ["done"] * 2
+    first, second = (words for words in said if "gets no runs" in words)
+    assert f"it cannot import the algorithm '{name}:Ants'" in first
+    assert f"it has {name}:Ants from" in second
+
+
 def test_nobody_waits_for_a_worker_that_died(scheduler, hire, tmp_path):
     """What it had is performed by another."""
     slow = {"algorithm": f"{MADE}:Slow", "parameters": {"seconds": 0.5}}

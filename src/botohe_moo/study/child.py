@@ -13,6 +13,7 @@ import select
 import signal
 import threading
 import time
+from collections.abc import Mapping
 from multiprocessing.connection import Connection
 
 import numpy as np
@@ -22,7 +23,7 @@ from botohe_moo.study.environment import environment
 from botohe_moo.study.perform import perform, warm_up
 from botohe_moo.study.task import Task, failure
 
-__all__ = ["main"]
+__all__ = ["main", "other_algorithm"]
 
 _SECONDS_BETWEEN_MAILS = 0.2
 _SIGNS = 10  # of life within the patience that a run may need
@@ -68,12 +69,30 @@ def _other_code(task: Task, ours: str) -> str | None:
     """Say how the code here differs from that which the study was checked with."""
     if task.version != ours:
         return f"the worker has botohe-moo {ours}, the study {task.version}"
-    try:
-        here = algorithm_origin(task.algorithm)
-    except Exception as error:
-        return f"the worker cannot import the algorithm: {error}"
-    if here != task.origin:
-        return f"the worker has {task.algorithm} from {here}, the study from {task.origin}"
+    other = other_algorithm({task.algorithm: task.origin})
+    return f"the worker {other}" if other else None
+
+
+def other_algorithm(origins: Mapping[str, Mapping[str, str | None]]) -> str | None:
+    """Say which algorithm is not here, or not the one that a study was checked with.
+
+    Parameters
+    ----------
+    origins
+        What :func:`algorithm_origin` said of each algorithm where the study was checked.
+
+    Returns
+    -------
+    str or None
+        Words that follow "the worker"; None if all are here.
+    """
+    for name, origin in origins.items():
+        try:
+            here = algorithm_origin(name)
+        except Exception as error:
+            return f"cannot import the algorithm {name!r}: {error}"
+        if here != origin:
+            return f"has {name} from {here}, the study from {origin}"
     return None
 
 

@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from botohe_moo.study.child import other_algorithm
 from botohe_moo.study.grid import installed_versions
 from botohe_moo.study.manifest import StudyError
 from botohe_moo.study.pool import Outcomes
@@ -34,8 +35,8 @@ _NAMES = {"version": _PACKAGE, "pymoo": "pymoo"}
 def dask_outcomes(tasks: Sequence[Task], *, address: str, stopped: Callable[[], bool]) -> Outcomes:
     """Perform runs on a Dask cluster, whose workers need nothing of this machine's disk.
 
-    Workers that lack this package, or have another version of it, get no runs; a warning says so.
-    Those that join later are asked, too.
+    Workers that lack this package or an algorithm, or have another version of them, get no runs; a
+    warning says so. Those that join later are asked, too.
 
     Parameters
     ----------
@@ -126,6 +127,7 @@ class _Crew:
         self._client = client
         self._address = address
         self._waiting = waiting
+        self._origins = {task.algorithm: task.origin for task in waiting}
         self._workers: dict[str, _Worker] = {}
         self._at_work: dict[Any, tuple[Task, str]] = {}
         self._n_deaths: dict[str, int] = {}
@@ -233,13 +235,17 @@ class _Crew:
             self._refuse(address, f"it cannot import {_PACKAGE} ({said})")
         elif callable(found := future.result()):
             worker.asked = self._submit(address, "versions", found)
-        elif found != self._ours:
+        elif isinstance(found, str):
+            self._refuse(address, f"it {found}")
+        elif found is None:
+            worker.fit = True
+        elif found == self._ours:
+            worker.asked = self._submit(address, "algorithms", other_algorithm, self._origins)
+        else:
             differing = [name for name in _NAMES if found.get(name) != self._ours[name]]
             theirs = " and ".join(f"{_NAMES[name]} {found.get(name)}" for name in differing)
             here = " and ".join(self._ours[name] for name in differing)
             self._refuse(address, f"it has {theirs}, the study {here}")
-        else:
-            worker.fit = True
 
     def _refuse(self, address: str, said: str) -> None:
         warnings.warn(f"the Dask worker {address} gets no runs: {said}.", stacklevel=2)
