@@ -4,8 +4,9 @@ Names are imported when they are first used, so that ``import botohe_moo`` and t
 ``--help`` do not wait for numba and pandas.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from botohe_moo._lazy import lazy_names
 
 if TYPE_CHECKING:
     from botohe_moo.algorithms import (
@@ -77,7 +78,7 @@ __all__ = [
 ]
 
 _HOMES = {
-    "algorithms": (
+    ".algorithms": (
         "BOACO",
         "Exact",
         "Greedy",
@@ -87,10 +88,10 @@ _HOMES = {
         "algorithm_names",
         "make_algorithm",
     ),
-    "distribution": ("Distribution",),
-    "exact": ("TooLargeError", "exact_front"),
-    "indicators": ("area_indicator",),
-    "mission": (
+    ".distribution": ("Distribution",),
+    ".exact": ("TooLargeError", "exact_front"),
+    ".indicators": ("area_indicator",),
+    ".mission": (
         "Mission",
         "MissionError",
         "PlanError",
@@ -99,26 +100,16 @@ _HOMES = {
         "read_mission",
         "save_mission",
     ),
-    "outcomes": (
+    ".outcomes": (
         "Outcomes",
         "plan_outcomes",
         "reward_distribution",
         "simulate",
         "survivors_distribution",
     ),
-    "plots": ("plot_front", "plot_mission"),
-    "problem": ("BOTOHE", "FrontOutput"),
-    "sequential": ("plan_sequentially",),
-    "trails": ("PlanBatch", "TrailPlan"),
+    ".plots": ("plot_front", "plot_mission"),
+    ".problem": ("BOTOHE", "FrontOutput"),
+    ".sequential": ("plan_sequentially",),
+    ".trails": ("PlanBatch", "TrailPlan"),
 }
-
-
-def __getattr__(name: str) -> Any:
-    for home, names in _HOMES.items():
-        if name in names:
-            return getattr(import_module(f"botohe_moo.{home}"), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-
-
-def __dir__() -> list[str]:
-    return sorted([*globals(), *__all__])
+__getattr__, __dir__ = lazy_names(__name__, _HOMES)

@@ -7,17 +7,27 @@ import pty
 import random
 import re
 import signal
+import socket
 import struct
 import subprocess
 import sys
 import termios
 import time
+from collections import deque
 from importlib.metadata import version
 from pathlib import Path
 
 import pytest
 
-from botohe_moo.study import StudyError, cluster, make_tables, read_study, run_study
+from botohe_moo.study import (
+    StudyError,
+    cluster,
+    load_study,
+    make_tables,
+    read_study,
+    run_study,
+)
+from botohe_moo.study.planning import make_task
 from tests.study.test_perform import marked_processes
 from tests.study.test_runner import MADE, Watcher, assert_same, without_times
 
@@ -34,6 +44,13 @@ budget: {evaluations: 1_000}
 seeds: 4
 comparison: {control: random}
 """
+
+SMALL = {
+    "name": "s",
+    "missions": ["toy"],
+    "algorithms": ["random"],
+    "budget": {"evaluations": 40},
+}
 
 
 def start(*arguments, **options):
@@ -428,7 +445,7 @@ def test_workers_without_an_algorithm_get_no_runs(scheduler, hire, tmp_path, mon
     assert tables.runs["status"].tolist() == ["done"] * 2
     first, second = (words for words in said if "gets no runs" in words)
     assert f"it cannot import the algorithm '{name}:Ants'" in first
-    assert f"it has {name}:Ants from" in second
+    assert f"it has '{name}:Ants' from" in second
 
 
 def test_nobody_waits_for_a_worker_that_died(scheduler, hire, tmp_path):
@@ -466,7 +483,7 @@ def test_waiting_for_workers_can_be_stopped(study_file, scheduler, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "address", ["nonsense", "", "tcp://", "localhost", "tcp://127.0.0.1:99999"]
+    "address", ["nonsense", "", "tcp://", "localhost", "tcp://127.0.0.1:99999", "ucx://127.0.0.1:1"]
 )
 def test_addresses_that_are_none(address, study_file, tmp_path):
     pytest.importorskip("distributed")
@@ -482,6 +499,85 @@ def test_nobody_at_the_address(study_file, tmp_path, monkeypatch):
     monkeypatch.setattr(cluster, "_SECONDS_TO_CONNECT", 1)
     with pytest.raises(StudyError, match=r"No Dask scheduler answers at 'tcp://127\.0\.0\.1:1'"):
         run_study(study_file, tmp_path, dask="tcp://127.0.0.1:1")
+
+
+def test_somebody_else_at_the_address(study_file, tmp_path, monkeypatch):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr(cluster, "_SECONDS_TO_CONNECT", 0.5)
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
+        with pytest.raises(StudyError, match=f"answers at '{address}' .no answer within 1 sec"):
+            run_study(study_file, tmp_path, dask=address)
+
+
+def test_a_result_that_died_with_its_worker(scheduler, hire):
+    """A run has ended and nobody has fetched its outcome: it is performed again, by another."""
+    from distributed import Client
+
+    first = hire()
+    hire()
+    task = make_task(load_study({**SMALL, "seeds": 1}).runs()[0])
+    with Client(scheduler, set_as_default=False) as client:
+        client.wait_for_workers(2, timeout=60)
+        pids = client.run(os.getpid)
+        [where] = [address for address, pid in pids.items() if pid == first.pid]
+        crew = cluster._Crew(client, scheduler, deque())
+        future = client.submit(pow, 2, 3, workers=[where], pure=False)
+        future.result()
+        first.kill()
+        crew._at_work[future] = task, where
+        while future.status == "finished":
+            time.sleep(0.1)
+        assert crew.take(future) is None
+        assert list(crew._waiting) == [task]
+
+
+def test_outcomes_of_all_that_killed_their_workers_are_given(tmp_path):
+    """Two runs were on the worker that died the third time."""
+
+    class Nobody:
+        def nthreads(self):
+            return {}
+
+    tasks = [make_task(run) for run in load_study({**SMALL, "seeds": 2}).runs()]
+    crew = cluster._Crew(Nobody(), "nowhere", deque())
+    for task in tasks:
+        for _ in range(3):
+            crew._died(task)
+        crew._waiting.clear()
+    found = []
+    while crew.has_work:
+        found.append(crew.take(crew.ended.get()))
+    assert [task for task, _ in found] == tasks
+    assert {outcome.error for _, outcome in found} == {
+        "3 Dask workers died while they performed it"
+    }
+
+
+def test_workers_that_never_answer_are_complained_of(monkeypatch):
+    class Silent:
+        def nthreads(self):
+            return {"tcp://worker": 1}
+
+        def submit(self, *_, **__):
+            class Future:
+                def add_done_callback(self, _): ...
+
+            return Future()
+
+    said = []
+    monkeypatch.setattr(cluster.warnings, "warn", lambda message, **_: said.append(message))
+    monkeypatch.setattr(cluster, "_SECONDS_TO_ANSWER", 0.1)
+    monkeypatch.setattr(cluster, "_SECONDS_WITHOUT_WORKERS", 0.1)
+    task = make_task(load_study({**SMALL, "seeds": 1}).runs()[0])
+    crew = cluster._Crew(Silent(), "there", deque([task]))
+    crew.look_after()
+    assert not said
+    for _ in range(10):
+        time.sleep(0.05)
+        crew.look_after()
+    [message] = said
+    assert "no worker of the Dask cluster at there can perform runs" in message
 
 
 def test_a_cluster_that_goes_away(study_file, tmp_path):

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Annotated, Any, Literal, Self, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, get_args
 
 import numpy as np
-import pandas as pd
 
 from botohe_moo._checks import check_flag, check_integer, check_number
 from botohe_moo._parameters import SameResult
@@ -17,6 +16,9 @@ from botohe_moo.colony import Allocation, AntThreads, Colony, ColonyRule, exchan
 from botohe_moo.iteration_search import IterationSearch
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import PlanBatch, TrailPlan
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 __all__ = ["BOACO"]
 
@@ -244,6 +246,8 @@ class BOACO(ArchiveAlgorithm):
         RuntimeError
             If the algorithm has not been set up with a problem yet.
         """
+        import pandas as pd  # half of the time that importing this module would take
+
         if self.problem is None:
             raise RuntimeError("There is no pheromone before the algorithm has a problem.")
         walk, nodes = self.colony.walk, self.problem.mission.nodes

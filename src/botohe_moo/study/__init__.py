@@ -1,10 +1,19 @@
-"""Comparative studies: from one YAML file to tables, statistics and figures."""
+"""Comparative studies: from one YAML file to tables, statistics and figures.
 
-from botohe_moo.study.grid import Study
-from botohe_moo.study.loading import load_study
-from botohe_moo.study.merge import merge_studies
-from botohe_moo.study.runner import StudyInterrupted, make_tables, run_study
-from botohe_moo.study.tables import SCHEMAS, StudyError, StudyTables, read_study
+Names are imported when they are first used: the processes in which runs are performed need no
+tables.
+"""
+
+from typing import TYPE_CHECKING
+
+from botohe_moo._lazy import lazy_names
+
+if TYPE_CHECKING:
+    from botohe_moo.study.grid import Study
+    from botohe_moo.study.loading import load_study
+    from botohe_moo.study.merge import merge_studies
+    from botohe_moo.study.runner import StudyInterrupted, make_tables, run_study
+    from botohe_moo.study.tables import SCHEMAS, StudyError, StudyTables, read_study
 
 __all__ = [
     "SCHEMAS",
@@ -18,3 +27,21 @@ __all__ = [
     "read_study",
     "run_study",
 ]
+
+_HOMES = {
+    ".grid": ("Study",),
+    ".loading": ("load_study",),
+    ".merge": ("merge_studies",),
+    ".runner": (
+        "StudyInterrupted",
+        "make_tables",
+        "run_study",
+    ),
+    ".tables": (
+        "SCHEMAS",
+        "StudyError",
+        "StudyTables",
+        "read_study",
+    ),
+}
+__getattr__, __dir__ = lazy_names(__name__, _HOMES)

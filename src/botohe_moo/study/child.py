@@ -13,17 +13,16 @@ import select
 import signal
 import threading
 import time
-from collections.abc import Mapping
 from multiprocessing.connection import Connection
 
 import numpy as np
 
-from botohe_moo.algorithms.registry import algorithm_origin
+from botohe_moo.study.code_here import other_code
 from botohe_moo.study.environment import environment
 from botohe_moo.study.perform import perform, warm_up
 from botohe_moo.study.task import Task, failure
 
-__all__ = ["main", "other_algorithm"]
+__all__ = ["main"]
 
 _SECONDS_BETWEEN_MAILS = 0.2
 _SIGNS = 10  # of life within the patience that a run may need
@@ -45,9 +44,8 @@ def main() -> None:
             task: Task = tasks.recv()
         except EOFError:
             return
-        found = environment()
-        if other := _other_code(task, found["botohe_moo"]):
-            answers.send(("end", task.digest, failure(other), found))
+        if other := other_code({"version": task.version}, {task.algorithm: task.origin}):
+            answers.send(("end", task.digest, failure(f"the worker {other}"), environment()))
             continue
         key = task.algorithm, repr(task.parameters)
         if key not in warm:
@@ -63,37 +61,6 @@ def main() -> None:
         outcome = perform(task, mail.put, mail.show_progress)
         mail.send_records()
         mail.send("end", outcome)
-
-
-def _other_code(task: Task, ours: str) -> str | None:
-    """Say how the code here differs from that which the study was checked with."""
-    if task.version != ours:
-        return f"the worker has botohe-moo {ours}, the study {task.version}"
-    other = other_algorithm({task.algorithm: task.origin})
-    return f"the worker {other}" if other else None
-
-
-def other_algorithm(origins: Mapping[str, Mapping[str, str | None]]) -> str | None:
-    """Say which algorithm is not here, or not the one that a study was checked with.
-
-    Parameters
-    ----------
-    origins
-        What :func:`algorithm_origin` said of each algorithm where the study was checked.
-
-    Returns
-    -------
-    str or None
-        Words that follow "the worker"; None if all are here.
-    """
-    for name, origin in origins.items():
-        try:
-            here = algorithm_origin(name)
-        except Exception as error:
-            return f"cannot import the algorithm {name!r}: {error}"
-        if here != origin:
-            return f"has {name} from {here}, the study from {origin}"
-    return None
 
 
 class _Mail:

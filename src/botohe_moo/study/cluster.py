@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import operator
 import pkgutil
 import queue
 import re
 import socket
+import threading
 import time
 import warnings
 from collections import deque
@@ -13,8 +15,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from botohe_moo.study.child import other_algorithm
-from botohe_moo.study.grid import installed_versions
+from botohe_moo.study.code_here import installed_versions, other_code
 from botohe_moo.study.manifest import StudyError
 from botohe_moo.study.pool import Outcomes
 from botohe_moo.study.sandbox import SandboxPool
@@ -26,10 +27,11 @@ _SECONDS_BETWEEN_LOOKS = 0.2
 _SECONDS_TO_CONNECT = 10
 _SECONDS_BETWEEN_COUNTS = 1.0  # of the workers that are there
 _SECONDS_WITHOUT_WORKERS = 3.0  # before that is said
+_SECONDS_TO_ANSWER = 30.0  # for a worker that imports everything first
 _MOST_DEATHS = 3  # of workers with the same run
-_ADDRESS = re.compile(r"(?:(?P<protocol>[a-z]+)://)?(?P<host>[^\s/:]+|\[[^\s/\]]+\]):(?P<port>\d+)")
-_PACKAGE = "botohe-moo"
-_NAMES = {"version": _PACKAGE, "pymoo": "pymoo"}
+_ADDRESS = re.compile(r"(?:(?:tcp|tls)://)?(?P<host>[^\s/:]+|\[[^\s/\]]+\]):(?P<port>\d+)")
+# By name, for a worker cannot even read a function that it has not.
+_QUESTION = f"{other_code.__module__}:{other_code.__name__}"
 
 
 def dask_outcomes(tasks: Sequence[Task], *, address: str, stopped: Callable[[], bool]) -> Outcomes:
@@ -86,15 +88,37 @@ def _connected(address: str) -> Any:
             f"Expected the address of a Dask scheduler, such as tcp://host:8786, got {address!r}."
         )
     connect: Any = Client  # untyped
+    where = found["host"].strip("[]"), int(found["port"])
     try:
         # A client that finds nobody leaves threads behind that complain when the process ends.
-        if found["protocol"] in (None, "tcp", "tls"):
-            where = found["host"].strip("[]"), int(found["port"])
-            socket.create_connection(where, timeout=_SECONDS_TO_CONNECT).close()
-        return connect(address, timeout=_SECONDS_TO_CONNECT, set_as_default=False)
+        socket.create_connection(where, timeout=_SECONDS_TO_CONNECT).close()
+        return _within(
+            2 * _SECONDS_TO_CONNECT,
+            lambda: connect(address, timeout=_SECONDS_TO_CONNECT, set_as_default=False),
+        )
     except (OSError, ValueError, TypeError, OverflowError) as error:  # a timeout is an OSError
         said = str(error).partition("\n")[0]
         raise StudyError(f"No Dask scheduler answers at {address!r} ({said}).") from None
+
+
+def _within(seconds: float, make: Callable[[], Any]) -> Any:
+    """Give what is made in time: a client waits for ever where somebody does not speak Dask."""
+    made: queue.SimpleQueue[tuple[Any, Exception | None]] = queue.SimpleQueue()
+
+    def act() -> None:
+        try:
+            made.put((make(), None))
+        except Exception as error:
+            made.put((None, error))
+
+    threading.Thread(target=act, daemon=True).start()
+    try:
+        result, error = made.get(timeout=seconds)
+    except queue.Empty:
+        raise TimeoutError(f"no answer within {seconds:g} seconds") from None
+    if error is not None:
+        raise error
+    return result
 
 
 @dataclass
@@ -106,7 +130,9 @@ class _Worker:
     n_threads
         Runs it may have at a time.
     asked
-        The question that it has not answered yet; None if there is none.
+        The question that it has not answered yet; None if it has.
+    asked_at
+        When it was asked.
     fit
         Whether it may get runs.
     at_work
@@ -114,7 +140,8 @@ class _Worker:
     """
 
     n_threads: int
-    asked: Any = None
+    asked: Any
+    asked_at: float
     fit: bool = False
     at_work: set[Any] = field(default_factory=set)
 
@@ -134,12 +161,11 @@ class _Crew:
         self._n_asked = 0
         self._counted_at = float("-inf")
         self._idle_since: float | None = time.monotonic()
-        self._ours = installed_versions()
 
     @property
     def has_work(self) -> bool:
-        """Whether there are runs that have not ended."""
-        return bool(self._waiting or self._at_work)
+        """Whether there are runs that have not ended, or outcomes that nobody has taken."""
+        return bool(self._waiting or self._at_work) or not self.ended.empty()
 
     def look_after(self) -> None:
         """See who has come and gone, and give everybody something to do."""
@@ -166,10 +192,11 @@ class _Crew:
                 future.cancel()
                 self._died(task)
         for address in there.keys() - self._workers.keys():
-            worker = self._workers[address] = _Worker(there[address])
-            # By name, for a worker cannot even read what it has not.
-            where = f"{installed_versions.__module__}:{installed_versions.__name__}"
-            worker.asked = self._submit(address, "find", pkgutil.resolve_name, where)
+            question = self._submit(address, "find", pkgutil.resolve_name, _QUESTION)
+            asked = self._submit(
+                address, "ask", operator.call, question, installed_versions(), self._origins
+            )
+            self._workers[address] = _Worker(there[address], asked, time.monotonic())
 
     def _died(self, task: Task) -> None:
         n = self._n_deaths[task.digest] = self._n_deaths.get(task.digest, 0) + 1
@@ -193,7 +220,8 @@ class _Crew:
     def _complain(self, now: float) -> None:
         """Say once that there is nobody, whenever there is nobody for a while."""
         if not self._waiting or any(
-            worker.fit or worker.asked for worker in self._workers.values()
+            worker.fit or (worker.asked and now - worker.asked_at < _SECONDS_TO_ANSWER)
+            for worker in self._workers.values()
         ):
             self._idle_since = now
         elif self._idle_since is not None and now - self._idle_since >= _SECONDS_WITHOUT_WORKERS:
@@ -218,37 +246,32 @@ class _Crew:
             task, address = self._at_work.pop(future)
             if address in self._workers:
                 self._workers[address].at_work.discard(future)
+            if _is_lost(future):
+                self._died(task)
+                return None
             return task, _outcome_of(future)
         for address, worker in self._workers.items():
             if worker.asked == future:
                 worker.asked = None
                 self._judge(address, worker, future)
+                break
         return None
 
     def _judge(self, address: str, worker: _Worker, future: Any) -> None:
         """Hear what a worker has answered."""
-        if future.status in ("cancelled", "lost"):
-            raise _gone()
+        if _is_lost(future):  # with the worker, as the next count shows, or it is asked again
+            del self._workers[address]
+            return
         error = future.exception()
-        if error is not None:
-            said = f"{type(error).__name__}: {error}".partition("\n")[0]
-            self._refuse(address, f"it cannot import {_PACKAGE} ({said})")
-        elif callable(found := future.result()):
-            worker.asked = self._submit(address, "versions", found)
-        elif isinstance(found, str):
-            self._refuse(address, f"it {found}")
-        elif found is None:
-            worker.fit = True
-        elif found == self._ours:
-            worker.asked = self._submit(address, "algorithms", other_algorithm, self._origins)
+        if error is None:
+            worker.fit = future.result() is None
+            said = f"it {future.result()}"
         else:
-            differing = [name for name in _NAMES if found.get(name) != self._ours[name]]
-            theirs = " and ".join(f"{_NAMES[name]} {found.get(name)}" for name in differing)
-            here = " and ".join(self._ours[name] for name in differing)
-            self._refuse(address, f"it has {theirs}, the study {here}")
-
-    def _refuse(self, address: str, said: str) -> None:
-        warnings.warn(f"the Dask worker {address} gets no runs: {said}.", stacklevel=2)
+            said = f"{type(error).__name__}: {error}".partition("\n")[0]
+            other = "import" if isinstance(error, ImportError) else "use its"
+            said = f"it cannot {other} botohe-moo ({said})"
+        if not worker.fit:
+            warnings.warn(f"the Dask worker {address} gets no runs: {said}.", stacklevel=2)
 
     def cancel(self) -> None:
         """Take back what has not ended."""
@@ -263,9 +286,12 @@ def _gone() -> StudyError:
     )
 
 
+def _is_lost(future: Any) -> bool:
+    """Tell whether a future ended without a result, as when its worker or the scheduler dies."""
+    return future.status in ("cancelled", "lost")
+
+
 def _outcome_of(future: Any) -> Outcome:
-    if future.status in ("cancelled", "lost"):
-        raise _gone()
     error = future.exception()
     if error is None:
         outcome: Outcome = future.result()

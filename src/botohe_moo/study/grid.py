@@ -7,24 +7,16 @@ import json
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from importlib.metadata import version
 from typing import Any
 
 import numpy as np
 
 from botohe_moo.algorithms.origin import AlgorithmIdentity
 from botohe_moo.mission.model import Mission
+from botohe_moo.study.code_here import installed_versions
 from botohe_moo.study.config import Budget, Recording, StudyFile
 
 __all__ = ["Run", "Study", "StudyAlgorithm", "StudyMission", "canonical", "mission_digest"]
-
-# pymoo's algorithms are what this package's derive from.
-_VERSIONS = {"version": "botohe-moo", "pymoo": "pymoo"}
-
-
-def installed_versions() -> dict[str, str]:
-    """Give the versions of the packages that every result depends on."""
-    return {name: version(package) for name, package in _VERSIONS.items()}
 
 
 @dataclass(frozen=True)
@@ -241,7 +233,7 @@ def _runs(mission: StudyMission, algorithm: StudyAlgorithm, study: Study) -> Ite
         "seed": None,
         **study.versions,
     }
-    # Only the seed differs, of all keys the last but one.
+    # Keys are sorted, so seeds take their place in a text that is made once.
     before, mark, after = canonical(setting).rpartition('"seed":null')
     for seed in study.seeds:
         text = f"{before}{mark.removesuffix('null')}{seed}{after}"

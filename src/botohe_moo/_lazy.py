@@ -1,0 +1,35 @@
+"""Packages whose names are imported when they are first used."""
+
+from collections.abc import Callable, Mapping, Sequence
+from importlib import import_module
+from typing import Any
+
+__all__ = ["lazy_names"]
+
+
+def lazy_names(
+    package: str, homes: Mapping[str, Sequence[str]]
+) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
+    """Make a package's ``__getattr__`` and ``__dir__`` (PEP 562).
+
+    Parameters
+    ----------
+    package
+        The package's ``__name__``.
+    homes
+        Public names by the module that has them, such as ``.trails``.
+
+    Examples
+    --------
+    >>> get, names = lazy_names("botohe_moo", {".trails": ("TrailPlan",)})
+    >>> get("TrailPlan").__module__, names()
+    ('botohe_moo.trails', ['TrailPlan'])
+    """
+    home_of = {name: home for home, names in homes.items() for name in names}
+
+    def get(name: str) -> Any:
+        if name not in home_of:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        return getattr(import_module(home_of[name], package), name)
+
+    return get, lambda: sorted(home_of)
