@@ -108,6 +108,9 @@ def _outcome(tables: StudyTables) -> str:
     lines = []
     for mission in tables.mission_labels:
         rows = summary[summary["mission"] == mission]
+        if rows.empty:
+            lines.append(f"{mission}\nno runs yet")
+            continue
         shown = rows[["algorithm", "n", "area_median", "area_low", "area_high", "seconds_median"]]
         shown = shown.rename(
             columns={

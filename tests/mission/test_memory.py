@@ -37,6 +37,13 @@ class TestGenerators:
             load_mission(name, **parameters)
         assert needed in str(e.value)
 
+    def test_of_too_many_points_whatever_the_neighbours(self, monkeypatch, tmp_path):
+        monkeypatch.setattr(memory, "_LIMIT", 8_000)
+        path = tmp_path / "site.txt"
+        path.write_text("n 5\nm 1\ntmax 9\n" + "".join(f"{i} 0 1\n" for i in range(5)))
+        with pytest.raises(ValueError, match=r"Expected points of a mission .* got 5, .*their num"):
+            read_mission(path, neighbours=1)
+
     def test_in_study_files(self):
         ((name, fault),) = check_mission("terrain", {"nodes": 10**7}, plain=True)
         assert name == "nodes"

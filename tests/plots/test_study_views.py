@@ -22,7 +22,7 @@ from botohe_moo.plots import (
     plot_reached,
     save_figure,
 )
-from botohe_moo.plots.ranks import groups_alike
+from botohe_moo.plots.ranks import groups_alike, overruled
 from botohe_moo.plots.reached import reached_shares
 from tests.plots.test_study_plots import TWO, drawn, fronts_of, only, trace_of, words
 
@@ -111,12 +111,13 @@ def posthoc_of(ranks, difference):
             {
                 "algorithm": a,
                 "other": b,
+                "difference": ranks[a] - ranks[b],
                 "critical_difference": difference,
                 "significant": abs(ranks[a] - ranks[b]) > difference,
             }
             for a, b in combinations(ranks, 2)
         ],
-        columns=["algorithm", "other", "critical_difference", "significant"],
+        columns=["algorithm", "other", "difference", "critical_difference", "significant"],
     )
 
 
@@ -158,6 +159,16 @@ class TestRanks:
             "D  (3.90)",
         }
         assert words(ax).startswith("average ranks over 5 missions, 1 is best")
+
+    def test_what_friedman_overrules_has_no_ruler(self):
+        posthoc = posthoc_of(self.RANKS, 1.0)
+        assert not overruled(posthoc)
+        posthoc["significant"] = False
+        assert overruled(posthoc)
+        ax = plot_ranks(self.table(self.RANKS), posthoc)
+        assert drawn(ax, "difference") == []
+        [bar] = drawn(ax, "alike")
+        np.testing.assert_allclose(bar.get_xdata(), [1.16, 3.94])
 
     @pytest.mark.parametrize("n", [2, 14, 40])
     def test_names_stand_apart(self, n):

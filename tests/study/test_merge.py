@@ -9,7 +9,14 @@ import pytest
 from typer.testing import CliRunner
 
 from botohe_moo.cli import app
-from botohe_moo.study import StudyError, load_study, merge_studies, read_study, run_study
+from botohe_moo.study import (
+    StudyError,
+    load_study,
+    merge,
+    merge_studies,
+    read_study,
+    run_study,
+)
 from botohe_moo.study.store import Store
 
 TIMES = ["seconds", "recording_seconds", "began", "environment"]
@@ -78,6 +85,17 @@ def test_one_of_the_folders_can_take_the_others(copies):
     assert after[before.index].equals(before)  # its own runs stay
 
 
+def test_its_own_runs_stay_whatever_comes_first(tmp_path):
+    """Runs that end by the clock differ between machines."""
+    clock = {"missions": ["toy"], "budget": {"seconds": 0.05}, "algorithms": ["random"]}
+    for name in ("one", "two"):
+        run_study({**part([1]), **clock}, tmp_path / name)
+    before = read_study(tmp_path / "two").runs
+    for order in (["one", "two"], ["two", "one"]):
+        merged = merge_studies([tmp_path / name for name in order], tmp_path / "two")
+        pd.testing.assert_frame_equal(merged.runs, before)
+
+
 def test_missions_algorithms_and_grids_add_up(parts, tmp_path):
     hills = {"hills": {"mission": "random", "parameters": {"nodes": 6}, "grid": {"seed": [1, 2]}}}
     other = part([1], missions=hills, algorithms=["random"])
@@ -100,6 +118,29 @@ def test_values_of_a_grid_can_be_shared_out(tmp_path):
     assert len(merged.runs) == 2
     study = load_study(tmp_path / "all" / "study.yaml", out=tmp_path / "all")
     assert {run.digest for run in study.runs()} == set(merged.runs["run"])
+
+
+def test_missions_of_files_come_along(tmp_path):
+    """What a file was read with is in the mission that is kept; its study file has to say so."""
+    site = "n 4\nm 2\ntmax 10\n0 0 0\n1 0 5\n0 1 5\n3 3 0\n"
+    for name in ("one", "two"):
+        (tmp_path / f"{name}.txt").write_text(site)
+        hills = {"mission": str(tmp_path / f"{name}.txt"), "grid": {"scale": [5, 9]}}
+        run_study(part([1, 2] if name == "one" else [2, 3], missions={"s": hills}), tmp_path / name)
+        (tmp_path / f"{name}.txt").unlink()
+    merged = merge_studies([tmp_path / "one", tmp_path / "two"], tmp_path / "all")
+    study = load_study(tmp_path / "all" / "study.yaml", out=tmp_path / "all")
+    assert {run.digest for run in study.runs()} == set(merged.runs["run"])
+    assert (
+        [m.label for m in study.missions] == merged.mission_labels == ["s (scale=5)", "s (scale=9)"]
+    )
+
+
+def test_what_no_study_file_can_hold_is_refused(monkeypatch, parts, tmp_path):
+    monkeypatch.setattr(merge, "MAX_RUNS", 5)
+    with pytest.raises(StudyError, match="too large for one: expected at most 5 runs, found 6"):
+        merge_studies([parts / "one", parts / "two"], tmp_path / "all")
+    assert not (tmp_path / "all").exists()
 
 
 @pytest.mark.parametrize(
@@ -138,11 +179,33 @@ def test_plans_that_do_not_bring_what_they_claim(copies):
     def better(outcome):
         *others, last = outcome.records
         plans, objectives = last.plans
-        claimed = dataclasses.replace(last, plans=(plans, np.asarray(objectives) + 1))
+        claimed = dataclasses.replace(
+            last, objectives=last.objectives + 1, plans=(plans, objectives + 1)
+        )
         return dataclasses.replace(outcome, records=(*others, claimed))
 
     change(copies / "one", better)
     with pytest.raises(StudyError, match="is claimed to bring"):
+        merge_studies([copies / "one", copies / "two"], copies / "all")
+
+
+def test_points_that_no_plan_brings(copies):
+    """Indicators are computed from the points that are recorded."""
+
+    def best(outcome):
+        *others, last = outcome.records
+        forged = dataclasses.replace(last, objectives=np.array([[11.0, 2.0]]))
+        return dataclasses.replace(outcome, records=(*others, forged))
+
+    run = change(copies / "one", best)
+    with pytest.raises(StudyError, match="points of its final front are not those") as caught:
+        merge_studies([copies / "one", copies / "two"], copies / "all")
+    assert run.digest in str(caught.value)
+
+
+def test_more_evaluations_than_the_budget(copies):
+    change(copies / "one", lambda outcome: dataclasses.replace(outcome, evaluations=61))
+    with pytest.raises(StudyError, match="expected at most 60 evaluations, found 61"):
         merge_studies([copies / "one", copies / "two"], copies / "all")
 
 

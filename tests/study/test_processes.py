@@ -6,6 +6,7 @@ import os
 import pty
 import random
 import re
+import select
 import signal
 import socket
 import struct
@@ -199,6 +200,30 @@ def test_tables_are_there_while_it_runs_and_after_a_kill(study_file, uninterrupt
     assert (len(partial.runs), partial.n_missing) == (24, 8)
     assert_same(make_tables(folder), partial)
     assert_same(run_study(study_file, folder), uninterrupted)
+
+
+def test_a_terminal_that_is_closed(study_file, tmp_path):
+    """The hang-up stops the study, though there is nobody any more to tell."""
+    folder = tmp_path / "out"
+    ours, theirs = pty.openpty()
+    process = subprocess.Popen(
+        [sys.executable, "-m", "botohe_moo.cli", "study", "run", study_file, "--out", folder],
+        cwd=ROOT,
+        env={**os.environ, "TERM": "xterm"},
+        stdin=theirs,
+        stdout=theirs,
+        stderr=theirs,
+        start_new_session=True,
+    )
+    os.close(theirs)
+    while process.poll() is None and not list(folder.glob("runs/*.npz")):
+        if select.select([ours], [], [], 0.05)[0]:
+            os.read(ours, 65536)
+    os.close(ours)
+    with contextlib.suppress(ProcessLookupError):
+        process.send_signal(signal.SIGHUP)
+    assert process.wait(60) == 129
+    assert 1 <= len(read_study(folder).runs) <= 24
 
 
 def test_a_terminal_shows_how_it_gets_on(tmp_path):

@@ -17,8 +17,9 @@ from hypothesis import strategies as st
 from botohe_moo import load_mission
 from botohe_moo.study.latex_text import escape_latex
 from botohe_moo.study.report import slug, write_report
-from botohe_moo.study.report_figures import FORMATS, rivals
+from botohe_moo.study.report_figures import FORMATS
 from botohe_moo.study.report_outcome import leader
+from botohe_moo.study.report_pictures import rivals
 from botohe_moo.study.report_words import (
     budget_words,
     count,
@@ -169,7 +170,7 @@ class TestFiles:
         folder = tables.folder / "report"
         figures = [name for label in ("toy", ODD) for name in figure_names(label)]
         assert sorted(path.name for path in paths) == sorted([*FIXED_NAMES, *figures])
-        assert sorted(folder.iterdir()) == sorted(paths)
+        assert sorted(folder.iterdir()) == sorted([*paths, folder / ".figures"])
         assert all(path.stat().st_size for path in paths)
 
     def test_the_same_tables_give_the_same_bytes(self, odd, tmp_path):
@@ -182,19 +183,21 @@ class TestFiles:
         for path in write_report(again):
             assert path.read_bytes() == (tables.folder / "report" / path.name).read_bytes()
 
-    def test_only_figures_of_ours_that_are_stale_are_removed(self, tmp_path):
-        tables = study(tmp_path, ["toy"], lost("toy", "A", (1,)))
+    def test_only_figures_of_the_report_before_are_removed(self, tmp_path):
         folder = tmp_path / "report"
-        folder.mkdir()
-        stale = ["curves-toy.png", "difference-gone-1a2b3c4d.png", "curves-toy.svg"]
-        stale += ["fronts-gone.pdf", "summary.csv"]
-        stale += ["critical-difference-area.pdf", "grid-2-toy.png"]
-        foreign = ["my-toy.png", "curves-Toy.png", "curves-toy.jpg", "curves-.png", "notes.txt"]
-        for name in (*stale, *foreign):
+        before = study(tmp_path, ["toy", "gone"], lost("toy", "A", (1,)) + lost("gone", "A", (1,)))
+        drawn = {path.name for path in write_report(before)}
+        assert {f"areas-gone.{end}" for end in FORMATS} < drawn
+        foreign = ["my-toy.png", "grid-notes.pdf", "curves-other.png", "notes.txt"]
+        for name in (*foreign, "summary.csv"):
             (folder / name).write_text("x")
-        write_report(tables)
+        (tmp_path / "mine.png").write_text("x")
+        with (folder / ".figures").open("a") as file:
+            file.write("\n../mine.png\n..\nreport.html\nnotes.txt")
+        write_report(study(tmp_path, ["toy"], lost("toy", "A", (1,))))
         kept = {path.name for path in folder.iterdir()}
-        assert kept == {*FIXED_NAMES, *foreign, *AREAS_ONLY}
+        assert kept == {*FIXED_NAMES, *foreign, *AREAS_ONLY, ".figures"}
+        assert (tmp_path / "mine.png").exists()
 
     def test_a_figure_of_a_mission_that_is_drawn_is_replaced(self, tmp_path):
         tables = study(tmp_path, ["toy"], lost("toy", "A", (1,)))
@@ -339,7 +342,7 @@ class TestHardStudies:
         tables = study(tmp_path, ["toy"], records, control=labels[3])
         names = {path.name for path in write_report(tables)}
         # Each has a panel of its own, so what stood above each other are figures of their own.
-        panels = [f"reached-seconds-toy.{end}" for end in FORMATS]
+        panels = [f"reached_seconds-toy.{end}" for end in FORMATS]
         panels += [f"{kind}-toy.{end}" for kind in ("igd_plus", "epsilon") for end in FORMATS]
         expected = {*FIXED_NAMES, *figure_names("toy", without=["distances"]), *panels}
         assert names == expected

@@ -225,6 +225,13 @@ class TestPosthoc:
         assert text.index(said) < text.index("What was run Missions")
         assert "difference of average ranks p (Nemenyi) A B 1.00" in text
 
+    def test_what_friedman_overrules_is_said_to_be(self, ranked):
+        rows = ranked.posthoc[ranked.posthoc["indicator"] == "area"].assign(significant=False)
+        assert posthoc_words(rows) == (
+            "Post hoc (Nemenyi, critical difference 1.91): no pair counts, since Friedman's test "
+            "finds no difference."
+        )
+
     def test_nothing_is_said_without_a_test(self, tmp_path):
         tables = judged(tmp_path, {"m": {"A": [0.3], "B": [0.4]}})
         assert tables.posthoc.empty

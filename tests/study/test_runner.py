@@ -5,6 +5,8 @@ import json
 import os
 import shutil
 import sys
+import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +19,7 @@ from botohe_moo.study import collect, make_tables, read_study, refresh, run_stud
 from botohe_moo.study.kept import kept_study
 from botohe_moo.study.loading import load_study
 from botohe_moo.study.planning import plan_study
+from botohe_moo.study.shelf import tables_locked
 from botohe_moo.study.store import Store
 from botohe_moo.study.tables import SCHEMAS, StudyError, to_arrow
 
@@ -367,11 +370,23 @@ class TestTables:
 
     @pytest.mark.parametrize(
         ("key", "value"),
-        [("missions", [{}]), ("algorithms", [{"label": 1}]), ("text", "[1, 2]"), ("seeds", "x")],
+        [
+            ("missions", [{}]),
+            ("missions", {"grid": None}),
+            ("missions", {"label": ["q"]}),
+            ("missions", {"min_survival": "x"}),
+            ("missions", {"budget": 7}),
+            ("algorithms", [{"label": 1}]),
+            ("text", "[1, 2]"),
+            ("seeds", "x"),
+        ],
     )
     def test_what_they_are_made_of_may_be_damaged(self, small, key, value):
         content = json.loads((small / "study.json").read_text())
-        content["kept"][key] = value
+        if isinstance(value, dict):
+            content["kept"][key][0].update(value)
+        else:
+            content["kept"][key] = value
         (small / "study.json").write_text(json.dumps(content))
         with pytest.raises(StudyError, match=r"study\.json: cannot be read"):
             make_tables(small)
@@ -463,6 +478,39 @@ class TestAgain:
         made = {path: path.stat().st_mtime_ns for path in finished.glob("*.*")}
         assert made.keys() == before.keys()
         assert {path.name for path in made if made[path] != before[path]} <= {"study.yaml"}
+
+    def test_another_comment_makes_nothing_anew(self, small, tmp_path, monkeypatch):
+        run_study(study_of(), small)
+        path = tmp_path / "study.yaml"
+        path.write_text(f"# A comment\n{json.dumps(study_of())}")
+        monkeypatch.setattr(collect, "collect_tables", forbidden)
+        run_study(path, small)
+        assert "# A comment" in (small / "study.yaml").read_text()
+        assert kept_study(small).text.startswith("# A comment")
+        run_study(study_of(), small)
+
+    def test_nor_do_failures_of_other_runs(self, small, monkeypatch):
+        run_study(study_of(), small)
+        (small / "failures" / f"{'0' * 16}.json").write_text("{}")
+        monkeypatch.setattr(collect, "collect_tables", forbidden)
+        run_study(study_of(), small)
+
+    def test_a_runner_leaves_tables_alone_that_are_being_made(self, small):
+        """What is half-written there belongs to somebody who is at work."""
+        begun, removed = small / f".{'0' * 16}.tmp", []
+        begun.write_text("x")
+
+        def start():
+            with Store(small).locked():
+                removed.append(not begun.exists())
+
+        with tables_locked(small):
+            runner = threading.Thread(target=start)
+            runner.start()
+            time.sleep(0.3)
+            assert begun.exists()
+        runner.join()
+        assert removed == [True]
 
     def test_files_that_were_touched_are_read_and_tables_stay(self, small, monkeypatch):
         run_study(study_of(), small)

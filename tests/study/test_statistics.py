@@ -773,6 +773,19 @@ class TestSummary:
         assert both.loc[0, columns].tolist() == alone.loc[0, columns].tolist()
         assert alone["area_low"][0] < alone["area_median"][0] < alone["area_high"][0]
 
+    def test_nor_does_one_with_almost_the_same_value(self):
+        """Values that differ by rounding are merged: into which, the others decide."""
+        rewards = 10 * rng(8).random(30)
+        for shift in (0, 20):
+            found = [("m", "A", i, [(reward, 2)]) for i, reward in enumerate(rewards)]
+            alone = self.summary(found)
+            close = np.nextafter(rewards[0], shift)
+            both = self.summary([*found, ("m", "B", 1, [(close, 2)])])
+            columns = ["area_low", "area_median", "area_high"]
+            np.testing.assert_allclose(
+                both.loc[0, columns].tolist(), alone.loc[0, columns].tolist(), rtol=0, atol=1e-12
+            )
+
     def test_intervals_cover_what_the_level_leaves(self):
         areas = rng(8).random(40)
         found = [("m", "A", i, [(10 * area, 2)]) for i, area in enumerate(areas)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import logging
 import os
 import sys
@@ -63,13 +64,18 @@ def run(app: typer.Typer) -> NoReturn:
 
 def tell(message: object) -> None:
     """Print something on standard output, for as long as somebody reads it."""
-    with suppress(BrokenPipeError):  # `| head` is no reason to lose a search
+    try:
         typer.echo(message)
+    except OSError as error:
+        # Neither `| head` nor a terminal that was closed is a reason to lose a search.
+        if error.errno not in (errno.EPIPE, errno.EIO):
+            raise
 
 
 def say(message: object) -> None:
-    """Say something on standard error."""
-    typer.echo(f"botohe: {message}", err=True)
+    """Say something on standard error, if it is still there."""
+    with suppress(OSError):
+        typer.echo(f"botohe: {message}", err=True)
 
 
 def fail(message: object, status: int = BAD_INPUT) -> NoReturn:

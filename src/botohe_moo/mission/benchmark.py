@@ -75,6 +75,7 @@ def read_benchmark(
         scale = tmax
         if scale <= 0:
             raise MissionError(f"expected tmax > 0 to be the scale, got {tmax:g}; give a scale")
+    check_memory("points", len(points), nodes=len(points), arcs=0, remedy="their number")
     arcs = 2 * len(points) * (min(neighbours, len(points) - 1) + 1)
     check_memory("neighbours", neighbours, nodes=len(points), arcs=arcs)
     title = f"Team orienteering benchmark: {len(points)} points, tmax {tmax:g}"

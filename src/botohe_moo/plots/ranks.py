@@ -42,7 +42,7 @@ def plot_ranks(
         ``n_missions``.
     posthoc
         Rows of the same indicator in its post-hoc tests: columns ``algorithm``, ``other``,
-        ``critical_difference`` and ``significant``, one row a pair.
+        ``difference``, ``critical_difference`` and ``significant``, one row a pair.
     styles
         Style of each label, as ``algorithm_styles`` gives them.
     title
@@ -65,7 +65,7 @@ def plot_ranks(
     """
     columns = ("algorithm", "average_rank", "n_missions")
     labels = chosen_algorithms("ranks", ranks, columns, None)
-    tested = ("algorithm", "other", "critical_difference", "significant")
+    tested = ("algorithm", "other", "difference", "critical_difference", "significant")
     chosen_algorithms("posthoc", posthoc, tested, None)
     if len(labels) < 2:
         raise ValueError(f"Expected ranks of at least two algorithms, got {len(labels)}.")
@@ -96,7 +96,7 @@ def plot_ranks(
             at = 0.2 + _GROUP * i
             ax.plot(ends, [at, at], color=INK, linewidth=3.2, clip_on=False, gid="alike")
         lift = 20.0
-        if len(difference):
+        if len(difference) and not overruled(posthoc):
             _draw_difference(ax, float(difference.iloc[0]))
             lift = 50.0
         n_missions = int(ranks["n_missions"].iloc[0])
@@ -104,6 +104,20 @@ def plot_ranks(
         words = f"average ranks over {over}, 1 is best; bars join what may be chance"
         title_above(ax, title, words, lift=lift)
     return ax
+
+
+def overruled(posthoc: pd.DataFrame) -> bool:
+    """Tell whether pairs lie further apart than the critical difference and do not count.
+
+    So it is where Friedman's test, which has to come first, finds no difference.
+
+    Parameters
+    ----------
+    posthoc
+        As in ``plot_ranks``, with the column ``difference``.
+    """
+    apart = posthoc["difference"].abs() > posthoc["critical_difference"] + 1e-9  # by rounding
+    return bool(apart.any() and not posthoc["significant"].any())
 
 
 def groups_alike(labels: Sequence[str], posthoc: pd.DataFrame) -> list[list[str]]:

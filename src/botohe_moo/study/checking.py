@@ -24,7 +24,7 @@ from botohe_moo.study.shape import Faults, Place, file_faults, misspelt
 
 __all__ = ["CheckedContent"]
 
-_MAX_RUNS = 250_000  # a study takes 200 bytes for each, and every run a file
+MAX_RUNS = 250_000  # a study takes 200 bytes for each, and every run a file
 _MAX_LISTED = 20  # labels in a message
 
 
@@ -71,8 +71,8 @@ class CheckedContent:
         self._check_control(content)
         self._seeds = seeds_of(self._file.seeds) if self._file and not self.faults else ()
         n_runs = len(self._missions) * len(self._algorithms) * len(self._seeds)
-        if n_runs > _MAX_RUNS:
-            self.faults.add(("seeds",), f"expected at most {_MAX_RUNS:,} runs, found {n_runs:,}.")
+        if n_runs > MAX_RUNS:
+            self.faults.add(("seeds",), f"expected at most {MAX_RUNS:,} runs, found {n_runs:,}.")
         if self._file:
             self.notices += _notices(self._file, [mission.budget for mission in self._missions])
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import pandas as pd
 
 from botohe_moo.mission.model import Mission
+from botohe_moo.study.grid import value_text
 from botohe_moo.study.scores import as_table
 
 __all__ = ["algorithm_table", "mission_table"]
@@ -111,11 +111,5 @@ def _typed(values: list[Any]) -> pd.Series[Any]:
             return pd.Series(values, dtype="float64")
     except OverflowError:  # an integer of more than 64 bits
         pass
-    return pd.Series([_text(value) for value in values], dtype="str")
-
-
-def _text(value: Any) -> str | None:
-    """Write a value as a study file would: a text as it is, all others as JSON."""
-    if value is None or isinstance(value, str):
-        return value
-    return json.dumps(value, ensure_ascii=False)
+    texts = [value if value is None else value_text(value) for value in values]
+    return pd.Series(texts, dtype="str")

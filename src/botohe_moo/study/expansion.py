@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import json
 import math
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
@@ -11,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from botohe_moo.study.config import AlgorithmEntry, MissionEntry, Seeds
-from botohe_moo.study.grid import canonical
+from botohe_moo.study.grid import canonical, value_text
 from botohe_moo.study.shape import Faults, Place
 
 __all__ = ["Member", "members", "seeds_of"]
@@ -81,7 +80,7 @@ def members(
             if faults.full:
                 return
             grid = dict(zip(entry.grid, combination, strict=True))
-            named = ", ".join(f"{name}={_brief(value)}" for name, value in grid.items())
+            named = ", ".join(f"{name}={value_text(value)}" for name, value in grid.items())
             label = f"{family} ({named})" if named else family
             if len(label) > _MAX_LABEL:
                 said = f"expected values of which labels of at most {_MAX_LABEL} characters come."
@@ -96,11 +95,6 @@ def _check_grid(entry: MissionEntry | AlgorithmEntry, path: Place, faults: Fault
             faults.add((*path, "grid", name), f"{name} stands in parameters, too.")
         if len({canonical(value) for value in values}) < len(values):
             faults.add((*path, "grid", name), "expected different values.")
-
-
-def _brief(value: Any) -> str:
-    plain = isinstance(value, str) and value.isprintable()
-    return value if plain else json.dumps(value)
 
 
 def seeds_of(seeds: Seeds) -> tuple[int, ...]:

@@ -16,7 +16,15 @@ from botohe_moo.mission.model import Mission
 from botohe_moo.study.code_here import installed_versions
 from botohe_moo.study.config import Budget, Recording, StudyFile
 
-__all__ = ["Run", "Study", "StudyAlgorithm", "StudyMission", "canonical", "mission_digest"]
+__all__ = [
+    "Run",
+    "Study",
+    "StudyAlgorithm",
+    "StudyMission",
+    "canonical",
+    "mission_digest",
+    "value_text",
+]
 
 
 @dataclass(frozen=True)
@@ -274,6 +282,20 @@ def mission_digest(mission: Mission) -> str:
     ):
         hashed.update(np.ascontiguousarray(values, dtype).tobytes())
     return hashed.hexdigest()[:16]
+
+
+def value_text(value: Any) -> str:
+    """Write a parameter's value as a study file would: a text as it is, all others as JSON.
+
+    Parameters
+    ----------
+    value
+        What a study file can hold.
+    """
+    if isinstance(value, str) and value.isprintable():
+        return value
+    text = json.dumps(value, ensure_ascii=False)
+    return text if text.isprintable() else json.dumps(value)
 
 
 def canonical(value: Any) -> str:

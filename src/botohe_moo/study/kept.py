@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, TypeAdapter
@@ -19,16 +18,26 @@ if TYPE_CHECKING:
 __all__ = ["keep_study", "kept_study"]
 
 _ALGORITHM = TypeAdapter(StudyAlgorithm)
-_OF_MISSION = [
-    entry.name for entry in fields(StudyMission) if entry.name not in ("mission", "budget")
-]
+
+
+class _KeptMission(BaseModel):
+    """A :class:`StudyMission` without its graph."""
+
+    label: str
+    source: dict[str, Any]
+    origin: dict[str, str | None]
+    min_survival: float
+    budget: Budget
+    digest: str
+    family: str
+    grid: dict[str, Any]
 
 
 class _Kept(BaseModel):
     text: str
     seeds: tuple[int, ...]
     versions: dict[str, str]
-    missions: list[dict[str, Any]]
+    missions: list[_KeptMission]
     algorithms: list[dict[str, Any]]
 
 
@@ -45,10 +54,7 @@ def keep_study(study: Study) -> dict[str, Any]:
         "seeds": list(study.seeds),
         "versions": dict(study.versions),
         "missions": [
-            {
-                **{name: getattr(mission, name) for name in _OF_MISSION},
-                "budget": mission.budget.model_dump(),
-            }
+            _KeptMission.model_validate(mission, from_attributes=True).model_dump()
             for mission in study.missions
         ],
         "algorithms": [
@@ -93,7 +99,6 @@ def kept_study(folder: Path) -> Study:
     return Study(file, kept.text, missions, algorithms, kept.seeds, kept.versions)
 
 
-def _mission(folder: Path, entry: dict[str, Any]) -> StudyMission:
-    budget = Budget.model_validate(entry["budget"])
-    mission = saved_mission(folder / "missions" / f"{entry['digest']}.json", entry["digest"])
-    return StudyMission(**{**entry, "budget": budget, "mission": mission})
+def _mission(folder: Path, kept: _KeptMission) -> StudyMission:
+    mission = saved_mission(folder / "missions" / f"{kept.digest}.json", kept.digest)
+    return StudyMission(mission=mission, **dict(kept))

@@ -13,7 +13,9 @@ from pydantic import BaseModel
 
 from botohe_moo._checks import quoted
 from botohe_moo.mission.files import SUFFIXES
+from botohe_moo.study.checking import MAX_RUNS
 from botohe_moo.study.config import AlgorithmEntry, Budget, MissionEntry, Seeds
+from botohe_moo.study.document import Document
 from botohe_moo.study.grid import Run, Study, StudyAlgorithm, StudyMission
 from botohe_moo.study.index import Entry as FileEntry
 from botohe_moo.study.kept import kept_study
@@ -21,6 +23,7 @@ from botohe_moo.study.loading import study_folder
 from botohe_moo.study.perform import verify
 from botohe_moo.study.planning import make_task
 from botohe_moo.study.refresh import refresh_tables
+from botohe_moo.study.shape import file_faults
 from botohe_moo.study.shelf import tables_locked
 from botohe_moo.study.store import DamagedError, Store
 from botohe_moo.study.tables import StudyError, StudyTables
@@ -41,8 +44,9 @@ def merge_studies(
     """Make one study of the results that several machines have of it.
 
     The studies may differ in their missions, algorithms and seeds; the one made of them has all of
-    these. Every run is checked as if it had been performed here: its file has to be whole, and the
-    plans of its front are evaluated again. Nothing is written before all is checked.
+    these. Every run is checked: its file has to be whole, it has spent no more than its budget, and
+    the plans of its final front are evaluated again. Nothing is written before all is checked. Of
+    a run that several folders have, ``out`` keeps its own, or else takes that of the first folder.
 
     Parameters
     ----------
@@ -71,8 +75,8 @@ def merge_studies(
     folder = study_folder(study.name, out)
     store = Store(folder)
     store.check(study)
-    # What is there of this study already has to fit, too; a folder given twice is read once.
-    sources = [Store(path) for path in dict.fromkeys(p.resolve() for p in (*paths, folder))]
+    # What is there of this study already has to fit, too, and is kept; none is read twice.
+    sources = [Store(path) for path in dict.fromkeys(p.resolve() for p in (folder, *paths))]
     found = {run.digest: _whole_run(run, sources) for run in study.runs()}
     with store.locked():
         store.check(study)
@@ -112,14 +116,27 @@ def _union(paths: Sequence[Path], studies: Sequence[Study]) -> Study:
             "algorithms": _entries(
                 [study.file.algorithms for study in studies], algorithms, _algorithm_entry
             ),
-            "seeds": Seeds(values=list(seeds)),
+            "seeds": Seeds.model_construct(values=list(seeds)),
             "budget": None,  # each mission's own
         }
     )
     # JSON is YAML, too, and leaves no doubt what is a text.
     content = file.model_dump(mode="json", exclude_defaults=True)
     text = json.dumps(content, indent=1, ensure_ascii=False) + "\n"
+    _check_size(text, len(missions) * len(algorithms) * len(seeds))
     return Study(file, text, missions, algorithms, seeds, first.versions)
+
+
+def _check_size(text: str, n_runs: int) -> None:
+    """Refuse together what no study file may hold: nobody could read it again."""
+    document = Document.parse(text)
+    faults = [fault.message for fault in document.faults] or [
+        f"{place[0] if place else 'it'}: {said}" for place, said in file_faults(document.content)
+    ]
+    if n_runs > MAX_RUNS:
+        faults.append(f"expected at most {MAX_RUNS:,} runs, found {n_runs:,}.")
+    if faults:
+        raise StudyError(f"The studies together are too large for one: {faults[0]}")
 
 
 def _members(
@@ -168,7 +185,11 @@ def _entries(
     for file in files:
         for label, entry in file.items():
             stated.setdefault(label, []).append(entry)
-    same = {label for label, found in stated.items() if all(e == found[0] for e in found)}
+    same = {
+        label
+        for label, found in stated.items()
+        if all(e == found[0] for e in found) and not _is_of_file(found[0])
+    }
     entries: dict[str, Entry] = {}
     for member in members:
         if member.family in same:
@@ -178,24 +199,27 @@ def _entries(
     return entries
 
 
+def _is_of_file(entry: MissionEntry | AlgorithmEntry) -> bool:
+    """Tell whether a mission is read from a file, which stays on the machine that has it."""
+    return isinstance(entry, MissionEntry) and Path(entry.mission).suffix.lower() in SUFFIXES
+
+
 def _mission_entries(
     files: Sequence[Mapping[str, MissionEntry]], missions: Sequence[StudyMission]
 ) -> dict[str, MissionEntry]:
     """Give what a study file says of missions, with budgets, and files that are in the folder."""
     members = {mission.family: mission for mission in missions}
     members |= {mission.label: mission for mission in missions}
-    entries = {}
-    for label, entry in _entries(files, missions, _mission_entry).items():
-        mission = members[label]
-        changes: dict[str, Any] = {"budget": mission.budget}
-        if Path(entry.mission).suffix.lower() in SUFFIXES:
-            changes["mission"] = f"missions/{mission.digest}.json"
-        entries[label] = entry.model_copy(update=changes)
-    return entries
+    return {
+        label: entry.model_copy(update={"budget": members[label].budget})
+        for label, entry in _entries(files, missions, _mission_entry).items()
+    }
 
 
 def _mission_entry(mission: StudyMission) -> MissionEntry:
     source = dict(mission.source)
+    if Path(source["name_or_path"]).suffix.lower() in SUFFIXES:  # with its robots and parameters
+        source = {"name_or_path": f"missions/{mission.digest}.json"}
     return MissionEntry(
         mission=source.pop("name_or_path"),
         robots=source.pop("robots", None),
@@ -220,10 +244,8 @@ def _whole_run(run: Run, sources: Sequence[Store]) -> Store | None:
             raise StudyError(
                 f"{error}; run the study there again, or remove the file, and merge again."
             ) from error
-        last = outcome.records[-1] if outcome.records else None
         try:
-            if last is not None and last.plans is not None:
-                verify(make_task(run), *last.plans)
+            _verify_outcome(run, outcome)
         except ValueError as error:
             raise StudyError(f"{store.folder}: run {_named(run)}: {error}.") from error
         if found is None:
@@ -234,6 +256,21 @@ def _whole_run(run: Run, sources: Sequence[Store]) -> Store | None:
                 f"{found[0].folder}; the same run gives the same on every machine."
             )
     return found[0] if found else None
+
+
+def _verify_outcome(run: Run, outcome: Outcome) -> None:
+    """Check what can be checked without performing a run again; raises ValueError."""
+    budget = run.mission.budget.evaluations
+    if budget is not None and outcome.evaluations > budget:
+        raise ValueError(f"expected at most {budget} evaluations, found {outcome.evaluations}")
+    if not outcome.records:
+        return
+    last = outcome.records[-1]
+    plans, objectives = last.plans or (None, np.empty((0, 2)))
+    if not np.array_equal(np.unique(objectives, axis=0), np.unique(last.objectives, axis=0)):
+        raise ValueError("the points of its final front are not those of its plans")
+    if plans is not None:
+        verify(make_task(run), plans, objectives)
 
 
 def _agree(one: Outcome, other: Outcome) -> bool:

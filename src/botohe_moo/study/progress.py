@@ -6,7 +6,7 @@ import math
 import sys
 import threading
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Self
 
 from rich.console import Console
@@ -93,7 +93,8 @@ class ProgressWatcher:
 
     def __exit__(self, *_: object) -> None:
         if self._bar is not None:
-            self._bar.stop()
+            with suppress(OSError):  # the terminal has been closed
+                self._bar.stop()
 
     def begin(self, plan: Plan) -> None:
         """Say what is there already, and what is not.

@@ -65,10 +65,11 @@ def _csv_are_there(folder: Path) -> bool:
 
 def _made_from(study: Study, store: Store, finished: Mapping[str, Entry]) -> str:
     """Give the digest of all that tables depend on: the study, its runs' files, and the code."""
+    missing = {run.digest for run in study.runs()} - finished.keys()
     failures = {
         digest: hashlib.sha256(data).hexdigest()
         for digest, data in store.failures().items()
-        if digest not in finished
+        if digest in missing
     }
     contents = {digest: entry.content for digest, entry in finished.items()}
     parts = [study.manifest(), contents, failures, _code()]

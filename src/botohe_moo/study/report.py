@@ -4,29 +4,28 @@ from __future__ import annotations
 
 import hashlib
 import re
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from botohe_moo._files import replace_file
-from botohe_moo.study.report_figures import FORMATS, KINDS, draw_figures
+from botohe_moo.study.report_figures import FORMATS, draw_figures
 from botohe_moo.study.report_latex import comparisons_latex, ranks_latex, summary_latex
 from botohe_moo.study.report_page import render_page
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from botohe_moo.study.tables import StudyTables
 
 __all__ = ["slug", "write_report"]
 
 _LONGEST_SLUG = 60
 _FORMER = "summary.csv"  # of earlier versions: the table in the folder above, rounded
-_OURS = re.compile(rf"({'|'.join(KINDS)})-[a-z0-9][a-z0-9._-]*\.({'|'.join(FORMATS)})")
+_DRAWN = ".figures"  # names of the figures that are in the folder
 
 
 def write_report(tables: StudyTables) -> list[Path]:
     """Write the report of a study into the folder ``report`` in the study's own.
 
-    The same tables give the same bytes. Figures of missions that are no longer in the study are
+    The same tables give the same bytes. Figures of the report before that are not in this one are
     removed; other files in the folder stay.
 
     Parameters
@@ -50,10 +49,7 @@ def write_report(tables: StudyTables) -> list[Path]:
     slugs = {label: slug(label) for label in tables.mission_labels}
     figures = draw_figures(tables, folder, slugs)
     drawn = [path for shown in figures.values() for figure in shown for path in figure.paths]
-    names = {path.name for path in drawn}
-    for path in folder.iterdir():
-        if (_OURS.fullmatch(path.name) and path.name not in names) or path.name == _FORMER:
-            path.unlink()
+    _remove_others(folder, {path.name for path in drawn})
     texts = {
         "report.html": render_page(tables, slugs, figures),
         "summary.tex": summary_latex(tables),
@@ -63,6 +59,21 @@ def write_report(tables: StudyTables) -> list[Path]:
     for name, text in texts.items():
         replace_file(folder / name, text.encode())
     return [*(folder / name for name in texts), *drawn]
+
+
+def _remove_others(folder: Path, names: set[str]) -> None:
+    """Remove what the report before has drawn and this one has not; note what this one has."""
+    try:
+        noted = (folder / _DRAWN).read_text("utf-8").splitlines()
+    except (OSError, ValueError):
+        noted = []
+    ends = tuple(f".{end}" for end in FORMATS)
+    before = {name for name in noted if name == Path(name).name and name.endswith(ends)}
+    # So that they are noted also where this is stopped in between.
+    replace_file(folder / _DRAWN, "\n".join(sorted(before | names)).encode())
+    for name in {*before, _FORMER} - names:
+        (folder / name).unlink(missing_ok=True)
+    replace_file(folder / _DRAWN, "\n".join(sorted(names)).encode())
 
 
 def slug(label: str) -> str:

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from botohe_moo.plots.algorithms import algorithm_styles
-from botohe_moo.plots.ranks import plot_ranks
+from botohe_moo.plots.ranks import overruled, plot_ranks
 from botohe_moo.plots.style import save_plot
-from botohe_moo.study.report_pictures import KINDS as OF_MISSIONS
-from botohe_moo.study.report_pictures import MissionPictures, rivals
+from botohe_moo.study.report_pictures import MissionPictures
 from botohe_moo.study.report_words import INDICATORS, main_indicator
 
 if TYPE_CHECKING:
@@ -21,11 +20,10 @@ if TYPE_CHECKING:
     from botohe_moo.plots.algorithms import AlgorithmStyle
     from botohe_moo.study.tables import StudyTables
 
-__all__ = ["FORMATS", "KINDS", "ReportFigure", "draw_figures", "rivals"]
+__all__ = ["FORMATS", "ReportFigure", "draw_figures"]
 
 FORMATS = ("png", "pdf", "svg")
 _RANKS = "critical-difference"
-KINDS = (*OF_MISSIONS, _RANKS)
 
 
 @dataclass(frozen=True)
@@ -108,6 +106,10 @@ def _ranks(
     caption = (
         f"Average ranks over missions of the algorithms' medians by {named}; 1, on the left, is "
         "best. Bars join algorithms of which no two differ significantly by the Nemenyi test, "
-        "which allows for all pairs: their ranks lie less than the critical difference apart."
+        "which allows for all pairs"
     )
+    if overruled(pairs):
+        caption += "; here Friedman's test finds no difference, so no pair counts."
+    else:
+        caption += ": their ranks lie less than the critical difference apart."
     yield main, ax, caption, f"Average ranks of {', '.join(rows['algorithm'])}."

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
+from botohe_moo.plots.ranks import overruled
 from botohe_moo.study.report_words import (
     INDICATORS,
     count,
@@ -149,6 +150,8 @@ def posthoc_words(rows: pd.DataFrame) -> str:
         first, second = pair if row["difference"] < 0 else pair[::-1]
         better.setdefault(first, []).append(second)
     said = "; ".join(f"{label} ranks better than {listed(them)}" for label, them in better.items())
+    if overruled(rows):
+        said = "no pair counts, since Friedman's test finds no difference"
     return f"Post hoc (Nemenyi, critical difference {critical}): {said or 'no pair differs'}."
 
 

@@ -29,22 +29,9 @@ if TYPE_CHECKING:
     from botohe_moo.plots.progress import Progress, Value
     from botohe_moo.study.tables import StudyTables
 
-__all__ = ["KINDS", "MissionPictures", "rivals"]
+__all__ = ["MissionPictures", "rivals"]
 
-KINDS = (
-    "curves",
-    "seconds",
-    "reached",
-    "reached-seconds",
-    "distances",
-    "igd_plus",
-    "epsilon",
-    "areas",
-    "grid",
-    "fronts",
-    "attainment",
-    "difference",
-)
+# Kinds of figures have no hyphen, which parts them from what stands for the mission.
 _SHARES = np.arange(50, 100) / 100  # of the reference front's area: the targets
 
 _DISTANCES: tuple[Value, ...] = ("igd_plus", "epsilon")
@@ -166,7 +153,7 @@ class MissionPictures:
         what = f"Targets reached by {self._names()}"
         chosen: dict[str, Any] = {"algorithms": self._labels, "styles": self._styles}
         if self._many:
-            kinds: dict[Progress, str] = {"evaluations": "reached", "seconds": "reached-seconds"}
+            kinds: dict[Progress, str] = {"evaluations": "reached", "seconds": "reached_seconds"}
             for x, kind in kinds.items():
                 ax = plot_reached(trace, self._runs, targets, x=x, title=self._title, **chosen)
                 yield kind, ax, caption, what
@@ -234,7 +221,7 @@ class MissionPictures:
                 f"The median area of {family} for each combination of {row} (rows) and {column} "
                 "(columns), as in the summary; the largest is bold."
             )
-            kind = "grid" if i == 0 else f"grid-{i + 1}"
+            kind = "grid" if i == 0 else f"grid_{i + 1}"
             yield kind, ax, caption, f"Median areas of {family} by {row} and {column}"
 
     def _fronts(self) -> Iterator[Picture]:

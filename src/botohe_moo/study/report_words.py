@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from botohe_moo.study import scores
+from botohe_moo.study.grid import value_text
 from botohe_moo.study.ties import merge_ties
 
 if TYPE_CHECKING:
@@ -98,10 +98,7 @@ def budget_words(budget: Mapping[str, Any]) -> str:
 
 def parameter_words(parameters: Mapping[str, Any]) -> str:
     """Write parameters as name=value."""
-    return ", ".join(
-        f"{name}={value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)}"
-        for name, value in parameters.items()
-    )
+    return ", ".join(f"{name}={value_text(value)}" for name, value in parameters.items())
 
 
 def seed_words(seeds: Sequence[int]) -> str:

@@ -85,6 +85,8 @@ def put_study(folder: Path, manifest: Mapping[str, Any]) -> None:
     with contextlib.suppress(StudyError):  # there is none, or it is damaged
         there = read_manifest(folder)
         if _study_of(there) == _study_of(new):
+            if there.get("kept") != new.get("kept"):  # another comment in its file, say
+                write_manifest(folder, {**there, "kept": new["kept"]})
             return
         if previous := tabled_manifest(there):
             new["previous"] = {key: previous[key] for key in previous if key not in _HEAVY}
@@ -92,7 +94,10 @@ def put_study(folder: Path, manifest: Mapping[str, Any]) -> None:
 
 
 def _study_of(manifest: Mapping[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in manifest.items() if key not in _OF_TABLES}
+    """Give what tables depend on: all but how the study's file is written, and the tables."""
+    found = {key: value for key, value in manifest.items() if key not in _OF_TABLES}
+    kept = found.get("kept", {})
+    return {**found, "kept": {key: kept[key] for key in kept if key != "text"}}
 
 
 def put_tables(folder: Path, files: Mapping[str, bytes], manifest: Mapping[str, Any]) -> None:

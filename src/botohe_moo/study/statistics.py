@@ -241,7 +241,7 @@ def summarise(
     level = check_number("significance", significance, above=0.0, below=1.0)
     if len(runs):  # the values that are compared
         areas: Any = runs.groupby("mission", sort=False)["area"]
-        runs = runs.assign(area=areas.transform(merge_ties))
+        runs = runs.assign(raw_area=runs["area"], area=areas.transform(merge_ties))
     groups: Any = runs.groupby(["mission", "algorithm"], sort=False)
     found: dict[Any, pd.DataFrame] = dict(iter(groups))
     samples = _samples(indicators)
@@ -261,13 +261,16 @@ def summarise(
 
 def _described(runs: pd.DataFrame, level: float) -> dict[str, Any]:
     areas = np.sort(runs["area"].to_numpy(float))
-    median, low, high = median_interval(areas, confidence=1.0 - level, rng=generator_for(areas))
+    median = float(np.median(areas))
+    # Which of two values a hair's breadth apart counts depends on the others of the study.
+    raw = np.sort(runs["raw_area"].to_numpy(float))
+    _, low, high = median_interval(raw, confidence=1.0 - level, rng=generator_for(raw))
     return {
         "n": len(runs),
         "n_not_done": int((runs["status"] != "done").sum()),
         "area_median": median,
-        "area_low": low,
-        "area_high": high,
+        "area_low": min(low, median),
+        "area_high": max(high, median),
         "area_mean": float(areas.mean()),
         "area_sd": float(areas.std(ddof=1)) if len(areas) > 1 else None,
         "area_best": float(areas[-1]),

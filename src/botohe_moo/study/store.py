@@ -103,10 +103,11 @@ class Store:
 
     def _tidy(self) -> None:
         """Remove what a runner that was killed has begun to write."""
-        for folder in (self.folder, self._runs, self._failures, self.folder / "missions"):
-            for leftover in folder.glob(".*.tmp"):
-                if _TEMPORARY.match(leftover.name):
-                    leftover.unlink(missing_ok=True)
+        with tables_locked(self.folder):  # they may be made meanwhile
+            for folder in (self.folder, self._runs, self._failures, self.folder / "missions"):
+                for leftover in folder.glob(".*.tmp"):
+                    if _TEMPORARY.match(leftover.name):
+                        leftover.unlink(missing_ok=True)
 
     def check(self, study: Study) -> None:
         """Make sure that the folder is this study's, or nobody's.

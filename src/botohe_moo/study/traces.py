@@ -89,7 +89,8 @@ def reach_targets(
     Returns
     -------
     pandas.DataFrame
-        The table ``targets``. What has no runs, as in a study that was interrupted, has no row.
+        The table ``targets``. What has no runs, as in a study that was interrupted, has no row,
+        nor has a mission whose reference front has no area.
         Medians are over all runs, of which those that never get there take for ever.
     """
     fronts = _points_by_mission(references)
@@ -106,7 +107,7 @@ def reach_targets(
     for mission in missions:
         for algorithm in algorithms:
             n = int(counts.get((mission, algorithm), 0))
-            for share in SHARES if n else ():
+            for share in SHARES if n and areas[mission] > 0 else ():
                 first = reached[share].get((mission, algorithm), trace.iloc[:0])
                 rows.append(
                     {
