@@ -9,8 +9,11 @@ from numpy.typing import ArrayLike
 from botohe_moo._types import FloatArray
 from botohe_moo.mission.model import Mission
 
-__all__ = ["area_indicator", "epsilon_indicator", "igd_plus_indicator"]
+__all__ = ["TIE", "area_indicator", "epsilon_indicator", "igd_plus_indicator"]
 
+# What differs less comes from the order in which sums were rounded, not from better plans; ranks
+# would make as much of it as of anything else. Indicators are shares of what a mission offers.
+TIE = 1e-12
 _ROUNDING = 1e-9
 
 

@@ -106,7 +106,7 @@ def _insert(
     which: int,
 ) -> int:
     last = position == length - 1  # behind the return to base, where another loop opens
-    onward = nodes[0] if last else nodes[position + 1]
+    onward = nodes[0] if last else nodes[position + 1]  # the base, as an integer like the others
     node = _between(first, head, base, nodes[position], onward, used, mark, states, which)
     if node < 0:
         return CANNOT

@@ -52,7 +52,7 @@ _INVISIBLE = ("Cc", "Cf", "Cs", "Zl", "Zp")
 
 @cache
 def families() -> tuple[str, ...]:
-    """Give the fonts to draw with, those first that are asked first for a letter."""
+    """Give the fonts to draw with; a letter is drawn with the first that has it."""
     installed = {entry.name for entry in font_manager.fontManager.ttflist}
     return (BASE, *(name for name in _OTHERS if name in installed))
 

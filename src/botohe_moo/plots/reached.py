@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from botohe_moo.indicators import TIE
 from botohe_moo.plots.algorithms import chosen_algorithms, styles_of
 from botohe_moo.plots.panels import (
     MANY,
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
 __all__ = ["plot_reached", "reached_shares"]
 
 _Y = "share of runs × targets reached"
-_TIE = 1e-12  # areas of equal fronts differ in the last digit
 
 
 def plot_reached(
@@ -173,7 +173,7 @@ def _shares(runs: Sequence[FloatArray], targets: FloatArray, n_runs: int) -> Flo
     at, n_reached = [], []
     for run in runs:
         best = np.maximum.accumulate(run[:, 1])
-        done = np.searchsorted(targets, best + _TIE, side="right")
+        done = np.searchsorted(targets, best + TIE, side="right")
         at.append(run[:, 0])
         n_reached.append(np.diff(done, prepend=0))
     x, steps = np.concatenate(at), np.concatenate(n_reached)

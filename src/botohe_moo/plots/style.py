@@ -47,7 +47,7 @@ Colour = tuple[float, float, float]
 DPI = 160
 INK = "#262626"
 MUTED = "#8c8c8c"
-# Nothing that is another one tomorrow.
+# Without dates and versions, so that the same figure gives the same bytes.
 _METADATA: Mapping[str, Mapping[str, str | None]] = {
     ".png": {"Software": "botohe_moo"},
     ".pdf": {"Creator": "botohe_moo", "Producer": None, "CreationDate": None},

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from botohe_moo.study.config import Budget
     from botohe_moo.study.grid import Run
     from botohe_moo.study.planning import Plan
-    from botohe_moo.study.task import Outcome, Record
+    from botohe_moo.study.task import Outcome
 
 __all__ = ["Estimate", "estimate_times", "time_left"]
 
@@ -170,7 +170,7 @@ class _Trial:
         task = make_task(run)
         limit = min(task.seconds or seconds, seconds)
         trial = replace(task, seconds=limit, grace_seconds=grace_seconds)
-        outcome = self._sandbox.perform(trial, stopped=lambda: False, note=_ignore)
+        outcome = self._sandbox.perform(trial, stopped=lambda: False, note=lambda _: None)
         assert outcome is not None  # nobody has stopped it
         return outcome
 
@@ -198,7 +198,3 @@ def _scaled(outcome: Outcome, evaluations: int) -> tuple[float, bool]:
         pace = (outcome.seconds - first.seconds) / (outcome.evaluations - first.evaluations)
         return first.seconds + pace * (evaluations - first.evaluations), False
     return outcome.seconds * evaluations / max(outcome.evaluations, 1), True
-
-
-def _ignore(record: Record) -> None:
-    """Let a record go by: the outcome has it, too."""

@@ -144,7 +144,7 @@ def main_indicator(comparisons: pd.DataFrame) -> str:
 
 
 def verdict_words(row: Mapping[str, Any]) -> str:
-    """Give a comparison's verdict, with the names of both where it does without."""
+    """Give a comparison's verdict, with both names where the verdict itself has none."""
     verdict = str(row["verdict"])
     if verdict.startswith(str(row["algorithm"])):
         return verdict

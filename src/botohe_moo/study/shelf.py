@@ -43,7 +43,7 @@ _OF_TABLES = (
 
 @contextlib.contextmanager
 def tables_locked(folder: Path) -> Iterator[None]:
-    """Keep others from making a study's tables meanwhile; ends what a killed one has begun.
+    """Keep others from making a study's tables meanwhile, and finish what a killed process began.
 
     Parameters
     ----------

@@ -41,7 +41,7 @@ class Stop:
 
 @contextmanager
 def hold_stop() -> Iterator[Stop]:
-    """Let Ctrl-C, SIGTERM and SIGHUP ask for a stop; sent again, each breaks off as usual.
+    """Let Ctrl-C, SIGTERM and SIGHUP ask for a stop; the second one breaks off at once.
 
     Signals that are ignored, as by ``nohup``, or that somebody else handles, stay as they are;
     outside the main thread, which alone may handle signals, all do.

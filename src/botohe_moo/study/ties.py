@@ -6,12 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from botohe_moo._types import FloatArray
+from botohe_moo.indicators import TIE
 
-__all__ = ["TIE", "merge_ties"]
-
-# What differs less comes from the order in which sums were rounded, not from better plans; ranks
-# would make as much of it as of anything else. Indicators are shares of what a mission offers.
-TIE = 1e-12
+__all__ = ["merge_ties"]
 
 
 def merge_ties(values: ArrayLike) -> FloatArray:

@@ -9,10 +9,9 @@ import numpy as np
 import pandas as pd
 
 from botohe_moo._types import FloatArray
-from botohe_moo.indicators import area_indicator, epsilon_indicator, igd_plus_indicator
+from botohe_moo.indicators import TIE, area_indicator, epsilon_indicator, igd_plus_indicator
 from botohe_moo.mission.model import Mission
 from botohe_moo.study.scores import as_table
-from botohe_moo.study.ties import TIE
 
 __all__ = ["SHARES", "reach_targets", "score_records"]
 
