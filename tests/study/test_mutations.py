@@ -132,7 +132,7 @@ GROWING = {
     "digits of a tag": f"{SEEDS}title: !!float {'1' * 300_000}x\n",
     "digits and lines": f"{HEAD}seeds: {'9_' * 200_000}9\n",
     "an integer": f"{HEAD}seeds: {'9' * 4_200}\n",
-    "seeds": f"{HEAD}seeds: [{', '.join(str(10**9 + i) for i in range(50_000))}]\n",
+    "seeds": f"{HEAD}seeds: [{', '.join(str(10**9 + i) for i in range(22_000))}]\n",
     "seeds twice": f"{HEAD}seeds: [{', '.join(str(i % 9_000) for i in range(19_000))}]\n",
     "derived seeds": f"{HEAD}seeds: {{count: 100000, seed: 3}}\n",
     "indicators": f"{SEEDS}indicators: [{', '.join(['area'] * 19_000)}]\n",

@@ -61,21 +61,20 @@ def members(
     Member
         One combination after the other, until there are too many faults.
     """
-    n_members = 0
+    sizes = {family: math.prod(map(len, entry.grid.values())) for family, entry in entries.items()}
+    n_members = sum(size for size in sizes.values() if size <= _MAX_MEMBERS)
+    if n_members > _MAX_MEMBERS:
+        said = f"expected at most {_MAX_MEMBERS:,} {kind}, found {n_members:,}."
+        faults.add((kind,), said)
+        return
     for family, entry in entries.items():
         path: Place = (kind, family)
         _check_grid(entry, path, faults)
-        n_combinations = math.prod(map(len, entry.grid.values()))
-        n_members += n_combinations
-        if n_combinations > _MAX_MEMBERS:
-            found = f"{n_combinations:,}" if n_combinations < 10**12 else "far more"
+        if sizes[family] > _MAX_MEMBERS:
+            found = f"{sizes[family]:,}" if sizes[family] < 10**12 else "far more"
             said = f"expected at most {_MAX_MEMBERS:,} combinations, got {found}."
             faults.add((*path, "grid"), said)
             continue
-        if n_members > _MAX_MEMBERS:
-            said = f"expected at most {_MAX_MEMBERS:,} {kind}, found {n_members:,} up to this one."
-            faults.add(path, said)
-            return
         for combination in itertools.product(*entry.grid.values()):
             if faults.full:
                 return
