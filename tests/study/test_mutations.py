@@ -142,6 +142,8 @@ GROWING = {
     "a long key": f"{SEEDS}{'k' * 1_000}: 1\n",
     "a long title": f"{SEEDS}title: '{'x' * 900_000}'\n",
     "a long control": f"{SEEDS}comparison: {{control: {'abc' * 60}}}\n",
+    "a long alias": f"{SEEDS}title: *{'m' * 5_000}\n",
+    "a long anchor": f"{SEEDS}title: [&{'m' * 5_000} 1, &{'m' * 5_000} 2]\n",
     "levels": f"{HEAD}seeds: {'[' * 900}{']' * 900}\n",
     "levels of blocks": f"{HEAD}seeds: {'- ' * 900}\n",
     "aliases": f"{SEEDS}x: &a [{', '.join('1' * 9)}]\ny: [{', '.join(['*a'] * 9_000)}]\n",

@@ -95,7 +95,8 @@ def syntax_fault(error: Any, text: str) -> tuple[int, str]:
     said = " ".join(part for part in (error.context, error.problem) if part)
     for pattern, meaning, where in _MEANINGS:
         if found := re.search(pattern, said):
-            words = meaning.format(*found.groups(), began=began.line + 1)
+            names = (name[:_LONG] + "..." * (len(name) > _LONG) for name in found.groups())
+            words = meaning.format(*names, began=began.line + 1)
             return _placed(words, began.index if where == "began" else ended.index, text)
     return _placed("this cannot be read", ended.index, text)
 
