@@ -181,6 +181,7 @@ def test_what_would_grow_is_bounded(path, text):
     if isinstance(found, list):
         assert len(found) <= 101
         assert sum(map(len, found)) < 60_000
+        assert max(map(len, found)) < 2_000
 
 
 @pytest.mark.parametrize("text", GROWING.values(), ids=GROWING)
