@@ -237,7 +237,7 @@ class TestPage:
             assert f"{label} {leader(tables, label)}" in outcome
         for verdict in tables.comparisons["verdict"].unique():
             assert verdict in outcome
-        assert "no test: 2 missions are too few as blocks" in outcome
+        assert "No test: 2 missions are too few as blocks" in outcome
         assert "4 runs are not done , and scored all the same" in outcome
 
     def test_what_was_run(self, odd):
