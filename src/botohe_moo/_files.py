@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import itertools
 import os
 import secrets
+import stat
 from collections.abc import Iterator
 from pathlib import Path
 
-__all__ = ["new_folder", "replace_file"]
+__all__ = ["new_folder", "read_bytes", "replace_file"]
 
 
 @contextlib.contextmanager
@@ -36,6 +38,20 @@ def new_folder(wanted: Path) -> Iterator[Path]:
         for path in (made, *missing):
             with contextlib.suppress(OSError):
                 path.rmdir()
+
+
+def read_bytes(path: Path) -> bytes:
+    """Read a file, but nothing that may have no end.
+
+    Raises
+    ------
+    OSError
+        If there is no such file, or it is a device or a pipe.
+    """
+    mode = path.stat().st_mode
+    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+        raise OSError(errno.EINVAL, "expected a file, found a device or a pipe", str(path))
+    return path.read_bytes()
 
 
 def replace_file(path: Path, data: bytes) -> None:

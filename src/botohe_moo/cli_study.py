@@ -96,7 +96,7 @@ def run(
         status = _BY_SIGNAL + stopped.signal
         fail(f"stopped; what is done is in {folder}. Run it again to go on.", status)
     tell(_outcome(tables))
-    tell(f"\nwrote the tables to {folder}; `botohe study report {folder}` makes the report.")
+    tell(f"\nThe tables are in {folder}; `botohe study report {folder}` makes the report.")
     if n_failed := int((tables.runs["status"] == "failed").sum()):
         n_runs = "1 run" if n_failed == 1 else f"{n_failed} runs"
         fail(f"{n_runs} failed: runs.csv says why; run the study again to retry.", FAILED)
@@ -207,7 +207,7 @@ def tables(folder: FolderArgument) -> None:
         made = make_tables(folder, say=say)
     tell(_outcome(made))
     _say_missing(made)
-    tell(f"\nwrote the tables to {folder}; `botohe study report {folder}` makes the report.")
+    tell(f"\nThe tables are in {folder}; `botohe study report {folder}` makes the report.")
 
 
 @study_app.command("merge")
@@ -227,7 +227,7 @@ def merge(
         merged = merge_studies(folders, out)
     tell(_outcome(merged))
     _say_missing(merged)
-    tell(f"\nwrote {len(merged.runs)} runs and the tables to {merged.folder}.")
+    tell(f"\n{len(merged.runs)} runs and the tables are in {merged.folder}.")
 
 
 def _say_missing(tables: StudyTables) -> None:

@@ -65,6 +65,12 @@ class TestText:
             escape_latex(text).replace("{]}{[}U+", " ")
         )
 
+    @given(st.text("an_=.,-e ", max_size=9), st.floats(allow_nan=False, allow_infinity=False))
+    def test_none_is_within_a_number(self, name, number):
+        pieces = breakable(f"{name}={number}, {number}").split(r"\allowbreak{}")
+        whole = escape_latex(str(number))
+        assert sum(piece.count(whole) for piece in pieces) >= 2
+
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):

@@ -1,6 +1,7 @@
 """Results of several machines become one study."""
 
 import dataclasses
+import os
 import shutil
 
 import numpy as np
@@ -136,6 +137,28 @@ def test_missions_of_files_come_along(tmp_path):
     )
 
 
+def test_another_study_of_the_name_keeps_its_folder(parts, tmp_path):
+    run_study(part([5]), tmp_path / "other")
+    before = {path: path.read_bytes() for path in (tmp_path / "other").glob("*.*")}
+    with pytest.raises(StudyError, match="holds a study with 2 runs that are not in those to be"):
+        merge_studies([parts / "one", parts / "two"], tmp_path / "other")
+    assert {path: path.read_bytes() for path in (tmp_path / "other").glob("*.*")} == before
+
+
+def test_devices_and_pipes_are_not_read(copies):
+    """They may have no end."""
+    manifest = copies / "two" / "study.json"
+    manifest.unlink()
+    manifest.symlink_to("/dev/zero")
+    with pytest.raises(StudyError, match=r"two/study\.json: cannot be read .*a device or a pipe"):
+        merge_studies([copies / "one", copies / "two"], copies / "all")
+    run = next((copies / "one" / "runs").glob("*.npz"))
+    run.unlink()
+    os.mkfifo(run)
+    with pytest.raises(StudyError, match=f"{run.name}: damaged .*a device or a pipe"):
+        merge_studies([copies / "one", copies / "one"], copies / "all")
+
+
 def test_what_no_study_file_can_hold_is_refused(monkeypatch, parts, tmp_path):
     monkeypatch.setattr(merge, "MAX_RUNS", 5)
     with pytest.raises(StudyError, match="too large for one: expected at most 5 runs, found 6"):
@@ -147,7 +170,10 @@ def test_what_no_study_file_can_hold_is_refused(monkeypatch, parts, tmp_path):
     ("other", "said"),
     [
         ({"name": "another"}, "expected its name to be 'shared', found 'another'"),
-        ({"missions": {"toy": {"mission": "toy", "robots": 1}}}, "mission 'toy' is not the one"),
+        (
+            {"missions": {"toy": {"mission": "toy", "robots": 1}}},
+            "mission is '5 nodes, 12 arcs, team of 1",
+        ),
         ({"budget": {"evaluations": 70}}, "budget is {'evaluations': 70"),
         (
             {"algorithms": {"random": "greedy"}},
@@ -239,4 +265,4 @@ def test_from_the_command_line(parts, tmp_path):
     given = [str(parts / "one"), str(parts / "two"), "--out", str(tmp_path / "all")]
     done = CliRunner().invoke(app, ["study", "merge", *given])
     assert done.exit_code == 0, done.output
-    assert "wrote 6 runs" in done.output
+    assert "6 runs and the tables are in" in done.output

@@ -52,6 +52,18 @@ def said_of(tmp_path, text):
             "s.yaml:4: budget.evalutions: there is no key 'evalutions'; known are evaluations,",
         ),
         (
+            RIGHT.replace("name: x", f"name: {'a' * 300}"),
+            "s.yaml:1: name: Expected name of at most 100 characters, got one of 300.",
+        ),
+        (
+            RIGHT.replace("[random]", "\n  \u00e9: random\n  e\u0301: greedy"),
+            "s.yaml:5: algorithms.e\u0301: two entries look as if they had the label 'e\u0301'.",
+        ),
+        (
+            RIGHT.replace("[random]", "\n  A:\n    algorithm: bo-aco\n    grid: {n_ants: [5, 5]}"),
+            "s.yaml:6: algorithms.A.grid.n_ants: expected different values.",
+        ),
+        (
             RIGHT.replace("name: x", "name: 2026"),
             's.yaml:1: name: Expected name to be a text, got 2026; put it in quotes: "2026".',
         ),

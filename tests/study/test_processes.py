@@ -191,7 +191,7 @@ def test_tables_are_there_while_it_runs_and_after_a_kill(study_file, uninterrupt
         status, out, err = finish(start("tables", folder))
         assert status == 0, err
         assert "8 of the study's 32 runs are missing" in err
-        assert f"wrote the tables to {folder}" in out
+        assert f"The tables are in {folder}" in out
         assert process.poll() is None
     finally:
         process.kill()
@@ -512,8 +512,10 @@ def test_waiting_for_workers_can_be_stopped(study_file, scheduler, tmp_path):
 )
 def test_addresses_that_are_none(address, study_file, tmp_path):
     pytest.importorskip("distributed")
-    status, _, err = finish(start("run", study_file, "--out", tmp_path, "--dask", address))
+    folder = tmp_path / "out"
+    status, _, err = finish(start("run", study_file, "--out", folder, "--dask", address))
     assert status == 1
+    assert not folder.exists()
     assert repr(address) in err
     [line] = [line for line in err.splitlines() if "runs: " not in line]
     assert "Dask scheduler" in line

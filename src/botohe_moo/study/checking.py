@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections import Counter
-from collections.abc import Iterator, Mapping
+import unicodedata
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -193,12 +193,19 @@ class CheckedContent:
         alike = {}
         for algorithm in self._algorithms:
             self._note("algorithms", algorithm, canonical(algorithm.decides(budget)), alike)
-        for labels in (
-            Counter(mission.label for mission in self._missions),
-            Counter(algorithm.label for algorithm in self._algorithms),
-        ):
-            for label in sorted(label for label, count in labels.items() if count > 1):
-                self.faults.add((), f"two entries have the label {quoted(label)}.")
+        self._check_labels("missions", self._missions)
+        self._check_labels("algorithms", self._algorithms)
+
+    def _check_labels(self, kind: str, found: Sequence[StudyMission | StudyAlgorithm]) -> None:
+        """Refuse labels that are the same, or look the same."""
+        seen: dict[str, StudyMission | StudyAlgorithm] = {}
+        for member in found:
+            other = seen.setdefault(unicodedata.normalize("NFC", member.label), member)
+            repeated = other.family == member.family and other.grid == member.grid  # said before
+            if other is not member and not repeated:
+                how = "have" if other.label == member.label else "look as if they had"
+                said = f"two entries {how} the label {quoted(member.label)}."
+                self.faults.add((kind, member.family), said)
 
     def _note(
         self,

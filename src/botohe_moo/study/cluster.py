@@ -21,7 +21,7 @@ from botohe_moo.study.pool import Outcomes
 from botohe_moo.study.sandbox import SandboxPool
 from botohe_moo.study.task import Outcome, Task, failure
 
-__all__ = ["dask_outcomes"]
+__all__ = ["check_address", "dask_outcomes"]
 
 _SECONDS_BETWEEN_LOOKS = 0.2
 _SECONDS_TO_CONNECT = 10
@@ -29,7 +29,8 @@ _SECONDS_BETWEEN_COUNTS = 1.0  # of the workers that are there
 _SECONDS_WITHOUT_WORKERS = 3.0  # before that is said
 _SECONDS_TO_ANSWER = 30.0  # for a worker that imports everything first
 _MOST_DEATHS = 3  # of workers with the same run
-_ADDRESS = re.compile(r"(?:(?:tcp|tls)://)?(?P<host>[^\s/:]+|\[[^\s/\]]+\]):(?P<port>\d+)")
+_LAST_PORT = 65_535
+_ADDRESS = re.compile(r"(?:(?:tcp|tls)://)?([^\s/:]+|\[[^\s/\]]+\]):(?P<port>\d+)")
 # By name, for a worker cannot even read a function that it has not.
 _QUESTION = f"{other_code.__module__}:{other_code.__name__}"
 
@@ -75,6 +76,21 @@ def dask_outcomes(tasks: Sequence[Task], *, address: str, stopped: Callable[[], 
             crew.cancel()
 
 
+def check_address(address: str) -> None:
+    """Make sure that something may be the address of a Dask scheduler.
+
+    Raises
+    ------
+    StudyError
+        If it may not.
+    """
+    found = _ADDRESS.fullmatch(address)
+    if found is None or int(found["port"]) > _LAST_PORT:
+        raise StudyError(
+            f"Expected the address of a Dask scheduler, such as tcp://host:8786, got {address!r}."
+        )
+
+
 def _connected(address: str) -> Any:
     try:
         from distributed import Client
@@ -82,13 +98,10 @@ def _connected(address: str) -> Any:
         raise StudyError(
             "A Dask cluster needs the package distributed: pip install 'botohe-moo[dask]'."
         ) from None
-    found = _ADDRESS.fullmatch(address)
-    if found is None:
-        raise StudyError(
-            f"Expected the address of a Dask scheduler, such as tcp://host:8786, got {address!r}."
-        )
+    check_address(address)
     connect: Any = Client  # untyped
-    where = found["host"].strip("[]"), int(found["port"])
+    host, _, port = address.rpartition("://")[2].rpartition(":")
+    where = host.strip("[]"), int(port)
     try:
         # A client that finds nobody leaves threads behind that complain when the process ends.
         socket.create_connection(where, timeout=_SECONDS_TO_CONNECT).close()

@@ -53,7 +53,7 @@ def other_code(
         try:
             found = algorithm_origin(algorithm)
         except Exception as error:
-            return f"cannot import the algorithm {algorithm!r}: {error}"
+            return f"cannot import the algorithm {algorithm!r}: {str(error).rstrip('.')}"
         if found != origin:
             return f"has {algorithm!r} from {found}, the study from {origin}"
     return None

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from pydantic import TypeAdapter
 
-from botohe_moo._files import replace_file
+from botohe_moo._files import read_bytes, replace_file
 
 if TYPE_CHECKING:
     import os
@@ -84,7 +84,7 @@ def read_index(folder: Path) -> dict[str, Entry]:
         The study's folder.
     """
     with contextlib.suppress(OSError, ValueError, RecursionError):
-        return _ENTRIES.validate_json((folder / INDEX).read_bytes())
+        return _ENTRIES.validate_json(read_bytes(folder / INDEX))
     return {}
 
 

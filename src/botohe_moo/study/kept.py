@@ -9,7 +9,7 @@ from pydantic import BaseModel, TypeAdapter
 from botohe_moo.study.config import Budget, StudyFile
 from botohe_moo.study.document import Document
 from botohe_moo.study.grid import Study, StudyAlgorithm, StudyMission
-from botohe_moo.study.manifest import MANIFEST, StudyError, read_manifest
+from botohe_moo.study.manifest import MANIFEST, StudyError, read_manifest, reason
 from botohe_moo.study.tables import saved_mission
 
 if TYPE_CHECKING:
@@ -94,8 +94,8 @@ def kept_study(folder: Path) -> Study:
     except StudyError:
         raise
     except (ValueError, TypeError, KeyError, RecursionError) as error:
-        said = " ".join(str(error).split()[:20])
-        raise StudyError(f"{path}: cannot be read ({said}); run the study again.") from error
+        said = f"{path}: cannot be read ({reason(error)}); run the study again."
+        raise StudyError(said) from error
     return Study(file, kept.text, missions, algorithms, kept.seeds, kept.versions)
 
 

@@ -63,7 +63,11 @@ _LATIN -= {chr(code) for code in (0x126, 0x127, 0x138, 0x13F, 0x140, 0x149)}
 _LATIN |= set("‘’“”‚„")
 
 _BREAK = r"\allowbreak{}"
-_BREAKS = re.compile(r"(?<=[-=,;:/_.])(?=\S)|(?<=[^\W_]{8})(?=[^\W_])")
+# After signs and in long words, never within a number.
+_BREAKS = re.compile(
+    r"(?<=[;:/_])(?=\S)|(?<=[-,.])(?=[^\W\d])|(?<==)(?=\S{9})"
+    r"|(?<=[^\W\d_]{8})(?=[^\W\d_])|(?<=[^\W_]{7}[^\W\d_])(?=\d)"
+)
 _NARROW, _WIDE = frozenset(" .,:;'|!()[]/-ijlt"), frozenset("mwMW%@&")
 
 

@@ -5,16 +5,16 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING, Any
 
-from pydantic import BaseModel
+from pydantic import BaseModel, ValidationError
 
 from botohe_moo._checks import nearest_first
-from botohe_moo._files import replace_file
+from botohe_moo._files import read_bytes, replace_file
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-__all__ = ["MANIFEST", "StudyError", "read_manifest", "tabled_manifest", "write_manifest"]
+__all__ = ["MANIFEST", "StudyError", "read_manifest", "reason", "tabled_manifest", "write_manifest"]
 
 MANIFEST = "study.json"
 
@@ -62,7 +62,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     """
     path = folder / MANIFEST
     try:
-        content: dict[str, Any] = json.loads(path.read_bytes())
+        content: dict[str, Any] = json.loads(read_bytes(path))
         _Manifest.model_validate(content)
     except FileNotFoundError:
         among = sorted(p.parent.name for p in folder.parent.glob(f"*/{MANIFEST}"))
@@ -70,9 +70,23 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         known = f"; studies beside it are {', '.join(near)}" if near else ""
         raise StudyError(f"{folder}: there is no study in this folder{known}.") from None
     except (OSError, ValueError, RecursionError) as error:
-        said = " ".join(str(error).split()[:20])
-        raise StudyError(f"{path}: cannot be read ({said}); run the study again.") from error
+        said = f"{path}: cannot be read ({reason(error)}); run the study again."
+        raise StudyError(said) from error
     return content
+
+
+def reason(error: Exception) -> str:
+    """Say in a line why a file cannot be read.
+
+    Parameters
+    ----------
+    error
+        What reading it has raised.
+    """
+    if isinstance(error, ValidationError):
+        first = error.errors(include_url=False)[0]
+        return f"{'.'.join(map(str, first['loc'])) or 'its content'}: {first['msg']}"
+    return " ".join((getattr(error, "strerror", None) or str(error)).split()[:20])
 
 
 class _MissionEntry(BaseModel):

@@ -20,6 +20,7 @@ from botohe_moo.study.grid import Run, Study, StudyAlgorithm, StudyMission
 from botohe_moo.study.index import Entry as FileEntry
 from botohe_moo.study.kept import kept_study
 from botohe_moo.study.loading import study_folder
+from botohe_moo.study.manifest import MANIFEST
 from botohe_moo.study.perform import verify
 from botohe_moo.study.planning import make_task
 from botohe_moo.study.refresh import refresh_tables
@@ -77,6 +78,7 @@ def merge_studies(
     store.check(study)
     # What is there of this study already has to fit, too, and is kept; none is read twice.
     sources = [Store(path) for path in dict.fromkeys(p.resolve() for p in (folder, *paths))]
+    _check_nothing_is_lost(folder, study)
     found = {run.digest: _whole_run(run, sources) for run in study.runs()}
     with store.locked():
         store.check(study)
@@ -89,6 +91,19 @@ def merge_studies(
                 _keep_failure(run, sources, store)
         with tables_locked(folder):
             return refresh_tables(study, store, finished)
+
+
+def _check_nothing_is_lost(folder: Path, study: Study) -> None:
+    """Refuse a folder that holds runs which the study merged has not."""
+    if not (folder / MANIFEST).exists():
+        return
+    lost = {run.digest for run in kept_study(folder).runs()}
+    lost -= {run.digest for run in study.runs()}
+    if lost:
+        raise StudyError(
+            f"{folder}: holds a study with {len(lost)} runs that are not in those to be merged; "
+            "merge it, too, or give another folder by --out."
+        )
 
 
 def _union(paths: Sequence[Path], studies: Sequence[Study]) -> Study:
@@ -158,7 +173,12 @@ def _members(
 def _decides(member: StudyMission | StudyAlgorithm) -> dict[str, Any]:
     """Say what results depend on of a mission or an algorithm."""
     if isinstance(member, StudyMission):
-        return member.decides()
+        plain = member.mission
+        told = (
+            f"{len(plain.nodes)} nodes, {len(plain.arrays.tail)} arcs, team of {plain.robots}, "
+            f"total reward {plain.total_reward:g}, digest {member.digest}"
+        )
+        return {**member.decides(), "mission": told}
     return member.decides(Budget(seconds=1))  # so that nothing is left out
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from botohe_moo._checks import check_integer, check_number
-from botohe_moo.study.cluster import dask_outcomes
+from botohe_moo.study.cluster import check_address, dask_outcomes
 from botohe_moo.study.grid import Run, Study
 from botohe_moo.study.index import Entry
 from botohe_moo.study.kept import kept_study
@@ -132,6 +132,8 @@ def run_study(
     """
     workers = check_integer("workers", workers, at_least=1, at_most=1_024)
     patience = check_number("patience", patience, above=0)
+    if dask is not None:
+        check_address(dask)
     study = source if isinstance(source, Study) else load_study(source, out=out)
     folder = study_folder(study.name, out)
     store = Store(folder)

@@ -160,6 +160,11 @@ def _said(place: Place, found: Any) -> str:
     if kind in ("model_type", "dict_type", "model_attributes_type"):
         seeds = place == ("seeds",)
         return _instead(name, "a count, or a list of seeds" if seeds else "a mapping", value)
+    if kind == "string_too_long":
+        most = found["ctx"]["max_length"]
+        return f"Expected {name} of at most {most} characters, got one of {len(value)}."
+    if kind == "string_unicode":
+        return f"Expected {name} of characters that exist, got half of one."
     if kind == "string_type":
         return _instead(name, "a text", value)
     return wrong_value(name, found)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import filelock
 
-from botohe_moo._files import replace_file
+from botohe_moo._files import read_bytes, replace_file
 from botohe_moo.study.manifest import (
     StudyError,
     read_manifest,
@@ -169,7 +169,7 @@ def read_file(folder: Path, name: str, digests: Mapping[str, str]) -> bytes:
     missing = True
     for path in (folder / name, _new_folder(folder, digests) / name):
         try:
-            data = path.read_bytes()
+            data = read_bytes(path)
         except FileNotFoundError:
             continue
         except OSError as error:

@@ -18,7 +18,7 @@ from typing import Any
 import filelock
 import numpy as np
 
-from botohe_moo._files import replace_file
+from botohe_moo._files import read_bytes, replace_file
 from botohe_moo.mission.files import save_mission
 from botohe_moo.study.grid import Run, Study
 from botohe_moo.study.index import Entry
@@ -198,7 +198,7 @@ class Store:
         found = {}
         for path in self._failures.glob("*.json"):
             with contextlib.suppress(OSError):
-                found[path.stem] = path.read_bytes()
+                found[path.stem] = read_bytes(path)
         return found
 
     def failure(self, digest: str) -> Outcome | None:
@@ -210,7 +210,7 @@ class Store:
             The run's name.
         """
         try:
-            content = json.loads((self._failures / f"{digest}.json").read_bytes())
+            content = json.loads(read_bytes(self._failures / f"{digest}.json"))
             return Outcome(**content)
         except (OSError, ValueError, TypeError, RecursionError):
             return None
@@ -258,7 +258,7 @@ class Store:
     def _read(self, run: Run) -> tuple[bytes, Outcome]:
         path = self._path(run.digest)
         try:
-            data = path.read_bytes()
+            data = read_bytes(path)
             return data, _unpacked(data, run)
         except _DAMAGE as error:
             said = f"{type(error).__name__}: {error}".partition("\n")[0]
@@ -321,6 +321,8 @@ def _packed(run: Run, outcome: Outcome) -> bytes:
 
 
 def _unpacked(data: bytes, run: Run) -> Outcome:
+    if not data.startswith(b"PK"):  # numpy would advise to unpickle it
+        raise ValueError("not an npz file")
     with np.load(io.BytesIO(data)) as file:
         header: dict[str, Any] = json.loads(file["header"].tobytes())
         arrays = {name: file[name] for name in file.files if name != "header"}

@@ -15,6 +15,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from botohe_moo.mission.files import read_mission
+from botohe_moo.mission.validation import MissionError
 from botohe_moo.study.grid import mission_digest
 from botohe_moo.study.manifest import StudyError, read_manifest, tabled_manifest
 from botohe_moo.study.schemas import SCHEMAS
@@ -207,7 +208,11 @@ def saved_mission(path: Path, digest: str) -> Mission:
     StudyError
         If the file holds another one, or none.
     """
-    mission = read_mission(path)
+    try:
+        mission = read_mission(path)
+    except MissionError as error:
+        said = " ".join(str(error).split())
+        raise StudyError(f"{said}; run the study again.") from error
     if mission_digest(mission) != digest:
         raise StudyError(
             f"{path}: not the mission that was planned for any more; run the study again."
