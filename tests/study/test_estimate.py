@@ -1,5 +1,7 @@
 """How long runs will take: measured, tried, and put together for several workers."""
 
+from dataclasses import replace
+
 from botohe_moo.study.estimate import Estimate, estimate_times, time_left
 from botohe_moo.study.loading import load_study
 from botohe_moo.study.planning import plan_study
@@ -55,6 +57,13 @@ class TestTrials:
         assert [e.measured for e in after.values()] == [True, True]
         assert told == ["trying theirs on toy (2 of 2)"]
 
+    def test_so_do_those_that_workers_start(self, tmp_path):
+        found, _ = estimated(study_of({"mine": "random", "greedy": "greedy"}), tmp_path)
+        # A process imports pymoo and numba, which takes far longer than 100 evaluations.
+        assert found["mine"].shared_start_seconds > found["mine"].each
+        assert found["greedy"].shared_start_seconds == found["mine"].shared_start_seconds
+        assert time_left(found.values(), 2) > found["mine"].shared_start_seconds
+
     def test_nothing_is_tried_where_nothing_is_missing(self, tmp_path):
         source = study_of({"mine": "random", "theirs": f"{MADE}:Sampler"})
         run_study(source, tmp_path)
@@ -80,6 +89,11 @@ class TestTimeLeft:
 
     def test_starts_count(self):
         assert time_left([made(4, 1.0, 2.0)], 2) == 6.0
+
+    def test_a_worker_starts_its_process_once(self):
+        first, second = (replace(made(3, 1.0), shared_start_seconds=s) for s in (2.0, 0.0))
+        assert time_left([first, second], 2) == 5.0
+        assert time_left([replace(first, n_there=3)], 2) == 0.0
 
     def test_what_is_unknown_takes_nothing(self):
         assert time_left([made(2, None, 0.0), made(1, 1.0)], 1) == 1.0

@@ -47,6 +47,9 @@ class Estimate:
         Whether ``seconds`` is known from finished runs, and not from a trial.
     at_most
         Whether a run may end by itself long before, or a trial was too short to tell.
+    shared_start_seconds
+        How long a worker's process takes to start that serves for several of them; 0 where it was
+        not tried.
     """
 
     mission: str
@@ -58,6 +61,7 @@ class Estimate:
     start_seconds: float
     measured: bool
     at_most: bool
+    shared_start_seconds: float = 0.0
 
     @property
     def n_left(self) -> int:
@@ -94,10 +98,12 @@ def estimate_times(plan: Plan, tell: Callable[[str], None]) -> Iterator[Estimate
             mission, algorithm = cell
             there = [plan.finished[run.digest] for run in runs if run.digest in plan.finished]
             seconds: float | None = 0.0
-            at_most, start = False, 0.0
+            at_most, start, shared_start = False, 0.0, 0.0
             if cell in missing and (not there or _has_own_process(missing[cell])):
                 tell(f"trying {algorithm} on {mission} ({n} of {len(cells)})")
                 seconds, at_most, start = trial.of(missing[cell])
+                if seconds is not None and not _has_own_process(missing[cell]):
+                    shared_start = trial.shared_start(missing[cell])
             if there:
                 seconds, at_most = statistics.median(entry.seconds for entry in there), False
             yield Estimate(
@@ -110,6 +116,7 @@ def estimate_times(plan: Plan, tell: Callable[[str], None]) -> Iterator[Estimate
                 start_seconds=start,
                 measured=bool(there),
                 at_most=at_most,
+                shared_start_seconds=shared_start,
             )
     finally:
         trial.close()
@@ -125,7 +132,9 @@ def time_left(estimates: Iterable[Estimate], workers: int) -> float:
     workers
         How many take one after the other, as they are free.
     """
-    free_at = [0.0] * workers
+    estimates = [estimate for estimate in estimates if estimate.n_left]
+    start = max((estimate.shared_start_seconds for estimate in estimates), default=0.0)
+    free_at = [start] * workers
     for estimate in estimates:
         for _ in range(estimate.n_left):
             heapq.heapreplace(free_at, free_at[0] + estimate.each)
@@ -142,6 +151,7 @@ class _Trial:
     def __init__(self) -> None:
         self._sandbox = Sandbox()
         self._compiled: set[str] = set()
+        self._shared_start: float | None = None
 
     def of(self, run: Run) -> tuple[float | None, bool, float]:
         """Try a run.
@@ -166,11 +176,34 @@ class _Trial:
         start = max(0.0, waited - spent) if _has_own_process(run) else 0.0
         return *_whole(run.mission.budget, outcome), start
 
-    def _perform(self, run: Run, seconds: float, grace_seconds: float) -> Outcome:
+    def shared_start(self, run: Run) -> float:
+        """Give the seconds until a worker's process begins with a run; measured once.
+
+        Parameters
+        ----------
+        run
+            A run that was tried before, so that nothing is compiled.
+        """
+        if self._shared_start is None:
+            sandbox = Sandbox()
+            started = time.perf_counter()
+            try:
+                outcome = self._perform(run, _FIRST_SECONDS, _GRACE_SECONDS, sandbox)
+            finally:
+                sandbox.close()
+            waited = time.perf_counter() - started
+            self._shared_start = max(0.0, waited - outcome.seconds - outcome.recording_seconds)
+        return self._shared_start
+
+    def _perform(
+        self, run: Run, seconds: float, grace_seconds: float, sandbox: Sandbox | None = None
+    ) -> Outcome:
         task = make_task(run)
         limit = min(task.seconds or seconds, seconds)
         trial = replace(task, seconds=limit, grace_seconds=grace_seconds)
-        outcome = self._sandbox.perform(trial, stopped=lambda: False, note=lambda _: None)
+        outcome = (sandbox or self._sandbox).perform(
+            trial, stopped=lambda: False, note=lambda _: None
+        )
         assert outcome is not None  # nobody has stopped it
         return outcome
 
