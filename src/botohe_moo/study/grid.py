@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from pydantic import InstanceOf
 
 from botohe_moo.algorithms.origin import AlgorithmIdentity
 from botohe_moo.mission.model import Mission
@@ -54,7 +55,7 @@ class StudyMission:
     """
 
     label: str
-    mission: Mission
+    mission: InstanceOf[Mission]
     source: Mapping[str, Any]
     origin: Mapping[str, str | None]
     min_survival: float

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, TypeAdapter
 
-from botohe_moo.study.config import Budget, StudyFile
+from botohe_moo.study.config import StudyFile
 from botohe_moo.study.document import Document
 from botohe_moo.study.grid import Study, StudyAlgorithm, StudyMission
 from botohe_moo.study.manifest import MANIFEST, StudyError, read_manifest, reason
@@ -18,26 +18,14 @@ if TYPE_CHECKING:
 __all__ = ["keep_study", "kept_study"]
 
 _ALGORITHM = TypeAdapter(StudyAlgorithm)
-
-
-class _KeptMission(BaseModel):
-    """A :class:`StudyMission` without its graph."""
-
-    label: str
-    source: dict[str, Any]
-    origin: dict[str, str | None]
-    min_survival: float
-    budget: Budget
-    digest: str
-    family: str
-    grid: dict[str, Any]
+_MISSION = TypeAdapter(StudyMission)
 
 
 class _Kept(BaseModel):
     text: str
     seeds: tuple[int, ...]
     versions: dict[str, str]
-    missions: list[_KeptMission]
+    missions: list[dict[str, Any]]
     algorithms: list[dict[str, Any]]
 
 
@@ -54,7 +42,7 @@ def keep_study(study: Study) -> dict[str, Any]:
         "seeds": list(study.seeds),
         "versions": dict(study.versions),
         "missions": [
-            _KeptMission.model_validate(mission, from_attributes=True).model_dump()
+            _MISSION.dump_python(mission, mode="json", exclude={"mission"})
             for mission in study.missions
         ],
         "algorithms": [
@@ -99,6 +87,6 @@ def kept_study(folder: Path) -> Study:
     return Study(file, kept.text, missions, algorithms, kept.seeds, kept.versions)
 
 
-def _mission(folder: Path, kept: _KeptMission) -> StudyMission:
-    mission = saved_mission(folder / "missions" / f"{kept.digest}.json", kept.digest)
-    return StudyMission(mission=mission, **dict(kept))
+def _mission(folder: Path, kept: dict[str, Any]) -> StudyMission:
+    mission = saved_mission(folder / "missions" / f"{kept['digest']}.json", kept["digest"])
+    return _MISSION.validate_python({**kept, "mission": mission})
