@@ -11,7 +11,7 @@ from pymoo.optimize import minimize
 from benchmarks.measure import standard_error
 from botohe_moo import BOTOHE, area_indicator, load_mission
 from botohe_moo.algorithms.pareto_local_search import ParetoLocalSearch
-from botohe_moo.local_search import DEFAULT_MOVES, MOVES
+from botohe_moo.search.local_search import DEFAULT_MOVES, MOVES
 
 # Name, parameters, evaluations: missions of several kinds, each where areas still differ.
 MISSIONS: tuple[tuple[str, dict[str, Any], int], ...] = (

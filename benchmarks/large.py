@@ -16,8 +16,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from benchmarks.measure import in_process
 from benchmarks.one_search import ALGORITHMS, COLUMNS, EARLY
 from botohe_moo.plots import save_plot
-from botohe_moo.plots.scales import log_axis, plain_number
-from botohe_moo.plots.style import colours, theme
+from botohe_moo.plots.draw.scales import log_axis, plain_number
+from botohe_moo.plots.draw.style import colours, theme
 
 NODES = (100, 1_000, 10_000)
 ROBOTS = (3, 10, 50)

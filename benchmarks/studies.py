@@ -14,10 +14,10 @@ from pymoo.optimize import minimize
 
 from botohe_moo import BOTOHE, load_mission, make_algorithm
 from botohe_moo.study import load_study, make_tables, run_study
-from botohe_moo.study.perform import perform
 from botohe_moo.study.planning import make_task
-from botohe_moo.study.store import Store
-from botohe_moo.study.task import Record
+from botohe_moo.study.run.perform import perform
+from botohe_moo.study.run.task import Record
+from botohe_moo.study.store.store import Store
 
 REPETITIONS = 3
 FASTER = 1.7

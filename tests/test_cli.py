@@ -29,7 +29,7 @@ SERVER = """
 import gc, json, os, pydantic, signal, sys, tempfile, traceback, yaml
 signal.signal(signal.SIGINT, signal.default_int_handler)  # shells may start us with it ignored
 os.environ.pop("COLUMNS", None)  # which pytest's readline sets for those that it starts
-import botohe_moo.cli, botohe_moo.solve, botohe_moo.algorithms, botohe_moo.plots
+import botohe_moo.cli.app, botohe_moo.solve, botohe_moo.algorithms, botohe_moo.plots
 gc.freeze()
 for line in sys.stdin:
     given = json.loads(line)
@@ -44,7 +44,7 @@ for line in sys.stdin:
                 os.dup2(err.fileno(), 2)
                 sys.argv = ["botohe", *given["args"]]
                 exec(given["code"], {})
-                botohe_moo.cli.main()
+                botohe_moo.cli.app.main()
             except SystemExit as stop:
                 status = stop.code or 0
             except BaseException:
@@ -405,7 +405,7 @@ class TestSignals:
         ("module", "swallowing"),
         [
             ("typer", False),
-            ("botohe_moo.console.options", False),
+            ("botohe_moo.cli.options", False),
             ("numpy", True),
             ("pymoo", False),
         ],
@@ -429,7 +429,7 @@ class TestSignals:
                         press()
 
             sys.meta_path.insert(0, Finder)
-            from botohe_moo.cli import main
+            from botohe_moo.cli.app import main
             sys.argv = ["botohe", "solve", "toy", "--out", "out"]
             main()
         """
@@ -449,7 +449,7 @@ class TestSignals:
         code = """
             import ctypes, os, signal, sys
             signal.signal(signal.SIGINT, signal.default_int_handler)
-            import botohe_moo.cli, botohe_moo.algorithms
+            import botohe_moo.cli.app, botohe_moo.algorithms
             read = ctypes.CDLL(None).read  # takes no lock, like a kernel; nor do signals end it
             signal.siginterrupt(signal.SIGINT, False)
 
@@ -462,7 +462,7 @@ class TestSignals:
             botohe_moo.algorithms.RandomTrails._infill = _infill
             botohe_moo.algorithms.RandomTrails._initialize_infill = _infill
             sys.argv = ["botohe", "solve", "toy", "-a", "random", "-n", "1000000", "-o", "out"]
-            botohe_moo.cli.main()
+            botohe_moo.cli.app.main()
         """
         process = subprocess.Popen(
             [sys.executable, "-c", textwrap.dedent(code)],
@@ -515,7 +515,7 @@ class TestSignals:
         assert names_in(tmp_path / "out") == ["front.csv", "front.png", "plans.json"]
 
     def test_twice_while_searching(self, botohe, tmp_path):
-        code = when_called("botohe_moo.solve", "progress_bar", times=2)
+        code = when_called("botohe_moo.cli.search_progress", "progress_bar", times=2)
         ended = botohe("solve", "toy", "-o", "out", code=code)
         assert (ended.status, ended.err) == (130, STOPPING)
         assert names_in(tmp_path) == []

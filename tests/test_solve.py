@@ -15,8 +15,8 @@ from pymoo.core.individual import Individual
 from pymoo.core.population import Population
 
 from botohe_moo import BOACO, BOTOHE, Mission, area_indicator, load_mission, make_algorithm, plots
-from botohe_moo.console.waiting import hold_interrupt
-from botohe_moo.plots import canvas
+from botohe_moo._base.interrupts import hold_interrupt
+from botohe_moo.plots.draw import canvas
 from botohe_moo.solution import PictureError, Solution, check_folder, check_picture
 from botohe_moo.solve import RefusalError, search
 

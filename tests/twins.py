@@ -345,7 +345,7 @@ def plain_local_search():
         f"{local_search.__name__}.{module.name}" for module in iter_modules(local_search.__path__)
     ]
     with pytest.MonkeyPatch.context() as patch, np.errstate(all="ignore"):
-        for name in [*names, "botohe_moo.local_search"]:
+        for name in [*names, "botohe_moo.search.local_search"]:
             module = import_module(name)
             for key, function in list(vars(module).items()):
                 if hasattr(function, "py_func"):

@@ -6,7 +6,7 @@ Names are imported when they are first used, so that ``import botohe_moo`` and t
 
 from typing import TYPE_CHECKING
 
-from botohe_moo._lazy import lazy_names
+from botohe_moo._base.lazy import lazy_names
 
 if TYPE_CHECKING:
     from botohe_moo.algorithms import (
@@ -19,8 +19,6 @@ if TYPE_CHECKING:
         algorithm_names,
         make_algorithm,
     )
-    from botohe_moo.distribution import Distribution
-    from botohe_moo.exact import TooLargeError, exact_front
     from botohe_moo.indicators import area_indicator
     from botohe_moo.mission import (
         Mission,
@@ -31,7 +29,8 @@ if TYPE_CHECKING:
         read_mission,
         save_mission,
     )
-    from botohe_moo.outcomes import (
+    from botohe_moo.outcomes.distribution import Distribution
+    from botohe_moo.outcomes.outcomes import (
         Outcomes,
         plan_outcomes,
         reward_distribution,
@@ -40,7 +39,8 @@ if TYPE_CHECKING:
     )
     from botohe_moo.plots import plot_front, plot_mission
     from botohe_moo.problem import BOTOHE, FrontOutput
-    from botohe_moo.sequential import plan_sequentially
+    from botohe_moo.search.exact import TooLargeError, exact_front
+    from botohe_moo.search.sequential import plan_sequentially
     from botohe_moo.trails import PlanBatch, TrailPlan
 
 __all__ = [
@@ -88,8 +88,8 @@ _HOMES = {
         "algorithm_names",
         "make_algorithm",
     ),
-    ".distribution": ("Distribution",),
-    ".exact": ("TooLargeError", "exact_front"),
+    ".outcomes.distribution": ("Distribution",),
+    ".search.exact": ("TooLargeError", "exact_front"),
     ".indicators": ("area_indicator",),
     ".mission": (
         "Mission",
@@ -100,7 +100,7 @@ _HOMES = {
         "read_mission",
         "save_mission",
     ),
-    ".outcomes": (
+    ".outcomes.outcomes": (
         "Outcomes",
         "plan_outcomes",
         "reward_distribution",
@@ -109,7 +109,7 @@ _HOMES = {
     ),
     ".plots": ("plot_front", "plot_mission"),
     ".problem": ("BOTOHE", "FrontOutput"),
-    ".sequential": ("plan_sequentially",),
+    ".search.sequential": ("plan_sequentially",),
     ".trails": ("PlanBatch", "TrailPlan"),
 }
 __getattr__, __dir__ = lazy_names(__name__, _HOMES)

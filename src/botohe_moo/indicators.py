@@ -6,7 +6,7 @@ import moocore
 import numpy as np
 from numpy.typing import ArrayLike
 
-from botohe_moo._types import FloatArray
+from botohe_moo._base.types import FloatArray
 from botohe_moo.mission.model import Mission
 
 __all__ = ["TIE", "area_indicator", "epsilon_indicator", "igd_plus_indicator"]

@@ -10,8 +10,8 @@ from pymoo.core.problem import Problem
 from pymoo.util.display.column import Column
 from pymoo.util.display.output import Output
 
-from botohe_moo._checks import check_flag, check_number
-from botohe_moo._types import FloatArray, ObjectArray
+from botohe_moo._base.checks import check_flag, check_number
+from botohe_moo._base.types import FloatArray, ObjectArray
 from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import PlanBatch

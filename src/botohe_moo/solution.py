@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from botohe_moo._types import FloatArray
+from botohe_moo._base.types import FloatArray
 from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import TrailPlan
@@ -251,7 +251,7 @@ def check_picture(mission: Mission) -> None:
 
 def place_fault(mission: Mission) -> str | None:
     """Say which node's ``pos`` is no place; None where places are right, or have to be found."""
-    from botohe_moo.plots.canvas import node_positions
+    from botohe_moo.plots.draw.canvas import node_positions
 
     if any(place is None for _, place in mission.graph.nodes(data="pos")):
         return None  # they will be laid out, which takes its time

@@ -5,24 +5,28 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import moocore
 import numpy as np
 from pymoo.core.algorithm import Algorithm
 
-from botohe_moo._checks import check_integer
-from botohe_moo._types import FloatArray
-from botohe_moo.console.waiting import hold_interrupt, progress_bar
-from botohe_moo.exact import TooLargeError
+from botohe_moo._base.checks import check_integer
+from botohe_moo._base.interrupts import hold_interrupt
+from botohe_moo._base.types import FloatArray
 from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE
+from botohe_moo.search.exact import TooLargeError
 from botohe_moo.solution import Solution
 from botohe_moo.trails import TrailPlan
 
-__all__ = ["RefusalError", "search"]
+__all__ = ["Progress", "RefusalError", "search"]
+
+Progress = Callable[[int, Callable[[], float]], None]
+"""Takes the evaluations so far, and a function that gives the area of what was found."""
 
 
 class RefusalError(ValueError):
@@ -36,7 +40,7 @@ def search(
     evaluations: int = 100_000,
     seed: int = 1,
     min_survival: float = 0.0,
-    progress: bool = True,
+    progress: Progress | None = None,
     stop: threading.Event | None = None,
     name: str | None = None,
     parameters: Mapping[str, Any] | None = None,
@@ -57,8 +61,8 @@ def search(
     min_survival
         Survival floor: every robot has to survive with at least this probability, in [0, 1].
     progress
-        Whether to show a progress bar, with the area and the time left, on standard error if that
-        is a terminal.
+        Called after each iteration with the evaluations so far, and a function that gives the area
+        of what was found; may show both.
     stop
         Ends the search, after the iteration that is going on, when it is set; default: one that
         Ctrl-C sets.
@@ -93,11 +97,6 @@ def search(
     started = time.perf_counter()
     with contextlib.ExitStack() as stack:
         stop = stack.enter_context(hold_interrupt()) if stop is None else stop
-        show = stack.enter_context(
-            progress_bar(
-                evaluations, lambda: area_indicator(_front(algorithm)[0], mission), shown=progress
-            )
-        )
         going_on, startup_seconds = True, 0.0
         while going_on:  # once at least, so that something is found however soon it is stopped
             try:
@@ -106,7 +105,9 @@ def search(
                 raise RefusalError(f"Algorithm {name!r}: {error}") from error
             startup_seconds = startup_seconds or time.perf_counter() - started
             going_on = algorithm.has_next() and not stop.is_set()
-            show(algorithm.evaluator.n_eval, last=not going_on)
+            if progress is not None:
+                found = partial(_area, algorithm, mission)
+                progress(algorithm.evaluator.n_eval, found)
     seconds = time.perf_counter() - started
     objectives, plans = _front(algorithm)
     return Solution(
@@ -123,6 +124,10 @@ def search(
         startup_seconds=startup_seconds,
         source=dict(source or {}),
     )
+
+
+def _area(algorithm: Algorithm, mission: Mission) -> float:
+    return area_indicator(_front(algorithm)[0], mission)
 
 
 def _front(algorithm: Algorithm) -> tuple[FloatArray, tuple[TrailPlan, ...]]:

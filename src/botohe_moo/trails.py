@@ -10,8 +10,8 @@ from typing import Any, Self, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from botohe_moo._checks import check_integer
-from botohe_moo._types import IntArray, ObjectArray, OffsetArray
+from botohe_moo._base.checks import check_integer
+from botohe_moo._base.types import IntArray, ObjectArray, OffsetArray
 
 __all__ = ["PlanBatch", "TrailPlan", "listed_plans"]
 

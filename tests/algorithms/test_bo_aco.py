@@ -15,8 +15,8 @@ from pymoo.termination import get_termination
 from pymoo.termination.collection import TerminationCollection
 
 from botohe_moo import BOACO, BOTOHE, Mission, RandomTrails, TrailPlan, area_indicator, load_mission
-from botohe_moo.archive import PlanArchive
-from botohe_moo.colony import exchange_archives
+from botohe_moo.search.archive import PlanArchive
+from botohe_moo.search.colony import exchange_archives
 from tests.strategies import missions
 
 

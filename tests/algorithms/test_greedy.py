@@ -14,7 +14,7 @@ from pymoo.termination.collection import TerminationCollection
 
 from botohe_moo import BOACO, BOTOHE, area_indicator, load_mission
 from botohe_moo.algorithms.greedy import Greedy
-from botohe_moo.sequential import MAX_BEAM_WIDTH, SequentialPlanner
+from botohe_moo.search.sequential import MAX_BEAM_WIDTH, SequentialPlanner
 from tests.strategies import missions, small_missions
 from tests.twins import all_objectives, worth
 

@@ -22,8 +22,8 @@ from botohe_moo import (
     exact_front,
     load_mission,
 )
-from botohe_moo.local_search import MOVES
 from botohe_moo.operators import RandomTrailSampling
+from botohe_moo.search.local_search import MOVES
 
 DATA = Path(__file__).parents[1] / "data"
 

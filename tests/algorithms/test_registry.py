@@ -11,7 +11,7 @@ from pymoo.core.algorithm import Algorithm
 from pymoo.optimize import minimize
 
 from botohe_moo import BOACO, BOTOHE, RandomTrails, algorithm_names, load_mission, make_algorithm
-from botohe_moo import _plugins as plugins
+from botohe_moo._plugins import entry_points as plugins
 from botohe_moo.algorithms.origin import algorithm_identity
 from botohe_moo.algorithms.registry import (
     algorithm_origin,
@@ -704,7 +704,7 @@ class TestOnlyAlgorithmsAreCalled:
             ("danger:__doc__", "names such as '__doc__' are not for this"),
             ("pymoo.__main__:x", "names such as '__main__' are not for this"),
             ("danger:Endless", "cannot be used; pymoo's CTAEA never ends"),
-            ("botohe_moo.cli:main", "the function main does not say"),
+            ("botohe_moo.cli.app:main", "the function main does not say"),
             ("botohe_moo.study:run_study", "the function run_study does not say"),
             ("pymoo.optimize:minimize", "the function minimize does not say"),
             ("numpy:load", "the function load does not say"),

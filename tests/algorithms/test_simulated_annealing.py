@@ -24,7 +24,7 @@ from botohe_moo import (
     load_mission,
 )
 from botohe_moo.algorithms.simulated_annealing import SimulatedAnnealing
-from botohe_moo.kernels import moves
+from botohe_moo.kernels.plans import moves
 from tests.strategies import missions
 
 schedules = pytest.mark.parametrize("schedule", ["cooled", "journal"])

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from botohe_moo.kernels import anneal as kernels
+from botohe_moo.kernels.anneal import schedule as kernels
 from botohe_moo.kernels.rng import seed_states
 from botohe_moo.mission import load_mission
 from botohe_moo.trails import PlanBatch, TrailPlan

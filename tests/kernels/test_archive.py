@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from botohe_moo.archive import PlanArchive
-from botohe_moo.kernels.archive import pareto_set, plan_hash
+from botohe_moo.kernels.fronts.archive import pareto_set, plan_hash
+from botohe_moo.search.archive import PlanArchive
 from botohe_moo.trails import PlanBatch, TrailPlan
 
 # Plans whose objectives are small integers, so that ties and repetitions abound; the last two

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from botohe_moo.colony import AntThreads, Colony, ColonyRule
-from botohe_moo.kernels.construct import leads_home
+from botohe_moo.kernels.colony.construct import leads_home
 from botohe_moo.mission import Mission, load_mission
+from botohe_moo.search.colony import AntThreads, Colony, ColonyRule
 from tests import twins
 from tests.strategies import missions, trails
 

@@ -9,9 +9,14 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from botohe_moo.kernels.evaluate import find_arc, trail_arcs
+from botohe_moo.kernels.plans.evaluate import find_arc, trail_arcs
 from botohe_moo.mission import Mission, PlanError, load_mission
-from botohe_moo.outcomes import plan_outcomes, reward_distribution, simulate, survivors_distribution
+from botohe_moo.outcomes.outcomes import (
+    plan_outcomes,
+    reward_distribution,
+    simulate,
+    survivors_distribution,
+)
 from botohe_moo.trails import PlanBatch, TrailPlan
 from tests import twins
 from tests.strategies import missions, missions_with_plans, plans

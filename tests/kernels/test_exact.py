@@ -9,13 +9,12 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from botohe_moo.exact import FrontSearch
-from botohe_moo.kernels import exact_labels as labelling
-from botohe_moo.kernels import exact_tables as tables
-from botohe_moo.kernels import exact_teams as teams
-from botohe_moo.kernels import exact_trails as kernels
+from botohe_moo.kernels.exact import labels as labelling
+from botohe_moo.kernels.exact import tables, teams
+from botohe_moo.kernels.exact import trails as kernels
 from botohe_moo.kernels.rng import seed_states
 from botohe_moo.mission import Mission
+from botohe_moo.search.exact import FrontSearch
 from tests.strategies import missions, small_missions, trails
 from tests.twins import arc_survivals, survival_of
 

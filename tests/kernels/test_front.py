@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from botohe_moo import local_search
 from botohe_moo.kernels.local_search import front as kernels
 from botohe_moo.kernels.local_search import members
 from botohe_moo.kernels.local_search.front import BLOCK
 from botohe_moo.kernels.local_search.trail_store import N_SPARE_TRAILS, new_store
 from botohe_moo.kernels.rng import seed_states
+from botohe_moo.search import local_search
 from tests.twins import plain_local_search
 
 

@@ -10,12 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from botohe_moo import Mission, TrailPlan, load_mission, plan_sequentially
-from botohe_moo import local_search as search_module
 from botohe_moo.kernels.local_search import children, routes
 from botohe_moo.kernels.local_search import search as kernels
 from botohe_moo.kernels.local_search.parent import LENGTH, N_MIDDLE, PREFIX, SUFFIX
 from botohe_moo.kernels.local_search.rule import NOBODY, SearchRule
-from botohe_moo.local_search import DEFAULT_MOVES, MOVES, LocalSearch
+from botohe_moo.search import local_search as search_module
+from botohe_moo.search.local_search import DEFAULT_MOVES, MOVES, LocalSearch
 from botohe_moo.trails import PlanBatch
 from tests import twins
 from tests.strategies import missions_with_plans, plans, small_missions

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from botohe_moo.kernels.pheromone import LEAST, learn, log_weights
+from botohe_moo.kernels.colony.pheromone import LEAST, learn, log_weights
 
 N_ARCS, N_ROBOTS = 5, 2
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from botohe_moo import load_mission
 from botohe_moo.kernels.local_search import routes as kernels
 from botohe_moo.kernels.local_search.routes import UNKNOWN
-from botohe_moo.local_search import _routes
+from botohe_moo.search.local_search import _routes
 from tests.strategies import missions
 from tests.twins import plain_local_search
 

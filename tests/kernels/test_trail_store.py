@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from botohe_moo import Mission, TrailPlan
-from botohe_moo.kernels.evaluate import find_arc
 from botohe_moo.kernels.local_search import trail_store as kernels
+from botohe_moo.kernels.plans.evaluate import find_arc
 from tests.strategies import missions, missions_with_plans, trails
 from tests.twins import plain_local_search
 

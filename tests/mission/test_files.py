@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo.mission import Mission, MissionError, read_mission, save_mission
-from botohe_moo.mission.benchmark import near_pairs, spanning_pairs
+from botohe_moo.mission.formats.benchmark import near_pairs, spanning_pairs
 from tests.strategies import missions
 
 DATA = Path(__file__).parents[1] / "data"

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from botohe_moo import _plugins
-from botohe_moo._checks import nearest_first
+from botohe_moo._base.checks import nearest_first
+from botohe_moo._plugins import entry_points as _plugins
 from botohe_moo.mission import (
     Mission,
     MissionError,

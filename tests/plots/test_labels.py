@@ -11,9 +11,10 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from botohe_moo.mission import Mission
-from botohe_moo.plots import algorithm_styles, fonts, plot_front, plot_mission, save_figure
-from botohe_moo.plots.fonts import drawable
-from botohe_moo.plots.labels import columns, display_names, parsed_label, wrapped
+from botohe_moo.plots import algorithm_styles, plot_front, plot_mission, save_figure
+from botohe_moo.plots.draw import fonts
+from botohe_moo.plots.draw.fonts import drawable
+from botohe_moo.plots.draw.labels import columns, display_names, parsed_label, wrapped
 from tests.plots.test_plots import make
 
 

@@ -22,8 +22,8 @@ from botohe_moo.plots import (
     plot_reached,
     save_figure,
 )
-from botohe_moo.plots.ranks import groups_alike, overruled
-from botohe_moo.plots.reached import reached_shares
+from botohe_moo.plots.study.ranks import groups_alike, overruled
+from botohe_moo.plots.study.reached import reached_shares
 from tests.plots.test_study_plots import TWO, drawn, fronts_of, only, trace_of, words
 
 

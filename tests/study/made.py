@@ -10,11 +10,11 @@ import numpy as np
 import pandas as pd
 
 from botohe_moo.indicators import area_indicator
-from botohe_moo.mission.files import save_mission
-from botohe_moo.study.entries import algorithm_table, mission_table
-from botohe_moo.study.grid import mission_digest
-from botohe_moo.study.tables import SCHEMAS, read_study, write_tables
-from botohe_moo.study.traces import reach_targets
+from botohe_moo.mission.formats.files import save_mission
+from botohe_moo.study.file.grid import mission_digest
+from botohe_moo.study.judge.entries import algorithm_table, mission_table
+from botohe_moo.study.judge.traces import reach_targets
+from botohe_moo.study.store.tables import SCHEMAS, read_study, write_tables
 
 ENVIRONMENT = {
     "environment": "e1",

@@ -9,17 +9,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from botohe_moo.archive import PlanArchive
 from botohe_moo.indicators import area_indicator
 from botohe_moo.mission import Mission
+from botohe_moo.search.archive import PlanArchive
 from botohe_moo.study import read_study
-from botohe_moo.study.collect import collect_tables
-from botohe_moo.study.environment import environment
-from botohe_moo.study.loading import load_study
+from botohe_moo.study.file.loading import load_study
+from botohe_moo.study.judge.collect import collect_tables
 from botohe_moo.study.planning import make_task
-from botohe_moo.study.recording import Recorder
-from botohe_moo.study.store import Store
-from botohe_moo.study.task import Outcome, Record
+from botohe_moo.study.run.environment import environment
+from botohe_moo.study.run.recording import Recorder
+from botohe_moo.study.run.task import Outcome, Record
+from botohe_moo.study.store.store import Store
 from botohe_moo.trails import PlanBatch
 
 STUDY = {

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from botohe_moo.study import SCHEMAS, StudyError, load_study
-from botohe_moo.study.document import Document
+from botohe_moo.study.file.document import Document
 
 GUIDE = Path(__file__).parents[2] / "docs" / "studies.md"
 MARKS = ("<!-- tables: kept by tests/study/test_docs.py -->\n", "<!-- end of tables -->")

@@ -7,7 +7,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from botohe_moo.study.document import Document
+from botohe_moo.study.file.document import Document
 
 SCALARS = (
     st.none()

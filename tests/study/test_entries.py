@@ -4,8 +4,8 @@ import pandas as pd
 import pytest
 
 from botohe_moo import load_mission
-from botohe_moo.study.entries import algorithm_table, mission_table
-from botohe_moo.study.tables import StudyError, to_arrow
+from botohe_moo.study.judge.entries import algorithm_table, mission_table
+from botohe_moo.study.store.tables import StudyError, to_arrow
 
 TOY = load_mission("toy")
 

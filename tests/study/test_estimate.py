@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from botohe_moo.study.estimate import Estimate, estimate_times, time_left
-from botohe_moo.study.loading import load_study
+from botohe_moo.study.file.loading import load_study
 from botohe_moo.study.planning import plan_study
 from botohe_moo.study.runner import run_study
 

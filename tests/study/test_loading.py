@@ -14,11 +14,11 @@ import yaml
 
 from botohe_moo import Mission, load_mission, save_mission
 from botohe_moo.algorithms import algorithm_names
-from botohe_moo.study.config import StudyFile, study_schema
-from botohe_moo.study.grid import mission_digest
-from botohe_moo.study.loading import load_study
-from botohe_moo.study.store import Store
-from botohe_moo.study.tables import StudyError, read_manifest
+from botohe_moo.study.file.config import StudyFile, study_schema
+from botohe_moo.study.file.grid import mission_digest
+from botohe_moo.study.file.loading import load_study
+from botohe_moo.study.store.store import Store
+from botohe_moo.study.store.tables import StudyError, read_manifest
 
 EXPERIMENTS = sorted((Path(__file__).parents[2] / "experiments").glob("*.yaml"))
 
@@ -220,7 +220,7 @@ class TestIdentity:
     def test_so_are_the_versions(self, monkeypatch, package):
         before = digests(GOOD)
         monkeypatch.setattr(
-            "botohe_moo.study.code_here._version",
+            "botohe_moo.study.file.code_here._version",
             lambda name: "99.0" if name == package else metadata.version(name),
         )
         assert not set(before) & set(digests(GOOD))
@@ -231,7 +231,7 @@ class TestIdentity:
 
     def test_it_is_the_same_in_another_process(self):
         code = (
-            "from botohe_moo.study.loading import load_study\n"
+            "from botohe_moo.study.file.loading import load_study\n"
             f"print(*(run.digest for run in load_study({GOOD!r}).runs()))"
         )
         said = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
@@ -584,7 +584,7 @@ indicators: [area, igd]
         def broken(*_, **__):
             raise RuntimeError("no such place")
 
-        monkeypatch.setattr("botohe_moo.study.checking.load_mission", broken)
+        monkeypatch.setattr("botohe_moo.study.file.checking.load_mission", broken)
         [line] = lines(GOOD)
         assert "RuntimeError: no such place" in line
 

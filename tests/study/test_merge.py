@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-from botohe_moo.cli import app
+from botohe_moo.cli.app import app
 from botohe_moo.study import (
     StudyError,
     load_study,
@@ -18,7 +18,7 @@ from botohe_moo.study import (
     read_study,
     run_study,
 )
-from botohe_moo.study.store import Store
+from botohe_moo.study.store.store import Store
 
 TIMES = ["seconds", "recording_seconds", "began", "environment"]
 BUDGET = {"evaluations": 60}

@@ -4,9 +4,9 @@ import warnings
 
 import pytest
 
-from botohe_moo.study.document import Document
-from botohe_moo.study.loading import load_study
-from botohe_moo.study.tables import StudyError
+from botohe_moo.study.file.document import Document
+from botohe_moo.study.file.loading import load_study
+from botohe_moo.study.store.tables import StudyError
 
 RIGHT = "name: x\nmissions: [toy]\nalgorithms: [random]\nbudget: {evaluations: 100}\nseeds: 1\n"
 GRID = "\n  ants:\n    algorithm: bo-aco\n    grid:\n      n_ants: [10]\n      n_antz: [1]"

@@ -21,11 +21,11 @@ from pymoo.optimize import minimize
 from botohe_moo import BOTOHE, Mission, load_mission, make_algorithm
 from botohe_moo.algorithms.registry import algorithm_origin
 from botohe_moo.kernels.local_search import search
-from botohe_moo.study.metered import BudgetSpentError, MeteredBOTOHE
-from botohe_moo.study.perform import perform
-from botohe_moo.study.recording import record_counts
-from botohe_moo.study.sandbox import Sandbox
-from botohe_moo.study.task import Task
+from botohe_moo.study.run.metered import BudgetSpentError, MeteredBOTOHE
+from botohe_moo.study.run.perform import perform
+from botohe_moo.study.run.recording import record_counts
+from botohe_moo.study.run.sandbox import Sandbox
+from botohe_moo.study.run.task import Task
 from tests.algorithms.test_contract import DOTTED, ENDS_BY_ITSELF, NAMES
 from tests.twins import plain_local_search
 
@@ -136,7 +136,7 @@ class TestBudgets:
         # As plain Python, where somebody can watch the kernel.
         code = f"""
 from botohe_moo import Mission
-from botohe_moo.kernels import anneal
+from botohe_moo.kernels.anneal.schedule import anneal
 from tests.study.test_perform import make_task, performed
 
 n, appraise, evaluate = [0], anneal._appraise, Mission.evaluate
@@ -260,7 +260,7 @@ class TestRecords:
         assert {tuple(p) for p in -result.F} == {tuple(p) for p in records[-1].objectives}
 
     def test_times_leave_recording_out(self, monkeypatch):
-        from botohe_moo.archive import PlanArchive
+        from botohe_moo.search.archive import PlanArchive
 
         usual = PlanArchive.plans.fget
 
@@ -309,7 +309,7 @@ def marked_processes(folder):
     found = []
     for process in psutil.process_iter(["cmdline", "environ"]):
         marked = (process.info["environ"] or {}).get("BOTOHE_TEST_FOLDER") == str(folder)
-        if "botohe_moo.study.child" in (process.info["cmdline"] or []) and marked:
+        if "botohe_moo.study.run.child" in (process.info["cmdline"] or []) and marked:
             found.append(process)
     return found
 

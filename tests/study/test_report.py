@@ -15,12 +15,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import load_mission
-from botohe_moo.study.latex_text import escape_latex
-from botohe_moo.study.report import slug, write_report
-from botohe_moo.study.report_figures import FORMATS
-from botohe_moo.study.report_outcome import leader
-from botohe_moo.study.report_pictures import rivals
-from botohe_moo.study.report_words import (
+from botohe_moo.study.report.figures import FORMATS
+from botohe_moo.study.report.latex_text import escape_latex
+from botohe_moo.study.report.outcome import leader
+from botohe_moo.study.report.pictures import rivals
+from botohe_moo.study.report.words import (
     budget_words,
     count,
     fixed,
@@ -30,7 +29,8 @@ from botohe_moo.study.report_words import (
     significant,
     verdict_words,
 )
-from botohe_moo.study.tables import StudyTables, read_study
+from botohe_moo.study.report.write import slug, write_report
+from botohe_moo.study.store.tables import StudyTables, read_study
 from tests.study.made import Record, make_study, random_record
 
 TOY = load_mission("toy")

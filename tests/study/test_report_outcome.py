@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from botohe_moo.study import read_study
-from botohe_moo.study.collect import collect_tables
-from botohe_moo.study.loading import load_study
-from botohe_moo.study.report import write_report
-from botohe_moo.study.report_figures import ReportFigure
-from botohe_moo.study.report_grids import posthoc_words
-from botohe_moo.study.report_matrix import matrix
-from botohe_moo.study.report_outcome import leader, standing
-from botohe_moo.study.report_page import render_page
-from botohe_moo.study.report_words import distinct, listed, significant
-from botohe_moo.study.store import Store
+from botohe_moo.study.file.loading import load_study
+from botohe_moo.study.judge.collect import collect_tables
+from botohe_moo.study.report.figures import ReportFigure
+from botohe_moo.study.report.grids import posthoc_words
+from botohe_moo.study.report.matrix import matrix
+from botohe_moo.study.report.outcome import leader, standing
+from botohe_moo.study.report.page import render_page
+from botohe_moo.study.report.words import distinct, listed, significant
+from botohe_moo.study.report.write import write_report
+from botohe_moo.study.store.store import Store
 from tests.study.test_collect import outcome_of
 from tests.study.test_report import page_of
 

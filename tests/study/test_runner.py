@@ -14,14 +14,15 @@ import pandas as pd
 import pytest
 
 from botohe_moo import BOTOHE, area_indicator, load_mission
-from botohe_moo.mission.files import save_mission
-from botohe_moo.study import collect, make_tables, read_study, refresh, run_study
-from botohe_moo.study.kept import kept_study
-from botohe_moo.study.loading import load_study
+from botohe_moo.mission.formats.files import save_mission
+from botohe_moo.study import make_tables, read_study, refresh, run_study
+from botohe_moo.study.file.loading import load_study
+from botohe_moo.study.judge import collect
 from botohe_moo.study.planning import plan_study
-from botohe_moo.study.shelf import tables_locked
-from botohe_moo.study.store import Store
-from botohe_moo.study.tables import SCHEMAS, StudyError, to_arrow
+from botohe_moo.study.store.kept import kept_study
+from botohe_moo.study.store.shelf import tables_locked
+from botohe_moo.study.store.store import Store
+from botohe_moo.study.store.tables import SCHEMAS, StudyError, to_arrow
 
 MADE = "tests.study.algorithms_made"
 TIMES = {"began", "seconds", "recording_seconds", "seconds_median", "traceback"}
@@ -283,7 +284,7 @@ class TestTables:
         self, small, monkeypatch, tidied
     ):
         """Kills before each file that is written or moved, and reads what is there then."""
-        from botohe_moo.study import shelf
+        from botohe_moo.study.store.store import shelf
 
         before = read_study(small)
         Store(small).write_study(load_study(study_of(seeds=1)))
@@ -755,7 +756,7 @@ class TestFolder:
         run_study(study_of(), small)
 
     def test_a_full_disk_loses_nothing(self, tmp_path, monkeypatch):
-        from botohe_moo.study import store
+        from botohe_moo.study.store.store import store
 
         usual, n = store.replace_file, [0]
 

@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 
 from botohe_moo.indicators import area_indicator, epsilon_indicator, igd_plus_indicator
 from botohe_moo.mission import Mission
-from botohe_moo.study.config import IndicatorName
-from botohe_moo.study.scores import INDICATORS, as_table, reference_fronts, score_runs
-from botohe_moo.study.tables import SCHEMAS, to_arrow
+from botohe_moo.study.file.config import IndicatorName
+from botohe_moo.study.judge.scores import INDICATORS, as_table, reference_fronts, score_runs
+from botohe_moo.study.store.tables import SCHEMAS, to_arrow
 
 MEASURED = {"area", "igd_plus", "epsilon"}
 

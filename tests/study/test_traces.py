@@ -5,10 +5,10 @@ import pandas as pd
 import pytest
 
 from botohe_moo.indicators import area_indicator, epsilon_indicator, igd_plus_indicator
-from botohe_moo.study import traces
-from botohe_moo.study.scores import as_table
-from botohe_moo.study.tables import to_arrow
-from botohe_moo.study.traces import SHARES, reach_targets, score_records
+from botohe_moo.study.judge import traces
+from botohe_moo.study.judge.scores import as_table
+from botohe_moo.study.judge.traces import SHARES, reach_targets, score_records
+from botohe_moo.study.store.tables import to_arrow
 from tests.study.test_scores import quay
 
 REFERENCE = as_table(

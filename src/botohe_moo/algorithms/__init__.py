@@ -5,10 +5,10 @@ Names are imported when they are first used: each algorithm loads what it needs 
 
 from typing import TYPE_CHECKING
 
-from botohe_moo._lazy import lazy_names
+from botohe_moo._base.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from botohe_moo._parameters import SameResult
+    from botohe_moo._plugins import SameResult
     from botohe_moo.algorithms.bo_aco import BOACO
     from botohe_moo.algorithms.exact import Exact
     from botohe_moo.algorithms.greedy import Greedy
@@ -40,7 +40,7 @@ __all__ = [
 ]
 
 _HOMES = {
-    "botohe_moo._parameters": ("SameResult",),
+    "botohe_moo._plugins": ("SameResult",),
     ".bo_aco": ("BOACO",),
     ".exact": ("Exact",),
     ".greedy": ("Greedy",),

@@ -15,10 +15,10 @@ from pymoo.core.termination import TerminateIfAll, Termination
 from pymoo.termination.max_eval import MaximumFunctionCallTermination
 from pymoo.termination.max_gen import MaximumGenerationTermination
 
-from botohe_moo._checks import check_integer
-from botohe_moo._types import FloatArray, ObjectArray, OffsetArray
-from botohe_moo.archive import PlanArchive
+from botohe_moo._base.checks import check_integer
+from botohe_moo._base.types import FloatArray, ObjectArray, OffsetArray
 from botohe_moo.problem import BOTOHE, FrontOutput
+from botohe_moo.search.archive import PlanArchive
 from botohe_moo.trails import PlanBatch, TrailPlan, listed_plans
 
 __all__ = ["ArchiveAlgorithm"]

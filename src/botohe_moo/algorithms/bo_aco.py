@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, get_args
 
 import numpy as np
 
-from botohe_moo._checks import check_flag, check_integer, check_number
-from botohe_moo._parameters import SameResult
-from botohe_moo._types import FloatArray, IntArray, ObjectArray, OffsetArray
+from botohe_moo._base.checks import check_flag, check_integer, check_number
+from botohe_moo._base.types import FloatArray, IntArray, ObjectArray, OffsetArray
+from botohe_moo._plugins import SameResult
 from botohe_moo.algorithms.base import ArchiveAlgorithm
-from botohe_moo.archive import PlanArchive
-from botohe_moo.colony import Allocation, AntThreads, Colony, ColonyRule, exchange_archives
-from botohe_moo.iteration_search import IterationSearch
 from botohe_moo.problem import BOTOHE
+from botohe_moo.search.archive import PlanArchive
+from botohe_moo.search.colony import Allocation, AntThreads, Colony, ColonyRule, exchange_archives
+from botohe_moo.search.iteration_search import IterationSearch
 from botohe_moo.trails import PlanBatch, TrailPlan
 
 if TYPE_CHECKING:

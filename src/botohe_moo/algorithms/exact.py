@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from botohe_moo._checks import check_number
-from botohe_moo._types import ObjectArray
+from botohe_moo._base.checks import check_number
+from botohe_moo._base.types import ObjectArray
 from botohe_moo.algorithms.base import ArchiveAlgorithm
-from botohe_moo.exact import MEMORY_LIMIT, TIME_LIMIT, FrontSearch
 from botohe_moo.problem import BOTOHE
+from botohe_moo.search.exact import MEMORY_LIMIT, TIME_LIMIT, FrontSearch
 from botohe_moo.trails import TrailPlan
 
 __all__ = ["Exact"]
@@ -56,8 +56,8 @@ class Exact(ArchiveAlgorithm):
 
     Notes
     -----
-    See :func:`~botohe_moo.exact.exact_front` for the method, and for what is exact where numbers
-    are rounded.
+    See :func:`~botohe_moo.search.exact.exact_front` for the method, and for what is exact where
+    numbers are rounded.
 
     An evaluation is a plan whose objectives the problem computes, as for every algorithm: here one
     for each point of the front, and one for everybody at base. What the search computes of partial

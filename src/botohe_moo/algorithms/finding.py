@@ -9,8 +9,8 @@ from typing import Any
 
 from pymoo.core.algorithm import Algorithm
 
-from botohe_moo._parameters import Accepted, accepted_parameters, declared_factory
-from botohe_moo._plugins import PluginError, PluginGroup
+from botohe_moo._plugins import Accepted, accepted_parameters, declared_factory
+from botohe_moo._plugins.entry_points import PluginError, PluginGroup
 from botohe_moo.algorithms.wired import wired
 
 __all__ = ["PLUGINS", "accepted_by", "find_algorithm", "is_path", "source_of"]

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from botohe_moo._checks import check_integer
-from botohe_moo._types import ObjectArray
+from botohe_moo._base.checks import check_integer
+from botohe_moo._base.types import ObjectArray
 from botohe_moo.algorithms.base import ArchiveAlgorithm
 from botohe_moo.problem import BOTOHE
-from botohe_moo.sequential import BEAM_WIDTH, MAX_BEAM_WIDTH, SequentialPlanner
+from botohe_moo.search.sequential import BEAM_WIDTH, MAX_BEAM_WIDTH, SequentialPlanner
 from botohe_moo.trails import TrailPlan
 
 __all__ = ["Greedy"]
@@ -59,8 +59,9 @@ class Greedy(ArchiveAlgorithm):
     The sequential scheme for the team surviving orienteers problem: Jorgensen, Chen, Milam and
     Pavone, "The team surviving orienteers problem: routing teams of robots in uncertain
     environments with survival constraints", Autonomous Robots 42(4), 2018. See
-    :func:`~botohe_moo.sequential.plan_sequentially` for its guarantee. Plans that are best for some
-    weight lie on the convex hull of the front; plans for fewer robots fill some of what is between.
+    :func:`~botohe_moo.search.sequential.plan_sequentially` for its guarantee. Plans that are best
+    for some weight lie on the convex hull of the front; plans for fewer robots fill some of what is
+    between.
 
     An evaluation is a plan whose objectives the problem computes, as for every algorithm; a plan
     that comes up again is not evaluated again. What the search for a trail computes of partial

@@ -9,8 +9,8 @@ from pymoo.algorithms.moo.moead import ParallelMOEAD
 from pymoo.core.population import Population
 from pymoo.decomposition.tchebicheff import Tchebicheff
 
-from botohe_moo._checks import check_integer, check_number
-from botohe_moo._types import FloatArray
+from botohe_moo._base.checks import check_integer, check_number
+from botohe_moo._base.types import FloatArray
 from botohe_moo.algorithms.population import PopulationAlgorithm, even_weights, genetic_sizes
 from botohe_moo.problem import BOTOHE
 

@@ -11,8 +11,8 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from botohe_moo._parameters import call_factory, named, plain_value
-from botohe_moo._plugins import same_factory
+from botohe_moo._plugins import call_factory, named, plain_value
+from botohe_moo._plugins.entry_points import same_factory
 from botohe_moo.algorithms.finding import PLUGINS, accepted_by, find_algorithm, is_path, source_of
 
 __all__ = ["AlgorithmIdentity", "algorithm_identity", "algorithm_origin"]

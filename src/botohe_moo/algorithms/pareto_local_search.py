@@ -9,14 +9,14 @@ from typing import Any
 from pymoo.core.individual import Individual
 from pymoo.core.population import Population
 
-from botohe_moo._checks import check_flag, check_integer, check_number, nearest_first
-from botohe_moo._types import FloatArray, ObjectArray, OffsetArray
+from botohe_moo._base.checks import check_flag, check_integer, check_number, nearest_first
+from botohe_moo._base.types import FloatArray, ObjectArray, OffsetArray
 from botohe_moo.algorithms.base import ArchiveAlgorithm
-from botohe_moo.archive import PlanArchive
 from botohe_moo.kernels.local_search.rule import SearchRule
-from botohe_moo.local_search import DEFAULT_MOVES, MOVES, LocalSearch
 from botohe_moo.problem import BOTOHE
-from botohe_moo.sequential import SequentialPlanner
+from botohe_moo.search.archive import PlanArchive
+from botohe_moo.search.local_search import DEFAULT_MOVES, MOVES, LocalSearch
+from botohe_moo.search.sequential import SequentialPlanner
 from botohe_moo.trails import PlanBatch, TrailPlan
 
 __all__ = ["ParetoLocalSearch"]

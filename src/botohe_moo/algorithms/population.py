@@ -16,10 +16,9 @@ from pymoo.core.mutation import Mutation
 from pymoo.core.population import Population
 from pymoo.core.sampling import Sampling
 
-from botohe_moo._checks import check_integer
-from botohe_moo._types import FloatArray, ObjectArray
+from botohe_moo._base.checks import check_integer
+from botohe_moo._base.types import FloatArray, ObjectArray
 from botohe_moo.algorithms.base import MAX_TIES, check_budget, check_options, evaluations_left
-from botohe_moo.archive import PlanArchive
 from botohe_moo.operators.duplicates import PlanDuplicates
 from botohe_moo.operators.repair import PenaltyOnly, PlanRepair
 from botohe_moo.operators.wiring import (
@@ -31,6 +30,7 @@ from botohe_moo.operators.wiring import (
     make_sampling,
 )
 from botohe_moo.problem import BOTOHE, FrontOutput
+from botohe_moo.search.archive import PlanArchive
 from botohe_moo.trails import TrailPlan
 
 __all__ = ["PopulationAlgorithm"]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Annotated, Any
 
-from botohe_moo._parameters import SameResult
-from botohe_moo._types import ObjectArray
+from botohe_moo._base.types import ObjectArray
+from botohe_moo._plugins import SameResult
 from botohe_moo.algorithms.bo_aco import BOACO
 from botohe_moo.trails import TrailPlan
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from pymoo.core.algorithm import Algorithm
 
-from botohe_moo._parameters import (
+from botohe_moo._plugins import (
     Accepted,
     Fault,
     Parameter,

@@ -10,10 +10,10 @@ from typing import Any, Literal
 
 import numpy as np
 
-from botohe_moo._checks import check_integer, check_number
-from botohe_moo._types import FloatArray, IntArray, ObjectArray, OffsetArray
+from botohe_moo._base.checks import check_integer, check_number
+from botohe_moo._base.types import FloatArray, IntArray, ObjectArray, OffsetArray
 from botohe_moo.algorithms.base import ArchiveAlgorithm, generation_limit
-from botohe_moo.kernels import anneal as kernels
+from botohe_moo.kernels.anneal import schedule as kernels
 from botohe_moo.kernels.rng import seed_states
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import PlanBatch, TrailPlan

@@ -10,7 +10,7 @@ from typing import Any
 
 from pymoo.algorithms.base.genetic import GeneticAlgorithm
 
-from botohe_moo._parameters import named
+from botohe_moo._plugins import named
 from botohe_moo.algorithms.population import PopulationAlgorithm, even_weights, genetic_sizes
 
 __all__ = ["never_ends", "wired"]

@@ -6,7 +6,7 @@ Mathematical Software 47(4), 2021. A state is two 64-bit words, not both zero.
 
 import numpy as np
 
-from botohe_moo._types import SeedArray
+from botohe_moo._base.types import SeedArray
 from botohe_moo.kernels.compile import inline
 
 _A, _B, _C = np.uint64(24), np.uint64(16), np.uint64(37)

@@ -1,7 +1,7 @@
 """Missions: the model, files, the named ones and generators."""
 
 from botohe_moo.mission.arrays import MissionArrays
-from botohe_moo.mission.files import read_mission, save_mission
+from botohe_moo.mission.formats.files import read_mission, save_mission
 from botohe_moo.mission.library import load_mission, mission_names
 from botohe_moo.mission.model import Mission, PlanError
 from botohe_moo.mission.validation import MissionError

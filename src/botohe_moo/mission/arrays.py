@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     import networkx as nx
 
-    from botohe_moo._types import FloatArray, IntArray, OffsetArray
+    from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
 
 __all__ = ["MissionArrays"]
 

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 import networkx as nx
 import numpy as np
 
-from botohe_moo._checks import check_integer
-from botohe_moo.mission.benchmark import near_pairs, spanning_pairs
+from botohe_moo._base.checks import check_integer
+from botohe_moo.mission.formats.benchmark import near_pairs, spanning_pairs
 from botohe_moo.mission.memory import check_memory
 from botohe_moo.mission.model import Mission
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from botohe_moo._types import FloatArray, OffsetArray
+    from botohe_moo._base.types import FloatArray, OffsetArray
 
 __all__ = ["complete", "random", "terrain", "two_communities"]
 

@@ -8,7 +8,7 @@ from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any
 
-from botohe_moo._parameters import (
+from botohe_moo._plugins import (
     Fault,
     Parameter,
     accepted_parameters,
@@ -18,8 +18,8 @@ from botohe_moo._parameters import (
     docstring_of,
     raised_fault,
 )
-from botohe_moo._plugins import PluginError, PluginGroup
-from botohe_moo.mission.files import SUFFIXES, read_mission
+from botohe_moo._plugins.entry_points import PluginError, PluginGroup
+from botohe_moo.mission.formats.files import SUFFIXES, read_mission
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.validation import MissionError
 

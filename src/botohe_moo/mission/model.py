@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any, Self
 import networkx as nx
 import numpy as np
 
-from botohe_moo.kernels import evaluate as kernels
+from botohe_moo.kernels.plans import evaluate as kernels
 from botohe_moo.mission.arrays import MissionArrays
 from botohe_moo.mission.validation import MissionError, mission_faults, team_size_fault
 from botohe_moo.mission.walk import WalkGraph
 from botohe_moo.trails import PlanBatch, TrailPlan
 
 if TYPE_CHECKING:
-    from botohe_moo._types import FloatArray, ObjectArray
+    from botohe_moo._base.types import FloatArray, ObjectArray
 
 __all__ = ["Mission", "PlanError"]
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from botohe_moo._types import FloatArray, IntArray, OffsetArray
-from botohe_moo.kernels.evaluate import trail_arcs
-from botohe_moo.kernels.paths import safest_homes
+from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
+from botohe_moo.kernels.graph.paths import safest_homes
+from botohe_moo.kernels.plans.evaluate import trail_arcs
 from botohe_moo.mission.arrays import MissionArrays
 from botohe_moo.trails import PlanBatch
 

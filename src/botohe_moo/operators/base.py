@@ -7,8 +7,8 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from botohe_moo._checks import check_number
-from botohe_moo._types import OffsetArray
+from botohe_moo._base.checks import check_number
+from botohe_moo._base.types import OffsetArray
 from botohe_moo.operators.repair import PlanRepair, SafestPathRepair
 
 __all__ = ["Mixture", "check_repair"]

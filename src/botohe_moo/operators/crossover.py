@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from pymoo.core.crossover import Crossover
 
-from botohe_moo._checks import check_integer, check_number
-from botohe_moo._types import ObjectArray, OffsetArray
+from botohe_moo._base.checks import check_integer, check_number
+from botohe_moo._base.types import ObjectArray, OffsetArray
+from botohe_moo.kernels.plans.vary import EXCHANGE, SPLICE, cross
 from botohe_moo.kernels.rng import draw_state
-from botohe_moo.kernels.vary import EXCHANGE, SPLICE, cross
 from botohe_moo.operators.base import check_repair
 from botohe_moo.operators.repair import PlanRepair
 from botohe_moo.problem import BOTOHE

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pymoo.core.duplicate import DuplicateElimination
 from pymoo.core.population import Population
 
-from botohe_moo._types import ObjectArray
+from botohe_moo._base.types import ObjectArray
 
 __all__ = ["PlanDuplicates"]
 

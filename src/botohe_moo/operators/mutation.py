@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from pymoo.core.mutation import Mutation
 
-from botohe_moo._checks import check_flag, check_integer, check_number, nearest_first
-from botohe_moo._types import ObjectArray
-from botohe_moo.kernels import vary as kernels
-from botohe_moo.kernels.moves import change_plans
+from botohe_moo._base.checks import check_flag, check_integer, check_number, nearest_first
+from botohe_moo._base.types import ObjectArray
+from botohe_moo.kernels.plans import vary as kernels
+from botohe_moo.kernels.plans.moves import change_plans
 from botohe_moo.kernels.rng import draw_state
 from botohe_moo.mission.model import Mission, PlanError
 from botohe_moo.operators.base import Mixture, check_repair

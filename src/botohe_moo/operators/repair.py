@@ -10,8 +10,8 @@ from typing import Any, ClassVar
 import numpy as np
 from pymoo.core.repair import Repair
 
-from botohe_moo._types import IntArray, ObjectArray, OffsetArray
-from botohe_moo.kernels import repair as kernels
+from botohe_moo._base.types import IntArray, ObjectArray, OffsetArray
+from botohe_moo.kernels.plans import repair as kernels
 from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import PlanBatch

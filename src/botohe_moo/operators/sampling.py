@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from pymoo.core.sampling import Sampling
 
-from botohe_moo._checks import check_integer
-from botohe_moo._types import ObjectArray
-from botohe_moo.colony import Colony, ColonyRule
+from botohe_moo._base.checks import check_integer
+from botohe_moo._base.types import ObjectArray
 from botohe_moo.operators.base import Mixture
 from botohe_moo.problem import BOTOHE
-from botohe_moo.sequential import plan_sequentially
+from botohe_moo.search.colony import Colony, ColonyRule
+from botohe_moo.search.sequential import plan_sequentially
 from botohe_moo.trails import PlanBatch, TrailPlan, listed_plans
 
 __all__ = [

@@ -9,7 +9,7 @@ from pymoo.core.crossover import Crossover
 from pymoo.core.mutation import Mutation
 from pymoo.core.sampling import Sampling
 
-from botohe_moo._checks import check_flag, check_number, nearest_first
+from botohe_moo._base.checks import check_flag, check_number, nearest_first
 from botohe_moo.operators.crossover import MixedCrossover, TrailExchange, TrailSplice
 from botohe_moo.operators.mutation import (
     MixedMutation,

@@ -1,18 +1,18 @@
 """Pictures of missions, plans, fronts, pheromone and studies: one function each."""
 
-from botohe_moo.plots.algorithms import AlgorithmStyle, algorithm_styles
-from botohe_moo.plots.areas import plot_areas
-from botohe_moo.plots.attainment import plot_attainment
-from botohe_moo.plots.curves import plot_curves
-from botohe_moo.plots.difference import plot_attainment_difference
+from botohe_moo.plots.draw.algorithms import AlgorithmStyle, algorithm_styles
+from botohe_moo.plots.draw.style import save_figure, save_plot, theme
 from botohe_moo.plots.front import plot_front
-from botohe_moo.plots.fronts import plot_fronts
-from botohe_moo.plots.heat import plot_heat
 from botohe_moo.plots.mission import plot_mission
 from botohe_moo.plots.pheromone import plot_pheromone
-from botohe_moo.plots.ranks import plot_ranks
-from botohe_moo.plots.reached import plot_reached
-from botohe_moo.plots.style import save_figure, save_plot, theme
+from botohe_moo.plots.study.areas import plot_areas
+from botohe_moo.plots.study.attainment import plot_attainment
+from botohe_moo.plots.study.curves import plot_curves
+from botohe_moo.plots.study.difference import plot_attainment_difference
+from botohe_moo.plots.study.fronts import plot_fronts
+from botohe_moo.plots.study.heat import plot_heat
+from botohe_moo.plots.study.ranks import plot_ranks
+from botohe_moo.plots.study.reached import plot_reached
 
 __all__ = [
     "AlgorithmStyle",

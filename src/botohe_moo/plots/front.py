@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
-from botohe_moo.plots.fonts import drawable
-from botohe_moo.plots.style import INK, MARKERS, colours, new_axes, theme, tint
+from botohe_moo.plots.draw.fonts import drawable
+from botohe_moo.plots.draw.style import INK, MARKERS, colours, new_axes, theme, tint
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import ArrayLike, NDArray
 
-    from botohe_moo._types import FloatArray
+    from botohe_moo._base.types import FloatArray
     from botohe_moo.mission import Mission
 
 __all__ = ["plot_front", "staircase"]

@@ -12,10 +12,16 @@ from matplotlib.collections import PolyCollection
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from botohe_moo.plots.canvas import Canvas, add_colour_bar, bowed_arcs, node_positions, open_axes
-from botohe_moo.plots.fonts import drawable
-from botohe_moo.plots.lanes import draw_trails
-from botohe_moo.plots.style import (
+from botohe_moo.plots.draw.canvas import (
+    Canvas,
+    add_colour_bar,
+    bowed_arcs,
+    node_positions,
+    open_axes,
+)
+from botohe_moo.plots.draw.fonts import drawable
+from botohe_moo.plots.draw.lanes import draw_trails
+from botohe_moo.plots.draw.style import (
     MUTED,
     Colour,
     colour_range,

@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
-from botohe_moo.plots.canvas import Canvas, add_colour_bar, node_positions, open_axes
-from botohe_moo.plots.fonts import drawable
-from botohe_moo.plots.style import colour_range, pheromone_palette, theme
+from botohe_moo.plots.draw.canvas import Canvas, add_colour_bar, node_positions, open_axes
+from botohe_moo.plots.draw.fonts import drawable
+from botohe_moo.plots.draw.style import colour_range, pheromone_palette, theme
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
-    from botohe_moo._types import FloatArray
+    from botohe_moo._base.types import FloatArray
     from botohe_moo.mission import Mission
 
 __all__ = ["plot_pheromone"]

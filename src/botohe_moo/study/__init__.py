@@ -6,14 +6,14 @@ tables.
 
 from typing import TYPE_CHECKING
 
-from botohe_moo._lazy import lazy_names
+from botohe_moo._base.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from botohe_moo.study.grid import Study
-    from botohe_moo.study.loading import load_study
+    from botohe_moo.study.file.grid import Study
+    from botohe_moo.study.file.loading import load_study
     from botohe_moo.study.merge import merge_studies
     from botohe_moo.study.runner import StudyInterrupted, make_tables, run_study
-    from botohe_moo.study.tables import SCHEMAS, StudyError, StudyTables, read_study
+    from botohe_moo.study.store.tables import SCHEMAS, StudyError, StudyTables, read_study
 
 __all__ = [
     "SCHEMAS",
@@ -29,15 +29,15 @@ __all__ = [
 ]
 
 _HOMES = {
-    ".grid": ("Study",),
-    ".loading": ("load_study",),
+    ".file.grid": ("Study",),
+    ".file.loading": ("load_study",),
     ".merge": ("merge_studies",),
     ".runner": (
         "StudyInterrupted",
         "make_tables",
         "run_study",
     ),
-    ".tables": (
+    ".store.tables": (
         "SCHEMAS",
         "StudyError",
         "StudyTables",

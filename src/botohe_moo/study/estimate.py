@@ -9,15 +9,15 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from botohe_moo.study.planning import make_task
-from botohe_moo.study.sandbox import Sandbox
+from botohe_moo.study.run.sandbox import Sandbox
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
-    from botohe_moo.study.config import Budget
-    from botohe_moo.study.grid import Run
+    from botohe_moo.study.file.config import Budget
+    from botohe_moo.study.file.grid import Run
     from botohe_moo.study.planning import Plan
-    from botohe_moo.study.task import Outcome
+    from botohe_moo.study.run.task import Outcome
 
 __all__ = ["Estimate", "estimate_times", "time_left"]
 

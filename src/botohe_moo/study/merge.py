@@ -11,24 +11,24 @@ from typing import Any, TypeVar
 import numpy as np
 from pydantic import BaseModel
 
-from botohe_moo._checks import quoted
-from botohe_moo.mission.files import SUFFIXES
-from botohe_moo.study.checking import MAX_RUNS
-from botohe_moo.study.config import AlgorithmEntry, Budget, MissionEntry, Seeds
-from botohe_moo.study.document import Document
-from botohe_moo.study.grid import Run, Study, StudyAlgorithm, StudyMission
-from botohe_moo.study.index import Entry as FileEntry
-from botohe_moo.study.kept import kept_study
-from botohe_moo.study.loading import study_folder
-from botohe_moo.study.manifest import MANIFEST
-from botohe_moo.study.perform import verify
+from botohe_moo._base.checks import quoted
+from botohe_moo.mission.formats.files import SUFFIXES
+from botohe_moo.study.file.checking import MAX_RUNS
+from botohe_moo.study.file.config import AlgorithmEntry, Budget, MissionEntry, Seeds
+from botohe_moo.study.file.document import Document
+from botohe_moo.study.file.grid import Run, Study, StudyAlgorithm, StudyMission
+from botohe_moo.study.file.loading import study_folder
+from botohe_moo.study.file.shape import file_faults
 from botohe_moo.study.planning import make_task
 from botohe_moo.study.refresh import refresh_tables
-from botohe_moo.study.shape import file_faults
-from botohe_moo.study.shelf import tables_locked
-from botohe_moo.study.store import DamagedError, Store
-from botohe_moo.study.tables import StudyError, StudyTables
-from botohe_moo.study.task import Outcome
+from botohe_moo.study.run.perform import verify
+from botohe_moo.study.run.task import Outcome
+from botohe_moo.study.store.index import Entry as FileEntry
+from botohe_moo.study.store.kept import kept_study
+from botohe_moo.study.store.manifest import MANIFEST
+from botohe_moo.study.store.shelf import tables_locked
+from botohe_moo.study.store.store import DamagedError, Store
+from botohe_moo.study.store.tables import StudyError, StudyTables
 
 __all__ = ["merge_studies"]
 

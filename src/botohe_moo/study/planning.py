@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
-from botohe_moo.study.grid import Run, Study
-from botohe_moo.study.index import Entry, read_index
-from botohe_moo.study.store import DamagedError, Store
-from botohe_moo.study.task import PATIENCE, Task
+from botohe_moo.study.file.grid import Run, Study
+from botohe_moo.study.run.task import PATIENCE, Task
+from botohe_moo.study.store.index import Entry, read_index
+from botohe_moo.study.store.store import DamagedError, Store
 
 __all__ = ["Plan", "make_task", "plan_study"]
 

@@ -8,12 +8,12 @@ import hashlib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from botohe_moo.study.grid import Study, canonical
-from botohe_moo.study.index import Entry, write_index
-from botohe_moo.study.manifest import StudyError, read_manifest
-from botohe_moo.study.shelf import note_origin
-from botohe_moo.study.store import Store, writing
-from botohe_moo.study.tables import SMALL, StudyTables, read_study
+from botohe_moo.study.file.grid import Study, canonical
+from botohe_moo.study.store.index import Entry, write_index
+from botohe_moo.study.store.manifest import StudyError, read_manifest
+from botohe_moo.study.store.shelf import note_origin
+from botohe_moo.study.store.store import Store, writing
+from botohe_moo.study.store.tables import SMALL, StudyTables, read_study
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -51,7 +51,7 @@ def refresh_tables(
             if read_manifest(folder).get("made_from") == made_from and _csv_are_there(folder):
                 return read_study(folder)
     # scipy.stats takes half a second to import, which every worker's process would wait for.
-    from botohe_moo.study.collect import collect_tables
+    from botohe_moo.study.judge.collect import collect_tables
 
     collect_tables(study, store)
     with writing(folder):
@@ -80,6 +80,6 @@ def _made_from(study: Study, store: Store, finished: Mapping[str, Entry]) -> str
 def _code() -> str:
     """Give the digest of what makes tables, which may change between two versions, too."""
     hashed = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.glob("*.py")):
+    for path in sorted(Path(__file__).parent.rglob("*.py")):
         hashed.update(path.read_bytes())
     return hashed.hexdigest()

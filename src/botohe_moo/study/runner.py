@@ -8,21 +8,21 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
-from botohe_moo._checks import check_integer, check_number
-from botohe_moo.study.cluster import check_address, dask_outcomes
-from botohe_moo.study.grid import Run, Study
-from botohe_moo.study.index import Entry
-from botohe_moo.study.kept import kept_study
-from botohe_moo.study.loading import load_study, study_folder
-from botohe_moo.study.manifest import read_manifest
+from botohe_moo._base.checks import check_integer, check_number
+from botohe_moo.study.file.grid import Run, Study
+from botohe_moo.study.file.loading import load_study, study_folder
 from botohe_moo.study.planning import Plan, make_task, plan_study
-from botohe_moo.study.pool import Outcomes, local_outcomes
 from botohe_moo.study.refresh import refresh_tables
-from botohe_moo.study.shelf import tables_locked
-from botohe_moo.study.stopping import Stop, hold_stop
-from botohe_moo.study.store import Store
-from botohe_moo.study.tables import StudyTables
-from botohe_moo.study.task import PATIENCE, Outcome, Record, Task
+from botohe_moo.study.run.cluster import check_address, dask_outcomes
+from botohe_moo.study.run.pool import Outcomes, local_outcomes
+from botohe_moo.study.run.stopping import Stop, hold_stop
+from botohe_moo.study.run.task import PATIENCE, Outcome, Record, Task
+from botohe_moo.study.store.index import Entry
+from botohe_moo.study.store.kept import kept_study
+from botohe_moo.study.store.manifest import read_manifest
+from botohe_moo.study.store.shelf import tables_locked
+from botohe_moo.study.store.store import Store
+from botohe_moo.study.store.tables import StudyTables
 
 __all__ = ["StudyInterrupted", "make_tables", "run_study"]
 

@@ -1,6 +1,6 @@
 """Children of a parent: made by a move, and what they are expected to bring."""
 
-from botohe_moo._types import FloatArray, SeedArray
+from botohe_moo._base.types import FloatArray, SeedArray
 from botohe_moo.kernels.compile import part
 from botohe_moo.kernels.local_search.front import N_BLOCKS, Front, best_reward, draw_place
 from botohe_moo.kernels.local_search.moves import (

@@ -1,6 +1,6 @@
 """Which plan is the next parent: the newest, one of the front, or one of the reserve."""
 
-from botohe_moo._types import FloatArray, IntArray, SeedArray
+from botohe_moo._base.types import FloatArray, IntArray, SeedArray
 from botohe_moo.kernels.compile import part, routine
 from botohe_moo.kernels.local_search.front import (
     N_BLOCKS,

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from botohe_moo._types import FloatArray, IntArray, OffsetArray, SeedArray
+from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
 from botohe_moo.kernels.compile import everywhere, frugal, part, routine
 from botohe_moo.kernels.rng import uniform
 

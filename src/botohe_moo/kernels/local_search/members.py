@@ -1,8 +1,7 @@
 """Plans that enter a front, leave it, and are read from it."""
 
-from botohe_moo._types import FloatArray, IntArray, OffsetArray, SeedArray
+from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
 from botohe_moo.kernels.compile import frugal, part, routine
-from botohe_moo.kernels.evaluate import find_arc
 from botohe_moo.kernels.local_search.front import (
     N_BLOCKS,
     N_PLANS,
@@ -23,6 +22,7 @@ from botohe_moo.kernels.local_search.trail_store import (
     precedes,
     release,
 )
+from botohe_moo.kernels.plans.evaluate import find_arc
 
 # Plans among which one has to go where the front is full.
 _N_THINNED = 16

@@ -7,7 +7,7 @@ that every child is a trail, on any graph.
 
 import numpy as np
 
-from botohe_moo._types import SeedArray
+from botohe_moo._base.types import SeedArray
 from botohe_moo.kernels.compile import part
 from botohe_moo.kernels.local_search.parent import (
     LENGTH,

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from botohe_moo._types import FloatArray, IntArray, OffsetArray, SeedArray
+from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
 from botohe_moo.kernels.compile import part
 from botohe_moo.kernels.local_search.trail_store import TrailStore
 

@@ -10,7 +10,7 @@ what has been visited before may miss.
 
 import numpy as np
 
-from botohe_moo._types import FloatArray, SeedArray
+from botohe_moo._base.types import FloatArray, SeedArray
 from botohe_moo.kernels.compile import part, routine
 from botohe_moo.kernels.local_search.front import Front, best_reward, has_room
 from botohe_moo.kernels.local_search.members import bring_in, put_in_order

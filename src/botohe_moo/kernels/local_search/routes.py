@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from botohe_moo._types import FloatArray, IntArray, OffsetArray
+from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
 from botohe_moo.kernels.compile import part, routine
-from botohe_moo.kernels.paths import pop, push
+from botohe_moo.kernels.graph.paths import pop, push
 
 FULL_UP_TO = 1_000
 NEAR = 200

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from botohe_moo._types import FloatArray, IntArray
+from botohe_moo._base.types import FloatArray, IntArray
 from botohe_moo.kernels.compile import everywhere
 
 # A plan that gains less than this, relative, is taken for one that the front has already: the

@@ -1,6 +1,6 @@
 """Pareto local search: parents from a front, children of one changed trail, back into it."""
 
-from botohe_moo._types import FloatArray, SeedArray
+from botohe_moo._base.types import FloatArray, SeedArray
 from botohe_moo.kernels.compile import frugal, part, routine
 from botohe_moo.kernels.local_search.children import (
     adopt,

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from botohe_moo._types import FloatArray, IntArray, OffsetArray
+from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
 from botohe_moo.kernels.compile import everywhere, frugal, part, routine
-from botohe_moo.kernels.evaluate import either
+from botohe_moo.kernels.plans.evaluate import either
 
 # Indices into ``TrailStore.counts``.
 N_ARCS = 0  # used of the pool

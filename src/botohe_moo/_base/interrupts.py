@@ -1,0 +1,94 @@
+"""A Ctrl-C that loses nothing: long steps end where what was found can be kept."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from contextlib import contextmanager, nullcontext, suppress
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+__all__ = ["hold_interrupt"]
+
+
+@contextmanager
+def hold_interrupt(*, answer: str | None = None) -> Iterator[threading.Event]:
+    """Let Ctrl-C set an event instead of breaking off; pressed again, it breaks off as usual.
+
+    Changes nothing outside the main thread, which alone may handle signals, and where Ctrl-C is to
+    be ignored, as it is for jobs in the background.
+
+    Parameters
+    ----------
+    answer
+        What to say on standard error at once, however long the step takes that is going on.
+    """
+    pressed = threading.Event()
+    usual = signal.getsignal(signal.SIGINT)
+    in_main_thread = threading.current_thread() is threading.main_thread()
+    if not in_main_thread or usual is None or usual is signal.SIG_IGN:
+        yield pressed
+        return
+
+    say_once = _Answer(answer)
+
+    def note(*_: object) -> None:
+        # Not the usual handler: if that ends the process at once, nothing is put in order.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        pressed.set()
+        say_once()  # before whoever looks at the event says something
+
+    signal.signal(signal.SIGINT, note)
+    try:
+        with _calling(say_once) if answer else nullcontext():
+            yield pressed
+    finally:
+        signal.signal(signal.SIGINT, usual)
+
+
+class _Answer:
+    """Says something on standard error, the first time it is called."""
+
+    def __init__(self, answer: str | None) -> None:
+        self._answer = answer
+        self._lock = threading.Lock()
+
+    def __call__(self) -> None:
+        with self._lock:
+            answer, self._answer = self._answer, None
+            if answer is None:
+                return
+            # Not by rich or sys.stderr, whose locks the main thread may hold; below the bar.
+            line = f"{os.linesep if os.isatty(2) else ''}botohe: {answer}{os.linesep}"
+            with suppress(OSError):
+                os.write(2, line.encode())
+
+
+@contextmanager
+def _calling(function: Callable[[], None]) -> Iterator[None]:
+    """Call a function in a thread of its own as soon as Ctrl-C is pressed.
+
+    Python calls handlers between two steps of the main thread, which may be inside of a kernel for
+    minutes. Kernels hold no lock, though, and a signal is written to the wakeup descriptor at once.
+    """
+
+    def wait() -> None:
+        while came := os.read(reader, 1):
+            if came[0] == signal.SIGINT:
+                function()
+
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    usual = signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
+    thread = threading.Thread(target=wait, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        signal.set_wakeup_fd(usual)
+        os.close(writer)  # which ends the thread
+        thread.join()
+        os.close(reader)

@@ -1,0 +1,298 @@
+"""The ``botohe`` command: a thin layer over the library.
+
+Only typer is imported here; what a command needs it imports when it runs, so that ``--help``
+answers at once.
+"""
+
+from __future__ import annotations
+
+from botohe_moo.cli.interrupt import ending_on_interrupt
+
+with ending_on_interrupt:
+    import sys
+    from contextlib import ExitStack
+    from pathlib import Path
+    from typing import TYPE_CHECKING, Annotated, Any
+
+    import typer
+
+    from botohe_moo.cli.describe import (
+        brief,
+        describe,
+        listing,
+        paragraph,
+        parameter_example,
+        parameter_text,
+    )
+    from botohe_moo.cli.options import (
+        EvaluationsOption,
+        MinSurvivalOption,
+        MissionArgument,
+        MissionParameterOption,
+        ParameterOption,
+        RobotsOption,
+        SeedOption,
+        mission_source,
+        read_parameters,
+    )
+    from botohe_moo.cli.shell import (
+        BAD_INPUT,
+        FAILED,
+        INTERRUPTED,
+        fail,
+        failing,
+        run,
+        say,
+        tell,
+    )
+    from botohe_moo.cli.study import study_app
+
+if TYPE_CHECKING:
+    from pymoo.core.algorithm import Algorithm
+
+    from botohe_moo.mission.model import Mission
+
+_STOPPING = "stopping; what was found will be written. Press Ctrl-C again to break off."
+
+app = typer.Typer(
+    name="botohe",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+missions_app = typer.Typer(invoke_without_command=True)
+app.add_typer(missions_app, name="missions")
+app.add_typer(study_app, name="study")
+
+
+def main() -> None:
+    """Run the command line and end the process."""
+    # module:Class may stand in the current folder; last, so that it shadows nothing.
+    sys.path.append(str(Path.cwd()))
+    run(app)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        tell(f"botohe-moo {version('botohe-moo')}")
+        raise typer.Exit
+
+
+@app.callback()
+def botohe(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, help="Show the version and exit."
+        ),
+    ] = False,
+) -> None:
+    """Plan trails for robot teams in hazardous environments: reward against survival."""
+
+
+@app.command()
+def solve(
+    mission: MissionArgument,
+    algorithm: Annotated[
+        str, typer.Option("--algorithm", "-a", help="One of `botohe algorithms`.")
+    ] = "pareto-local-search",
+    parameter: ParameterOption = None,
+    evaluations: EvaluationsOption = 100_000,
+    seed: SeedOption = 1,
+    robots: RobotsOption = None,
+    mission_parameter: MissionParameterOption = None,
+    min_survival: MinSurvivalOption = 0.0,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", "-o", help="Folder to write to; by default a new one, results/solve/MISSION."
+        ),
+    ] = None,
+) -> None:
+    """Search for the Pareto front of a mission; write it as tables and pictures.
+
+    Writes front.csv, plans.json, front.png and mission.png. In the folder that --out names they
+    replace those of an earlier search; without it, every search gets a new folder.
+
+    Ctrl-C stops the search and writes what was found.
+    """
+    with failing():
+        source = mission_source(mission, robots, mission_parameter)
+        parameters = read_parameters(parameter or [])
+        from botohe_moo.algorithms import make_algorithm
+        from botohe_moo.mission import load_mission
+        from botohe_moo.solution import check_picture
+
+        loaded = load_mission(**source)
+        check_picture(loaded)
+        _check_plain(algorithm, parameters)
+        built = make_algorithm(algorithm, **parameters)
+    _search_and_write(
+        loaded,
+        built,
+        out,
+        default=Path("results", "solve", Path(mission).stem),
+        name=algorithm,
+        parameters=parameters,
+        source=source,
+        evaluations=evaluations,
+        seed=seed,
+        min_survival=min_survival,
+    )
+
+
+def _search_and_write(
+    mission: Mission, algorithm: Algorithm, out: Path | None, *, default: Path, **how: Any
+) -> None:
+    from botohe_moo._base.files import new_folder
+    from botohe_moo._base.interrupts import hold_interrupt
+    from botohe_moo.cli.search_progress import progress_bar
+    from botohe_moo.solution import PictureError, check_folder
+    from botohe_moo.solve import RefusalError, search
+
+    with hold_interrupt(answer=_STOPPING) as stop, ExitStack() as stack:
+        with failing():
+            check_folder(default.parent if out is None else out)
+            folder = stack.enter_context(new_folder(default)) if out is None else out
+        tell(f"{mission.title}: {brief(mission)}\n")
+        try:
+            with progress_bar(how["evaluations"]) as progress:
+                solution = search(mission, algorithm, stop=stop, progress=progress, **how)
+        except RefusalError as error:
+            fail(error)
+        if not solution.plans:
+            found = f"{solution.algorithm} found no plan in {solution.evaluations} evaluations"
+            fail(f"{found}; nothing is written.", INTERRUPTED if stop.is_set() else FAILED)
+        with hold_interrupt() as late:
+            with failing(FAILED):
+                try:
+                    paths = solution.write(folder)  # first of all: printing may fail, too
+                except PictureError as error:
+                    tell(solution.describe())
+                    fail(f"{error} The tables are in {folder}.", FAILED)
+            tell(solution.describe())
+    for path in paths:
+        tell(f"wrote {path}")
+    if stop.is_set() or late.is_set():
+        raise typer.Exit(INTERRUPTED)
+
+
+def _check_plain(algorithm: str, parameters: dict[str, Any]) -> None:
+    """Refuse values for what takes Python objects, such as the plans to start from."""
+    from botohe_moo.algorithms.registry import algorithm_parameters
+
+    for parameter in algorithm_parameters(algorithm):
+        if parameter.name in parameters and not parameter.plain:
+            raise ValueError(
+                f"Algorithm {algorithm!r}: {parameter.name} can be given from Python only, "
+                f"as {parameter.annotation}."
+            )
+
+
+@missions_app.callback()
+def missions(context: typer.Context) -> None:
+    """List, show and check missions."""
+    if context.invoked_subcommand is None:
+        list_missions()
+
+
+@missions_app.command("list")
+def list_missions() -> None:
+    """List the named missions and the generators."""
+    from botohe_moo.mission import mission_names
+    from botohe_moo.mission.library import describe_mission
+
+    tell(listing((name, describe_mission(name)) for name in mission_names()))
+    tell("")
+    tell(
+        paragraph(
+            "`botohe missions show NAME` tells more. Generators take parameters: "
+            "`botohe missions show terrain -m nodes=50 -m seed=3`."
+        )
+    )
+
+
+@missions_app.command("show")
+def show_mission(
+    mission: MissionArgument,
+    robots: RobotsOption = None,
+    mission_parameter: MissionParameterOption = None,
+    picture: Annotated[
+        Path | None,
+        typer.Option("--picture", help="Also draw the mission to this file: PNG, PDF or SVG."),
+    ] = None,
+) -> None:
+    """Say what a mission is like; on request, draw it."""
+    with failing():
+        source = mission_source(mission, robots, mission_parameter)
+        from botohe_moo.mission.library import load_mission, mission_parameters
+
+        loaded = load_mission(**source)
+    tell(describe(loaded))
+    for parameter in mission_parameters(mission):
+        tell(f"\n{parameter_text(parameter)}")
+    if picture is not None:
+        with failing():
+            _draw(loaded, picture)
+        tell(f"wrote {picture}")
+
+
+def _draw(mission: Mission, picture: Path) -> None:
+    from botohe_moo.plots import plot_mission, save_plot
+    from botohe_moo.solution import check_picture
+
+    if not picture.parent.is_dir():
+        raise ValueError(f"{picture.parent}: there is no such folder.")
+    check_picture(mission)
+    save_plot(plot_mission(mission), picture)
+
+
+@missions_app.command("check")
+def check_missions(
+    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Mission files.")],
+) -> None:
+    """Check mission files; name everything that is wrong with them."""
+    from botohe_moo.mission import read_mission
+    from botohe_moo.solution import place_fault
+
+    failed = False
+    for path in files:
+        try:
+            loaded = read_mission(path)
+            if fault := place_fault(loaded):
+                raise ValueError(f"{path}: {fault}")
+        except ValueError as error:
+            say(error)
+            failed = True
+        else:
+            tell(f"{path}: a valid mission, {brief(loaded)}")
+    if failed:
+        raise typer.Exit(BAD_INPUT)
+
+
+@app.command()
+def algorithms(
+    name: Annotated[
+        str | None, typer.Argument(metavar="[NAME]", help="Show the parameters of this one.")
+    ] = None,
+) -> None:
+    """List the algorithms, or the parameters of one."""
+    from botohe_moo.algorithms import algorithm_names
+    from botohe_moo.algorithms.registry import algorithm_parameters, describe_algorithm
+
+    if name is None:
+        names = algorithm_names()
+        tell(listing((known, describe_algorithm(known)) for known in names))
+        tell(f"\n{paragraph('`botohe algorithms NAME` shows the parameters of one.')}")
+        return
+    with failing():
+        parameters = algorithm_parameters(name)
+        summary = describe_algorithm(name)
+    tell(paragraph(f"{name}: {summary}" if summary else name))
+    for parameter in parameters:
+        tell(f"\n{parameter_text(parameter)}")
+    if given := next((known for known in parameters if known.plain), None):
+        example = f"botohe solve MISSION -a {name} -p {parameter_example(given)}"
+        tell(f"\nGive one as in `{example}`.")

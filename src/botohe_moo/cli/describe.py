@@ -1,0 +1,107 @@
+"""What the command line says about missions and algorithms."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import textwrap
+from collections.abc import Mapping
+from enum import Enum
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from botohe_moo._plugins import Parameter
+    from botohe_moo.mission.model import Mission
+
+__all__ = ["brief", "describe", "listing", "paragraph", "parameter_example", "parameter_text"]
+
+_MAX_WIDTH = 100
+
+
+def brief(mission: Mission) -> str:
+    """Give a mission's size in a line."""
+    return (
+        f"{len(mission.nodes)} nodes, {mission.arrays.n_arcs} arcs, {_team(mission)}, "
+        f"total reward {mission.total_reward:g}"
+    )
+
+
+def describe(mission: Mission) -> str:
+    """Say what a mission is like, a line for each of its traits."""
+    arrays = mission.arrays
+    lines = [
+        f"{mission.name}: {mission.title}",
+        f"  nodes         {arrays.n_nodes} ({(arrays.reward > 0).sum()} with a reward)",
+        f"  arcs          {arrays.n_arcs}{'' if mission.balanced else ', dead ends possible'}",
+        f"  team          {_team(mission)} at base {mission.base!r}",
+        f"  total reward  {mission.total_reward:g}",
+    ]
+    if arrays.n_arcs:
+        lines.append(f"  survival      {arrays.survival.min():g} to {arrays.survival.max():g}")
+    return "\n".join(lines)
+
+
+def _team(mission: Mission) -> str:
+    return "1 robot" if mission.robots == 1 else f"{mission.robots} robots"
+
+
+def parameter_text(parameter: Parameter) -> str:
+    """Give a parameter's name, default, type, range and meaning, as the command line has them."""
+    kind = re.sub(r"Literal\[([^]]*)\]", r"\1", parameter.annotation).replace(" | ", " or ")
+    kind = ", ".join(filter(None, (kind, parameter.range)))
+    kind = f"  ({kind})" if kind else ""
+    headline = parameter.name
+    if not parameter.plain:
+        kind = "  (from Python only)"
+    elif not parameter.required:
+        headline += f" = {_default(parameter)}"
+    lines = [f"  {headline}{kind}"]
+    if parameter.description:
+        lines.append(paragraph(parameter.description, first=" " * 6, indent=" " * 6))
+    return "\n".join(lines)
+
+
+def parameter_example(parameter: Parameter) -> str:
+    """Give a parameter as one writes it on the command line."""
+    return f"{parameter.name}={'VALUE' if parameter.required else _default(parameter)}"
+
+
+def _default(parameter: Parameter) -> str:
+    default = parameter.default
+    if isinstance(default, Enum):
+        return str(default.value)
+    if isinstance(default, Mapping):
+        return "{" + ", ".join(f"{name}: {value}" for name, value in default.items()) + "}"
+    return json.dumps(default) if default is None or isinstance(default, bool) else str(default)
+
+
+def listing(entries: Iterable[tuple[str, str]]) -> str:
+    """Lay out names and what they stand for in two columns."""
+    entries = list(entries)
+    widest = max((len(name) for name, _ in entries), default=0)
+    return "\n".join(
+        paragraph(text, first=f"{name:{widest}}  ", indent=" " * (widest + 2))
+        for name, text in entries
+    )
+
+
+def paragraph(text: str, *, first: str = "", indent: str = "") -> str:
+    """Free text from docstring markup and wrap it to the terminal.
+
+    Where there is no terminal, it stays one line, to be searched.
+    """
+    text = re.sub(r":\w+:`~?([^`]*)`", r"\1", text).replace("``", "")
+    columns = shutil.get_terminal_size((0, 0)).columns
+    if not columns:
+        return f"{first}{text}".rstrip()
+    return textwrap.fill(
+        text,
+        max(min(columns, _MAX_WIDTH), len(indent) + 20),
+        initial_indent=first,
+        subsequent_indent=indent,
+        break_on_hyphens=False,
+        break_long_words=False,
+    )

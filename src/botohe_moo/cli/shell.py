@@ -1,0 +1,104 @@
+"""How a command ends: what it says, with which exit status, and never by a traceback."""
+
+from __future__ import annotations
+
+import errno
+import logging
+import os
+import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import Any, NoReturn
+
+import typer
+
+from botohe_moo.cli.interrupt import INTERRUPTED, end_on_interrupt
+
+__all__ = [
+    "BAD_INPUT",
+    "FAILED",
+    "INTERRUPTED",
+    "fail",
+    "failing",
+    "run",
+    "say",
+    "tell",
+]
+
+FAILED = 1
+BAD_INPUT = 2
+
+# Every way of misusing a command line; typer has no name for it that all its releases share.
+_UsageError: Any = typer.BadParameter.__mro__[1]
+
+
+def run(app: typer.Typer) -> NoReturn:
+    """Run a command line and end the process.
+
+    The exit status is 0, or 1 where there is no result, 2 for bad input, 130 after Ctrl-C.
+    """
+    end_on_interrupt()
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")  # no λ or odd path shall end a run
+    warnings.showwarning = _show_warning
+    os.environ["MPLBACKEND"] = "Agg"  # pictures go to files, whatever is set for windows
+    # Of fonts and their caches; that a font lacks a character is seen in the picture.
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
+    warnings.filterwarnings("ignore", "Glyph .* missing from")
+    try:
+        status = app(standalone_mode=False)
+    except _UsageError as error:
+        message = error.format_message()
+        if message and error.ctx is not None:
+            message = f"{message} (`{error.ctx.command_path} --help` tells more.)"
+        if message:  # there is none where the help has been shown instead
+            say(message)
+        status = BAD_INPUT
+    except MemoryError as error:
+        say(f"there is not enough memory. {error}")
+        status = FAILED
+    sys.exit(status)
+
+
+def tell(message: object) -> None:
+    """Print something on standard output, for as long as somebody reads it."""
+    try:
+        typer.echo(message)
+    except OSError as error:
+        # Neither `| head` nor a terminal that was closed is a reason to lose a search.
+        if error.errno not in (errno.EPIPE, errno.EIO):
+            raise
+
+
+def say(message: object) -> None:
+    """Say something on standard error, if it is still there."""
+    with suppress(OSError):
+        typer.echo(f"botohe: {message}", err=True)
+
+
+def fail(message: object, status: int = BAD_INPUT) -> NoReturn:
+    """Say something on standard error and end the command."""
+    say(message)
+    raise typer.Exit(status)
+
+
+@contextmanager
+def failing(status: int = BAD_INPUT) -> Iterator[None]:
+    """Turn a ValueError or an OSError into a message, without traceback, and an exit status."""
+    try:
+        yield
+    except OSError as error:
+        fail(f"{error.filename}: {error.strerror}" if error.filename else error, status)
+    except ValueError as error:
+        fail(error, status)
+
+
+_warned: set[str] = set()
+
+
+def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
+    if str(message) not in _warned:
+        _warned.add(str(message))
+        say(message)

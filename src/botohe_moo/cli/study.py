@@ -1,0 +1,259 @@
+"""The ``botohe study`` commands."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from botohe_moo.cli.options import integer
+from botohe_moo.cli.shell import FAILED, fail, failing, say, tell
+
+if TYPE_CHECKING:
+    from botohe_moo.study.estimate import Estimate
+    from botohe_moo.study.store.tables import StudyTables
+
+__all__ = ["study_app"]
+
+study_app = typer.Typer(
+    no_args_is_help=True, help="Compare algorithms: from a study file to tables and figures."
+)
+
+_BY_SIGNAL = 128  # exit status of a command that a signal has ended, and the signal's number
+
+FileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="A study file (YAML).")]
+FolderArgument = Annotated[
+    Path, typer.Argument(metavar="DIR", help="Folder that `botohe study run` has written to.")
+]
+OutOption = Annotated[
+    Path | None,
+    typer.Option("--out", "-o", metavar="DIR", help="Its folder; by default results/NAME."),
+]
+WorkersOption = Annotated[
+    int | None,
+    typer.Option(
+        "--workers",
+        "-w",
+        metavar="N",
+        parser=integer(at_least=1),
+        help="Runs at a time; by default as many as there are processors.",
+    ),
+]
+
+PatienceOption = Annotated[
+    int,
+    typer.Option(
+        "--patience",
+        metavar="SECONDS",
+        parser=integer(at_least=1),
+        help="A run of another package's algorithm fails that evaluates nothing for that long, "
+        "where its budget has no seconds.",
+    ),
+]
+
+
+def _workers(given: int | None) -> int:
+    from botohe_moo.study.run.environment import n_cpus
+
+    return n_cpus() if given is None else given
+
+
+@study_app.command("run")
+def run(
+    file: FileArgument,
+    out: OutOption = None,
+    workers: WorkersOption = None,
+    dask: Annotated[
+        str | None,
+        typer.Option("--dask", metavar="ADDRESS", help="Work on the Dask cluster there."),
+    ] = None,
+    patience: PatienceOption = 3600,
+) -> None:
+    """Perform the runs that are missing, and make the tables.
+
+    Ctrl-C, SIGTERM and SIGHUP stop; what is done stays done, and the same command goes on from
+    there.
+    """
+    from botohe_moo.cli.study_progress import ProgressWatcher
+    from botohe_moo.study.file.loading import load_study, study_folder
+    from botohe_moo.study.runner import StudyInterrupted, run_study
+
+    with failing():
+        study = load_study(file, out=out)
+    folder = study_folder(study.name, out)
+    try:
+        with failing(FAILED), ProgressWatcher(say) as watcher:
+            tables = run_study(
+                study,
+                folder,
+                workers=_workers(workers),
+                dask=dask,
+                patience=patience,
+                watcher=watcher,
+            )
+    except StudyInterrupted as stopped:
+        status = _BY_SIGNAL + stopped.signal
+        fail(f"stopped; what is done is in {folder}. Run it again to go on.", status)
+    tell(_outcome(tables))
+    tell(f"\nThe tables are in {folder}; `botohe study report {folder}` makes the report.")
+    if n_failed := int((tables.runs["status"] == "failed").sum()):
+        n_runs = "1 run" if n_failed == 1 else f"{n_failed} runs"
+        fail(f"{n_runs} failed: runs.csv says why; run the study again to retry.", FAILED)
+
+
+def _outcome(tables: StudyTables) -> str:
+    """Give the medians in a table, and the verdicts."""
+    summary = tables.summary
+    lines = []
+    for mission in tables.mission_labels:
+        rows = summary[summary["mission"] == mission]
+        if rows.empty:
+            lines.append(f"{mission}\nno runs yet")
+            continue
+        shown = rows[["algorithm", "n", "area_median", "area_low", "area_high", "seconds_median"]]
+        shown = shown.rename(
+            columns={
+                "n": "runs",
+                "area_median": "median area",
+                "area_low": "low",
+                "area_high": "high",
+                "seconds_median": "seconds",
+            }
+        )
+        formats = {"seconds": "{:.2f}".format}
+        table = shown.to_string(
+            index=False, float_format="{:.4f}".format, formatters=formats, justify="right"
+        )
+        lines.append(f"{mission}\n{table}")
+    return "\n\n".join(lines)
+
+
+@study_app.command("plan")
+def plan(file: FileArgument, out: OutOption = None, workers: WorkersOption = None) -> None:
+    """List the runs, what is already there, and how long the rest will take."""
+    from botohe_moo.cli.study_progress import showing_trials
+    from botohe_moo.study.estimate import estimate_times, time_left
+    from botohe_moo.study.file.loading import load_study, study_folder
+    from botohe_moo.study.planning import plan_study
+
+    with failing():
+        study = load_study(file, out=out)
+        folder = study_folder(study.name, out)
+        planned = plan_study(study, folder)
+    for fault in planned.damaged.values():
+        say(f"{fault}; the run will be performed again.")
+    with showing_trials(say) as show:
+        estimates = list(estimate_times(planned, show))
+    tell(_plan_table(estimates))
+    n_there, n_runs = len(planned.finished), len(planned.runs)
+    tell(f"\n{n_runs} runs: {n_there} are there, {n_runs - n_there} to go, in {folder}")
+    n_workers = _workers(workers)
+    if waiting := [estimate for estimate in estimates if estimate.n_there < estimate.n_runs]:
+        left = time_left(waiting, n_workers)
+        about = "at most about" if any(e.at_most for e in waiting) else "about"
+        unknown = any(estimate.seconds is None for estimate in waiting)
+        tell(
+            f"{about} {_duration(left)} with {n_workers} at a time"
+            f"{', besides what is unknown' if unknown else ''}"
+        )
+
+
+def _plan_table(estimates: list[Estimate]) -> str:
+    header = ("mission", "algorithm", "runs", "there", "failed", "each takes")
+    rows = [
+        (
+            estimate.mission,
+            estimate.algorithm,
+            str(estimate.n_runs),
+            str(estimate.n_there),
+            str(estimate.n_failed),
+            _each(estimate),
+        )
+        for estimate in estimates
+    ]
+    widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
+    return "\n".join(
+        "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in (header, *rows)
+    )
+
+
+def _each(estimate: Estimate) -> str:
+    if estimate.seconds is None:
+        return "unknown: a trial failed"
+    sign = "" if estimate.measured else "at most ~" if estimate.at_most else "~"
+    start = f" and {_duration(estimate.start_seconds)} to start" if estimate.start_seconds else ""
+    return f"{sign}{_duration(estimate.seconds)}{start}"
+
+
+def _duration(seconds: float) -> str:
+    """Give a duration in the unit that suits it."""
+    for unit, size in (("h", 3600.0), ("min", 60.0)):
+        if seconds >= 2 * size:
+            return f"{seconds / size:.1f} {unit}"
+    return f"{seconds:.1f} s"
+
+
+@study_app.command("tables")
+def tables(folder: FolderArgument) -> None:
+    """Make the tables of the runs that are there: while a runner is at work, or after a kill.
+
+    Every file of a run is read and checked. The study file is not needed.
+    """
+    from botohe_moo.study.runner import make_tables
+
+    with failing():
+        made = make_tables(folder, say=say)
+    tell(_outcome(made))
+    _say_missing(made)
+    tell(f"\nThe tables are in {folder}; `botohe study report {folder}` makes the report.")
+
+
+@study_app.command("merge")
+def merge(
+    folders: Annotated[
+        list[Path], typer.Argument(metavar="DIR...", help="Folders of the same study.")
+    ],
+    out: OutOption = None,
+) -> None:
+    """Make one study of the results that several machines have of it.
+
+    Every run is checked as if it had been performed here; missions, algorithms and seeds add up.
+    """
+    from botohe_moo.study.merge import merge_studies
+
+    with failing():
+        merged = merge_studies(folders, out)
+    tell(_outcome(merged))
+    _say_missing(merged)
+    tell(f"\n{len(merged.runs)} runs and the tables are in {merged.folder}.")
+
+
+def _say_missing(tables: StudyTables) -> None:
+    n_runs = len(tables.runs) + tables.n_missing
+    if tables.n_missing:
+        say(f"{tables.n_missing} of the study's {n_runs} runs are missing from the tables.")
+
+
+@study_app.command("report")
+def report(folder: FolderArgument) -> None:
+    """Make the report: a page, figures and LaTeX tables."""
+    from botohe_moo.study.report.write import write_report
+    from botohe_moo.study.store.tables import read_study
+
+    with failing():
+        tables = read_study(folder)
+    _say_missing(tables)
+    with failing(FAILED):
+        paths = write_report(tables)
+    for path in paths:
+        tell(f"wrote {path}")
+
+
+@study_app.command("schema")
+def schema() -> None:
+    """Print the JSON Schema of study files, for editors."""
+    from botohe_moo.study.file.config import study_schema
+
+    tell(study_schema().rstrip())

@@ -1,0 +1,165 @@
+"""What is shown while a study runs: runs done, the time left, and failures."""
+
+from __future__ import annotations
+
+import math
+import sys
+import threading
+import time
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING, Self
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from botohe_moo.study.file.grid import Run
+    from botohe_moo.study.planning import Plan
+    from botohe_moo.study.run.task import Outcome, Record
+
+__all__ = ["ProgressWatcher", "showing_trials"]
+
+_SECONDS_BETWEEN_LINES = 60.0  # where there is no terminal to draw a bar on
+_SECONDS_BETWEEN_TRIALS = 10.0  # that are told where there is none
+_STEPS = 1_000  # of a run, so that the bar moves within one
+
+
+@contextmanager
+def showing_trials(say: Callable[[str], None]) -> Iterator[Callable[[str], None]]:
+    """Show on standard error what is tried, in a line that changes, or now and then in one more.
+
+    Parameters
+    ----------
+    say
+        Says a line.
+
+    Yields
+    ------
+    callable
+        Takes what is tried now.
+    """
+    if sys.stderr is not None and sys.stderr.isatty():
+        with Console(stderr=True).status("reading") as status:
+            yield lambda tried: status.update(_trial(tried))
+        return
+    said_at = -math.inf
+
+    def show(tried: str) -> None:
+        nonlocal said_at
+        if time.monotonic() - said_at >= _SECONDS_BETWEEN_TRIALS:
+            said_at = time.monotonic()
+            say(_trial(tried))
+
+    yield show
+
+
+def _trial(tried: str) -> str:
+    return f"{tried}; what is not compiled yet is compiled first, which may take minutes."
+
+
+class ProgressWatcher:
+    """Shows on standard error how a study gets on: a bar, or lines where there is no terminal.
+
+    Parameters
+    ----------
+    say
+        Says a line.
+    """
+
+    def __init__(self, say: Callable[[str], None]) -> None:
+        self._say = say
+        self._lock = threading.Lock()
+        self._shares: dict[str, float] = {}
+        self._n_ended = self._n_runs = self._n_failed = 0
+        self._bar: Progress | None = None
+        self._said_at = time.monotonic()
+
+    def __enter__(self) -> Self:
+        # rich would also take FORCE_COLOR, which many set for logs, for a terminal.
+        if sys.stderr is not None and sys.stderr.isatty():
+            self._bar = Progress(
+                BarColumn(bar_width=24),
+                TaskProgressColumn(),
+                TextColumn("{task.fields[done]} of {task.fields[runs]} runs{task.fields[failed]} "),
+                TimeRemainingColumn(),
+                TextColumn("left"),
+                console=Console(stderr=True),
+                redirect_stdout=False,
+            )
+            self._bar.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            with suppress(OSError):  # the terminal has been closed
+                self._bar.stop()
+
+    def begin(self, plan: Plan) -> None:
+        """Say what is there already, and what is not.
+
+        Parameters
+        ----------
+        plan
+            The runs, and what is already there.
+        """
+        for fault in plan.damaged.values():
+            self._say(f"{fault}; the run is performed again.")
+        self._n_runs = len(plan.missing)
+        there = len(plan.runs) - self._n_runs
+        again = f", {len(plan.failed)} of them failed before" if plan.failed else ""
+        self._say(f"{len(plan.runs)} runs: {there} are there, {self._n_runs} to go{again}.")
+        if self._bar is not None:
+            self._task = self._bar.add_task(
+                "", total=self._n_runs * _STEPS, done=0, runs=self._n_runs, failed=""
+            )
+
+    def record(self, run: Run, record: Record) -> None:
+        """Note how far a run has come.
+
+        Parameters
+        ----------
+        run, record
+            The run and its front.
+        """
+        budget = run.mission.budget
+        shares = [
+            spent / allowed
+            for spent, allowed in (
+                (record.evaluations, budget.evaluations),
+                (record.seconds, budget.seconds),
+            )
+            if allowed
+        ]
+        with self._lock:
+            self._shares[run.digest] = min(max(shares), 1.0)
+            self._show()
+
+    def end(self, run: Run, outcome: Outcome) -> None:
+        """Note that a run has ended.
+
+        Parameters
+        ----------
+        run, outcome
+            The run and how it ended.
+        """
+        with self._lock:
+            self._shares.pop(run.digest, None)
+            self._n_ended += 1
+            if outcome.status != "done":
+                self._n_failed += outcome.status == "failed"
+                self._say(
+                    f"{run.algorithm.label} on {run.mission.label}, seed {run.seed}: "
+                    f"{outcome.status}: {outcome.error}"
+                )
+            self._show()
+
+    def _show(self) -> None:
+        failed = f", {self._n_failed} failed" if self._n_failed else ""
+        if self._bar is not None:
+            steps = (self._n_ended + sum(self._shares.values())) * _STEPS
+            self._bar.update(self._task, completed=steps, done=self._n_ended, failed=failed)
+        elif time.monotonic() - self._said_at > _SECONDS_BETWEEN_LINES:
+            self._said_at = time.monotonic()
+            self._say(f"{self._n_ended} of {self._n_runs} runs{failed}")

@@ -1,1 +1,0 @@
-"""What the command line and long runs need of a terminal: options, words, waiting, ending."""

@@ -1,0 +1,1 @@
+"""The best trail of one robot, by beam search."""

@@ -1,0 +1,1 @@
+"""Ants that build plans, and the pheromone they leave."""

@@ -1,0 +1,1 @@
+"""All trails and teams that may be on the Pareto front."""

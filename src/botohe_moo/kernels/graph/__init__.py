@@ -1,0 +1,1 @@
+"""Paths over a mission's arcs."""

@@ -1,0 +1,1 @@
+"""Plans in ragged arrays: evaluated, simulated, repaired, varied."""

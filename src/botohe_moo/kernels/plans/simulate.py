@@ -1,0 +1,147 @@
+"""What happens to the robots of one plan: played by chance, or joined fate by fate."""
+
+import numpy as np
+
+from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
+from botohe_moo.kernels.compile import kernel
+from botohe_moo.kernels.plans.evaluate import find_arc
+
+
+@kernel
+def follow(
+    first: OffsetArray,
+    head: IntArray,
+    survival: FloatArray,
+    reward: FloatArray,
+    nodes: IntArray,
+    offsets: OffsetArray,
+    alive: FloatArray,
+    pays: FloatArray,
+) -> None:
+    """Write how likely each position of a valid plan's trails is reached, and what it may pay.
+
+    Parameters
+    ----------
+    first, head, survival
+        The arcs, grouped by tail node: offsets (n_nodes + 1), heads and survivals (n_arcs).
+    reward
+        Reward of every node (n_nodes).
+    nodes, offsets
+        The trails, ragged: trail k is ``nodes[offsets[k]:offsets[k + 1]]``.
+    alive
+        Output (n_positions): product of the survivals along the trail up to each position.
+    pays
+        Output (n_positions): reward of the node where its trail visits it first, else 0.
+    """
+    visited_by = np.full(reward.shape[0], -1, np.int64)
+    for trail in range(offsets.shape[0] - 1):
+        start = offsets[trail]
+        for i in range(start, offsets[trail + 1]):
+            node = nodes[i]
+            alive[i] = 1.0
+            if i > start:
+                arc = find_arc(first, head, nodes[i - 1], node)
+                alive[i] = alive[i - 1] * survival[arc]
+            pays[i] = 0.0
+            if visited_by[node] != trail:
+                visited_by[node] = trail
+                pays[i] = reward[node]
+
+
+@kernel
+def play(
+    reward: FloatArray,
+    nodes: IntArray,
+    offsets: OffsetArray,
+    alive: FloatArray,
+    draws: FloatArray,
+    hops: OffsetArray,
+    rewards: FloatArray,
+) -> None:
+    """Play missions: one draw settles how far a robot gets, by inverse transform.
+
+    Parameters
+    ----------
+    reward
+        Reward of every node (n_nodes).
+    nodes, offsets, alive
+        The trails and how likely each of their positions is reached, from ``follow``.
+    draws
+        Uniform in [0, 1) (n_missions, n_robots).
+    hops
+        Output (n_missions, n_robots): the arcs that each robot survived.
+    rewards
+        Output (n_missions): team rewards, each summed in the order of the nodes, so that the same
+        nodes always bring the same floating-point number.
+    """
+    n_nodes = reward.shape[0]
+    reached_in = np.full(n_nodes, -1, np.int64)
+    for mission in range(draws.shape[0]):
+        for robot in range(draws.shape[1]):
+            start = offsets[robot]
+            low, high = start, offsets[robot + 1]
+            while high - low > 1:
+                middle = (low + high) // 2
+                if draws[mission, robot] < alive[middle]:
+                    low = middle
+                else:
+                    high = middle
+            hops[mission, robot] = low - start
+            for i in range(start, low + 1):
+                reached_in[nodes[i]] = mission
+        total = 0.0
+        for node in range(n_nodes):
+            if reached_in[node] == mission:
+                total += reward[node]
+        rewards[mission] = total
+
+
+@kernel
+def join(
+    values: FloatArray,
+    probabilities: FloatArray,
+    reached: SeedArray,
+    bits: OffsetArray,
+    gains: FloatArray,
+    chances: FloatArray,
+) -> tuple[FloatArray, FloatArray, SeedArray]:
+    """Join every state of the robots so far with every fate of one more robot.
+
+    Parameters
+    ----------
+    values, probabilities
+        Reward and probability of each state (n_states).
+    reached
+        Nodes reached in each state, as bits (n_states, n_words).
+    bits
+        Bit of each node that the robot may reach, in the order of its trail (n_reachable).
+    gains
+        Rewards of these nodes (n_reachable).
+    chances
+        Probability that the robot reaches the first 0, 1, ..., n_reachable of them and no more;
+        a fate with the probability 0 is left out (n_reachable + 1).
+
+    Returns
+    -------
+    tuple of numpy.ndarray
+        The joint states, as ``values``, ``probabilities`` and ``reached``.
+    """
+    n_joint = values.shape[0] * np.count_nonzero(chances)
+    joint_values, joint_probabilities = np.empty(n_joint), np.empty(n_joint)
+    joint_reached = np.empty((n_joint, reached.shape[1]), np.uint64)
+    word, bit = bits // 64, np.uint64(1) << (bits % 64).astype(np.uint64)
+    n_written = 0
+    for state in range(values.shape[0]):
+        value, now = values[state], reached[state].copy()
+        for fate in range(chances.shape[0]):
+            if fate > 0:
+                node = fate - 1
+                if now[word[node]] & bit[node] == 0:
+                    now[word[node]] |= bit[node]
+                    value += gains[node]
+            if chances[fate] > 0.0:
+                joint_values[n_written] = value
+                joint_probabilities[n_written] = probabilities[state] * chances[fate]
+                joint_reached[n_written] = now
+                n_written += 1
+    return joint_values, joint_probabilities, joint_reached

@@ -1,0 +1,1 @@
+"""Mission files, one format a module."""

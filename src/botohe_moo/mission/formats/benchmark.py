@@ -1,0 +1,211 @@
+"""The team-orienteering benchmark format, and arcs between points in the plane."""
+
+from __future__ import annotations
+
+import math
+import re
+from numbers import Real
+from typing import TYPE_CHECKING, Any
+
+import networkx as nx
+import numpy as np
+
+from botohe_moo._base.checks import check_integer
+from botohe_moo.mission.formats.nodelink import decode
+from botohe_moo.mission.memory import check_memory
+from botohe_moo.mission.validation import MissionError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from botohe_moo._base.types import FloatArray
+
+__all__ = ["near_pairs", "read_benchmark", "spanning_pairs"]
+
+_HEADER = ("n", "m", "tmax")
+
+
+def read_benchmark(
+    data: bytes, /, *, neighbours: int = 8, scale: float | None = None
+) -> tuple[nx.DiGraph[Any], list[str]]:
+    """Read a team-orienteering instance as a nearest-neighbours mission.
+
+    The file has the lines ``n N``, ``m M`` and ``tmax T``, and then N lines ``x y score``, parted
+    by spaces, tabs or semicolons. Its points become the nodes 0 to N − 1, point 0 the base, M the
+    number of robots and scores rewards. Each point has arcs to and from its nearest ones and its
+    neighbours in a Euclidean minimum spanning tree, by which the base reaches all.
+
+    Parameters
+    ----------
+    data
+        The file.
+    neighbours
+        Number of nearest points, at least 1; of several at the same distance, the first listed.
+    scale
+        Distance, above 0, over which a robot survives with probability 1/e: an arc's survival is
+        exp(−distance / scale). Default: the file's tmax.
+
+    Returns
+    -------
+    graph
+        The mission's graph, with its base and number of robots.
+    faults
+        Always empty.
+
+    Raises
+    ------
+    MissionError
+        If a line is missing, too many or wrong, or if a distance is so long that its survival is 0
+        in floating-point numbers.
+    ValueError
+        If an option is out of its range.
+
+    References
+    ----------
+    Chao, Golden and Wasil, "The team orienteering problem", European Journal of Operational
+    Research 88 (1996) 464-474.
+    """
+    neighbours = check_integer("neighbours", neighbours, at_least=1)
+    if scale is not None and (
+        isinstance(scale, bool) or not isinstance(scale, Real) or not 0 < scale < math.inf
+    ):
+        raise ValueError(f"Expected a finite scale > 0, got {scale!r}.")
+    robots, tmax, points, scores = _parse(decode(data))
+    if scale is None:
+        scale = tmax
+        if scale <= 0:
+            raise MissionError(f"expected tmax > 0 to be the scale, got {tmax:g}; give a scale")
+    check_memory("points", len(points), nodes=len(points), arcs=0, remedy="their number")
+    arcs = 2 * len(points) * (min(neighbours, len(points) - 1) + 1)
+    check_memory("neighbours", neighbours, nodes=len(points), arcs=arcs)
+    title = f"Team orienteering benchmark: {len(points)} points, tmax {tmax:g}"
+    graph: nx.DiGraph[Any] = nx.DiGraph(base=0, robots=robots, title=title)
+    for node, (point, score) in enumerate(zip(points.tolist(), scores, strict=True)):
+        graph.add_node(node, reward=score, pos=point)
+    _add_arcs(graph, points, neighbours, scale)
+    return graph, []
+
+
+def _add_arcs(graph: nx.DiGraph[Any], points: FloatArray, neighbours: int, scale: float) -> None:
+    faults = []
+    for tail, head in sorted({*_nearest_pairs(points, neighbours), *spanning_pairs(points)}):
+        distance = math.dist(points[tail], points[head])
+        survival = math.exp(-distance / scale)
+        if survival == 0:
+            faults.append(
+                f"arc {tail} -> {head}: expected survival in (0, 1], got exp(-{distance:g} / "
+                f"{scale:g}), which is 0 in floating-point numbers; give a larger scale"
+            )
+        graph.add_edge(tail, head, survival=survival)
+        graph.add_edge(head, tail, survival=survival)
+    if faults:
+        raise MissionError(faults)
+
+
+def _parse(text: str) -> tuple[int, float, FloatArray, list[float]]:
+    """Give the number of robots, tmax, the points (n, 2) and their scores."""
+    lines = (
+        (i, re.sub(r"[\s;]+", " ", line).split()) for i, line in enumerate(text.splitlines(), 1)
+    )
+    rows = [(i, fields) for i, fields in lines if fields]
+    if len(rows) < len(_HEADER):
+        raise MissionError(f"expected the lines n, m and tmax first, found {len(rows)} lines")
+    faults: list[str] = []
+    header = [_header(*row, key, faults) for key, row in zip(_HEADER, rows, strict=False)]
+    points = [_numbers(*row, faults) for row in rows[len(_HEADER) :]]
+    n_points, robots, tmax = header
+    if n_points is not None and n_points < 1:
+        faults.append(f"line {rows[0][0]}: expected n >= 1, got {n_points:g}")
+    elif n_points is not None and len(points) != n_points:
+        faults.append(f"expected {n_points:g} lines 'x y score' after tmax, got {len(points)}")
+    if faults or robots is None or tmax is None:
+        raise MissionError(faults)
+    table = np.array(points)
+    return int(robots), tmax, table[:, :2], table[:, 2].tolist()
+
+
+def _header(number: int, fields: list[str], key: str, faults: list[str]) -> float | None:
+    kind = float if key == "tmax" else int
+    try:
+        name, value = fields
+        if name.lower() == key and math.isfinite(kind(value)):
+            return kind(value)
+    except (ValueError, OverflowError):
+        pass
+    word = "a finite number" if key == "tmax" else "an integer"
+    faults.append(f"line {number}: expected '{key}' and {word}, got {' '.join(fields)!r}")
+    return None
+
+
+def _numbers(number: int, fields: list[str], faults: list[str]) -> tuple[float, float, float]:
+    try:
+        x, y, score = map(float, fields)
+        if all(map(math.isfinite, (x, y, score))) and score >= 0:
+            return x, y, score
+    except ValueError:
+        pass
+    faults.append(
+        f"line {number}: expected three finite numbers, x, y and a score >= 0, "
+        f"got {' '.join(fields)!r}"
+    )
+    return 0, 0, 0
+
+
+def spanning_pairs(points: FloatArray) -> list[tuple[int, int]]:
+    """Give the edges of a Euclidean minimum spanning tree, by Prim's method.
+
+    It takes time in the square and memory in the number of points, gives the same tree everywhere,
+    also where distances are equal, and points may coincide.
+
+    Parameters
+    ----------
+    points
+        Coordinates (n, 2).
+
+    Returns
+    -------
+    list of tuple of int
+        n − 1 pairs of indices, the lower one first.
+    """
+    outside = np.arange(1, len(points))
+    squares = np.full(len(points) - 1, np.inf)
+    link = np.zeros(len(points) - 1, np.int64)
+    newest, pairs = 0, []
+    while len(outside):
+        new_squares = _squares(points[outside], points[newest])
+        closer = new_squares < squares
+        squares[closer] = new_squares[closer]
+        link[closer] = newest
+        nearest = int(squares.argmin())
+        newest, known = int(outside[nearest]), int(link[nearest])
+        pairs.append((min(newest, known), max(newest, known)))
+        outside, squares, link = (np.delete(a, nearest) for a in (outside, squares, link))
+    return pairs
+
+
+def near_pairs(points: FloatArray, radius: float) -> list[tuple[int, int]]:
+    """Give all pairs of points (n, 2) at most ``radius`` apart, the lower index first, sorted."""
+    pairs = []
+    for i in range(len(points) - 1):
+        near = np.flatnonzero(_squares(points[i + 1 :], points[i]) <= radius**2) + i + 1
+        pairs += [(i, j) for j in near.tolist()]
+    return pairs
+
+
+def _nearest_pairs(points: FloatArray, neighbours: int) -> Iterator[tuple[int, int]]:
+    neighbours = min(neighbours, len(points) - 1)
+    for i in range(len(points) if neighbours else 0):
+        squares = _squares(points, points[i])
+        squares[i] = np.inf
+        near = np.flatnonzero(squares <= np.partition(squares, neighbours - 1)[neighbours - 1])
+        near = near[near != i]  # with coordinates so large that all squares are infinite
+        for j in near[squares[near].argsort(kind="stable")][:neighbours].tolist():
+            yield min(i, j), max(i, j)
+
+
+def _squares(points: FloatArray, origin: FloatArray) -> FloatArray:
+    """Squared distances: unlike their roots the same bits on every platform."""
+    with np.errstate(over="ignore"):
+        x, y = (points - origin).T
+        squares: FloatArray = x * x + y * y
+    return squares

@@ -1,0 +1,158 @@
+"""Mission files: which format a file is in, reading it and writing it."""
+
+from __future__ import annotations
+
+import os
+import stat
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from botohe_moo._base.checks import check_parameters, keyword_names
+from botohe_moo._base.files import replace_file
+from botohe_moo.mission.formats.benchmark import read_benchmark
+from botohe_moo.mission.formats.graphml import read_graphml, write_graphml
+from botohe_moo.mission.formats.nodelink import mission_content, read_node_link, write_node_link
+from botohe_moo.mission.memory import MAX_FILE_BYTES, in_gib
+from botohe_moo.mission.model import Mission
+from botohe_moo.mission.validation import MissionError, mission_faults
+
+if TYPE_CHECKING:
+    import networkx as nx
+
+__all__ = [
+    "SUFFIXES",
+    "read_mission",
+    "save_mission",
+]
+
+# A reader takes the file's bytes and its own keyword-only options; it gives the graph and the
+# faults for which parts of the file had to be left out of it.
+_Reader = Callable[..., tuple[Any, list[str]]]
+_READERS: dict[str, _Reader] = {
+    ".json": read_node_link,
+    ".graphml": read_graphml,
+    ".txt": read_benchmark,
+}
+_WRITERS = {".json": write_node_link, ".graphml": write_graphml}
+
+SUFFIXES = tuple(_READERS)
+
+
+def read_mission(
+    path: str | os.PathLike[str], *, robots: int | None = None, **options: Any
+) -> Mission:
+    """Read a mission file; its suffix, in any case, says its format.
+
+    Parameters
+    ----------
+    path
+        At most 512 MiB.
+
+        - ``.json``: networkx node-link JSON (``nx.node_link_data(graph, edges="edges")``) in UTF-8,
+          with the graph attributes ``base`` and ``robots``, optionally ``name`` and ``title``, the
+          node attribute ``reward`` and the arc attribute ``survival``. Lists that stand for labels
+          are read as tuples.
+        - ``.graphml``: the same attributes; node labels are strings, and the node attributes ``x``
+          and ``y`` become ``pos`` [x, y].
+        - ``.txt``: the team-orienteering benchmark of Chao, Golden and Wasil, which becomes a
+          nearest-neighbours mission; see ``options``.
+    robots
+        Team size; default: the file's.
+    options
+        For ``.txt`` only: ``neighbours`` (at least 1, default 8), the number of nearest points that
+        each point has arcs to, and ``scale`` (above 0, default: the file's tmax) in the survival
+        exp(−distance / scale).
+
+    Raises
+    ------
+    MissionError
+        If there is no such file, it is not in its format, it does not hold a valid mission, or it
+        holds what `save_mission` could not write again; every fault is listed.
+    ValueError
+        If an option is unknown or out of its range.
+    """
+    path = Path(path)
+    reader = _READERS.get(path.suffix.lower())
+    if reader is None:
+        raise MissionError(_unknown_suffix(path, SUFFIXES), str(path))
+    check_parameters(f"Mission file {path}", options, keyword_names(reader), also=("robots",))
+    try:
+        graph: nx.DiGraph[Any]
+        graph, faults = reader(_content(path), **options)
+        team = graph.graph.get("robots") if robots is None else robots
+        if faults:
+            faults += mission_faults(graph, graph.graph.get("base"), team, ways=False)
+            raise MissionError(faults)
+        return Mission(graph, robots=team, name=graph.graph.get("name") or _text(path.stem))
+    except MissionError as error:
+        raise MissionError(list(error.faults), str(path)) from None
+    except RecursionError:
+        raise MissionError("expected a mission, found lists nested too deeply", str(path)) from None
+
+
+def save_mission(mission: Mission, path: str | os.PathLike[str]) -> None:
+    """Write a mission file from which `read_mission` gives an equal mission back.
+
+    The file holds all that the mission's graph does, its node labels, and the attributes of graph,
+    nodes and arcs, with numpy's numbers as plain ones, and tuples and arrays among the attributes
+    as lists. It appears at ``path`` complete or not at all.
+
+    Parameters
+    ----------
+    mission
+        What to write.
+    path
+        Ends in ``.json`` or ``.graphml``, in any case. GraphML holds strings as labels; numbers,
+        booleans and strings as attributes; and ``pos`` as ``x`` and ``y``.
+
+    Raises
+    ------
+    ValueError
+        If the suffix is another, or the format cannot hold a label or an attribute: names it.
+    OSError
+        If the file cannot be written.
+    """
+    path = Path(path)
+    writer = _WRITERS.get(path.suffix.lower())
+    if writer is None:
+        raise ValueError(f"{path}: {_unknown_suffix(path, _WRITERS)}.")
+    try:
+        data = writer(mission_content(mission))
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    except RecursionError:
+        raise ValueError(f"{path}: a label or an attribute is nested too deeply.") from None
+    replace_file(path, data)
+
+
+def _unknown_suffix(path: Path, known: Mapping[str, object] | Iterable[str]) -> str:
+    found = f"the suffix {path.suffix!r}" if path.suffix else "no suffix"
+    return f"expected a file name that ends in one of {', '.join(known)}; found {found}"
+
+
+def _text(stem: str) -> str:
+    """Give a file's name as text, also where the file system has bytes that are none."""
+    return stem.encode(errors="backslashreplace").decode()
+
+
+def _content(path: Path) -> bytes:
+    try:
+        status = path.stat()
+        if not (stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode)):
+            raise MissionError("expected a file, found a device or a pipe")
+        if status.st_size > MAX_FILE_BYTES:
+            raise MissionError(
+                f"expected a file of at most {in_gib(MAX_FILE_BYTES)}, "
+                f"got one of {in_gib(status.st_size)}"
+            )
+        return path.read_bytes()
+    except MissionError:
+        raise
+    except FileNotFoundError:
+        raise MissionError("there is no such file") from None
+    except IsADirectoryError:
+        raise MissionError("expected a file, found a directory") from None
+    except (OSError, ValueError) as error:  # ValueError: a path with a null character
+        reason = getattr(error, "strerror", None) or error
+        raise MissionError(f"the file cannot be read: {reason}") from None

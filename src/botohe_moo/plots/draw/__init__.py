@@ -1,0 +1,1 @@
+"""What pictures share: canvas, fonts, labels, palettes."""

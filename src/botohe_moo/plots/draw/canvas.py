@@ -1,0 +1,278 @@
+"""A mission's graph on paper: where nodes lie, how large they are, and how arcs run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import networkx as nx
+import numpy as np
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection, PathCollection
+from matplotlib.path import Path
+from matplotlib.patheffects import withStroke
+from matplotlib.transforms import IdentityTransform
+from scipy.spatial import KDTree
+
+from botohe_moo.plots.draw.fonts import drawable
+from botohe_moo.plots.draw.style import INK, MUTED, new_axes, readable_on
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.axes import Axes
+    from matplotlib.colors import Colormap, Normalize
+    from numpy.typing import NDArray
+
+    from botohe_moo._base.types import FloatArray, IntArray
+    from botohe_moo.mission import Mission
+
+__all__ = ["Canvas", "add_colour_bar", "bowed_arcs", "node_positions", "open_axes"]
+
+_MAX_LABELLED = 40
+_MAX_KAMADA_KAWAI = 60  # its cost grows with the square of the nodes
+_BEND = 0.07  # how far an arrow bows to its right, in parts of its length
+_STEPS = np.linspace(0, 1, 17)[None, :, None]
+
+
+def node_positions(mission: Mission) -> FloatArray:
+    """Give every node a place: its attribute ``pos``, or a reproducible layout if any lacks one.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (n_nodes, 2), in the order of ``mission.nodes``.
+
+    Raises
+    ------
+    ValueError
+        If a ``pos`` is not two finite numbers.
+    """
+    graph = mission.graph
+    places = dict(graph.nodes(data="pos"))
+    if any(place is None for place in places.values()):
+        ties: nx.Graph[Any] = nx.Graph(graph.edges)
+        ties.add_nodes_from(graph)
+        if len(ties) <= _MAX_KAMADA_KAWAI:
+            places = nx.kamada_kawai_layout(ties, weight=None)
+        else:
+            places = nx.spring_layout(ties, seed=0, weight=None)
+        xy = np.array([_point(node, places[node]) for node in mission.nodes])
+        # Pages are wider than high, and a layout has no up and down of its own.
+        return xy[:, ::-1] if np.ptp(xy[:, 1]) > np.ptp(xy[:, 0]) else xy
+    return np.array([_point(node, places[node]) for node in mission.nodes])
+
+
+def bowed_arcs(mission: Mission) -> NDArray[np.bool_]:
+    """Tell which arcs (n_arcs) differ from their opposites in survival, or have none."""
+    arrays = mission.arrays
+    arcs = list(zip(arrays.tail.tolist(), arrays.head.tolist(), strict=True))
+    survival = dict(zip(arcs, arrays.survival.tolist(), strict=True))
+    return np.array([survival.get((v, u)) != survival[u, v] for u, v in arcs], dtype=bool)
+
+
+def _point(node: Any, place: Any) -> tuple[float, float]:
+    try:
+        x, y = (float(part) for part in place)
+    except (TypeError, ValueError):
+        x = y = np.nan
+    if not np.isfinite([x, y]).all():
+        raise ValueError(f"Node {node!r}: expected pos [x, y], two finite numbers, got {place!r}.")
+    return x, y
+
+
+def open_axes(xy: FloatArray, ax: Axes | None) -> Axes:
+    """Prepare ``ax``, or a new figure of a fitting shape, for a picture of the nodes at ``xy``."""
+    low, high = xy.min(axis=0), xy.max(axis=0)
+    longest = float((high - low).max())
+    # A path drawn as a straight line still needs room above and below it.
+    half = np.maximum((high - low) / 2, 0.2 * longest) + 0.075 * longest
+    if longest == 0:
+        half = np.array([1.0, 0.4])
+    if ax is None:
+        ax = new_axes(8.0, float(np.clip(6.6 * half[1] / half[0] + 1.0, 3.5, 8.0)))
+    centre = (low + high) / 2
+    ax.set_xlim(centre[0] - half[0], centre[0] + half[0])
+    ax.set_ylim(centre[1] - half[1], centre[1] + half[1])
+    ax.set_aspect("equal")
+    ax.set_axis_off()
+    return ax
+
+
+def add_colour_bar(ax: Axes, palette: Colormap, norm: Normalize, label: str, slot: int) -> None:
+    """Put a colour bar right of ``ax``, as part of it: in ``slot`` 0, the upper, or 1."""
+    bar = ax.inset_axes((1.02, 0.55 - 0.53 * slot, 0.022, 0.43))
+    drawn = ax.figure.colorbar(ScalarMappable(norm, palette), cax=bar, label=label)
+    drawn.outline.set_visible(False)
+    bar.tick_params(length=2.5)
+
+
+@dataclass(frozen=True)
+class Canvas:
+    """Axes whose scale is known, so that what is drawn in points fits what lies in data units.
+
+    Attributes
+    ----------
+    ax
+        Axes with limits, legend and colour bars in place.
+    xy
+        Positions of the nodes (n_nodes, 2).
+    scale
+        Points per data unit.
+    radius
+        Radius of a node in points.
+    """
+
+    ax: Axes
+    xy: FloatArray
+    scale: float
+    radius: float
+
+    @classmethod
+    def measure(cls, ax: Axes, xy: FloatArray) -> Canvas:
+        """Find the scale that ``ax`` will be drawn at, and the node size that suits it."""
+        root = ax.figure.figure
+        if (engine := root.get_layout_engine()) is not None:
+            engine.execute(root)
+        ax.apply_aspect()
+        left, right = ax.get_xlim()
+        scale = ax.get_window_extent().width / root.dpi * 72 / (right - left)
+        radius = 10.5
+        if len(xy) > 1:
+            apart = KDTree(xy).query(xy, k=2)[0][:, 1]
+            crowded = float(np.percentile(apart, 20)) * scale
+            radius = float(np.clip(0.36 * crowded, 3.8, 10.5))
+        return cls(ax, xy, scale, radius)
+
+    def draw_nodes(self, mission: Mission, fills: Sequence[Any]) -> None:
+        """Draw circles filled with ``fills`` (one per node), the base as a square, and labels."""
+        base = mission.arrays.base
+        others = np.arange(len(self.xy)) != base
+        rewarding = mission.arrays.reward > 0
+        edges = np.where(rewarding, INK, MUTED)
+        self.ax.scatter(
+            self.xy[others, 0],
+            self.xy[others, 1],
+            s=(2 * self.radius) ** 2,
+            c=[fill for i, fill in enumerate(fills) if i != base],
+            edgecolors=edges[others].tolist(),
+            linewidths=np.where(rewarding, 0.6, 1.1)[others],
+            zorder=4,
+            gid="nodes",
+        )
+        self.ax.scatter(
+            self.xy[[base], 0],
+            self.xy[[base], 1],
+            s=(2 * max(self.radius, 5.0)) ** 2,
+            c=[fills[base]],
+            marker="s",
+            edgecolors="black",
+            linewidths=2.2,
+            zorder=5,
+            gid="base",
+        )
+        if len(self.xy) <= _MAX_LABELLED:
+            self._draw_labels(mission, fills)
+
+    def _draw_labels(self, mission: Mission, fills: Sequence[Any]) -> None:
+        texts = [drawable(str(node)) for node in mission.nodes]
+        size = min(9.0, 1.05 * self.radius)
+        inside = size >= 6.5 and 0.62 * size * max(map(len, texts)) <= 1.8 * self.radius
+        for i, (text, (x, y)) in enumerate(zip(texts, self.xy, strict=True)):
+            if inside:
+                self.ax.annotate(
+                    text,
+                    (x, y),
+                    ha="center",
+                    va="center_baseline",
+                    fontsize=size,
+                    color=readable_on(fills[i]),
+                    zorder=6,
+                )
+                continue
+            right, up = self._free_direction(mission, i)
+            away = self.radius + 2.5
+            self.ax.annotate(
+                text,
+                (x, y),
+                (away * right, away * up),
+                textcoords="offset points",
+                ha=("right", "center", "left")[round(right) + 1],
+                va=("top", "center", "bottom")[round(up) + 1],
+                fontsize=8.5,
+                path_effects=[withStroke(linewidth=2, foreground="white")],
+                zorder=6,
+            )
+
+    def _free_direction(self, mission: Mission, node: int) -> tuple[float, float]:
+        """Give the unit vector into the middle of the widest gap between a node's arcs."""
+        arrays = mission.arrays
+        ends = np.concatenate(
+            [arrays.head[arrays.tail == node], arrays.tail[arrays.head == node]]
+        ).astype(int)
+        away = self.xy[ends] - self.xy[node]
+        angles = np.sort(np.arctan2(away[:, 1], away[:, 0]))
+        if not len(angles):
+            return 0.0, 1.0
+        gaps = np.diff(angles, append=angles[0] + 2 * np.pi)
+        widest = int(np.argmax(gaps))
+        middle = angles[widest] + gaps[widest] / 2
+        return float(np.cos(middle)), float(np.sin(middle))
+
+    def curves(self, tail: IntArray, head: IntArray, bowed: NDArray[np.bool_]) -> FloatArray:
+        """Points along arcs (n, n_points, 2): straight, or bowed to the right where ``bowed``."""
+        start, end = self.xy[tail][:, None], self.xy[head][:, None]
+        along = end - start
+        right = np.stack([along[..., 1], -along[..., 0]], axis=-1)
+        bend = np.where(bowed, _BEND, 0.0)[:, None, None]
+        return np.asarray(start + _STEPS * along + 4 * bend * _STEPS * (1 - _STEPS) * right)
+
+    def draw_lines(self, points: FloatArray, **style: Any) -> None:
+        """Draw one line through each row of ``points`` (n, n_points, 2)."""
+        lines = LineCollection(list(points), capstyle="round", **style)
+        self.ax.add_collection(lines, autolim=False)
+
+    def draw_arrows(
+        self,
+        tail: IntArray,
+        head: IntArray,
+        *,
+        colours: NDArray[Any],
+        widths: FloatArray,
+        **style: Any,
+    ) -> None:
+        """Draw one arrow per arc, bowed to its right so that both directions are seen."""
+        points = self.curves(tail, head, np.ones(len(tail), dtype=bool))
+        self.draw_lines(points, colors=colours, linewidths=widths, gid="arrows", **style)
+        sizes = np.minimum(2.4 + 2.4 * widths, 1.1 * self.radius + widths)
+        along = self.xy[head] - self.xy[tail]
+        # The quadratic curve runs parallel to its chord half-way.
+        self.draw_heads(points[:, _STEPS.size // 2], along, colours=colours, sizes=sizes, **style)
+
+    def draw_heads(
+        self,
+        at: FloatArray,
+        towards: FloatArray,
+        *,
+        colours: Sequence[Any] | NDArray[Any],
+        sizes: FloatArray,
+        **style: Any,
+    ) -> None:
+        """Draw arrowheads of ``sizes`` points, centred ``at`` data points."""
+        angles = np.arctan2(towards[:, 1], towards[:, 0])
+        shape = np.array([[0.6, 0.0], [-0.4, 0.45], [-0.4, -0.45], [0.6, 0.0]])
+        paths = [
+            Path(shape @ np.array([[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]]), closed=True)
+            for a in angles
+        ]
+        heads = PathCollection(
+            paths,
+            sizes=sizes**2,
+            offsets=at,
+            offset_transform=self.ax.transData,
+            facecolors=colours,
+            linewidths=0,
+            **{"gid": "heads", **style},
+        )
+        heads.set_transform(IdentityTransform())
+        self.ax.add_collection(heads, autolim=False)

@@ -1,0 +1,158 @@
+"""Labels in pictures: what tells algorithms apart, on lines that are not too long."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections import Counter, defaultdict
+from typing import TYPE_CHECKING
+
+from botohe_moo.plots.draw.fonts import drawable
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+__all__ = ["WIDTH", "columns", "display_names", "parsed_label", "wrapped"]
+
+Pairs = tuple[tuple[str, str], ...]
+
+WIDTH = 32  # columns of a line, as far as words allow
+UNBROKEN = 44  # a single word or value gets a line of its own up to here
+
+_GRID = re.compile(r"(?P<family>.*\S) \((?P<pairs>\w[\w.-]*=.*)\)")
+_NEXT = re.compile(r", (?=[^\W\d][\w.-]*=)")
+_GLUE = "\x00"  # stands for a space that no line may be broken at
+
+
+def parsed_label(label: str) -> tuple[str, Pairs]:
+    """Take a label of a grid apart, for display: the family, and its parameters with their values.
+
+    Parameters
+    ----------
+    label
+        As in a study; one that is not of a grid has no parameters.
+
+    Examples
+    --------
+    >>> parsed_label("BO-ACO (n_ants=50, evaporation=0.1)")
+    ('BO-ACO', (('n_ants', '50'), ('evaporation', '0.1')))
+    >>> parsed_label("random")
+    ('random', ())
+    """
+    found = _GRID.fullmatch(label)
+    if found is None:
+        return label, ()
+    parts = [pair.partition("=") for pair in _NEXT.split(found["pairs"])]
+    return found["family"], tuple((key, value) for key, _, value in parts)
+
+
+def display_names(labels: Iterable[str]) -> dict[str, str]:
+    """Give the names that labels have in pictures, as short as they still differ.
+
+    What the members of a grid have in common is left out. No value is ever cut, and where two
+    names would look alike, they are numbered.
+
+    Parameters
+    ----------
+    labels
+        All labels that are to be told apart.
+
+    Examples
+    --------
+    >>> display_names(["A (n=1, m=2)", "A (n=3, m=2)", "B"])
+    {'A (n=1, m=2)': 'A (n=1)', 'A (n=3, m=2)': 'A (n=3)', 'B': 'B'}
+    """
+    labels = list(dict.fromkeys(labels))
+    members: defaultdict[str, list[Pairs]] = defaultdict(list)
+    for label in labels:
+        family, pairs = parsed_label(label)
+        members[family].append(pairs)
+    names = {}
+    for label in labels:
+        family, pairs = parsed_label(label)
+        common = set.intersection(*map(set, members[family])) if len(members[family]) > 1 else set()
+        told = [f"{key}={value}" for key, value in pairs if (key, value) not in common]
+        names[label] = drawable(f"{family} ({', '.join(told)})" if told else family)
+    # Where leaving out made two alike, the whole labels may differ.
+    for label in _alike(names):
+        names[label] = drawable(label)
+    return _numbered(names)
+
+
+def _looks(name: str) -> str:
+    """Give what remains of a name on paper: letters and their marks as one, spaces as one."""
+    return " ".join(unicodedata.normalize("NFC", name).split())
+
+
+def _alike(names: dict[str, str]) -> list[str]:
+    found = Counter(map(_looks, names.values()))
+    return [label for label, name in names.items() if found[_looks(name)] > 1]
+
+
+def _numbered(names: dict[str, str]) -> dict[str, str]:
+    taken = Counter(map(_looks, names.values()))
+    numbered = {}
+    for label, name in names.items():
+        told, number = name, 0
+        while taken[_looks(told)] > (1 if told == name else 0):
+            number += 1
+            told = f"{name} #{number}"
+        taken[_looks(told)] += told != name
+        numbered[label] = told
+    return numbered
+
+
+def columns(text: str) -> int:
+    """Count the columns of the longest line; Chinese, Japanese and Korean letters take two."""
+    wide = ("W", "F")
+    return max(
+        (sum(1 + (unicodedata.east_asian_width(c) in wide) for c in line))
+        for line in text.split("\n")
+    )
+
+
+def wrapped(name: str, width: int = WIDTH, *, longest: int = UNBROKEN) -> str:
+    """Break a name into lines, at spaces, and never within a value that has room on a line.
+
+    Parameters
+    ----------
+    name
+        Name of an algorithm, or a title.
+    width
+        Columns of a line, as far as words allow.
+    longest
+        Columns of a single word or value, which is broken only beyond.
+
+    Examples
+    --------
+    >>> print(wrapped("BO-ACO (n_ants=50, evaporation=0.04)", 24))
+    BO-ACO (n_ants=50,
+    evaporation=0.04)
+    """
+    if columns(name) <= width:
+        return name
+    family, pairs = parsed_label(name)
+    if pairs:
+        told = [f"{key}={value}".replace(" ", _GLUE) for key, value in pairs]
+        name = f"{family} ({', '.join(told)})"
+    words = [part for word in name.split() for part in _broken(word, max(width, longest))]
+    return "\n".join(_lines(words, width)).replace(_GLUE, " ")
+
+
+def _broken(word: str, width: int) -> list[str]:
+    parts = [""]
+    for letter in word:
+        if columns(parts[-1] + letter) > width:
+            parts.append("")
+        parts[-1] += letter
+    return parts
+
+
+def _lines(words: Sequence[str], width: int) -> list[str]:
+    lines = [words[0]]
+    for word in words[1:]:
+        if columns(lines[-1]) + 1 + columns(word) <= width:
+            lines[-1] += f" {word}"
+        else:
+            lines.append(word)
+    return lines

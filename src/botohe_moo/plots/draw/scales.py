@@ -1,0 +1,272 @@
+"""Axes that the plots of a study share: logarithmic ones, labels at the ends of curves, titles."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from matplotlib.collections import LineCollection
+from matplotlib.markers import TICKDOWN, TICKLEFT
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+
+from botohe_moo.plots.draw.algorithms import names_of
+from botohe_moo.plots.draw.fonts import drawable
+from botohe_moo.plots.draw.labels import wrapped
+from botohe_moo.plots.draw.style import INK, MUTED
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from matplotlib.axes import Axes
+
+    from botohe_moo._base.types import FloatArray
+    from botohe_moo.plots.draw.algorithms import AlgorithmStyle
+
+__all__ = ["dress", "label_ends", "log_axis", "spread", "stack_above", "title_above"]
+
+_END = 10.0  # points of the letters of names right of axes
+
+
+def dress(ax: Axes) -> None:
+    """Give axes the grid and the frame of all plots."""
+    ax.grid(color="0.92", linewidth=0.8)
+    ax.set_axisbelow(True)
+    ax.spines[["top", "right"]].set_visible(False)
+
+
+def log_axis(
+    ax: Axes, low: float, high: float, which: Literal["x", "y"] = "x", *, small: bool = True
+) -> None:
+    """Make an axis logarithmic, from ``low`` to ``high``, with numbers people read.
+
+    Parameters
+    ----------
+    ax
+        Axes to change.
+    low, high
+        What has to be in sight, above 0.
+    which
+        Which of the two axes.
+    small
+        Whether to mark what lies between the powers of ten.
+    """
+    dress(ax)
+    axis = ax.xaxis if which == "x" else ax.yaxis
+    if high < 6.5 * low:  # less has no room for two of the numbers 1, 2 and 5
+        middle = np.sqrt(low * high)
+        low, high = min(low, middle / np.sqrt(10)), middle * np.sqrt(10)
+    ax.set(**{f"{which}scale": "log", f"{which}lim": (low, high)})
+    decades = np.log10(high / low)
+    if decades > 8:
+        axis.set_major_locator(LogLocator(numticks=8))
+    else:
+        subs = (1.0, 2.0, 5.0) if decades < 1.7 else (1.0,)
+        axis.set_major_locator(LogLocator(subs=subs, numticks=12))
+        if small:
+            _small_ticks(ax, low, high, which)
+    axis.set_minor_locator(NullLocator())
+    # Matplotlib's own formatter writes mathematics, which the theme switches off for labels' sake.
+    axis.set_major_formatter(FuncFormatter(lambda value, _: plain_number(value)))
+
+
+def _small_ticks(ax: Axes, low: float, high: float, which: Literal["x", "y"]) -> None:
+    """Mark 2, 3, ... 9 of every decade; as one line, since ticks are slow to draw."""
+    decades = 10.0 ** np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)))
+    at = np.outer(decades, np.arange(2, 10)).ravel()
+    at = at[(low <= at) & (at <= high)]
+    along = ax.get_xaxis_transform() if which == "x" else ax.get_yaxis_transform()
+    edge = np.zeros(len(at))
+    ax.plot(
+        *((at, edge) if which == "x" else (edge, at)),
+        linestyle="none",
+        marker=TICKDOWN if which == "x" else TICKLEFT,
+        markersize=2.5,
+        color=MUTED,
+        transform=along,
+        clip_on=False,
+        gid="small ticks",
+    )
+
+
+def plain_number(value: float) -> str:
+    """Write a number without an exponent: 0.001, 1, 10,000; millions as 2M."""
+    if value >= 1e6:
+        return f"{value / 1e6:,.10g}M"
+    return f"{value:,.0f}" if value >= 1 else f"{value:.10f}".rstrip("0")
+
+
+def title_above(
+    ax: Axes, title: str | None, words: str, *, width: float | None = None, lift: float = 0.0
+) -> None:
+    """Write what the plot is above it, and below that, paler, what it shows.
+
+    Parameters
+    ----------
+    ax
+        Axes in their place.
+    title
+        Its first line is bold, and stands alone; further ones are paler.
+    words
+        What is shown.
+    width
+        Room in inches; by default that above ``ax``.
+    lift
+        Points to leave free above ``ax``.
+    """
+    if width is None:
+        width = ax.get_window_extent().width / ax.figure.figure.dpi
+    head, _, rest = (title or "").partition("\n")
+    pale = {"color": "0.4"}
+    at = stack_above(
+        ax, [(words, "words", 9.5, pale), (rest, "subtitle", 10.0, pale)], width, 7.0 + lift
+    )
+    head = wrapped(drawable(head), _fitting(width, 13.5))
+    # With its height given, matplotlib does not look at all numbers of the axes to find one.
+    ax.set_title(head, loc="left", fontweight="bold", pad=at + 1.5, y=1.0)
+
+
+def stack_above(
+    ax: Axes, parts: Iterable[tuple[str, str, float, Mapping[str, Any]]], width: float, at: float
+) -> float:
+    """Write texts above each other, the lowest first, and give the points that they reach up to.
+
+    Parameters
+    ----------
+    ax
+        Axes in their place.
+    parts
+        Each text with its name, the size of its letters, and what else matplotlib takes.
+    width
+        Room in inches.
+    at
+        Points above ``ax`` of the lowest.
+    """
+    for text, name, size, style in parts:
+        if text:
+            lines = wrapped(drawable(text), _fitting(width, size))
+            ax.annotate(
+                lines,
+                (0, 1),
+                (0, at),
+                xycoords="axes fraction",
+                textcoords="offset points",
+                fontsize=size,
+                gid=name,
+                **style,
+            )
+            at += 1.25 * size * (lines.count("\n") + 1) + 1.5
+    return at
+
+
+def _fitting(width: float, size: float) -> int:
+    """Columns that fit on ``width`` inches in letters of ``size`` points."""
+    return max(8, int(width * 72 / (0.56 * size)))
+
+
+def label_ends(ax: Axes, ends: Mapping[str, float], styles: Mapping[str, AlgorithmStyle]) -> None:
+    """Write names right of ``ax`` at the heights where their curves end, none over another.
+
+    Parameters
+    ----------
+    ax
+        Axes with its limits set.
+    ends
+        Height of each name, in data units, by label.
+    styles
+        Style of each label.
+    """
+    names = names_of(ends, styles)
+    n_lines = np.array([name.count("\n") + 1 for name in names.values()])
+    box = ax.get_window_extent()
+    points = box.height / ax.figure.figure.dpi * 72
+    size = float(np.clip(points / (1.35 * n_lines.sum()), 6.5, _END))
+    heights = np.array([ax.transData.transform((1.0, end))[1] for end in ends.values()])
+    wanted = (heights - box.y0) / box.height
+    places = spread(wanted, (1.2 * n_lines + 0.15) * size / points)
+    width = box.width / ax.figure.figure.dpi * 72
+    start, bend, mark, end = (1 + part / width for part in (0, 9, 14, 31))
+    ax.add_collection(
+        LineCollection(
+            [
+                [(start, wish), (bend, place), (mark, place)]
+                for wish, place in zip(wanted, places, strict=True)
+            ],
+            colors=[styles[label].colour for label in names],
+            linewidths=0.8,
+            transform=ax.transAxes,
+            clip_on=False,
+            gid="leaders",
+        ),
+        autolim=False,
+    )
+    for (label, name), place in zip(names.items(), places, strict=True):
+        style = styles[label]
+        ax.plot(
+            [mark, end],
+            [place, place],
+            transform=ax.transAxes,
+            color=style.colour,
+            linewidth=2.0,
+            linestyle=style.line,
+            marker=style.marker,
+            markevery=[1],
+            markersize=6,
+            markeredgecolor="white",
+            markeredgewidth=0.6,
+            clip_on=False,
+            gid="end",
+        )
+        ax.annotate(
+            name,
+            (end, place),
+            (6, 0),
+            xycoords="axes fraction",
+            textcoords="offset points",
+            va="center" if "\n" in name else "center_baseline",
+            fontsize=size,
+            linespacing=1.1,
+            color=INK,
+            gid="name",
+        )
+
+
+def spread(
+    wanted: Sequence[float] | FloatArray, gap: float | Sequence[float] | FloatArray
+) -> FloatArray:
+    """Move places in [0, 1] as little as needed so that they lie ``gap`` apart, in their order.
+
+    The least sum of squared moves: neighbours that are too close share their mean (pool adjacent
+    violators). Where there is no room for all, they run over 1.
+
+    Parameters
+    ----------
+    wanted
+        Where the places would be if there were room.
+    gap
+        Least distance; or the height of each, of which neighbours need half.
+
+    Returns
+    -------
+    numpy.ndarray
+        The places, in the order of ``wanted``.
+
+    Examples
+    --------
+    >>> spread([0.5, 0.5, 0.9], 0.2).round(9).tolist()
+    [0.4, 0.6, 0.9]
+    """
+    order = np.argsort(wanted, kind="stable")
+    heights = np.broadcast_to(np.asarray(gap, float), len(order))[order]
+    offsets = np.concatenate([[0.0], np.cumsum((heights[:-1] + heights[1:]) / 2)])[: len(order)]
+    pools: list[tuple[float, int]] = []
+    for at in np.asarray(wanted, float)[order] - offsets:
+        mean, size = float(at), 1
+        while pools and pools[-1][0] >= mean:
+            before, n = pools.pop()
+            mean, size = (before * n + mean * size) / (n + size), n + size
+        pools.append((mean, size))
+    moved = np.concatenate([np.full(n, mean) for mean, n in pools] or [np.empty(0)])
+    moved = np.clip(moved, 0.0, max(0.0, 1.0 - offsets[-1:].sum()))
+    places = np.empty(len(order))
+    places[order] = moved + offsets
+    return places

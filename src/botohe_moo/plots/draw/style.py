@@ -1,0 +1,230 @@
+"""Palettes, the theme and the saving of pictures, shared by all plots."""
+
+from __future__ import annotations
+
+import tempfile
+from contextlib import contextmanager, nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+import seaborn as sns
+from matplotlib.colors import Colormap, Normalize, to_rgb
+
+from botohe_moo.plots.draw.fonts import families
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from botohe_moo._base.types import FloatArray
+
+__all__ = [
+    "DPI",
+    "INK",
+    "MARKERS",
+    "MUTED",
+    "Colour",
+    "colour_range",
+    "colours",
+    "new_axes",
+    "pheromone_palette",
+    "readable_on",
+    "reward_palette",
+    "save_figure",
+    "save_plot",
+    "survival_palette",
+    "theme",
+    "tint",
+]
+
+Colour = tuple[float, float, float]
+
+DPI = 160
+INK = "#262626"
+MUTED = "#8c8c8c"
+# Without dates and versions, so that the same figure gives the same bytes.
+_METADATA: Mapping[str, Mapping[str, str | None]] = {
+    ".png": {"Software": "botohe_moo"},
+    ".pdf": {"Creator": "botohe_moo", "Producer": None, "CreationDate": None},
+    ".svg": {"Creator": "botohe_moo", "Date": None},
+}
+MARKERS = ("o", "s", "^", "D", "v", "P", "X")  # so that fronts differ in a grey print too
+
+
+def reward_palette() -> Colormap:
+    """Sequential green to blue: the darker, the more reward."""
+    return _palette("crest")
+
+
+def survival_palette() -> Colormap:
+    """Sequential purple to orange: the darker, the more dangerous."""
+    return _palette("flare_r")
+
+
+def pheromone_palette() -> Colormap:
+    """Sequential cream to purple: the darker, the more pheromone."""
+    return _palette("flare")
+
+
+def _palette(name: str) -> Colormap:
+    palette: Colormap = sns.color_palette(name, as_cmap=True)
+    return palette
+
+
+def colours(n: int) -> list[Colour]:
+    """Give ``n`` colours that colour-blind readers can tell apart; after ten they repeat."""
+    # Seaborn puts two reddish colours side by side; the first few should differ the most.
+    palette = sns.color_palette("colorblind")
+    order = (0, 1, 2, 4, 3, 9, 5, 6, 8, 7)
+    return [tuple(palette[order[i % len(order)]]) for i in range(n)]
+
+
+def tint(colour: Colour, strength: float) -> Colour:
+    """Mix a colour into white; ``strength`` 0 is white and 1 the colour itself."""
+    red, green, blue = (1 - strength * (1 - part) for part in colour)
+    return red, green, blue
+
+
+def readable_on(colour: object) -> str:
+    """Give the text colour, light or dark, that is legible on ``colour``."""
+    red, green, blue = (part**2.2 for part in to_rgb(colour))  # type: ignore[arg-type]
+    # At this luminance either text has the same contrast (WCAG).
+    return "white" if 0.2126 * red + 0.7152 * green + 0.0722 * blue < 0.2 else INK
+
+
+def colour_range(values: FloatArray, *, low: float | None = None) -> Normalize:
+    """Span the colours over ``values``, from ``low`` if given; one value alone gets a range too."""
+    bottom = float(values.min()) if low is None else low
+    top = float(values.max())
+    if top <= bottom:
+        bottom, top = bottom - 0.05 * (abs(bottom) or 1.0), bottom + 0.05 * (abs(bottom) or 1.0)
+    return Normalize(bottom, top)
+
+
+@contextmanager
+def theme() -> Iterator[None]:
+    """Draw in the project's style; what matplotlib is set to outside stays as it is."""
+    settings = {
+        **sns.axes_style("ticks"),
+        **sns.plotting_context("notebook", font_scale=0.9),
+        "font.family": list(families()),
+        "axes.edgecolor": INK,
+        "axes.titlesize": 12,
+        "legend.fontsize": 9.5,
+        "text.color": INK,
+        "text.parse_math": False,  # a dollar sign in a label is a dollar sign
+        "svg.hashsalt": "botohe_moo",  # or names within the file would differ every time
+    }
+    with mpl.rc_context(settings):
+        yield
+
+
+def new_axes(width: float, height: float) -> Axes:
+    """Open a figure of ``width`` x ``height`` inches with one plot in it."""
+    with theme():
+        _, ax = plt.subplots(figsize=(width, height), layout="constrained")
+    return ax
+
+
+def save_figure(
+    fig: Figure, path: str | os.PathLike[str], *others: str | os.PathLike[str], dpi: int = DPI
+) -> None:
+    """Write a figure, whole or not at all, and the same bytes every time.
+
+    The picture is as large as what is drawn. It is laid out once for all files.
+
+    Parameters
+    ----------
+    fig
+        Figure to write; it stays open.
+    path
+        File to write or to replace, PNG, PDF or SVG by its name; its folder exists already.
+    *others
+        Further files to write.
+    dpi
+        Pixels an inch.
+
+    Raises
+    ------
+    ValueError
+        If a path does not end in ``.png``, ``.pdf`` or ``.svg``.
+    """
+    targets = [Path(target) for target in (path, *others)]
+    for target in targets:
+        if target.suffix.lower() not in _METADATA:
+            raise ValueError(
+                f"Expected a path that ends in '.png', '.pdf' or '.svg', got {str(target)!r}."
+            )
+    engine = fig.get_layout_engine()
+    with theme():
+        if engine is not None:
+            engine.execute(fig)
+            fig.set_layout_engine("none")  # once is enough
+        try:
+            _write_all(fig, targets, dpi)
+        finally:
+            if engine is not None:
+                fig.set_layout_engine(engine)
+
+
+def _write_all(fig: Figure, targets: Sequence[Path], dpi: int) -> None:
+    box = fig.get_tightbbox().padded(0.1)
+    for folder in dict.fromkeys(target.parent for target in targets):
+        here = [target for target in targets if target.parent == folder]
+        with tempfile.TemporaryDirectory(dir=folder, prefix=".figure-") as drafts:
+            for target in here:
+                kind = target.suffix.lower()
+                # Artists have names for whoever looks for them; in SVG each has to be another.
+                with _without_names(fig) if kind == ".svg" else nullcontext():
+                    fig.savefig(
+                        Path(drafts) / target.name,
+                        format=kind[1:],
+                        dpi=dpi,
+                        bbox_inches=box,
+                        metadata=dict(_METADATA[kind]),
+                    )
+            for target in here:
+                (Path(drafts) / target.name).replace(target)
+
+
+@contextmanager
+def _without_names(fig: Figure) -> Iterator[None]:
+    # Not findobj, which makes all ticks of all axes, also of those that are not shown.
+    artists = [*fig.get_children(), *(child for ax in fig.axes for child in ax.get_children())]
+    named = [(artist, artist.get_gid()) for artist in artists if artist.get_gid()]
+    for artist, _ in named:
+        artist.set_gid(None)
+    try:
+        yield
+    finally:
+        for artist, gid in named:
+            artist.set_gid(gid)
+
+
+def save_plot(ax: Axes, path: str | os.PathLike[str], *others: str | os.PathLike[str]) -> None:
+    """Write the figure that ``ax`` is in, as ``save_figure`` does, and close it.
+
+    Parameters
+    ----------
+    ax
+        A plot, the only one in its figure or one of several.
+    path
+        File to write or to replace, PNG, PDF or SVG by its name; its folder exists already.
+    *others
+        Further files to write.
+
+    Raises
+    ------
+    ValueError
+        If a path does not end in ``.png``, ``.pdf`` or ``.svg``.
+    """
+    figure = ax.get_figure(root=True)
+    if figure is None:
+        raise ValueError("Expected axes in a figure, got axes that were removed from theirs.")
+    save_figure(figure, path, *others)
+    plt.close(figure)

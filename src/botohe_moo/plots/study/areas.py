@@ -1,0 +1,126 @@
+"""The picture of the final areas of all runs on a mission."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from botohe_moo.plots.draw.algorithms import chosen_algorithms, names_of, styles_of
+from botohe_moo.plots.draw.panels import study_axes
+from botohe_moo.plots.draw.scales import dress, title_above
+from botohe_moo.plots.draw.style import INK, theme, tint
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+    from botohe_moo.plots.draw.algorithms import AlgorithmStyle
+
+__all__ = ["plot_areas"]
+
+_GOLDEN = (5**0.5 - 1) / 2  # its multiples spread evenly, whatever their number
+
+
+def plot_areas(
+    runs: pd.DataFrame,
+    summary: pd.DataFrame,
+    *,
+    algorithms: Sequence[str] | None = None,
+    styles: Mapping[str, AlgorithmStyle] | None = None,
+    title: str | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw the final area of every run as a point, and each algorithm's median with its interval.
+
+    Parameters
+    ----------
+    runs
+        Rows of one mission in a study's runs: columns ``algorithm``, ``seed``, ``status`` and
+        ``area``. Runs that are not done are crosses, where they are scored: at 0 without a front.
+    summary
+        Rows of the same mission in the summary: columns ``algorithm``, ``area_median``,
+        ``area_low`` and ``area_high``.
+    algorithms
+        Labels of the algorithms to draw, from top to bottom. Default: all of them.
+    styles
+        Style of each label, as ``algorithm_styles`` gives them.
+    title
+        Name of the mission; what follows a line break is paler.
+    ax
+        Axes to draw on. One will be created if not given.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes drawn on.
+
+    Raises
+    ------
+    ValueError
+        If a column is missing, there are rows of several missions, or an algorithm is not known or
+        has no row in ``summary``.
+    """
+    labels = chosen_algorithms("runs", runs, ("algorithm", "seed", "status", "area"), algorithms)
+    interval = ("algorithm", "area_median", "area_low", "area_high")
+    chosen_algorithms("summary", summary, interval, labels)
+    medians = summary.set_index("algorithm")
+    styles = styles_of(labels, styles)
+    with theme():
+        names = names_of(labels, styles)
+        if ax is None:
+            lines = max(name.count("\n") + 1 for name in names.values())
+            (ax,) = study_axes(6.0, max(0.42, 0.18 * lines + 0.08) * max(len(labels), 2))
+        dress(ax)
+        for row, label in enumerate(labels):
+            _draw_runs(ax, row, runs[runs["algorithm"] == label], styles[label])
+            _draw_median(ax, row, *medians.loc[label, list(interval[1:])].to_numpy(float))
+        ax.set_yticks(range(len(labels)), list(names.values()))
+        ax.set_ylim(len(labels) - 0.4, -0.6)
+        ax.tick_params(axis="y", length=0)
+        ax.set_xlabel("area of the final front (normalised hypervolume)")
+        crosses = "; crosses: runs that are not done" if (runs["status"] != "done").any() else ""
+        words = f"points: runs; above them their median and its interval{crosses}"
+        title_above(ax, title, words)
+        low, high = ax.dataLim.intervalx
+        margin = max(0.04 * (high - low), 0.005)
+        ax.set_xlim(max(low - margin, -0.3 * margin), high + margin)
+    return ax
+
+
+def _draw_runs(ax: Axes, row: int, runs: pd.DataFrame, style: AlgorithmStyle) -> None:
+    runs = runs.sort_values("seed", kind="stable")
+    # Spread by number, not by chance: the same runs lie at the same places every time.
+    places = row + 0.1 + 0.44 * ((np.arange(len(runs)) + 1) * _GOLDEN % 1 - 0.5)
+    done = (runs["status"] == "done").to_numpy()
+    areas = runs["area"].to_numpy(float)
+    points: dict[str, Any] = {"linestyle": "none", "clip_on": False, "zorder": 2}
+    ax.plot(
+        areas[done],
+        places[done],
+        marker=style.marker,
+        markersize=5.0,
+        color=tint(style.colour, 0.75),
+        markeredgecolor="white",
+        markeredgewidth=0.4,
+        gid="runs",
+        **points,
+    )
+    ax.plot(
+        areas[~done],
+        places[~done],
+        marker="x",
+        markersize=5.5,
+        color=style.colour,
+        markeredgewidth=1.4,
+        gid="not done",
+        **points,
+    )
+
+
+def _draw_median(ax: Axes, row: int, median: float, low: float, high: float) -> None:
+    above = row - 0.28  # where it hides no run
+    ax.plot([low, high], [above, above], color=INK, linewidth=1.8, zorder=3, gid="interval")
+    ax.plot([median], [above], color=INK, marker="d", markersize=6, zorder=4, gid="median")

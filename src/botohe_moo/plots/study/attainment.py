@@ -1,0 +1,227 @@
+"""Empirical attainment: what share of an algorithm's runs reaches which rewards and survivors."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from botohe_moo.plots.draw.algorithms import names_of, styles_of
+from botohe_moo.plots.draw.panels import (
+    MANY,
+    add_background,
+    add_band,
+    names_room,
+    open_panels,
+    study_axes,
+    title_panels,
+)
+from botohe_moo.plots.draw.scales import title_above
+from botohe_moo.plots.draw.style import theme
+from botohe_moo.plots.front import staircase
+from botohe_moo.plots.study.fronts import OBJECTIVES, final_fronts, legend_beside, objective_axes
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+    from botohe_moo._base.types import FloatArray
+    from botohe_moo.plots.draw.algorithms import AlgorithmStyle
+
+__all__ = ["attainment_difference", "attainment_surface", "plot_attainment"]
+
+_BAND = (25, 75)
+_MAX_STEPS = 120  # more would take half a minute
+
+
+def plot_attainment(
+    plans: pd.DataFrame,
+    runs: pd.DataFrame,
+    *,
+    algorithms: Sequence[str] | None = None,
+    styles: Mapping[str, AlgorithmStyle] | None = None,
+    title: str | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw each algorithm's median attainment surface, between those of a quarter of its runs.
+
+    Below and left of the line lies what at least half of the runs reach; the band lies between
+    what a quarter and what three quarters of them reach. A run without a front reaches nothing.
+    From twelve algorithms on each has a panel of its own, with all others in grey.
+
+    Parameters
+    ----------
+    plans
+        Rows of one mission in a study's plans: columns ``algorithm``, ``seed``, ``reward`` and
+        ``survivors``.
+    runs
+        Rows of the same mission in its runs: columns ``algorithm``, ``seed`` and ``area``.
+    algorithms
+        Labels of the algorithms to draw. Default: all of them.
+    styles
+        Style of each label, as ``algorithm_styles`` gives them.
+    title
+        Name of the mission; what follows a line break is paler.
+    ax
+        Axes to draw on, for all algorithms. A figure will be created if not given.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes drawn on; those of the first panel where there are several.
+
+    Raises
+    ------
+    ValueError
+        If a column is missing, there are rows of several missions, or an algorithm is not known.
+    """
+    fronts = final_fronts(plans, runs, algorithms)
+    styles = styles_of(list(fronts), styles)
+    surfaces = {label: _surfaces(found) for label, found in fronts.items()}
+    words = "reached by half of the runs; bands: by a quarter to three quarters"
+    with theme():
+        if ax is None and len(fronts) >= MANY:
+            panels = open_panels(list(fronts), styles)
+            add_background(panels, {label: half for label, (_, half, _) in surfaces.items()})
+            for label, own in panels.items():
+                _draw(own, surfaces[label], styles[label], label, len(fronts[label]))
+            first = next(iter(panels.values()))
+            first.set(xlim=(0, None), ylim=(0, None))
+            title_panels(panels, title, words, *OBJECTIVES)
+            return first
+        names = names_of(fronts, styles)
+        if ax is None:
+            height, right = names_room(fronts, styles)
+            (ax,) = study_axes(5.6, max(4.2, 1.3 * height), right=right)
+        for label, found in fronts.items():
+            _draw(ax, surfaces[label], styles[label], names[label], len(found))
+        objective_axes(ax)
+        title_above(ax, title, words)
+        legend_beside(ax)
+    return ax
+
+
+Surfaces = tuple["FloatArray", "FloatArray", "FloatArray"]
+
+
+def _surfaces(found: Mapping[int, FloatArray]) -> Surfaces:
+    """Give what a quarter of the runs reach, what half and what three quarters."""
+    few, half, most = (
+        staircase(attainment_surface(found.values(), percent))[:-1]
+        for percent in (_BAND[0], 50, _BAND[1])
+    )
+    return few, half, most
+
+
+def _draw(ax: Axes, surfaces: Surfaces, style: AlgorithmStyle, name: str, n_runs: int) -> None:
+    few, half, most = surfaces
+    if n_runs > 1:
+        add_band(ax, np.concatenate([few, most[::-1]]), style.colour, 0.2)
+    ax.plot(
+        *half.T,
+        color=style.colour,
+        linestyle=style.line,
+        linewidth=1.6,
+        marker=style.marker,
+        markersize=5,
+        markeredgecolor="white",
+        markeredgewidth=0.5,
+        # Ends of stairs, not plans: a few are enough to tell the lines apart.
+        markevery=max(1, len(half) // 8),
+        zorder=2,
+        label=name,
+        gid="median",
+    )
+
+
+def attainment_surface(fronts: Iterable[FloatArray], percent: float) -> FloatArray:
+    """Corners of what at least ``percent`` of the runs reach.
+
+    Parameters
+    ----------
+    fronts
+        Points (n_plans, 2) of each run's front, both columns to be maximised; an empty one reaches
+        nothing but the origin.
+    percent
+        In [0, 100]; 0 stands for one run.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (n, 2), non-dominated.
+
+    References
+    ----------
+    Fonseca, Guerreiro, López-Ibáñez and Paquete, "On the computation of the empirical attainment
+    function", EMO 2011.
+    """
+    import moocore  # late, as other pictures need none of it
+
+    sets = _sets(fronts)
+    surface = moocore.eaf(-sets[:, :2], sets[:, 2], percentiles=[percent])
+    return np.asarray(-surface[:, :2] + 0.0)  # no negative zeros
+
+
+def attainment_difference(
+    fronts: Iterable[FloatArray], others: Iterable[FloatArray]
+) -> tuple[FloatArray, FloatArray]:
+    """Where one algorithm's runs reach more often than another's.
+
+    Parameters
+    ----------
+    fronts
+        Points (n_plans, 2) of each run's front, both columns to be maximised; an empty one reaches
+        nothing but the origin.
+    others
+        The same for the other algorithm, of any number of runs.
+
+    Returns
+    -------
+    rectangles : numpy.ndarray
+        Shape (n, 4): left, bottom, right and top; they do not overlap.
+    difference : numpy.ndarray
+        Shape (n,), in [-1, 1]: the share of the first's runs that reach the rectangle's inside,
+        less that of the other's. Nowhere else do they differ. Where the numbers of runs have no
+        common multiple up to 120, the difference is off by up to one run's share.
+    """
+    import moocore
+
+    fronts, others = list(fronts), list(others)
+    everybody = [*fronts, *others]
+    if np.array_equal(attainment_surface(everybody, 0), attainment_surface(everybody, 100)):
+        return np.empty((0, 4)), np.empty(0)  # all alike, which moocore cannot say
+    first, second = _sets(fronts), _sets(others)
+    n_first, n_second = (len(np.unique(sets[:, 2])) for sets in (first, second))
+    # Moocore gives whole steps, at most half as many as there are runs: with as many of either
+    # all differences are whole ones.
+    steps = math.lcm(n_first, n_second)
+    if steps <= _MAX_STEPS:
+        first, second = _repeated(first, steps // n_first), _repeated(second, steps // n_second)
+    else:
+        steps = (n_first + n_second) // 2
+    found = moocore.eafdiff(first, second, intervals=steps, maximise=True, rectangles=True)
+    corners = np.maximum(found[:, :4], 0.0)  # unbounded ones reach to the axes
+    low = np.minimum(corners[:, :2], corners[:, 2:])
+    high = np.maximum(corners[:, :2], corners[:, 2:])
+    real = (low < high).all(axis=1) & (found[:, 4] != 0)
+    return np.hstack([low, high])[real], found[real, 4] / steps
+
+
+def _sets(fronts: Iterable[FloatArray]) -> FloatArray:
+    """Points of all runs with the number of their run; moocore does not take empty sets."""
+    rows = []
+    for number, front in enumerate(fronts):
+        points = front if len(front) else np.zeros((1, 2))
+        rows.append(np.column_stack([points, np.full(len(points), float(number))]))
+    if not rows:
+        raise ValueError("Expected the front of at least one run, got none.")
+    return np.concatenate(rows)
+
+
+def _repeated(sets: FloatArray, times: int) -> FloatArray:
+    n_sets = len(np.unique(sets[:, 2]))
+    copies = [sets + np.array([0.0, 0.0, n_sets * copy]) for copy in range(times)]
+    return np.concatenate(copies)

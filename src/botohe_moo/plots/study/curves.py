@@ -1,0 +1,208 @@
+"""The picture of how the area of fronts grows, or their distance shrinks, while algorithms run."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from botohe_moo.plots.draw.algorithms import styles_of
+from botohe_moo.plots.draw.panels import (
+    MANY,
+    add_background,
+    add_band,
+    names_room,
+    open_panels,
+    study_axes,
+    title_panels,
+)
+from botohe_moo.plots.draw.scales import label_ends, log_axis, title_above
+from botohe_moo.plots.draw.style import theme
+from botohe_moo.plots.study.progress import (
+    NAMES,
+    Band,
+    Curve,
+    Progress,
+    Value,
+    progress_curves,
+    stairs,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+    from botohe_moo.plots.draw.algorithms import AlgorithmStyle
+
+__all__ = ["plot_curves"]
+
+_VALUES: dict[Value, str] = {
+    "area": "area (normalised hypervolume)",
+    "igd_plus": "IGD+",
+    "epsilon": "additive epsilon",
+}
+_BANDS: dict[Band, tuple[str, str]] = {
+    "quartiles": ("median", "and quartiles"),
+    "sd": ("mean", "± 1 standard deviation"),
+    "range": ("median", "and range"),
+}
+_COLOURS_ALONE = 6  # with more curves than this, colours alone are hard to follow
+
+
+def plot_curves(
+    trace: pd.DataFrame,
+    *,
+    x: Progress = "evaluations",
+    value: Value = "area",
+    algorithms: Sequence[str] | None = None,
+    styles: Mapping[str, AlgorithmStyle] | None = None,
+    band: Band = "quartiles",
+    title: str | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw how the area grows over evaluations or seconds: median over runs and quartiles.
+
+    Between two records a run's area is that of the last one, nothing is interpolated. A run that
+    ended keeps its last area; where all runs of an algorithm have ended, its curve is thinner.
+    From twelve algorithms on each has a panel of its own, with all others in grey.
+
+    Parameters
+    ----------
+    trace
+        Rows of one mission in a study's trace: columns ``algorithm``, ``seed``, that of ``value``
+        and that of ``x``, one row a recorded front. A run that failed has no rows and is not in
+        the median; nor are rows without a value.
+    x
+        What the horizontal, logarithmic axis shows.
+    value
+        What the vertical axis shows; a logarithmic one for ``igd_plus`` and ``epsilon``, the
+        distances to the reference front.
+    algorithms
+        Labels of the algorithms to draw. Default: all of them.
+    styles
+        Style of each label, as ``algorithm_styles`` gives them.
+    band
+        ``quartiles``: median, between a quarter and three quarters of the runs; ``sd``: mean plus
+        and minus one standard deviation, where runs are; ``range``: median, smallest to largest.
+        The line under the title says which. An algorithm with one run has no band.
+    title
+        Name of the mission; what follows a line break is paler.
+    ax
+        Axes to draw on, for all algorithms. A figure will be created if not given.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes drawn on; those of the first panel where there are several.
+
+    Raises
+    ------
+    ValueError
+        If a column is missing, there are rows of several missions or none at all, or an algorithm
+        or option is not known.
+    """
+    curves = progress_curves(trace, x=x, value=value, algorithms=algorithms, band=band)
+    styles = styles_of(list(curves), styles)
+    words = _in_words(list(curves.values()), band)
+    with theme():
+        if ax is None and len(curves) >= MANY:
+            panels = open_panels(list(curves), styles)
+            ax = next(iter(panels.values()))
+            cut = _axes(ax, curves, value, small=False)
+            ax.grid(visible=False)
+            add_background(panels, {k: stairs(c.x, c.middle) for k, c in curves.items()})
+            for label, own in panels.items():
+                _draw(own, label, curves[label], styles[label], None)
+            title_panels(panels, title, words + cut, NAMES[x], _VALUES[value])
+            return ax
+        if ax is None:
+            height, right = names_room(curves, styles)
+            (ax,) = study_axes(6.0, max(3.7, height), right=right)
+        cut = _axes(ax, curves, value)
+        for i, (label, curve) in enumerate(curves.items()):
+            _draw(ax, label, curve, styles[label], i if len(curves) > _COLOURS_ALONE else None)
+        ax.set_xlabel(NAMES[x])
+        ax.set_ylabel(_VALUES[value])
+        title_above(ax, title, words + cut)
+        low = ax.get_ylim()[0]
+        label_ends(ax, {k: max(float(c.middle[-1]), low) for k, c in curves.items()}, styles)
+    return ax
+
+
+def _axes(ax: Axes, curves: Mapping[str, Curve], value: Value, *, small: bool = True) -> str:
+    """Set both axes, and say what they do not show."""
+    found = list(curves.values())
+    low, high = min(float(c.x[0]) for c in found), max(float(c.x[-1]) for c in found)
+    log_axis(ax, low, high, small=small)
+    if value == "area":
+        return _area_axis(ax, found)
+    return _distance_axis(ax, found, small=small)
+
+
+def _draw(ax: Axes, label: str, curve: Curve, style: AlgorithmStyle, many: int | None) -> None:
+    colour = style.colour
+    if curve.n_runs > 1:
+        low, high = stairs(curve.x, curve.low), stairs(curve.x, curve.high)
+        add_band(ax, np.concatenate([low, high[::-1]]), colour, 0.16 if many is None else 0.1)
+    held = curve.x >= curve.ended
+    running = ~held
+    running[np.argmax(held)] = True  # both parts meet where the last record is
+    alone = running.sum() == 1  # no line to be seen
+    line: dict[str, Any] = {"color": colour, "linestyle": style.line}
+    steps = stairs(curve.x[running], curve.middle[running])
+    ax.plot(*steps.T, linewidth=2.0, zorder=3, label=label, gid="curve", **line)
+    if alone or many is not None:
+        every = max(1, len(curve.x) // 6)
+        at = np.arange(0 if alone or many is None else many * 29 % every, running.sum(), every)
+        ax.plot(
+            curve.x[running][at],
+            curve.middle[running][at],
+            linestyle="none",
+            color=colour,
+            marker=style.marker,
+            markersize=5.5,
+            markeredgecolor="white",
+            markeredgewidth=0.6,
+            zorder=3,
+            gid="marks",
+        )
+    last = ax.get_xlim()[1]
+    if curve.ended < last:
+        end = curve.middle[[-1, -1]]
+        ax.plot([curve.ended, last], end, linewidth=1.0, zorder=2, gid="held", **line)
+
+
+def _area_axis(ax: Axes, curves: Sequence[Curve]) -> str:
+    """Show where curves end, and at least the upper half of the way there; say what is cut off."""
+    ends = [float(curve.middle[-1]) for curve in curves]
+    lowest = min(float(curve.low.min()) for curve in curves)
+    low = max(lowest, min(2 * min(ends) - max(ends), 0.5 * max(ends)))
+    high = max(float(curve.high.max()) for curve in curves)
+    margin = max(0.05 * (high - low), 0.005)
+    bottom = max(low - margin, -0.3 * margin)
+    ax.set_ylim(bottom, high + margin)
+    return f"; areas below {bottom:.2f} cut off" if lowest < bottom else ""
+
+
+def _distance_axis(ax: Axes, curves: Sequence[Curve], *, small: bool) -> str:
+    """Show all distances; those of 0, which a logarithmic axis has not, at its lower edge."""
+    values = np.concatenate([part for c in curves for part in (c.low, c.middle, c.high)])
+    positive = values[values > 0]
+    if not len(positive):
+        ax.set_ylim(-0.05, 1.0)
+        return ""
+    low, high = float(positive.min()), float(positive.max())
+    zeros = len(positive) < len(values)
+    log_axis(ax, low / 1.12 / (1.5 if zeros else 1), high * 1.12, "y", small=small)
+    return "; 0 lies at the lower edge" if zeros else ""
+
+
+def _in_words(curves: Sequence[Curve], band: Band) -> str:
+    fewest, most = min(c.n_runs for c in curves), max(c.n_runs for c in curves)
+    if most == 1:
+        return "one run of each"
+    runs = f"{most}" if fewest == most else f"{fewest} to {most}"
+    middle, around = _BANDS[band]
+    return f"{middle} of {runs} runs {around}"

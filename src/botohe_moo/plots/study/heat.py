@@ -1,0 +1,88 @@
+"""The picture of a grid of two parameters: the median of every combination."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.patches import Rectangle
+
+from botohe_moo.plots.draw.fonts import drawable
+from botohe_moo.plots.draw.labels import columns, wrapped
+from botohe_moo.plots.draw.panels import study_axes
+from botohe_moo.plots.draw.scales import title_above
+from botohe_moo.plots.draw.style import INK, colour_range, readable_on, reward_palette, theme
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+__all__ = ["plot_heat"]
+
+
+def plot_heat(
+    medians: pd.DataFrame, *, name: str = "area", title: str | None = None, ax: Axes | None = None
+) -> Axes:
+    """Draw the median of every combination of two parameters, the darker the larger.
+
+    Parameters
+    ----------
+    medians
+        One row for each value of the first parameter, one column for each of the second; the names
+        of index and columns are those of the parameters. What is missing stays empty.
+    name
+        What the medians are of, for the line under the title.
+    title
+        Name of the mission; what follows a line break is paler.
+    ax
+        Axes to draw on. One will be created if not given.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes drawn on.
+
+    Raises
+    ------
+    ValueError
+        If no combination has a median.
+    """
+    values = medians.to_numpy(float, na_value=np.nan)
+    found = values[np.isfinite(values)]
+    if not len(found):
+        raise ValueError("Expected the median of at least one combination, got none.")
+    rows, cells = (
+        [wrapped(drawable(str(value)), 24) for value in labels]
+        for labels in (medians.index, medians.columns)
+    )
+    palette, norm = reward_palette(), colour_range(found)
+    best = float(found.max())
+    with theme():
+        if ax is None:
+            wide = float(np.clip(0.15 + 0.085 * max(map(columns, cells)), 0.8, 2.4))
+            (ax,) = study_axes(max(wide * len(cells), 1.6), 0.52 * len(rows))
+        for (row, column), value in np.ndenumerate(values):
+            if not np.isfinite(value):
+                continue
+            colour = palette(norm(value))
+            ax.add_patch(Rectangle((column - 0.5, row - 0.5), 1, 1, facecolor=colour, gid="cell"))
+            ax.text(
+                column,
+                row,
+                f"{value:.4f}",
+                ha="center",
+                va="center",
+                color=readable_on(colour),
+                fontweight="bold" if value == best else "normal",
+                fontsize=9.5,
+                gid="median",
+            )
+        ax.set(xlim=(-0.5, len(cells) - 0.5), ylim=(len(rows) - 0.5, -0.5))
+        ax.set_xticks(range(len(cells)), cells)
+        ax.set_yticks(range(len(rows)), rows)
+        ax.tick_params(length=0)
+        ax.spines[:].set_visible(False)
+        ax.set_xlabel(drawable(str(medians.columns.name)), color=INK)
+        ax.set_ylabel(drawable(str(medians.index.name)), color=INK)
+        title_above(ax, title, f"median {name}; the largest is bold", width=6.0)
+    return ax

@@ -1,0 +1,199 @@
+"""The picture of how many targets runs have reached by when."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from botohe_moo.indicators import TIE
+from botohe_moo.plots.draw.algorithms import chosen_algorithms, styles_of
+from botohe_moo.plots.draw.panels import (
+    MANY,
+    add_background,
+    names_room,
+    open_panels,
+    study_axes,
+    title_panels,
+)
+from botohe_moo.plots.draw.scales import label_ends, log_axis, title_above
+from botohe_moo.plots.draw.style import theme
+from botohe_moo.plots.study.progress import NAMES, Progress, records_of, stairs
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+    from botohe_moo._base.types import FloatArray
+    from botohe_moo.plots.draw.algorithms import AlgorithmStyle
+
+__all__ = ["plot_reached", "reached_shares"]
+
+_Y = "share of runs × targets reached"
+
+
+def plot_reached(
+    trace: pd.DataFrame,
+    runs: pd.DataFrame,
+    targets: Sequence[float] | FloatArray,
+    *,
+    x: Progress = "evaluations",
+    algorithms: Sequence[str] | None = None,
+    styles: Mapping[str, AlgorithmStyle] | None = None,
+    title: str | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw the share of all pairs of a run and a target that are reached, over evaluations.
+
+    A run reaches a target with its first recorded front of at least that area; one that never does,
+    or has no record, counts all the same. From twelve algorithms on each has a panel of its own,
+    with all others in grey.
+
+    Parameters
+    ----------
+    trace
+        Rows of one mission in a study's trace: columns ``algorithm``, ``seed``, ``area`` and that
+        of ``x``.
+    runs
+        Rows of the same mission in its runs: columns ``algorithm`` and ``seed``.
+    targets
+        Areas to be reached, at least one.
+    x
+        What the horizontal, logarithmic axis shows.
+    algorithms
+        Labels of the algorithms to draw. Default: all of them.
+    styles
+        Style of each label, as ``algorithm_styles`` gives them.
+    title
+        Name of the mission; what follows a line break is paler.
+    ax
+        Axes to draw on, for all algorithms. A figure will be created if not given.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes drawn on; those of the first panel where there are several.
+
+    Raises
+    ------
+    ValueError
+        If a column or a target is missing, there are rows of several missions, or an algorithm is
+        not known or none has a record.
+
+    References
+    ----------
+    Hansen, Auger, Ros, Mersmann, Tušar and Brockhoff, "COCO: a platform for comparing continuous
+    optimizers in a black-box setting", Optimization Methods and Software 36, 2021: runtime
+    distributions over pairs of runs and targets.
+    """
+    shares = reached_shares(trace, runs, targets, x=x, algorithms=algorithms)
+    styles = styles_of(list(shares), styles)
+    ends = [points[-1, 0] for points in shares.values() if len(points)]
+    starts = [points[0, 0] for points in shares.values() if len(points)]
+    if not starts:
+        raise ValueError("Expected at least one row of trace, got none.")
+    low, high = float(min(starts)), float(max(ends))
+    lines = {label: _line(points, low, high) for label, points in shares.items()}
+    words = f"{len(targets)} target{'' if len(targets) == 1 else 's'} for each run"
+    with theme():
+        if ax is None and len(lines) >= MANY:
+            panels = open_panels(list(lines), styles)
+            ax = next(iter(panels.values()))
+            log_axis(ax, low, high, small=False)
+            ax.grid(visible=False)
+            ax.set_ylim(-0.02, 1.02)
+            add_background(panels, lines)
+            for label, own in panels.items():
+                _draw(own, lines[label], styles[label])
+            title_panels(panels, title, words, NAMES[x], _Y)
+            return ax
+        if ax is None:
+            height, right = names_room(lines, styles)
+            (ax,) = study_axes(6.0, max(3.7, height), right=right)
+        log_axis(ax, low, high)
+        ax.set_ylim(-0.02, 1.02)
+        for label, line in lines.items():
+            _draw(ax, line, styles[label])
+        ax.set_xlabel(NAMES[x])
+        ax.set_ylabel(_Y)
+        title_above(ax, title, words)
+        label_ends(ax, {label: float(line[-1, 1]) for label, line in lines.items()}, styles)
+    return ax
+
+
+def reached_shares(
+    trace: pd.DataFrame,
+    runs: pd.DataFrame,
+    targets: Sequence[float] | FloatArray,
+    *,
+    x: Progress = "evaluations",
+    algorithms: Sequence[str] | None = None,
+) -> dict[str, FloatArray]:
+    """Give for each algorithm when the share of reached targets changes, and to what.
+
+    Parameters
+    ----------
+    trace
+        As in ``plot_reached``.
+    runs
+        As in ``plot_reached``.
+    targets
+        As in ``plot_reached``.
+    x
+        As in ``plot_reached``.
+    algorithms
+        As in ``plot_reached``.
+
+    Returns
+    -------
+    dict
+        Pairs (n, 2) of progress and share for each label, both ascending: from the first record of
+        any of its runs to the last one; (0, 2) where no run has a record.
+
+    Raises
+    ------
+    ValueError
+        As ``plot_reached``.
+    """
+    labels = chosen_algorithms("runs", runs, ("algorithm", "seed"), algorithms)
+    chosen_algorithms("trace", trace, ("algorithm", "seed", x, "area"), None)
+    wanted = np.sort(np.asarray(targets, float))
+    if not len(wanted) or not np.isfinite(wanted).all():
+        raise ValueError(f"Expected at least one target, all finite, got {list(targets)}.")
+    n_runs = runs["algorithm"].value_counts()
+    records = records_of(trace, x, "area", labels)
+    return {label: _shares(records.get(label, []), wanted, int(n_runs[label])) for label in labels}
+
+
+def _shares(runs: Sequence[FloatArray], targets: FloatArray, n_runs: int) -> FloatArray:
+    if not runs:
+        return np.empty((0, 2))
+    at, n_reached = [], []
+    for run in runs:
+        best = np.maximum.accumulate(run[:, 1])
+        done = np.searchsorted(targets, best + TIE, side="right")
+        at.append(run[:, 0])
+        n_reached.append(np.diff(done, prepend=0))
+    x, steps = np.concatenate(at), np.concatenate(n_reached)
+    order = np.argsort(x, kind="stable")
+    share = np.cumsum(steps[order]) / (n_runs * len(targets))
+    x = x[order]
+    last = np.append(x[1:] != x[:-1], True)  # of several records at once, all count
+    return np.column_stack([x[last], share[last]])
+
+
+def _line(points: FloatArray, low: float, high: float) -> FloatArray:
+    """Give the steps from the lower left to the right edge."""
+    if not len(points):
+        return np.array([[low, 0.0], [high, 0.0]])
+    x = np.concatenate([[low], points[:, 0], [high]])
+    share = np.concatenate([[0.0], points[:, 1], points[-1:, 1]])
+    return stairs(x, share)
+
+
+def _draw(ax: Axes, line: FloatArray, style: AlgorithmStyle) -> None:
+    ax.plot(
+        *line.T, color=style.colour, linestyle=style.line, linewidth=2.0, zorder=3, gid="reached"
+    )

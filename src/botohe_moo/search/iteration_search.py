@@ -1,0 +1,87 @@
+"""Local search within the iterations of another algorithm."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo.kernels.local_search.rule import SearchRule
+from botohe_moo.mission.model import Mission
+from botohe_moo.search.local_search import DEFAULT_MOVES, LocalSearch
+from botohe_moo.trails import PlanBatch
+
+__all__ = ["IterationSearch"]
+
+
+class IterationSearch:
+    """Improves a share of the plans of each iteration of an algorithm.
+
+    Parameters
+    ----------
+    mission
+        What to plan for.
+    share
+        Share of an iteration's plans, in (0, 1].
+    evaluations_each
+        Evaluations for each of them, at least 1.
+    min_survival
+        Survival floor of every robot.
+    random_state
+        Where the search's own generator takes its seed from.
+    """
+
+    def __init__(
+        self,
+        mission: Mission,
+        *,
+        share: float,
+        evaluations_each: int,
+        min_survival: float,
+        random_state: np.random.Generator,
+    ) -> None:
+        self.share = share
+        self.evaluations_each = evaluations_each
+        self._search = LocalSearch(
+            mission,
+            SearchRule(p_reserve=0.0, hops_each=0.0, min_survival=min_survival),
+            moves=DEFAULT_MOVES,
+            reserve_size=1,
+            random_state=random_state,
+        )
+
+    def improve(
+        self, batch: PlanBatch, members: OffsetArray, random_state: np.random.Generator, n_left: int
+    ) -> tuple[PlanBatch, FloatArray, int]:
+        """Start a Pareto local search from some of the plans.
+
+        Parameters
+        ----------
+        batch
+            The iteration's plans.
+        members
+            Indices of its Pareto set: these come first, then others, drawn.
+        random_state
+            Draws among the plans.
+        n_left
+            Evaluations that are left.
+
+        Returns
+        -------
+        tuple
+            The plans that the search has added to the front of those it began with, their E[R]
+            and E[S] (n, 2), and how many plans it has evaluated.
+        """
+        n_chosen = max(1, round(self.share * len(batch)))
+        chosen = random_state.permutation(members)[:n_chosen]
+        if len(chosen) < n_chosen:
+            others = np.setdiff1d(np.arange(len(batch)), members)
+            drawn = random_state.permutation(others)[: n_chosen - len(chosen)]
+            chosen = np.concatenate([chosen, drawn])
+        search = self._search
+        search.restart()
+        search.admit(batch.take(np.sort(chosen)))
+        n_given = search.version
+        n_evaluated = search.run(min(n_left, n_chosen * self.evaluations_each))
+        plans, objectives, numbers = search.plans()
+        found = numbers >= n_given
+        return plans.take(found), objectives[found], n_evaluated

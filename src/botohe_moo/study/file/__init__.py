@@ -1,0 +1,1 @@
+"""From a study file to the runs that it asks for."""

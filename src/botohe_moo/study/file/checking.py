@@ -1,0 +1,299 @@
+"""The content of a study file, checked: shapes, names, parameters, missions, grids."""
+
+from __future__ import annotations
+
+import os
+import unicodedata
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from botohe_moo._base.checks import nearest_first, quoted
+from botohe_moo.algorithms.origin import algorithm_identity, algorithm_origin
+from botohe_moo.algorithms.registry import check_algorithm
+from botohe_moo.mission.formats.files import SUFFIXES
+from botohe_moo.mission.formats.nodelink import mission_content
+from botohe_moo.mission.library import check_mission, load_mission, mission_origin
+from botohe_moo.mission.model import Mission
+from botohe_moo.study.file.config import AlgorithmEntry, Budget, MissionEntry, StudyFile
+from botohe_moo.study.file.expansion import Member, members, seeds_of
+from botohe_moo.study.file.grid import (
+    Study,
+    StudyAlgorithm,
+    StudyMission,
+    canonical,
+    mission_digest,
+)
+from botohe_moo.study.file.shape import Faults, Place, file_faults, misspelt
+
+__all__ = ["CheckedContent"]
+
+MAX_RUNS = 250_000  # a study takes 200 bytes for each, and every run a file
+_MAX_LISTED = 20  # labels in a message
+
+
+class CheckedContent:
+    """Everything that can be said of a study file's content at once.
+
+    Parameters
+    ----------
+    content
+        What the file says.
+    folder
+        Where it is.
+    packages
+        Packages that are not installed any more, by the names of what they registered.
+
+    Attributes
+    ----------
+    faults
+        The path of keys and positions to each culprit, and what is wrong with it.
+    notices
+        The same of what is not wrong, but will not have the effect that somebody may expect.
+    """
+
+    def __init__(self, content: Any, folder: Path, packages: Mapping[str, str]) -> None:
+        self.faults = Faults()
+        self.notices: list[tuple[Place, str]] = []
+        self._folder = folder
+        self._packages = packages
+        self._file: StudyFile | None = None
+        for place, said in file_faults(content):
+            self.faults.add(place, said)
+            if self.faults.full:
+                break
+        if not self.faults:
+            self._file = StudyFile.model_validate(content)
+        content = content if isinstance(content, dict) else {}
+        self._default_budget = _valid(Budget, content.get("budget"))
+        self._missions = list(self._read_missions(_entries(content, "missions", MissionEntry)))
+        self._check_budgets(content)
+        self._algorithms = list(
+            self._read_algorithms(_entries(content, "algorithms", AlgorithmEntry))
+        )
+        self._check_different()
+        self._check_control(content)
+        self._seeds = seeds_of(self._file.seeds) if self._file and not self.faults else ()
+        n_runs = len(self._missions) * len(self._algorithms) * len(self._seeds)
+        if n_runs > MAX_RUNS:
+            self.faults.add(("seeds",), f"expected at most {MAX_RUNS:,} runs, found {n_runs:,}.")
+        if self._file:
+            self.notices += _notices(self._file, [mission.budget for mission in self._missions])
+
+    def study(self, text: str) -> Study:
+        """Give the study, if there are no faults.
+
+        Parameters
+        ----------
+        text
+            The file itself.
+        """
+        assert self._file is not None  # there would be faults
+        return Study(self._file, text, tuple(self._missions), tuple(self._algorithms), self._seeds)
+
+    def _read_missions(self, entries: Mapping[str, MissionEntry]) -> Iterator[StudyMission]:
+        for label, entry in entries.items():
+            for name in ("name_or_path", *(["robots"] if entry.robots is not None else [])):
+                for key in ("parameters", "grid"):
+                    if name in getattr(entry, key):
+                        said = f"{name} stands in the mission's own keys."
+                        self.faults.add(("missions", label, key, name), said)
+        for member in members("missions", entries, self.faults):
+            source = self._mission_source(member)
+            if mission := self._load(source, member):
+                yield StudyMission(
+                    label=member.label,
+                    mission=mission,
+                    source=source,
+                    origin=mission_origin(source["name_or_path"]),
+                    min_survival=member.entry.min_survival,
+                    budget=member.entry.budget or self._default_budget or Budget(evaluations=1),
+                    digest=mission_digest(mission),
+                    family=member.family,
+                    grid=member.grid,
+                )
+
+    def _mission_source(self, member: Member) -> dict[str, Any]:
+        name = member.entry.mission
+        if Path(name).suffix.lower() in SUFFIXES or "/" in name or os.sep in name:
+            name = str(self._folder / name)
+        robots = {} if member.entry.robots is None else {"robots": member.entry.robots}
+        return {"name_or_path": name, **robots, **member.parameters} | {"name_or_path": name}
+
+    def _load(self, source: dict[str, Any], member: Member) -> Mission | None:
+        name, path = source["name_or_path"], member.path
+        parameters = {key: value for key, value in source.items() if key != "name_or_path"}
+        try:
+            mission = load_mission(**source)
+        except (Exception, SystemExit) as error:  # whatever another package's code may do
+            unknown = f"{type(error).__name__}: {error}"
+            found = check_mission(name, parameters, plain=True)
+            for blamed, message in found or [(None, unknown)]:
+                said = message if blamed else self._said_of(name, message)
+                self.faults.add((*path, *_place(blamed, member.entry)), said)
+            return None
+        if _is_foreign(name) and load_mission(**source) != mission:
+            said = "gives another mission each time; it needs a seed among its parameters"
+            self.faults.add((*path, "mission"), f"{name!r} {said}.")
+            return None
+        try:
+            mission_content(mission)  # it will be saved with the study
+        except ValueError as error:
+            self.faults.add((*path, "mission"), str(error))
+            return None
+        return mission
+
+    def _said_of(self, name: str, message: str) -> str:
+        """Say what is wrong with a whole, and which package that it was from is missing."""
+        package = self._packages.get(name)
+        missing = f" It is from the package {package}, which is not installed." if package else ""
+        return f"{name!r}: {message}{missing}"
+
+    def _read_algorithms(self, entries: Mapping[str, AlgorithmEntry]) -> Iterator[StudyAlgorithm]:
+        origins: dict[str, dict[str, str | None]] = {}
+        for member in members("algorithms", entries, self.faults):
+            name = member.entry.algorithm
+            found = check_algorithm(name, member.parameters, plain=True)
+            for blamed, message in found:
+                said = message if blamed else self._said_of(name, message)
+                self.faults.add((*member.path, *_place(blamed, member.entry)), said)
+            if not found:
+                if name not in origins:
+                    origins[name] = algorithm_origin(name)
+                yield StudyAlgorithm(
+                    label=member.label,
+                    algorithm=name,
+                    parameters=member.parameters,
+                    origin=origins[name],
+                    identity=algorithm_identity(name, member.parameters),
+                    family=member.family,
+                    grid=member.grid,
+                )
+
+    def _check_budgets(self, content: Mapping[str, Any]) -> None:
+        """Say which missions have no budget, where no key that is misspelt or wrong is to blame."""
+        if content.get("budget") is not None or misspelt(
+            "budget", [key for key in content if key not in StudyFile.model_fields]
+        ):
+            return
+        entries = _entries(content, "missions", MissionEntry)
+        without = [label for label, entry in entries.items() if entry.budget is None]
+        if without and "budget" in content:
+            said = '"budget:" has no value: expected evaluations or seconds, or both.'
+            self.faults.add(("budget",), said)
+            return
+        for label in without:
+            said = "expected a budget, the mission's own or the study's."
+            self.faults.add(("missions", label), said)
+
+    def _check_different(self) -> None:
+        """Refuse what stands in a study under two labels: its runs would be the same."""
+        alike: dict[str, StudyMission | StudyAlgorithm] = {}
+        for mission in self._missions:
+            self._note("missions", mission, canonical(mission.decides()), alike)
+        # Where one mission's runs are not limited by seconds, threads change nothing there.
+        budgets = [mission.budget for mission in self._missions]
+        budget = next((b for b in budgets if b.seconds is None), Budget(seconds=1))
+        alike = {}
+        for algorithm in self._algorithms:
+            self._note("algorithms", algorithm, canonical(algorithm.decides(budget)), alike)
+        self._check_labels("missions", self._missions)
+        self._check_labels("algorithms", self._algorithms)
+
+    def _check_labels(self, kind: str, found: Sequence[StudyMission | StudyAlgorithm]) -> None:
+        """Refuse labels that are the same, or look the same."""
+        seen: dict[str, StudyMission | StudyAlgorithm] = {}
+        for member in found:
+            other = seen.setdefault(unicodedata.normalize("NFC", member.label), member)
+            repeated = other.family == member.family and other.grid == member.grid  # said before
+            if other is not member and not repeated:
+                how = "have" if other.label == member.label else "look as if they had"
+                said = f"two entries {how} the label {quoted(member.label)}."
+                self.faults.add((kind, member.family), said)
+
+    def _note(
+        self,
+        kind: str,
+        member: StudyMission | StudyAlgorithm,
+        key: str,
+        alike: dict[str, StudyMission | StudyAlgorithm],
+    ) -> None:
+        other = alike.setdefault(key, member)
+        if other.label == member.label:
+            return
+        said = f"{quoted(member.label)} is the same as {quoted(other.label)}"
+        written = [
+            (algorithm.algorithm, algorithm.parameters)
+            for algorithm in (member, other)
+            if isinstance(algorithm, StudyAlgorithm)
+        ]
+        if written and written[0] != written[1]:
+            said += ": defaults, spellings and numbers of threads make no other run"
+        self.faults.add((kind, member.family), f"{said}.")
+
+    def _check_control(self, content: Mapping[str, Any]) -> None:
+        comparison = content.get("comparison")
+        control = comparison.get("control") if isinstance(comparison, dict) else None
+        labels = [algorithm.label for algorithm in self._algorithms]
+        wrong = any(path[:1] == ("algorithms",) for path, _ in self.faults)
+        if isinstance(control, str) and control not in labels and not wrong:
+            known = ", ".join(nearest_first(control, labels)[:_MAX_LISTED])
+            self.faults.add(
+                ("comparison", "control"),
+                f"there is no algorithm {quoted(control)} in this study; its labels are {known}.",
+            )
+
+
+def _notices(file: StudyFile, budgets: list[Budget]) -> Iterator[tuple[Place, str]]:
+    """Say what is without effect: nobody writes it on purpose."""
+    given: list[tuple[Place, Budget | None]] = [(("budget",), file.budget)]
+    given += [(("missions", label, "budget"), e.budget) for label, e in file.missions.items()]
+    for path, budget in given:
+        if budget and budget.seconds is None and "grace_seconds" in budget.model_fields_set:
+            said = "without seconds nobody is killed, and it has no effect."
+            yield (*path, "grace_seconds"), said
+    limits = [budget.evaluations for budget in budgets]
+    if not limits or None in limits:
+        return
+    most = max(limit for limit in limits if limit is not None)
+    beyond = [(n, position) for position, n in enumerate(file.recording.at) if n > most]
+    if beyond:
+        first, position = min(beyond)
+        more = f", nor {len(beyond) - 1:,} further numbers" if len(beyond) > 1 else ""
+        said = f"no run makes {first:,} evaluations{more}: the largest budget is {most:,}."
+        yield ("recording", "at", position), said
+
+
+def _is_foreign(mission: str) -> bool:
+    """Tell whether a mission is made by a function that is not this package's."""
+    return ":" in mission or mission_origin(mission)["package"] not in (None, "botohe-moo")
+
+
+def _entries(content: Mapping[str, Any], key: str, model: type[Any]) -> dict[str, Any]:
+    """Give those entries that are well-formed, whatever is wrong with the others."""
+    given = content.get(key)
+    if isinstance(given, list):
+        given = {name: name for name in given if isinstance(name, str)}
+    if not isinstance(given, dict):
+        return {}
+    valid = {label: _valid(model, entry) for label, entry in given.items()}
+    return {label: entry for label, entry in valid.items() if entry is not None}
+
+
+def _valid(model: type[Any], content: Any) -> Any:
+    try:
+        return None if content is None else model.model_validate(content)
+    except ValidationError:
+        return None
+
+
+def _place(name: str | None, entry: MissionEntry | AlgorithmEntry) -> Place:
+    """Say where in an entry a parameter stands."""
+    if name is None:
+        return ("algorithm",) if isinstance(entry, AlgorithmEntry) else ("mission",)
+    if name in entry.grid:
+        return ("grid", name)
+    own = name == "robots" and isinstance(entry, MissionEntry) and name not in entry.parameters
+    return (name,) if own else ("parameters", name)

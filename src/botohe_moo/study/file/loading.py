@@ -1,0 +1,193 @@
+"""Reading a study file: everything in it is checked before anything runs."""
+
+from __future__ import annotations
+
+import json
+import os
+import warnings
+from collections.abc import Iterable, Mapping
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from botohe_moo._base.checks import nearest_first
+from botohe_moo.study.file.checking import CheckedContent
+from botohe_moo.study.file.document import Document, Fault
+from botohe_moo.study.file.grid import Study
+from botohe_moo.study.file.shape import MAX_FAULTS, Place, printable
+from botohe_moo.study.store.manifest import StudyError, read_manifest
+
+__all__ = ["load_study", "remembered_packages", "study_folder"]
+
+_MAX_BYTES = 1_000_000
+
+
+def load_study(
+    source: str | os.PathLike[str] | Mapping[str, Any],
+    *,
+    out: str | os.PathLike[str] | None = None,
+) -> Study:
+    """Read a study file and check all it says, before anything runs.
+
+    Parameters
+    ----------
+    source
+        Path of a YAML file, or the content of one as a mapping.
+    out
+        Folder of the study's results, if not ``results/NAME``: it remembers which packages
+        algorithms and missions are from, to name those that are missing.
+
+    Raises
+    ------
+    StudyError
+        Lists every fault: the file and line, what was expected and what was found.
+
+    Warns
+    -----
+    UserWarning
+        Names what is allowed but without effect, such as a record beyond every budget.
+
+    Examples
+    --------
+    >>> study = load_study({
+    ...     "name": "trial",
+    ...     "missions": ["toy"],
+    ...     "algorithms": {"ants": "bo-aco", "NSGA-II": {"algorithm": "nsga2"}},
+    ...     "budget": {"evaluations": 1000},
+    ...     "seeds": 5,
+    ... })
+    >>> len(study.runs())
+    10
+    """
+    if isinstance(source, Mapping):
+        content = _as_json(source)
+        checked = CheckedContent(content, Path(), _missing(content, out))
+        faults = [f"{_dotted(at)}{said}" for at, said in checked.faults]
+        notices = [f"{_dotted(at)}{said}" for at, said in checked.notices]
+        text = json.dumps(content, indent=1) + "\n"  # JSON is YAML, too
+    else:
+        path = Path(source)
+        text = _text(path)
+        document = Document.parse(text)
+        found = list(document.faults)
+        checked = CheckedContent(document.content, path.parent, _missing(document.content, out))
+        if document.content is not None or not found:  # else there is nothing to check
+            found += _with_lines(document, checked.faults)
+        faults = [f"{path}:{fault.line}: {fault.message}" for fault in sorted(set(found))]
+        notices = [f"{path}:{f.line}: {f.message}" for f in _with_lines(document, checked.notices)]
+    if faults:
+        more = [f"These are the first {MAX_FAULTS} faults."] if len(faults) >= MAX_FAULTS else []
+        raise StudyError("\n".join([*faults[:MAX_FAULTS], *more]))
+    for notice in notices:
+        warnings.warn(notice, stacklevel=2)
+    return checked.study(text)
+
+
+def _with_lines(document: Document, said: Iterable[tuple[Place, str]]) -> list[Fault]:
+    return [Fault(document.line(at), f"{_dotted(at)}{what}") for at, what in said]
+
+
+def _as_json(source: Mapping[str, Any]) -> Any:
+    """Give a mapping as a file would say it."""
+    try:
+        return json.loads(json.dumps(source, default=_no_json))
+    except (TypeError, RecursionError) as error:
+        raise StudyError(f"Expected what a study file can hold: {error}.") from None
+    except StudyError:
+        raise
+    except ValueError as error:  # a mapping that holds itself
+        raise StudyError(f"Expected what a study file can hold: {error}.") from None
+
+
+def _no_json(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return dict(value)
+    if isinstance(value, np.generic):
+        return value.item()
+    raise StudyError(f"Expected what a study file can hold, got {value!r}.")
+
+
+def _text(path: Path) -> str:
+    try:
+        size = path.stat().st_size
+        with path.open("rb") as file:
+            read = b"" if size > _MAX_BYTES else file.read(_MAX_BYTES + 1)  # a pipe has no size
+    except FileNotFoundError:
+        among = sorted(p.name for p in path.parent.glob("*.y*ml"))
+        near = f"; beside it are {', '.join(nearest_first(path.name, among))}" if among else ""
+        raise StudyError(f"{path}: there is no such file{near}.") from None
+    except OSError as error:
+        raise StudyError(f"{path}: cannot be read ({error.strerror}).") from None
+    except ValueError as error:  # a name with a NUL
+        raise StudyError(f"{str(path)!r}: cannot be read ({error}).") from None
+    if max(size, len(read)) > _MAX_BYTES:
+        found = f"{size / 1e6:.1f} MB" if size > _MAX_BYTES else "more"
+        limit = f"{_MAX_BYTES / 1e6:g} MB"
+        raise StudyError(f"{path}: expected a study file of at most {limit}, found {found}.")
+    try:
+        return read.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise StudyError(
+            f"{path}: expected UTF-8 text, found byte {error.start} is none."
+        ) from None
+
+
+def study_folder(name: object, out: str | os.PathLike[str] | None = None) -> Path:
+    """Give the folder of a study's results: ``out``, or ``results/NAME``.
+
+    Parameters
+    ----------
+    name
+        The study's name.
+    out
+        A folder that somebody has chosen.
+    """
+    return Path("results") / str(name) if out is None else Path(out)
+
+
+def remembered_packages(folder: Path) -> dict[str, str]:
+    """Find out which packages a study was from, and are not installed any more.
+
+    Parameters
+    ----------
+    folder
+        Folder of the study's results; need not exist.
+
+    Returns
+    -------
+    dict
+        Package and version by the name of an algorithm or a mission.
+    """
+    try:
+        manifest = read_manifest(folder)
+        entries = [
+            *((entry["algorithm"], entry) for entry in manifest["algorithms"].values()),
+            *((entry["source"]["name_or_path"], entry) for entry in manifest["missions"].values()),
+        ]
+        named = {name: (entry["package"], entry["version"]) for name, entry in entries}
+    except (StudyError, KeyError, TypeError, AttributeError):  # none, or not ours
+        return {}
+    return {
+        name: f"{package} {version}"
+        for name, (package, version) in named.items()
+        if package is not None and not _is_installed(package)
+    }
+
+
+def _is_installed(package: str) -> bool:
+    try:
+        metadata.distribution(package)
+    except metadata.PackageNotFoundError:
+        return False
+    return True
+
+
+def _missing(content: Any, out: str | os.PathLike[str] | None) -> dict[str, str]:
+    name = content.get("name") if isinstance(content, dict) else None
+    return remembered_packages(study_folder(name, out))
+
+
+def _dotted(path: tuple[int | str, ...]) -> str:
+    return f"{'.'.join(map(printable, path))}: " if path else ""

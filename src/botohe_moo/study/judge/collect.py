@@ -1,0 +1,246 @@
+"""From the files of finished runs to the study's tables."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from botohe_moo._base.types import FloatArray
+from botohe_moo.mission.model import Mission
+from botohe_moo.study.file.grid import Run, Study
+from botohe_moo.study.judge.entries import algorithm_table, mission_table
+from botohe_moo.study.judge.posthoc import compare_ranks
+from botohe_moo.study.judge.scores import reference_fronts, score_runs
+from botohe_moo.study.judge.statistics import compare_algorithms, rank_algorithms, summarise
+from botohe_moo.study.judge.traces import reach_targets, score_records
+from botohe_moo.study.run.environment import environment
+from botohe_moo.study.run.task import Outcome
+from botohe_moo.study.store.store import DamagedError, Store, writing
+from botohe_moo.study.store.tables import SCHEMAS, write_tables
+
+__all__ = ["collect_tables"]
+
+
+def collect_tables(study: Study, store: Store) -> dict[str, pd.DataFrame]:
+    """Make all tables of a study and write them to its folder.
+
+    Parameters
+    ----------
+    study
+        The study.
+    store
+        Its folder; runs that are not there, or whose files are damaged, are not in the tables.
+
+    Returns
+    -------
+    dict
+        The tables by name.
+
+    Raises
+    ------
+    StudyError
+        If the folder cannot be written to.
+    """
+    found = _Found()
+    for run, outcome in _outcomes(study, store):
+        found.add(run, outcome)
+    missions = {mission.label: mission.mission for mission in study.missions}
+    manifest = study.manifest()
+    tables = _judged(study, found, missions)
+    tables["missions"] = mission_table(manifest, missions)
+    tables["algorithms"] = algorithm_table(manifest)
+    ordered = {name: tables[name] for name in SCHEMAS}
+    with writing(store.folder):
+        write_tables(store.folder, ordered, manifest)
+    return ordered
+
+
+def _outcomes(study: Study, store: Store) -> Iterator[tuple[Run, Outcome]]:
+    for run in study.runs():
+        outcome = None
+        if store.finished(run.digest):
+            # Where it is damaged, how it failed the last time counts, if it did.
+            with contextlib.suppress(DamagedError):
+                outcome = store.load(run)
+        outcome = outcome or store.failure(run.digest)
+        if outcome is not None:
+            yield run, outcome
+
+
+@dataclass
+class _Found:
+    """What the files of runs hold, to be made tables of at once.
+
+    Attributes
+    ----------
+    runs
+        What is known of each run but its area.
+    fronts
+        The recorded fronts of each run, the last one final.
+    spent
+        Evaluations, seconds and ties at each record.
+    plans, trails
+        Objectives of each run's final plans, and the trails of all of them as JSON.
+    environments
+        Where runs ran, by digest.
+    """
+
+    runs: list[dict[str, Any]] = field(default_factory=list)
+    fronts: list[list[FloatArray]] = field(default_factory=list)
+    spent: list[tuple[int, float, int]] = field(default_factory=list)
+    plans: list[FloatArray] = field(default_factory=list)
+    trails: list[str] = field(default_factory=list)
+    environments: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+    def add(self, run: Run, outcome: Outcome) -> None:
+        """Take in how a run ended."""
+        where = outcome.environment or environment()
+        self.environments[where["environment"]] = where
+        records = outcome.records
+        self.runs.append(_run_row(run, outcome, where["environment"]))
+        self.fronts.append([record.objectives for record in records])
+        self.spent += [(record.evaluations, record.seconds, record.ties) for record in records]
+        batch, objectives = (records[-1].plans if records else None) or ((), np.empty((0, 2)))
+        labels = run.mission.mission.labels
+        self.plans.append(objectives)
+        self.trails += [json.dumps(labels(plan), ensure_ascii=False) for plan in batch]
+
+    @property
+    def final_fronts(self) -> list[FloatArray]:
+        """The last front of each run; one without points where there is none."""
+        return [fronts[-1] if fronts else np.empty((0, 2)) for fronts in self.fronts]
+
+
+def _run_row(run: Run, outcome: Outcome, where: str) -> dict[str, Any]:
+    budget = run.mission.budget
+    last = outcome.records[-1] if outcome.records else None
+    return {
+        "run": run.digest,
+        "mission": run.mission.label,
+        "algorithm": run.algorithm.label,
+        "seed": run.seed,
+        "status": outcome.status,
+        "stopped_by": outcome.stopped_by,
+        "began": outcome.began,
+        "evaluations": outcome.evaluations,
+        "seconds": outcome.seconds,
+        "recording_seconds": outcome.recording_seconds,
+        "budget_evaluations": budget.evaluations,
+        "budget_seconds": budget.seconds,
+        "min_survival": run.mission.min_survival,
+        "front_size": last.front_size if last else 0,
+        "ties": last.ties if last else 0,
+        "environment": where,
+        "error": outcome.error,
+        "traceback": outcome.traceback,
+    }
+
+
+def _judged(study: Study, found: _Found, missions: dict[str, Mission]) -> dict[str, pd.DataFrame]:
+    """Give what was found as tables, and what it is worth."""
+    comparison, indicators = study.file.comparison, study.file.indicators
+    level = comparison.significance
+    labels = [algorithm.label for algorithm in study.algorithms]
+    tables = _recorded(found)
+    runs = tables["runs"]
+    finals = _with_points(_repeated(runs, map(len, found.final_fronts)), found.final_fronts)
+    references = reference_fronts(runs, finals)
+    tables |= _scored(tables, found, references, missions, indicators)
+    runs = tables["runs"]
+    scores = score_runs(runs, finals, references, missions=missions, indicators=indicators)
+    ranks = rank_algorithms(
+        scores,
+        algorithms=labels,
+        significance=level,
+        digests={mission.label: mission.digest for mission in study.missions},
+    )
+    return tables | {
+        "references": references,
+        "indicators": scores,
+        "comparisons": compare_algorithms(
+            scores, runs=runs, algorithms=labels, control=comparison.control, significance=level
+        ),
+        "ranks": ranks,
+        "posthoc": compare_ranks(ranks, significance=level),
+        "summary": summarise(
+            runs, scores, missions=list(missions), algorithms=labels, significance=level
+        ),
+        "targets": reach_targets(
+            runs, tables["trace"], references, missions=missions, algorithms=labels
+        ),
+    }
+
+
+def _recorded(found: _Found) -> dict[str, pd.DataFrame]:
+    """Give the tables that only hold what was found; areas are still missing."""
+    runs = pd.DataFrame(found.runs, columns=SCHEMAS["runs"].names).fillna({"area": 0.0})
+    records = [front for fronts in found.fronts for front in fronts]
+    sizes = list(map(len, records))
+    trace = _repeated(runs, map(len, found.fronts))
+    spent = pd.DataFrame(found.spent, columns=["evaluations", "seconds", "ties"])
+    trace = trace.join(spent).assign(front_size=sizes, area=0.0, igd_plus=np.nan, epsilon=np.nan)
+    fronts = _repeated(trace, sizes, "evaluations")
+    plans = _repeated(runs, map(len, found.plans)).assign(trails=found.trails)
+    numbers = [np.arange(len(objectives)) for objectives in found.plans]
+    plans["plan_id"] = np.concatenate([np.empty(0, int), *numbers])
+    where = found.environments
+    frames = {
+        "runs": runs,
+        "trace": trace,
+        "fronts": _with_points(fronts, records),
+        "plans": _with_points(plans, found.plans),
+        "environments": pd.DataFrame(
+            [where[key] for key in sorted(where)], columns=SCHEMAS["environments"].names
+        ),
+    }
+    return {name: _typed(name, frame) for name, frame in frames.items()}
+
+
+def _scored(
+    tables: dict[str, pd.DataFrame],
+    found: _Found,
+    references: pd.DataFrame,
+    missions: dict[str, Mission],
+    indicators: Sequence[str],
+) -> dict[str, pd.DataFrame]:
+    """Give ``trace`` with what its fronts are worth, and ``runs`` with the final areas."""
+    runs, trace = tables["runs"], tables["trace"]
+    records = (front for fronts in found.fronts for front in fronts)
+    fronts = zip(trace["mission"].tolist(), records, strict=True)
+    scores = score_records(fronts, references, missions=missions, indicators=indicators)
+    n_records = np.array(list(map(len, found.fronts)), int)
+    areas = np.zeros(len(runs))
+    areas[n_records > 0] = np.array(scores["area"])[np.cumsum(n_records)[n_records > 0] - 1]
+    return {"runs": runs.assign(area=areas), "trace": trace.assign(**scores)}
+
+
+def _repeated(frame: pd.DataFrame, counts: Iterable[int], *further: str) -> pd.DataFrame:
+    """Give the identity of a run once for each of the rows that it has in another table."""
+    rows = np.repeat(np.arange(len(frame)), np.array(list(counts), int))
+    identity = ["run", "mission", "algorithm", "seed"]
+    return frame.loc[:, [*identity, *further]].take(rows).reset_index(drop=True)
+
+
+def _with_points(frame: pd.DataFrame, fronts: Sequence[FloatArray]) -> pd.DataFrame:
+    points = np.concatenate([np.empty((0, 2)), *fronts])
+    return frame.assign(reward=points[:, 0], survivors=points[:, 1])
+
+
+def _typed(name: str, frame: pd.DataFrame) -> pd.DataFrame:
+    """Put columns in order, with their types also where no rows, or no values, tell them."""
+    dtypes = {"int64": "int64", "double": "float64", "string": "str", "bool": "bool"}
+    ordered: pd.DataFrame = frame[SCHEMAS[name].names]
+    return ordered.astype(
+        {
+            field.name: "Int64"
+            if field.nullable and str(field.type) == "int64"
+            else dtypes[str(field.type)]
+            for field in SCHEMAS[name]
+        }
+    )

@@ -1,0 +1,115 @@
+"""What is compared, and on what: the tables whose columns depend on the study."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import pandas as pd
+
+from botohe_moo.mission.model import Mission
+from botohe_moo.study.file.grid import value_text
+from botohe_moo.study.judge.scores import as_table
+
+__all__ = ["algorithm_table", "mission_table"]
+
+
+def mission_table(manifest: Mapping[str, Any], missions: Mapping[str, Mission]) -> pd.DataFrame:
+    """Describe the missions of a study.
+
+    Parameters
+    ----------
+    manifest
+        What the study is.
+    missions
+        The missions by label.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The table ``missions``, in the order of the file: columns of the schema, then one for each
+        parameter in a grid, missing where a mission has none of that name.
+    """
+    rows = []
+    for label, entry in manifest["missions"].items():
+        mission = missions[label]
+        rows.append(
+            {
+                "mission": label,
+                "name": str(entry["source"]["name_or_path"]),
+                "family": entry.get("family", label),
+                "nodes": mission.graph.number_of_nodes(),
+                "arcs": mission.graph.number_of_edges(),
+                "robots": mission.robots,
+                "total_reward": mission.total_reward,
+                "min_survival": entry["min_survival"],
+            }
+        )
+    varied = [entry.get("grid") or {} for entry in manifest["missions"].values()]
+    return _widened("missions", rows, varied, prefix="grid_")
+
+
+def algorithm_table(manifest: Mapping[str, Any]) -> pd.DataFrame:
+    """Describe the algorithms of a study.
+
+    Parameters
+    ----------
+    manifest
+        What the study is.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The table ``algorithms``, in the order of the file: columns of the schema, then one for
+        each parameter that the file gives to any, with the defaults of those it is not given to;
+        missing where an algorithm does not state one of that name.
+    """
+    rows = [
+        {
+            "algorithm": label,
+            "name": entry.get("name", entry["algorithm"]),
+            "family": entry.get("family", label),
+            "package": entry["package"],
+            "version": entry["version"],
+        }
+        for label, entry in manifest["algorithms"].items()
+    ]
+    entries = manifest["algorithms"].values()
+    given = dict.fromkeys(name for entry in entries for name in entry["parameters"])
+    # Beside a value that one algorithm is given stand the defaults of the others.
+    used = [{**entry.get("effective", {}), **entry["parameters"]} for entry in entries]
+    shown = [{name: values[name] for name in given if name in values} for values in used]
+    return _widened("algorithms", rows, shown, prefix="parameter_")
+
+
+def _widened(
+    name: str,
+    rows: list[dict[str, Any]],
+    parameters: Sequence[Mapping[str, Any]],
+    *,
+    prefix: str,
+) -> pd.DataFrame:
+    """Give a table with a further column for each parameter, in the order of appearance."""
+    table = as_table(name, rows)
+    for parameter in dict.fromkeys(key for given in parameters for key in given):
+        column = parameter
+        while column in table:
+            column = prefix + column
+        table[column] = _typed([given.get(parameter) for given in parameters])
+    return table
+
+
+def _typed(values: list[Any]) -> pd.Series[Any]:
+    """Give a column the type that all its values have; texts where they have several."""
+    kinds = {type(value) for value in values if value is not None}
+    if kinds == {bool}:
+        return pd.Series(values, dtype="boolean")
+    try:
+        if kinds == {int}:
+            return pd.Series(values, dtype="Int64")
+        if kinds and kinds <= {int, float}:
+            return pd.Series(values, dtype="float64")
+    except OverflowError:  # an integer of more than 64 bits
+        pass
+    texts = [value if value is None else value_text(value) for value in values]
+    return pd.Series(texts, dtype="str")

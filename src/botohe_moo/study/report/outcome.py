@@ -1,0 +1,158 @@
+"""How algorithms stand on a mission: headline, marks and ranks, all of the same comparisons."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import pandas as pd
+
+from botohe_moo.study.judge import scores
+from botohe_moo.study.judge.ties import merge_ties
+from botohe_moo.study.report.words import (
+    INDICATORS,
+    distinct,
+    fixed,
+    level,
+    listed,
+    main_indicator,
+    significant,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from botohe_moo.study.store.tables import StudyTables
+
+__all__ = ["BETTER", "EQUAL", "WORSE", "Standing", "leader", "standing"]
+
+BETTER, WORSE, EQUAL = "+", "−", "="
+_INVERSE = {BETTER: WORSE, WORSE: BETTER, EQUAL: EQUAL}
+
+
+@dataclass(frozen=True)
+class Standing:
+    """How algorithms stand on a mission by the indicator that a report speaks of first.
+
+    Attributes
+    ----------
+    indicator
+        Its name.
+    medians
+        The algorithms' medians in words, with so many digits that different ones look different.
+    ranks
+        The ranks of these medians; those that are ties share one.
+    best
+        Labels of those with the best median.
+    rival
+        The one that marks refer to: the control, or the first of the best where there is none.
+        None where the control has no run on the mission.
+    found
+        What tests say of a pair: whether the first is better (+), worse (−), or neither (=). Pairs
+        that were not tested are not in it.
+    """
+
+    indicator: str
+    medians: Mapping[str, str]
+    ranks: Mapping[str, float]
+    best: tuple[str, ...]
+    rival: str | None
+    found: Mapping[tuple[str, str], str]
+
+    def mark(self, label: str) -> str:
+        """Say how an algorithm does against the rival; empty where no test says it."""
+        return self.found.get((label, self.rival or ""), "")
+
+    def against(self, label: str, mark: str) -> list[str]:
+        """List the algorithms that one is better or worse than, or not told apart from."""
+        return [other for other in self.medians if self.found.get((label, other)) == mark]
+
+
+def standing(tables: StudyTables, mission: str) -> Standing:
+    """Find out how algorithms stand on a mission.
+
+    Parameters
+    ----------
+    tables
+        The study.
+    mission
+        Label of the mission.
+    """
+    indicator = main_indicator(tables.comparisons)
+    column = f"{indicator}_median"
+    rows = tables.summary[tables.summary["mission"] == mission].dropna(subset=column)
+    labels = rows["algorithm"].tolist()
+    medians = merge_ties(rows[column])
+    more_is_better = scores.INDICATORS[indicator].higher_is_better
+    texts = distinct(medians, fixed) if more_is_better else distinct(medians, significant, digits=3)
+    order = pd.Series(-medians if more_is_better else medians)
+    found: dict[tuple[str, str], str] = {}
+    tested = tables.comparisons
+    tested = tested[(tested["mission"] == mission) & (tested["indicator"] == indicator)]
+    for one, other, n, m, effect, apart in zip(
+        *(tested[name] for name in ("algorithm", "other", "n", "n_other", "a12", "significant")),
+        strict=True,
+    ):
+        if min(n, m) >= 2:
+            mark = EQUAL if not apart else BETTER if effect > 0.5 else WORSE
+            found[one, other], found[other, one] = mark, _INVERSE[mark]
+    best = tuple(label for label, value in zip(labels, order, strict=True) if value == order.min())
+    control = tables.control
+    return Standing(
+        indicator=indicator,
+        medians=dict(zip(labels, texts, strict=True)),
+        ranks=dict(zip(labels, order.rank().tolist(), strict=True)),
+        best=best,
+        rival=next(iter(best), None) if control is None else control if control in labels else None,
+        found=found,
+    )
+
+
+def leader(tables: StudyTables, mission: str) -> str:
+    """Say in a sentence or two who has the best median on a mission, and what tests say of it."""
+    stands = standing(tables, mission)
+    labels, best = list(stands.medians), stands.best
+    if not best:
+        return "No runs yet."
+    which = "largest" if scores.INDICATORS[stands.indicator].higher_is_better else "smallest"
+    name = f"median {INDICATORS[stands.indicator]}"
+    median = stands.medians[best[0]]
+    if len(labels) == 1:
+        return f"{best[0]} has a {name} of {median}."
+    if len(best) == len(labels):
+        said = f"All {len(labels)} algorithms have the same {name}, {median}."
+        return said + _among(stands)
+    if len(best) > 1:
+        return f"{listed(best)} share the {which} {name}, {median}." + _among(stands)
+    interval = ""
+    if stands.indicator == "area":
+        rows = tables.summary[tables.summary["mission"] == mission]
+        row = rows[rows["algorithm"] == best[0]].iloc[0]
+        ends = f"{fixed(row['area_low'])}–{fixed(row['area_high'])}"
+        interval = f" ({level(tables)} interval {ends})"
+    return f"{best[0]} has the {which} {name}, {median}{interval}." + _tested(stands, best[0])
+
+
+def _among(stands: Standing) -> str:
+    """Say which of those with the same median are better all the same."""
+    pairs = [
+        f"{one} is better than {listed(beaten)}"
+        for one in stands.best
+        if (beaten := [x for x in stands.against(one, BETTER) if x in stands.best])
+    ]
+    return f" By the tests, which compare all runs, {'; '.join(pairs)}." if pairs else ""
+
+
+def _tested(stands: Standing, label: str) -> str:
+    """Say what tests say of the one that leads."""
+    others = len(stands.medians) - 1
+    said = []
+    for words, mark in (
+        ("better than", BETTER),
+        ("not told apart from", EQUAL),
+        ("worse, though not by its median, than", WORSE),
+    ):
+        if found := stands.against(label, mark):
+            everybody = len(found) == others > 1
+            said.append(f"{words} {'all others' if everybody else listed(found)}")
+    return f" By the tests it is {'; '.join(said)}." if said else ""

@@ -1,0 +1,261 @@
+"""The page of a report: one file that reads without the network."""
+
+from __future__ import annotations
+
+import base64
+from typing import TYPE_CHECKING, Any
+
+import jinja2
+import pandas as pd
+
+from botohe_moo.study.report.grids import (
+    Grid,
+    comparison_grid,
+    missing_grid,
+    posthoc_grid,
+    posthoc_words,
+    rank_grid,
+    summary_grid,
+    target_grid,
+)
+from botohe_moo.study.report.matrix import matrix
+from botohe_moo.study.report.outcome import leader, standing
+from botohe_moo.study.report.words import (
+    INDICATORS,
+    budget_words,
+    count,
+    fixed,
+    level,
+    main_indicator,
+    parameter_words,
+    seed_words,
+    significant,
+    verdict_words,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from botohe_moo.study.report.figures import ReportFigure
+    from botohe_moo.study.store.tables import StudyTables
+
+__all__ = ["render_page"]
+
+_MANY_FAULTS = 100
+
+
+def render_page(
+    tables: StudyTables, slugs: Mapping[str, str], figures: Mapping[str, Sequence[ReportFigure]]
+) -> str:
+    """Write the report as one HTML page, figures and styles in it.
+
+    Parameters
+    ----------
+    tables
+        The study.
+    slugs
+        What stands for each mission in addresses within the page.
+    figures
+        Figures of each mission, and under ``""`` those of the study as a whole; their files are
+        read.
+    """
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("botohe_moo.study.report", "templates"),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    manifest = tables.manifest
+    page = environment.get_template("report.html.j2").render(
+        title=tables.title,
+        name=tables.name,
+        description=str(manifest.get("description") or ""),
+        size=_size(tables),
+        matrix=matrix(tables),
+        missing=missing_grid(tables),
+        n_missing=tables.n_missing,
+        outcome=[_outcome(tables, label) for label in tables.mission_labels],
+        notes=_notes(tables),
+        missions=_missions(tables),
+        algorithms=_algorithms(tables),
+        settings=_settings(tables),
+        sections=[_section(tables, label, slugs, figures) for label in tables.mission_labels],
+        ranks=_ranks(tables),
+        figures=_figures(figures.get("", ())),
+        faults=_faults(tables),
+        n_faults=int((tables.runs["status"] != "done").sum()),
+        max_faults=_MANY_FAULTS,
+        level=level(tables),
+        environments=_environments(tables),
+    )
+    return f"{page.strip()}\n"
+
+
+def _size(tables: StudyTables) -> str:
+    def number(n: int, thing: str) -> str:
+        return f"{count(n)} {thing}{'' if n == 1 else 's'}"
+
+    n_done = int((tables.runs["status"] == "done").sum())
+    n_runs = len(tables.runs)
+    n_missing = tables.n_missing
+    parts = (
+        (len(tables.mission_labels), "mission"),
+        (len(tables.algorithm_labels), "algorithm"),
+        (len(tables.manifest["seeds"]), "seed"),
+    )
+    listed = ", ".join(number(n, thing) for n, thing in parts)
+    done = "all done" if n_done == n_runs else f"{count(n_done)} done"
+    missing = f"; {count(n_missing)} missing" if n_missing else ""
+    return f"{listed}; {number(n_runs, 'run')}, {done}{missing}."
+
+
+def _outcome(tables: StudyTables, mission: str) -> dict[str, Any]:
+    """Give what the page says of a mission: who leads, and the verdicts about it."""
+    rows = tables.comparisons[tables.comparisons["mission"] == mission]
+    rows = rows[rows["indicator"] == main_indicator(tables.comparisons)]
+    if tables.control is None and len(rows) > 1:
+        # All pairs would be too many: those with the leader answer who is better than whom.
+        best = set(standing(tables, mission).best)
+        rows = rows[rows["algorithm"].isin(best) | rows["other"].isin(best)]
+    verdicts = [verdict_words(row) for row in rows.to_dict("records")]  # type: ignore[arg-type]
+    return {"mission": mission, "leader": leader(tables, mission), "verdicts": verdicts}
+
+
+def _notes(tables: StudyTables) -> list[str]:
+    main = main_indicator(tables.comparisons)
+    notes = tables.ranks.loc[tables.ranks["indicator"] == main, "note"].unique()
+    said = posthoc_words(tables.posthoc[tables.posthoc["indicator"] == main])
+    return [*notes, said] if said else list(notes)
+
+
+def _missions(tables: StudyTables) -> Grid:
+    rows = []
+    for label, entry in tables.manifest["missions"].items():
+        mission = tables.mission(label)
+        rows.append(
+            [
+                label,
+                mission.title,
+                _origin(entry["source"]),
+                budget_words(entry["budget"]),
+                significant(entry["min_survival"]),
+                count(mission.graph.number_of_nodes()),
+                count(mission.graph.number_of_edges()),
+                count(mission.robots),
+                significant(mission.total_reward, 4),
+            ]
+        )
+    header = ["mission", "title", "from", "budget of a run", "survival floor"]
+    return Grid([*header, "nodes", "arcs", "robots", "total reward"], rows, texts=4)
+
+
+def _origin(source: Mapping[str, Any]) -> str:
+    """Say what a mission was made from."""
+    parameters = {key: value for key, value in source.items() if key != "name_or_path"}
+    named = f" ({parameter_words(parameters)})" if parameters else ""
+    return f"{source['name_or_path']}{named}"
+
+
+def _algorithms(tables: StudyTables) -> Grid:
+    rows = [
+        [
+            label,
+            str(entry.get("algorithm", label)),
+            parameter_words(entry.get("parameters") or {}) or "defaults",
+        ]
+        for label, entry in tables.manifest["algorithms"].items()
+    ]
+    return Grid(["label", "algorithm", "parameters"], rows, texts=3)
+
+
+def _settings(tables: StudyTables) -> list[tuple[str, str]]:
+    indicators = tables.manifest["indicators"]
+    compared = f"others with {tables.control}" if tables.control is not None else "all pairs"
+    return [
+        ("Seeds", seed_words(tables.manifest["seeds"])),
+        ("Indicators", ", ".join(INDICATORS.get(name, name) for name in indicators)),
+        ("Compared", f"{compared}, at a significance level of {tables.significance:g}"),
+    ]
+
+
+def _section(
+    tables: StudyTables,
+    mission: str,
+    slugs: Mapping[str, str],
+    figures: Mapping[str, Sequence[ReportFigure]],
+) -> dict[str, Any]:
+    comparisons = tables.comparisons[tables.comparisons["mission"] == mission]
+    return {
+        "label": mission,
+        "anchor": f"mission-{slugs[mission]}",
+        "title": tables.mission(mission).title,
+        "summary": summary_grid(tables, mission),
+        "figures": _figures(figures.get(mission, ())),
+        "targets": target_grid(tables.targets[tables.targets["mission"] == mission]),
+        "comparisons": comparison_grid(comparisons),
+    }
+
+
+def _figures(figures: Sequence[ReportFigure]) -> list[dict[str, str]]:
+    return [
+        {
+            "data": base64.b64encode(figure.path.read_bytes()).decode(),
+            "caption": figure.caption,
+            "alternative": figure.alternative,
+        }
+        for figure in figures
+    ]
+
+
+def _ranks(tables: StudyTables) -> list[dict[str, Any]]:
+    blocks = []
+    for indicator, rows in tables.ranks.groupby("indicator", sort=False):
+        pairs = tables.posthoc[tables.posthoc["indicator"] == indicator]
+        blocks.append(
+            {
+                "indicator": INDICATORS.get(str(indicator), str(indicator)),
+                "grid": rank_grid(rows),
+                "note": str(rows["note"].iloc[0]),
+                "posthoc": posthoc_words(pairs),
+                "pairs": posthoc_grid(pairs),
+            }
+        )
+    return blocks
+
+
+def _faults(tables: StudyTables) -> Grid:
+    rows = tables.runs[tables.runs["status"] != "done"].head(_MANY_FAULTS)
+    cells = [
+        [
+            row["mission"],
+            row["algorithm"],
+            row["status"],
+            row["stopped_by"],
+            "–" if pd.isna(row["error"]) else str(row["error"]),
+            str(row["seed"]),
+            fixed(row["area"]),
+        ]
+        for row in rows.to_dict("records")
+    ]
+    header = ["mission", "algorithm", "status", "stopped by", "error", "seed", "area"]
+    return Grid(header, cells, texts=5)
+
+
+def _environments(tables: StudyTables) -> Grid:
+    n_runs = tables.runs["environment"].value_counts()
+    rows = [
+        [
+            f"botohe_moo {row['botohe_moo']}"
+            + ("" if pd.isna(row["commit"]) else f" ({row['commit']})"),
+            f"Python {row['python']}, {row['packages']}",
+            f"{row['system']}, {row['machine']}, {row['processor']}",
+            str(row["threads"]),
+            count(row["n_cpus"]),
+            count(n_runs.get(row["environment"], 0)),
+        ]
+        for row in tables.environments.to_dict("records")
+    ]
+    header = ["version", "packages", "machine", "threads", "processors", "runs"]
+    return Grid(header, rows, texts=4)

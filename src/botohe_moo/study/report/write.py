@@ -1,0 +1,86 @@
+"""The report of a study: LaTeX tables, figures, and one page with all of it."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from botohe_moo._base.files import replace_file
+from botohe_moo.study.report.figures import FORMATS, draw_figures
+from botohe_moo.study.report.latex import comparisons_latex, ranks_latex, summary_latex
+from botohe_moo.study.report.page import render_page
+
+if TYPE_CHECKING:
+    from botohe_moo.study.store.tables import StudyTables
+
+__all__ = ["slug", "write_report"]
+
+_LONGEST_SLUG = 60
+_FORMER = "summary.csv"  # of earlier versions: the table in the folder above, rounded
+_DRAWN = ".figures"  # names of the figures that are in the folder
+
+
+def write_report(tables: StudyTables) -> list[Path]:
+    """Write the report of a study into the folder ``report`` in the study's own.
+
+    The same tables give the same bytes. Figures of the report before that are not in this one are
+    removed; other files in the folder stay.
+
+    Parameters
+    ----------
+    tables
+        The study, as ``read_study`` gives it.
+
+    Returns
+    -------
+    list of pathlib.Path
+        The files written: ``report.html``, ``summary.tex``, ``comparisons.tex``, ``ranks.tex`` and
+        the figures.
+
+    Raises
+    ------
+    OSError
+        If the folder cannot be written to.
+    """
+    folder = tables.folder / "report"
+    folder.mkdir(exist_ok=True)
+    slugs = {label: slug(label) for label in tables.mission_labels}
+    figures = draw_figures(tables, folder, slugs)
+    drawn = [path for shown in figures.values() for figure in shown for path in figure.paths]
+    _remove_others(folder, {path.name for path in drawn})
+    texts = {
+        "report.html": render_page(tables, slugs, figures),
+        "summary.tex": summary_latex(tables),
+        "comparisons.tex": comparisons_latex(tables),
+        "ranks.tex": ranks_latex(tables),
+    }
+    for name, text in texts.items():
+        replace_file(folder / name, text.encode())
+    return [*(folder / name for name in texts), *drawn]
+
+
+def _remove_others(folder: Path, names: set[str]) -> None:
+    """Remove what the report before has drawn and this one has not; note what this one has."""
+    try:
+        noted = (folder / _DRAWN).read_text("utf-8").splitlines()
+    except (OSError, ValueError):
+        noted = []
+    ends = tuple(f".{end}" for end in FORMATS)
+    before = {name for name in noted if name == Path(name).name and name.endswith(ends)}
+    # So that they are noted also where this is stopped in between.
+    replace_file(folder / _DRAWN, "\n".join(sorted(before | names)).encode())
+    for name in {*before, _FORMER} - names:
+        (folder / name).unlink(missing_ok=True)
+    replace_file(folder / _DRAWN, "\n".join(sorted(names)).encode())
+
+
+def slug(label: str) -> str:
+    """Give the part of a file's name that stands for a mission, another for every label."""
+    plain = re.sub(r"[^a-z0-9._-]+", "-", label.lower()).strip(".-_")[:_LONGEST_SLUG]
+    if plain == label:
+        return plain
+    # What was left out may be all that tells two labels apart.
+    digest = hashlib.sha256(label.encode()).hexdigest()[:8]
+    return f"{plain}-{digest}" if plain else digest

@@ -1,0 +1,1 @@
+"""One run, and the processes and clusters that perform runs."""

@@ -1,0 +1,89 @@
+"""Where runs run: versions, machine, settings of thread pools."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import json
+import os
+import platform
+import subprocess
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+__all__ = ["THREAD_SETTINGS", "environment", "n_cpus"]
+
+# Pools of other libraries would take cores from other workers, and change nothing here.
+THREAD_SETTINGS = (
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "NUMBA_NUM_THREADS",
+)
+_PACKAGES = ("numpy", "numba", "llvmlite", "pymoo", "moocore", "scipy", "networkx")
+
+
+@functools.cache
+def environment() -> dict[str, Any]:
+    """Describe this process's environment, a row of the table ``environments``."""
+    found: dict[str, Any] = {
+        "botohe_moo": version("botohe-moo"),
+        "commit": _commit(),
+        "python": platform.python_version(),
+        "packages": " ".join(f"{name}=={_version(name)}" for name in _PACKAGES),
+        "system": f"{platform.system()} {platform.release()}",
+        "machine": platform.node(),
+        "processor": _processor(),
+        "n_cpus": n_cpus(),
+        "threads": " ".join(
+            f"{name}={os.environ[name]}" for name in THREAD_SETTINGS if name in os.environ
+        ),
+    }
+    digest = hashlib.sha256(json.dumps(found, sort_keys=True).encode()).hexdigest()[:12]
+    return {"environment": digest, **found}
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "missing"
+
+
+def n_cpus() -> int:
+    """Count the processors that this process may use."""
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:  # not on every system
+        return os.cpu_count() or 1
+
+
+def _processor() -> str:
+    try:
+        for line in Path("/proc/cpuinfo").read_text("utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()
+
+
+def _commit() -> str | None:
+    """Give the commit of this package's source, where that is a working copy of its repository."""
+    package = Path(__file__).parents[2]
+    root = package.parents[1]
+    if not ((root / ".git").exists() and (root / "pyproject.toml").exists()):
+        return None
+    try:
+        commit = _git(root, "rev-parse", "HEAD")
+        changed = _git(root, "status", "--porcelain", "--untracked-files=no", "--", "src")
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return f"{commit}+" if changed else commit
+
+
+def _git(root: Path, *arguments: str) -> str:
+    command = ["git", "-C", str(root), *arguments]
+    done = subprocess.run(command, check=True, capture_output=True, text=True, timeout=10)
+    return done.stdout.strip()

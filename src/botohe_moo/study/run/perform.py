@@ -1,0 +1,190 @@
+"""One run, from its description to its records, in whatever process it is performed."""
+
+from __future__ import annotations
+
+import math
+import traceback
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from pymoo.core.algorithm import Algorithm
+from pymoo.core.termination import NoTermination
+
+from botohe_moo._base.types import FloatArray
+from botohe_moo.algorithms.base import ArchiveAlgorithm
+from botohe_moo.algorithms.population import PopulationAlgorithm
+from botohe_moo.algorithms.registry import make_algorithm
+from botohe_moo.algorithms.simulated_annealing import SimulatedAnnealing
+from botohe_moo.mission.library import load_mission
+from botohe_moo.problem import BOTOHE
+from botohe_moo.search.archive import PlanArchive
+from botohe_moo.study.run.metered import BudgetSpentError, CountedBOTOHE, MeteredBOTOHE
+from botohe_moo.study.run.recording import Recorder
+from botohe_moo.study.run.task import Outcome, Record, Task, failure
+from botohe_moo.trails import PlanBatch
+
+__all__ = ["perform", "verify", "warm_up"]
+
+_WARM_UP_EVALUATIONS = 250
+
+
+def perform(
+    task: Task, send: Callable[[Record], None], progress: Callable[[], None] = lambda: None
+) -> Outcome:
+    """Perform a run.
+
+    Parameters
+    ----------
+    task
+        The run.
+    send
+        Is given every record when it is made.
+    progress
+        Is called whenever plans have been evaluated.
+
+    Returns
+    -------
+    Outcome
+        Without records, which have been sent. Whatever the algorithm raises becomes the outcome
+        of a failed run. Who receives the last record has to verify it: an algorithm may have
+        changed what it plans for, as this process knows it.
+    """
+    spent = [0]
+    recorder = None
+    try:
+        algorithm, problem = _prepare(task)
+        recorder = Recorder(task, lambda: _archive(algorithm, problem), send)
+        termination = NoTermination() if task.evaluations is None else ("n_eval", task.evaluations)
+        algorithm.setup(problem, termination=termination, seed=task.seed)
+        if isinstance(problem, CountedBOTOHE):
+            problem.meter.watch = progress
+        stopped_by = _loop(task, algorithm, problem, recorder, spent, progress)
+        seconds = recorder.elapsed()
+        if isinstance(problem, CountedBOTOHE):  # whatever the algorithm says
+            spent[0] = max(spent[0], problem.meter.spent)
+        if task.evaluations is not None and spent[0] > task.evaluations:
+            raise RuntimeError(f"evaluated {spent[0]} plans of the {task.evaluations} allowed")
+        archive = _archive(algorithm, problem)
+        recorder.last(spent[0], seconds)
+    except (Exception, SystemExit) as error:  # whatever an algorithm does ends its own run only
+        said = "".join(traceback.format_exception_only(error)).strip()
+        seconds = recorder.elapsed() if recorder else 0.0
+        return replace(failure(said, traceback.format_exc()), evaluations=spent[0], seconds=seconds)
+    return Outcome(
+        status="done" if len(archive) else "infeasible",
+        stopped_by=stopped_by,
+        evaluations=spent[0],
+        seconds=seconds,
+        recording_seconds=recorder.recording,
+        error=None if len(archive) else "no feasible plan was found",
+    )
+
+
+def _prepare(task: Task) -> tuple[Algorithm, BOTOHE]:
+    """Make the algorithm, and a problem that counts as much as has to be."""
+    algorithm = make_algorithm(task.algorithm, **task.parameters)
+    mission, floor = task.mission, task.min_survival
+    if not isinstance(algorithm, ArchiveAlgorithm | PopulationAlgorithm):
+        return algorithm, MeteredBOTOHE(mission, min_survival=floor, evaluations=task.evaluations)
+    # Annealing evaluates in its kernel, and refuses problems whose evaluation it cannot see.
+    if _is_ours(algorithm) or isinstance(algorithm, SimulatedAnnealing):
+        return algorithm, BOTOHE(mission, min_survival=floor)
+    return algorithm, CountedBOTOHE(mission, min_survival=floor)
+
+
+def _is_ours(algorithm: Algorithm) -> bool:
+    return type(algorithm).__module__.partition(".")[0] == "botohe_moo"
+
+
+def _loop(
+    task: Task,
+    algorithm: Algorithm,
+    problem: BOTOHE,
+    recorder: Recorder,
+    spent: list[int],
+    progress: Callable[[], None],
+) -> str:
+    """Let the algorithm run until its budget is spent; say what ended it."""
+    limit = math.inf if task.seconds is None else task.seconds
+    allowed = math.inf if task.evaluations is None else task.evaluations
+    evaluator = algorithm.evaluator
+    metered = problem if isinstance(problem, MeteredBOTOHE) else None
+    while algorithm.has_next():
+        try:
+            algorithm.next()
+        except BudgetSpentError:
+            spent[0] = metered.meter.spent if metered else evaluator.n_eval
+            break
+        before, spent[0] = spent[0], metered.meter.spent if metered else evaluator.n_eval
+        if spent[0] > before:
+            progress()
+        recorder.watch(spent[0])
+        if spent[0] >= allowed:
+            break
+        if recorder.elapsed() >= limit:
+            return "seconds"
+    return "evaluations" if spent[0] >= allowed else "itself"
+
+
+def _archive(algorithm: Algorithm, problem: BOTOHE) -> PlanArchive:
+    """Give what an algorithm has found so far, as one archive for all kinds of them."""
+    if isinstance(problem, MeteredBOTOHE):
+        return problem.archive
+    archive = (
+        algorithm.plan_archive if isinstance(algorithm, PopulationAlgorithm) else algorithm.archive
+    )
+    if not isinstance(archive, PlanArchive):
+        raise TypeError(f"Expected the archive of {type(algorithm).__name__} to be a PlanArchive.")
+    return archive
+
+
+def verify(task: Task, plans: PlanBatch, claimed: FloatArray) -> None:
+    """Evaluate a final front again: nobody's objectives are taken on trust.
+
+    Parameters
+    ----------
+    task
+        The run.
+    plans
+        Its plans.
+    claimed
+        Their E[R] and E[S] as the algorithm has them, shape (n, 2).
+
+    Raises
+    ------
+    ValueError
+        If a plan is not valid, brings something else, or a robot is below the survival floor.
+    """
+    found = task.mission.evaluate(plans)
+    wrong = np.flatnonzero(~np.isclose(found, claimed, rtol=1e-9, atol=1e-12).all(axis=1))
+    if len(wrong):
+        plan = int(wrong[0])
+        raise ValueError(
+            f"plan {plan} of the final front is claimed to bring {claimed[plan]}, and brings "
+            f"{found[plan]}"
+        )
+    floor = BOTOHE(task.mission, min_survival=task.min_survival).survival_floor
+    if len(plans) and (least := task.mission.robot_survival(plans).min()) < floor:
+        raise ValueError(
+            f"a robot of the final front survives with {least:g}, below {task.min_survival:g}"
+        )
+
+
+def warm_up(task: Task) -> None:
+    """Compile, or load from the cache, what a run will need, so that it is not timed.
+
+    Other packages' algorithms are left alone: who knows what they do.
+    """
+    toy = load_mission("toy")
+    ours = _is_ours(make_algorithm(task.algorithm, **task.parameters))
+    trial = replace(
+        task,
+        mission=toy,
+        min_survival=0.0,
+        algorithm=task.algorithm if ours else "random",
+        parameters=task.parameters if ours else {},
+        evaluations=_WARM_UP_EVALUATIONS,
+        seconds=None,
+    )
+    perform(trial, lambda _: None)

@@ -1,0 +1,330 @@
+"""The tables of a study: their columns, how they are written, and how they are read again."""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+import json
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from botohe_moo.mission.formats.files import read_mission
+from botohe_moo.mission.validation import MissionError
+from botohe_moo.study.file.grid import mission_digest
+from botohe_moo.study.store.manifest import StudyError, read_manifest, tabled_manifest
+from botohe_moo.study.store.schemas import SCHEMAS
+from botohe_moo.study.store.shelf import AGAIN, put_tables, read_file
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Mapping
+
+    from botohe_moo.mission.model import Mission
+    from botohe_moo.trails import TrailPlan
+
+__all__ = ["SCHEMAS", "StudyError", "StudyTables", "read_study", "write_tables"]
+
+SMALL = tuple(name for name in SCHEMAS if name not in ("trace", "fronts", "plans", "references"))
+# Of columns that depend on the study.
+_TYPES = {dtype: dtype for dtype in (pa.string(), pa.int64(), pa.float64(), pa.bool_())}
+_TYPES[pa.large_string()] = pa.string()
+
+
+@dataclass(frozen=True, eq=False)
+class StudyTables:
+    """The outcome of a study as pandas tables; ``SCHEMAS`` describes their columns.
+
+    Attributes
+    ----------
+    folder
+        Where the study is.
+    manifest
+        What the study is: its file, with labels, budgets and the comparison that is wanted.
+    runs
+        One row a run.
+    trace
+        One row a recorded front: how the area grows.
+    fronts
+        The points of all recorded fronts.
+    plans
+        The plans of the final fronts.
+    indicators
+        One row for each run and indicator.
+    references
+        The reference fronts: what all runs on a mission found together.
+    comparisons
+        Pairwise tests, by mission.
+    ranks
+        Average ranks over missions.
+    summary
+        One row for each mission and algorithm.
+    posthoc
+        Pairs of average ranks, where Friedman's test applies.
+    targets
+        What it took to reach parts of the reference fronts' areas.
+    missions, algorithms
+        What is compared, and on what, with a column for each parameter.
+    environments
+        Where runs ran.
+    """
+
+    folder: Path
+    manifest: dict[str, Any]
+    runs: pd.DataFrame
+    trace: pd.DataFrame
+    fronts: pd.DataFrame
+    plans: pd.DataFrame
+    indicators: pd.DataFrame
+    references: pd.DataFrame
+    comparisons: pd.DataFrame
+    ranks: pd.DataFrame
+    summary: pd.DataFrame
+    posthoc: pd.DataFrame
+    targets: pd.DataFrame
+    missions: pd.DataFrame
+    algorithms: pd.DataFrame
+    environments: pd.DataFrame
+
+    @property
+    def name(self) -> str:
+        """The study's name."""
+        return str(self.manifest["name"])
+
+    @property
+    def title(self) -> str:
+        """What the study is, in words; its name where its file says nothing."""
+        return str(self.manifest.get("title") or self.name)
+
+    @property
+    def mission_labels(self) -> list[str]:
+        """Labels of the missions, in the order of the study file."""
+        return list(self.manifest["missions"])
+
+    @property
+    def algorithm_labels(self) -> list[str]:
+        """Labels of the algorithms, in the order of the study file."""
+        return list(self.manifest["algorithms"])
+
+    @property
+    def n_missing(self) -> int:
+        """How many runs of the study were not there yet when its tables were made."""
+        return int(self.missing["missing"].sum())
+
+    @property
+    def control(self) -> str | None:
+        """Label of the algorithm that the others are compared with; None: all pairs."""
+        return self.manifest["comparison"]["control"]  # type: ignore[no-any-return]
+
+    @property
+    def significance(self) -> float:
+        """Significance level of the comparisons; intervals cover 1 minus this."""
+        return float(self.manifest["comparison"]["significance"])
+
+    @property
+    def missing(self) -> pd.DataFrame:
+        """Runs of the study that are not in the tables: ``mission``, ``algorithm``, ``missing``.
+
+        A row for each mission and algorithm that lacks some. They were not performed yet, or the
+        study was stopped.
+        """
+        wanted = len(self.manifest["seeds"])
+        found: Any = self.runs.groupby(["mission", "algorithm"]).size()
+        rows = [
+            (mission, algorithm, wanted - int(found.get((mission, algorithm), 0)))
+            for mission in self.mission_labels
+            for algorithm in self.algorithm_labels
+        ]
+        table = pd.DataFrame(rows, columns=["mission", "algorithm", "missing"])
+        return table[table["missing"] > 0].reset_index(drop=True)
+
+    def mission(self, label: str) -> Mission:
+        """Give a mission by its label.
+
+        Parameters
+        ----------
+        label
+            One of ``mission_labels``.
+
+        Raises
+        ------
+        KeyError
+            If there is no such mission.
+        StudyError
+            If its file is not the mission that was planned for any more.
+        """
+        if label not in self._missions:
+            entry = self.manifest["missions"][label]
+            self._missions[label] = saved_mission(self.folder / entry["file"], entry["digest"])
+        return self._missions[label]
+
+    @cached_property
+    def _missions(self) -> dict[str, Mission]:
+        """The missions that have been read so far, by label."""
+        return {}
+
+    def plan(self, run: str, plan_id: int) -> TrailPlan:
+        """Give a plan of a final front, to be evaluated again or drawn.
+
+        Parameters
+        ----------
+        run
+            Identity of the run, or the beginning of it, as in column ``run``.
+        plan_id
+            Number of the plan on its front, as in column ``plan_id``.
+
+        Raises
+        ------
+        KeyError
+            If there is no such run or plan, or several runs begin like that.
+        """
+        found = self.plans[
+            self.plans["run"].str.startswith(run) & (self.plans["plan_id"] == plan_id)
+        ]
+        if len(found) != 1:
+            raise KeyError(f"Expected one plan {plan_id} of a run {run!r}, found {len(found)}.")
+        row = found.iloc[0]
+        trails = json.loads(row["trails"])
+        return self.mission(row["mission"]).plan([[_label(v) for v in trail] for trail in trails])
+
+
+def saved_mission(path: Path, digest: str) -> Mission:
+    """Read a mission that is kept with a study.
+
+    Parameters
+    ----------
+    path
+        Its file.
+    digest
+        Of the mission that was planned for.
+
+    Raises
+    ------
+    StudyError
+        If the file holds another one, or none.
+    """
+    try:
+        mission = read_mission(path)
+    except MissionError as error:
+        said = " ".join(str(error).split())
+        raise StudyError(f"{said}; run the study again.") from error
+    if mission_digest(mission) != digest:
+        raise StudyError(
+            f"{path}: not the mission that was planned for any more; run the study again."
+        )
+    return mission
+
+
+def _label(value: Any) -> Any:
+    """Give a node label as missions have it: JSON knows no tuples."""
+    return tuple(map(_label, value)) if isinstance(value, list) else value
+
+
+def to_arrow(name: str, frame: pd.DataFrame) -> pa.Table:
+    """Check a table's columns and types.
+
+    Raises
+    ------
+    StudyError
+        If a column is missing or too many, of another type, or lacks values it has to have. Further
+        columns of ``missions`` and ``algorithms`` may be texts, integers, numbers or flags.
+    """
+    schema = SCHEMAS[name]
+    columns = list(frame.columns)
+    n_further = len(columns) - len(schema) if schema.metadata else 0
+    if columns[: len(columns) - n_further] != schema.names or len(set(columns)) < len(columns):
+        raise StudyError(f"Table {name}: expected columns {schema.names}, got {columns}.")
+    try:
+        for field in pa.Schema.from_pandas(frame.iloc[:, len(schema) :], preserve_index=False):
+            schema = schema.append(pa.field(field.name, _TYPES[field.type]))
+        table = pa.Table.from_pandas(frame, schema=schema, preserve_index=False, safe=True)
+    except KeyError as error:
+        raise StudyError(f"Table {name}: a column of type {error.args[0]}.") from error
+    except (pa.ArrowInvalid, pa.ArrowTypeError, TypeError, ValueError) as error:
+        raise StudyError(f"Table {name}: {error}") from error
+    for field in schema:
+        if not field.nullable and table.column(field.name).null_count:
+            raise StudyError(f"Table {name}: expected values in all rows of column {field.name}.")
+    return table
+
+
+def write_tables(
+    folder: Path, tables: Mapping[str, pd.DataFrame], manifest: Mapping[str, Any]
+) -> None:
+    """Write tables as Parquet, the small ones as CSV, too, and the manifest that vouches for them.
+
+    Parameters
+    ----------
+    folder
+        The study's folder.
+    tables
+        All tables by name.
+    manifest
+        What the study is; the digests of the tables are added, so that tables of different
+        moments are never taken for one study's.
+
+    Raises
+    ------
+    StudyError
+        If a table is not of its schema; nothing is written then.
+    OSError
+        If the folder cannot be written to.
+    """
+    checked = {name: to_arrow(name, frame) for name, frame in tables.items()}
+    files = {}
+    for name, table in checked.items():
+        buffer = io.BytesIO()
+        pq.write_table(table, buffer, compression="zstd")
+        files[f"{name}.parquet"] = buffer.getvalue()
+        if name in SMALL:
+            files[f"{name}.csv"] = tables[name].to_csv(index=False, lineterminator="\n").encode()
+    put_tables(folder, files, manifest)
+
+
+def read_study(folder: str | os.PathLike[str]) -> StudyTables:
+    """Read the tables of a study: while a runner is at work, those that were made last.
+
+    Parameters
+    ----------
+    folder
+        Folder that ``botohe study run`` has written to.
+
+    Raises
+    ------
+    StudyError
+        If it holds no study, no tables are made yet, or one is missing or damaged; names the file.
+    """
+    folder = Path(folder)
+    manifest = read_manifest(folder)
+    names = [field.name for field in dataclasses.fields(StudyTables)][2:]
+    while True:
+        tabled = tabled_manifest(manifest)
+        if tabled is None or not tabled["tables"].keys() >= set(names):
+            raise StudyError(
+                f"{folder}: its tables are not made yet: a runner is at work, or was killed. "
+                f"`botohe study tables {folder}` makes them of the runs that are there."
+            )
+        try:
+            tables = {name: _read_table(folder, name, tabled["tables"]) for name in names}
+        except StudyError:
+            latest = read_manifest(folder)
+            if latest == manifest:
+                raise
+            manifest = latest  # they have been replaced meanwhile
+        else:
+            return StudyTables(folder, tabled, **tables)
+
+
+def _read_table(folder: Path, name: str, digests: Mapping[str, str]) -> pd.DataFrame:
+    data = read_file(folder, f"{name}.parquet", digests)
+    try:
+        table: pd.DataFrame = pq.read_table(io.BytesIO(data)).to_pandas()
+    except (OSError, pa.ArrowException) as error:
+        path = folder / f"{name}.parquet"
+        raise StudyError(f"{path}: cannot be read ({error}); {AGAIN}.") from error
+    return table

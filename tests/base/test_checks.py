@@ -1,0 +1,212 @@
+"""Every message of the parameter checks, and the kinds of numbers they take."""
+
+import math
+from decimal import Decimal
+from fractions import Fraction
+from functools import partial
+
+import numpy as np
+import pytest
+
+from botohe_moo._base.checks import (
+    check_flag,
+    check_integer,
+    check_number,
+    check_parameters,
+    keyword_names,
+    nearest_first,
+)
+
+
+class TestInteger:
+    @pytest.mark.parametrize("value", [3, np.int8(3), np.uint64(3), np.array([3])[0]])
+    def test_integers_of_any_kind_become_int(self, value):
+        assert check_integer("n_ants", value, at_least=3) == 3
+        assert type(check_integer("n_ants", value, at_least=3)) is int
+
+    def test_integers_have_no_upper_bound(self):
+        assert check_integer("n", 10**30, at_least=0) == 10**30
+
+    @pytest.mark.parametrize("value", [2, -5, np.int64(2), -(10**30)])
+    def test_too_small(self, value):
+        with pytest.raises(ValueError, match=rf"^Expected n_ants >= 3, got {value}\.$"):
+            check_integer("n_ants", value, at_least=3)
+
+    @pytest.mark.parametrize(
+        ("value", "got"),
+        [
+            (3.0, "3.0"),
+            (np.float64(3), "np.float64(3.0)"),
+            (True, "True"),
+            (np.True_, "np.True_"),
+            ("3", "'3'"),
+            (None, "None"),
+            (math.nan, "nan"),
+            (Fraction(3), "Fraction(3, 1)"),
+            (Decimal(3), "Decimal('3')"),
+            ([3], "[3]"),
+            (3 + 0j, "(3+0j)"),
+        ],
+    )
+    def test_no_integer(self, value, got):
+        with pytest.raises(ValueError, match=r"^Expected") as error:
+            check_integer("n_ants", value, at_least=0)
+        assert str(error.value) == f"Expected n_ants to be an integer >= 0, got {got}."
+
+
+class TestNumber:
+    @pytest.mark.parametrize(
+        "value", [0.5, np.float64(0.5), np.float32(0.5), Fraction(1, 2)], ids=repr
+    )
+    def test_numbers_of_any_kind_become_float(self, value):
+        assert check_number("evaporation", value) == 0.5
+        assert type(check_number("evaporation", value)) is float
+
+    @pytest.mark.parametrize("value", [2, np.int16(2), np.uint8(2)], ids=repr)
+    def test_integers_become_float(self, value):
+        assert check_number("epsilon", value, above=1) == 2.0
+        assert type(check_number("epsilon", value)) is float
+
+    @pytest.mark.parametrize(
+        ("bounds", "expected", "inside", "outside"),
+        [
+            ({"above": 0, "below": 1}, "x in (0, 1)", [5e-324, 0.5, 1 - 2**-53], [0, 1, -1, 2]),
+            ({"at_least": 0, "below": 1}, "x in [0, 1)", [0, 0.5], [-5e-324, 1.0]),
+            ({"below": 0.5}, "x in (-inf, 0.5)", [-1e300, 0], [0.5, 7]),
+            ({"above": 0}, "x > 0", [5e-324, 1e300], [0.0, -0.0, -1]),
+            ({"at_least": 0}, "x >= 0", [0, -0.0, 1e300], [-5e-324]),
+            ({"above": 0, "at_least": 1}, "x >= 1", [1, 2], [0.5]),
+            ({"above": 1, "at_least": 0}, "x > 1", [1.5], [1, 0.5]),
+            ({"above": 1, "at_least": 1}, "x > 1", [1.5], [1]),
+            ({"above": 0.25, "below": 2.5}, "x in (0.25, 2.5)", [1], [0.25, 2.5]),
+        ],
+    )
+    def test_bounds(self, bounds, expected, inside, outside):
+        for value in inside:
+            assert check_number("x", value, **bounds) == value
+        for value in [*outside, None, "1", True, np.False_, math.nan, Decimal("0.7"), 1j, [1]]:
+            with pytest.raises(ValueError, match=r"^Expected") as error:
+                check_number("x", value, **bounds)
+            assert str(error.value) == f"Expected {expected}, got {value!r}."
+
+    @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, "1", True, 10**400])
+    def test_without_bounds(self, value):
+        with pytest.raises(ValueError, match=r"^Expected") as error:
+            check_number("x", value)
+        assert str(error.value) == f"Expected x to be a finite number, got {value!r}."
+
+    @pytest.mark.parametrize("value", [math.inf, np.float32("inf"), 10**400, Fraction(10**400, 3)])
+    def test_infinity(self, value):
+        with pytest.raises(ValueError, match=r"^Expected x > 0 and finite, got "):
+            check_number("x", value, above=0)
+        with pytest.raises(ValueError, match=r"^Expected x >= 0 and finite, got "):
+            check_number("x", value, at_least=0)
+        with pytest.raises(ValueError, match=r"^Expected x in \(0, 1\), got "):
+            check_number("x", value, above=0, below=1)
+
+    @pytest.mark.parametrize("value", [-math.inf, -(10**400)])
+    def test_minus_infinity(self, value):
+        with pytest.raises(ValueError, match=r"^Expected x > 0, got -"):
+            check_number("x", value, above=0)
+
+    def test_what_counts_is_the_float(self):
+        # A caller that divides by it, or takes its logarithm, sees the float only.
+        with pytest.raises(ValueError, match=r"^Expected x > 0, got Fraction"):
+            check_number("x", Fraction(1, 10**400), above=0)
+        with pytest.raises(ValueError, match=r"^Expected x in \[0, 1\), got Fraction"):
+            check_number("x", 1 - Fraction(1, 10**30), at_least=0, below=1)
+
+    def test_another_choice(self):
+        with pytest.raises(ValueError, match=r"^Expected tau > 0 or 'bounds', got 'bound'\.$"):
+            check_number("tau", "bound", above=0, other="'bounds'")
+
+
+class TestFlag:
+    @pytest.mark.parametrize("value", [True, np.True_])
+    def test_true(self, value):
+        assert check_flag("heuristic", value) is True
+
+    @pytest.mark.parametrize("value", [False, np.False_])
+    def test_false(self, value):
+        assert check_flag("heuristic", value) is False
+
+    @pytest.mark.parametrize("value", [1, 0, "true", None, np.int64(1), 1.0, []])
+    def test_neither(self, value):
+        with pytest.raises(ValueError, match=r"^Expected") as error:
+            check_flag("heuristic", value)
+        assert str(error.value) == f"Expected heuristic to be true or false, got {value!r}."
+
+
+class TestParameters:
+    def test_known_ones(self):
+        assert check_parameters("Mission 'm'", ["seed", "nodes"], ["nodes", "seed"]) is None
+        assert check_parameters("Mission 'm'", [], []) is None
+        assert check_parameters("Mission 'm'", ["robots"], ["nodes"], also=["robots"]) is None
+
+    def test_a_function_that_takes_any(self):
+        assert check_parameters("Mission 'm'", ["whatever"], None) is None
+
+    def test_the_known_ones_are_listed_nearest_first(self):
+        with pytest.raises(ValueError, match=r"^Mission") as error:
+            check_parameters(
+                "Mission 'm'", ["seed", "nods"], iter(["seed", "radius", "nodes"]), also=["robots"]
+            )
+        assert str(error.value) == (
+            "Mission 'm': there is no parameter 'nods'; known are nodes, radius, robots, seed."
+        )
+
+    def test_every_unknown_one_is_named(self):
+        with pytest.raises(ValueError, match=r"there is no parameter 'a' or 'b'; known are c\.$"):
+            check_parameters("Algorithm 'x'", iter(["a", "c", "b"]), {"c"})
+
+    def test_what_takes_no_parameters_says_so(self):
+        with pytest.raises(
+            ValueError, match=r"^Algorithm 'x': there is no parameter 'a'; it takes none\.$"
+        ):
+            check_parameters("Algorithm 'x'", ["a"], [])
+
+
+class TestKeywordNames:
+    def test_keyword_and_ordinary_parameters(self):
+        def function(a, /, b, *rest, c, d=1): ...
+
+        assert keyword_names(function) == ("b", "c", "d")
+
+    def test_any(self):
+        assert keyword_names(lambda a, **rest: None) is None
+
+    def test_none(self):
+        assert keyword_names(lambda: None) == ()
+
+    def test_a_class_takes_what_its_constructor_takes(self):
+        class Thing:
+            def __init__(self, size, *, colour): ...
+
+            def paint(self, colour): ...
+
+        assert keyword_names(Thing) == ("size", "colour")
+        assert keyword_names(Thing(1, colour=2).paint) == ("colour",)
+
+    def test_what_a_partial_has_filled_in_by_position_is_gone(self):
+        assert keyword_names(partial(lambda a, b: None, 1)) == ("b",)
+
+    def test_what_does_not_tell_takes_any(self):
+        assert keyword_names(dict.update) is None  # has **kwargs in C only
+        assert keyword_names(type) is None
+
+
+class TestNearestFirst:
+    def test_the_most_alike_comes_first(self):
+        names = ["toy", "terrain", "terrain_200", "power_plant"]
+        assert nearest_first("terain", names) == ["terrain", "terrain_200", "power_plant", "toy"]
+
+    def test_case_does_not_count(self):
+        assert nearest_first("NSGA2", ["nsga3", "Nsga2", "NSGA"]) == ["Nsga2", "NSGA", "nsga3"]
+
+    def test_those_alike_are_sorted_by_name(self):
+        assert nearest_first("x", ["b", "c", "a"]) == ["a", "b", "c"]
+        assert nearest_first("", {"b", "a"}) == ["a", "b"]
+
+    def test_nothing_is_left_out(self):
+        assert nearest_first("x", iter(["b", "b", "xy"])) == ["xy", "b", "b"]
+        assert nearest_first("x", []) == []

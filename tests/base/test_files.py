@@ -1,0 +1,114 @@
+"""A file appears complete or stays as it was, and nothing else is left behind."""
+
+import errno
+import os
+
+import pytest
+
+from botohe_moo._base.files import new_folder, replace_file
+
+
+def contents(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def test_a_new_file(tmp_path):
+    replace_file(tmp_path / "plans.json", b"[]\r\n\x00\xff")
+    assert contents(tmp_path) == {"plans.json": b"[]\r\n\x00\xff"}
+
+
+def test_a_file_is_replaced(tmp_path):
+    path = tmp_path / "plans.json"
+    path.write_bytes(b"a longer text than the new one")
+    replace_file(path, b"new")
+    assert contents(tmp_path) == {"plans.json": b"new"}
+
+
+def test_nothing_is_something_to_write(tmp_path):
+    replace_file(tmp_path / "plans.json", b"")
+    assert contents(tmp_path) == {"plans.json": b""}
+
+
+def test_the_longest_names_still_have_room_for_a_temporary_one(tmp_path):
+    name = "p" * os.pathconf(tmp_path, "PC_NAME_MAX")
+    replace_file(tmp_path / name, b"x")
+    assert contents(tmp_path) == {name: b"x"}
+
+
+def test_who_reads_meanwhile_sees_the_old_file(tmp_path):
+    path = tmp_path / "plans.json"
+    path.write_bytes(b"old")
+    with path.open("rb") as reader:
+        replace_file(path, b"new")
+        assert reader.read() == b"old"
+    assert path.read_bytes() == b"new"
+
+
+def test_a_new_file_has_the_usual_permissions(tmp_path):
+    (tmp_path / "usual").write_bytes(b"")
+    replace_file(tmp_path / "ours", b"")
+    assert (tmp_path / "ours").stat().st_mode == (tmp_path / "usual").stat().st_mode
+
+
+@pytest.mark.parametrize("stage", ["open", "fsync", "replace"])
+@pytest.mark.parametrize(
+    "failure", [OSError(errno.ENOSPC, "No space left on device"), KeyboardInterrupt()], ids=repr
+)
+def test_whatever_fails_leaves_the_old_file(tmp_path, monkeypatch, stage, failure):
+    path = tmp_path / "plans.json"
+    path.write_bytes(b"old")
+
+    def fail(*_, **__):
+        raise failure
+
+    owner = os if stage == "fsync" else type(path)
+    with monkeypatch.context() as patched:
+        patched.setattr(owner, stage, fail)
+        with pytest.raises(type(failure)) as raised:
+            replace_file(path, b"new")
+    assert contents(tmp_path) == {"plans.json": b"old"}
+    if isinstance(failure, OSError):
+        assert (raised.value.errno, raised.value.filename) == (errno.ENOSPC, str(path))
+        assert str(raised.value) == f"[Errno {errno.ENOSPC}] No space left on device: {str(path)!r}"
+
+
+def test_a_missing_folder(tmp_path):
+    path = tmp_path / "missing" / "plans.json"
+    with pytest.raises(FileNotFoundError) as raised:
+        replace_file(path, b"new")
+    assert raised.value.filename == str(path)
+    assert contents(tmp_path) == {}
+
+
+def test_a_file_in_place_of_the_folder(tmp_path):
+    (tmp_path / "file").write_bytes(b"old")
+    with pytest.raises(NotADirectoryError) as raised:
+        replace_file(tmp_path / "file" / "plans.json", b"new")
+    assert raised.value.filename == str(tmp_path / "file" / "plans.json")
+
+
+def test_a_folder_in_place_of_the_file(tmp_path):
+    path = tmp_path / "plans.json"
+    path.mkdir()
+    with pytest.raises(IsADirectoryError) as raised:
+        replace_file(path, b"new")
+    assert raised.value.filename == str(path)
+    assert [found.name for found in tmp_path.iterdir()] == ["plans.json"]
+
+
+class TestNewFolder:
+    def test_it_is_new_every_time(self, tmp_path):
+        for name in ("run", "run-2", "run-3"):
+            with new_folder(tmp_path / "all" / "run") as folder:
+                assert folder == tmp_path / "all" / name
+                (folder / "file").touch()
+        assert len(list((tmp_path / "all").iterdir())) == 3
+
+    def test_two_at_a_time(self, tmp_path):
+        with new_folder(tmp_path / "run") as first, new_folder(tmp_path / "run") as second:
+            assert {first.name, second.name} == {"run", "run-2"}
+
+    def test_an_empty_one_goes_again(self, tmp_path):
+        with pytest.raises(KeyboardInterrupt), new_folder(tmp_path / "all" / "run"):
+            raise KeyboardInterrupt
+        assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,605 @@
+"""Distributions against hand-computed numbers and enumeration; simulation against both."""
+
+import json
+from collections import defaultdict
+from dataclasses import FrozenInstanceError
+from itertools import pairwise
+from pathlib import Path
+
+import networkx as nx
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import botohe_moo.mission
+from botohe_moo.mission import Mission, PlanError
+from botohe_moo.outcomes.distribution import Distribution
+from botohe_moo.outcomes.outcomes import (
+    Outcomes,
+    plan_outcomes,
+    reward_distribution,
+    simulate,
+    survivors_distribution,
+)
+from tests import twins
+from tests.strategies import missions_with_plans
+
+
+@pytest.fixture
+def harbour():
+    """Dock (base, pays 1) between reef (pays 4) and cape (pays 5); powers of two survive."""
+    graph = nx.DiGraph(base="dock", robots=2)
+    graph.add_nodes_from(["dock", "reef", "cape"])
+    nx.set_node_attributes(graph, {"dock": 1, "reef": 4, "cape": 5}, "reward")
+    for tail, head, survival in [
+        ("dock", "reef", 0.5),
+        ("reef", "dock", 0.75),
+        ("reef", "cape", 0.25),
+        ("cape", "reef", 1.0),
+        ("dock", "cape", 1.0),
+        ("cape", "dock", 0.5),
+    ]:
+        graph.add_edge(tail, head, survival=survival)
+    return Mission(graph)
+
+
+def museum(robots):
+    data = Path(botohe_moo.mission.__file__).parent / "data" / "art_museum.json"
+    graph = nx.node_link_graph(json.loads(data.read_text("utf-8")), edges="edges")
+    return Mission(graph, robots=robots)
+
+
+def wandering_plan(mission, hops, seed):
+    """Trails that take random unused arcs as long as they can, and from ``hops`` on go home."""
+    rng, arrays = np.random.default_rng(seed), mission.arrays
+    trails = []
+    for _ in range(mission.robots):
+        unused = nx.DiGraph(zip(arrays.tail.tolist(), arrays.head.tolist(), strict=True))
+        trail = [arrays.base]
+        while len(trail) <= hops and unused.out_degree(trail[-1]):
+            trail.append(int(rng.choice(list(unused[trail[-1]]))))
+            unused.remove_edge(*trail[-2:])
+        trail += nx.shortest_path(unused, trail[-1], arrays.base)[1:]
+        trails.append([mission.nodes[node] for node in trail])
+    return mission.plan(trails)
+
+
+def as_dict(distribution):
+    return dict(zip(distribution.values.tolist(), distribution.probabilities.tolist(), strict=True))
+
+
+def ring(n_nodes, survival):
+    """Base 0 and nodes that pay 1 each, in a circle that can be walked both ways."""
+    graph = nx.cycle_graph(n_nodes).to_directed()
+    nx.set_node_attributes(graph, 1, "reward")
+    nx.set_edge_attributes(graph, survival, "survival")
+    return graph
+
+
+# --- distributions of tiny plans, by hand
+
+
+def test_reward_of_one_robot_is_the_base_and_what_its_fate_reaches(harbour):
+    plan = harbour.with_robots(1).plan([["dock", "reef", "cape", "dock"]])
+    reward = reward_distribution(harbour.with_robots(1), plan)
+    assert as_dict(reward) == {1.0: 0.5, 5.0: 0.375, 10.0: 0.125}
+    assert reward.exact
+    assert reward.n_samples is None
+    assert as_dict(survivors_distribution(harbour.with_robots(1), plan)) == {0: 0.9375, 1: 0.0625}
+
+
+def test_robots_at_base_add_nothing_but_survivors(harbour):
+    plan = harbour.plan([["dock"], ["dock"]])
+    found = plan_outcomes(harbour, plan)
+    assert as_dict(found.reward) == {1.0: 1.0}
+    assert as_dict(found.survivors) == {2.0: 1.0}
+    plan = harbour.plan([["dock"], ["dock", "reef", "dock"]])
+    found = plan_outcomes(harbour, plan)
+    assert as_dict(found.reward) == {1.0: 0.5, 5.0: 0.5}
+    assert as_dict(found.survivors) == {1.0: 0.625, 2.0: 0.375}
+
+
+def test_nodes_and_base_visited_again_pay_once(harbour):
+    one = harbour.with_robots(1)
+    plan = one.plan([["dock", "cape", "reef", "dock", "reef", "cape", "dock"]])
+    assert as_dict(reward_distribution(one, plan)) == {10.0: 1.0}
+    plan = one.plan([["dock", "reef", "dock", "cape", "reef", "cape", "dock"]])
+    # the reef with 1/2, the cape behind two more arcs with 1/2 · 3/4
+    assert as_dict(reward_distribution(one, plan)) == {1.0: 0.5, 5.0: 0.125, 10.0: 0.375}
+
+
+def test_robots_that_share_a_node_are_paid_for_it_once(harbour):
+    plan = harbour.plan([["dock", "reef", "dock"], ["dock", "reef", "cape", "dock"]])
+    # nobody at the reef: 1/4; the second at the cape: 1/8, for which it was at the reef
+    assert as_dict(reward_distribution(harbour, plan)) == {1.0: 0.25, 5.0: 0.625, 10.0: 0.125}
+
+
+def test_a_node_that_one_robot_reaches_for_sure_is_certain_for_all(harbour):
+    plan = harbour.plan([["dock", "cape", "dock"], ["dock", "reef", "cape", "dock"]])
+    assert as_dict(reward_distribution(harbour, plan)) == {6.0: 0.5, 10.0: 0.5}
+
+
+def test_rewards_of_robots_apart_add_up_and_equal_sums_merge():
+    graph = nx.DiGraph(base="b", robots=3)
+    graph.add_node("b", reward=0)
+    for node, reward, survival in [("x", 0.1, 0.5), ("y", 0.2, 0.5), ("z", 0.3, 0.25)]:
+        graph.add_node(node, reward=reward)
+        graph.add_edge("b", node, survival=survival)
+        graph.add_edge(node, "b", survival=1.0)
+    mission = Mission(graph)
+    plan = mission.plan([["b", node, "b"] for node in "xyz"])
+    reward = reward_distribution(mission, plan)
+    # 0.1 + 0.2 is not 0.3 in binary, yet one outcome: x, y without z, or z alone
+    assert reward.values == pytest.approx([0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6], abs=1e-15)
+    three, one = 3 / 16, 1 / 16
+    assert reward.probabilities.tolist() == [three, three, three, three + one, one, one, one]
+    assert reward.at_least(0.3) == reward.at_least(0.1 + 0.2) == 7 / 16
+
+
+def test_nodes_without_reward_leave_one_value(harbour):
+    graph = nx.DiGraph(harbour.graph)
+    nx.set_node_attributes(graph, 0, "reward")
+    mission = Mission(graph)
+    plan = mission.plan([["dock", "reef", "dock"], ["dock", "cape", "dock"]])
+    assert as_dict(reward_distribution(mission, plan)) == {0.0: 1.0}
+    assert simulate(mission, plan, 20, random_state=0)["reward"].eq(0).all()
+
+
+def test_many_robots_on_one_trail_stay_exact(harbour):
+    mission = harbour.with_robots(50)
+    plan = mission.plan([["dock", "reef", "cape", "dock"]] * 50)
+    reward = reward_distribution(mission, plan)
+    assert reward.exact
+    assert reward.values.tolist() == [1, 5, 10]
+    assert reward.probabilities[0] == pytest.approx(0.5**50, rel=1e-12)
+    assert reward.at_least(10) == pytest.approx(1 - 0.875**50, rel=1e-12)
+    survivors = survivors_distribution(mission, plan)
+    binomial = [0.0625**s * 0.9375 ** (50 - s) for s in (0, 1, 50)]
+    found = as_dict(survivors)
+    assert [found[0], found[1] / 50, found[50]] == pytest.approx(binomial, rel=1e-12)
+
+
+def test_more_than_64_shared_nodes():
+    mission = Mission(ring(70, 0.98), base=0, robots=2)
+    there = [*range(70), 0]
+    plan = mission.plan([there, there[::-1]])
+    expected = merged((p, r) for p, r, _ in twins.enumerate_outcomes(mission, mission.labels(plan)))
+    reward = reward_distribution(mission, plan)
+    assert as_dict(reward) == pytest.approx(expected, abs=1e-12)
+
+
+def test_survivals_that_vanish_leave_no_outcome():
+    mission = Mission(ring(400, 0.1), base=0, robots=2)
+    plan = mission.plan([[*range(400), 0], [0]])
+    found = plan_outcomes(mission, plan)
+    assert as_dict(found.survivors) == {1.0: 1.0}
+    assert found.reward.values[-1] < 400
+    assert found.reward.mean == pytest.approx(1 + 1 / 9, rel=1e-12)
+    assert simulate(mission, plan, 100, random_state=0)["survivors"].eq(1).all()
+
+
+def test_outcomes_less_likely_than_any_float_are_left_out():
+    graph = nx.star_graph(2).to_directed()
+    nx.set_node_attributes(graph, {0: 0, 1: 3, 2: 4}, "reward")
+    nx.set_edge_attributes(graph, 1e-200, "survival")
+    mission = Mission(graph, base=0, robots=2)
+    found = plan_outcomes(mission, mission.plan([[0, 1, 0], [0, 2, 0]]))
+    assert as_dict(found.reward) == {0: 1, 3: 1e-200, 4: 1e-200}  # both: 1e-400
+    assert as_dict(found.survivors) == {0: 1}
+
+
+# --- distributions of drawn plans, against the enumeration of all joint fates
+
+
+def merged(pairs):
+    found = defaultdict(float)
+    for probability, value in pairs:
+        found[value] += probability
+    return {value: p for value, p in found.items() if p > 0}
+
+
+def with_whole_rewards(mission):
+    graph = nx.DiGraph(mission.graph)
+    for node in graph:
+        graph.nodes[node]["reward"] = round(graph.nodes[node]["reward"])
+    return Mission(graph, base=mission.base, robots=mission.robots)
+
+
+@given(missions_with_plans())
+def test_distributions_equal_enumeration(drawn):
+    mission, plan = with_whole_rewards(drawn[0]), drawn[1]
+    joint = list(twins.enumerate_outcomes(mission, mission.labels(plan)))
+    found = plan_outcomes(mission, plan)
+    assert found.reward.exact
+    expected_reward = merged((p, reward) for p, reward, _ in joint)
+    expected_survivors = merged((p, survivors) for p, _, survivors in joint)
+    for distribution, expected in [
+        (found.reward, expected_reward),
+        (found.survivors, expected_survivors),
+    ]:
+        got = as_dict(distribution)
+        for value in got.keys() | expected.keys():
+            assert got.get(value, 0) == pytest.approx(expected.get(value, 0), abs=1e-12)
+
+
+@given(missions_with_plans())
+def test_rewards_of_any_size_equal_enumeration(drawn):
+    mission, plan = drawn
+    reward = reward_distribution(mission, plan)
+    joint = list(twins.enumerate_outcomes(mission, mission.labels(plan)))
+    # values may differ in rounding, so both distribution functions are read a little aside
+    for _, value, _ in joint[:200]:
+        here = reward.at_least(value)
+        assert here >= sum(p for p, r, _ in joint if r >= value + 1e-9) - 1e-12
+        assert here <= sum(p for p, r, _ in joint if r >= value - 1e-9) + 1e-12
+
+
+@given(missions_with_plans())
+def test_means_are_the_objectives(drawn):
+    mission, plan = drawn
+    found = plan_outcomes(mission, plan)
+    expected = mission.evaluate([plan])[0]
+    assert [found.reward.mean, found.survivors.mean] == pytest.approx(expected, abs=1e-9)
+    assert found.survivors.at_least(0) == found.reward.at_least(0) == 1
+    assert found.reward.probabilities.sum() == pytest.approx(1, abs=1e-12)
+
+
+@given(missions_with_plans(), st.integers(1, 40))
+def test_a_small_bound_simulates_or_changes_nothing(drawn, max_outcomes):
+    mission, plan = drawn
+    whole = reward_distribution(mission, plan)
+    bounded = reward_distribution(
+        mission, plan, max_outcomes=max_outcomes, n_samples=500, random_state=0
+    )
+    if bounded.exact:
+        assert as_dict(bounded) == as_dict(whole)
+    else:
+        assert bounded.n_samples == 500
+        seen = bounded.values[:, None]
+        assert np.isclose(seen, whole.values, rtol=1e-9, atol=0).any(axis=1).all()
+
+
+# --- the bound on the exact computation, and the simulation beyond it
+
+
+@pytest.mark.parametrize(
+    ("trails", "needed"),
+    [
+        ([["dock"], ["dock", "reef", "cape", "dock"]], 3),
+        ([["dock", "reef", "dock"], ["dock", "reef", "cape", "dock"]], 2 + 2 * 3),
+        ([["dock", "cape", "dock"], ["dock", "reef", "cape", "dock"]], 2),
+        ([["dock"], ["dock", "cape", "reef", "cape", "dock", "reef", "dock"]], 1),
+    ],
+)
+def test_max_outcomes_counts_what_is_looked_at(harbour, trails, needed):
+    plan = harbour.plan(trails)
+    assert reward_distribution(harbour, plan, max_outcomes=needed).exact
+    if needed > 1:
+        assert not reward_distribution(harbour, plan, max_outcomes=needed - 1, n_samples=10).exact
+
+
+def test_fates_that_reach_the_same_rewards_are_one_outcome():
+    graph = ring(6, 0.5)
+    graph.edges[2, 3]["survival"] = 1.0  # whoever is at 2 gets to 3
+    graph.nodes[4]["reward"] = 0  # and nobody is paid behind it
+    mission = Mission(graph, base=0, robots=1)
+    plan = mission.plan([[0, 1, 2, 3, 4, 3, 2, 1, 0]])
+    assert as_dict(reward_distribution(mission, plan, max_outcomes=3)) == {1: 0.5, 2: 0.25, 4: 0.25}
+    assert not reward_distribution(mission, plan, max_outcomes=2, n_samples=10).exact
+
+
+def test_robots_that_share_nodes_in_a_row_stay_exact():
+    graph = nx.complete_graph(31, nx.DiGraph)
+    nx.set_node_attributes(graph, {node: int(node > 0) for node in graph}, "reward")
+    nx.set_edge_attributes(graph, 0.5, "survival")
+    mission = Mission(graph, base=0, robots=29)
+    plan = mission.plan([[0, node, node + 1, 0] for node in range(1, 30)])
+    # 3^29 joint fates, but what matters to the next robot is one node and the count so far
+    reward = reward_distribution(mission, plan, max_outcomes=3 * 29 * 2 * 31)
+    assert reward.exact
+    assert reward.values.tolist() == list(range(31))
+    assert reward.probabilities[0] == 0.5**29
+    assert reward.mean == pytest.approx(mission.evaluate([plan])[0, 0], abs=1e-9)
+    drawn = simulate(mission, plan, 50_000, random_state=4)["reward"]
+    assert reward.std == pytest.approx(drawn.std(), rel=0.02)
+
+
+def test_max_outcomes_bounds_the_convolution():
+    graph = nx.star_graph(12).to_directed()
+    nx.set_node_attributes(graph, {node: 1.5**node for node in graph}, "reward")
+    nx.set_edge_attributes(graph, 0.5, "survival")
+    mission = Mission(graph, base=0, robots=12)
+    plan = mission.plan([[0, node, 0] for node in range(1, 13)])
+    assert len(reward_distribution(mission, plan).values) == 2**12
+    needed = 12 * 2 + sum(2**k for k in range(2, 13))
+    assert reward_distribution(mission, plan, max_outcomes=needed).exact
+    assert not reward_distribution(mission, plan, max_outcomes=needed - 1, n_samples=10).exact
+
+
+def test_simulated_distribution_agrees_with_the_exact_one():
+    mission = museum(3)
+    plan = wandering_plan(mission, 30, seed=3)
+    exact = reward_distribution(mission, plan)
+    drawn = reward_distribution(mission, plan, max_outcomes=1, random_state=5)
+    assert exact.exact
+    assert not drawn.exact
+    assert drawn.n_samples == 100_000
+    assert exact.standard_error == 0
+    assert drawn.standard_error == pytest.approx(exact.std / 100_000**0.5, rel=0.02)
+    assert abs(drawn.mean - exact.mean) < 4 * drawn.standard_error
+    assert drawn.std == pytest.approx(exact.std, rel=0.02)
+    shares = exact.at_least(exact.values)
+    errors = np.sqrt(shares * (1 - shares) / 100_000)
+    assert len(shares) > 20
+    assert (abs(drawn.at_least(exact.values) - shares) <= 4 * errors + 1e-12).all()
+
+
+def test_what_is_beyond_the_bound_is_simulated_and_says_so():
+    mission = museum(50)
+    plan = wandering_plan(mission, 40, seed=0)
+    reward = reward_distribution(mission, plan, n_samples=20_000, random_state=2)
+    assert not reward.exact
+    assert "from 20000 samples" in repr(reward)
+    assert abs(reward.mean - mission.evaluate([plan])[0, 0]) < 4 * reward.standard_error
+
+
+@pytest.mark.parametrize("max_outcomes", [1, 1_000_000])
+def test_the_order_of_the_robots_does_not_show(max_outcomes):
+    mission = museum(3)
+    plan = wandering_plan(mission, 30, seed=4)
+    other = mission.plan(mission.labels(plan)[::-1])
+    options = {"max_outcomes": max_outcomes, "n_samples": 1000, "random_state": 8}
+    one, two = (plan_outcomes(mission, which, **options) for which in (plan, other))
+    for a, b in [(one.reward, two.reward), (one.survivors, two.survivors)]:
+        assert np.array_equal(a.values, b.values)
+        assert np.array_equal(a.probabilities, b.probabilities)
+
+
+def test_random_state_may_be_a_seed_or_a_generator(harbour):
+    plan = harbour.plan([["dock", "reef", "dock"], ["dock", "cape", "dock"]])
+    seeded = [
+        reward_distribution(harbour, plan, max_outcomes=1, n_samples=999, random_state=state)
+        for state in (7, 7, np.random.default_rng(7), 8)
+    ]
+    assert as_dict(seeded[0]) == as_dict(seeded[1]) == as_dict(seeded[2]) != as_dict(seeded[3])
+
+
+# --- reading a distribution
+
+
+def test_reading_a_distribution_by_hand():
+    found = Distribution(np.array([0.0, 4.0, 9.0]), np.array([0.125, 0.375, 0.5]))
+    assert found.mean == 6
+    assert found.variance == 0.125 * 36 + 0.375 * 4 + 0.5 * 9
+    assert found.std == np.sqrt(10.5)
+    assert found.quantile([0, 0.125, 0.126, 0.5, 0.51, 1]).tolist() == [0, 0, 4, 4, 9, 9]
+    assert found.at_least([-np.inf, -1, 0, 0.1, 4, 5, 9, 9.1, np.inf]).tolist() == [
+        *(1, 1, 1, 0.875, 0.875, 0.5, 0.5, 0, 0)
+    ]
+    assert [found.cvar(alpha) for alpha in (0.1, 0.125, 0.25, 0.5, 0.75, 1)] == [
+        *(0, 0, 2, 3, (1.5 + 0.25 * 9) / 0.75, 6)
+    ]
+    assert isinstance(found.quantile(0.5), float)
+    assert isinstance(found.at_least(4), float)
+    expected = pd.DataFrame({"value": [0.0, 4.0, 9.0], "probability": [0.125, 0.375, 0.5]})
+    pd.testing.assert_frame_equal(found.to_frame(), expected)
+
+
+def test_values_below_zero_are_reached_up_to_rounding():
+    found = Distribution(np.array([-3.0, 0.0]), np.array([0.25, 0.75]))
+    assert found.at_least([-3 + 1e-14, -3 + 1e-9, 0, 1e-20]).tolist() == [1, 0.75, 0.75, 0]
+
+
+def test_quantiles_do_not_fall_to_rounding():
+    tenths = Distribution(np.arange(10.0), np.full(10, 0.1))
+    assert tenths.quantile(np.arange(1, 11) / 10).tolist() == list(range(10))
+    rare = Distribution(np.array([0.0, 1.0]), np.array([1 - 1e-14, 1e-14]))
+    assert rare.quantile(1) == 1
+    assert rare.at_least(1) == 1e-14
+
+
+samples = st.lists(st.integers(-5, 20), min_size=1, max_size=40).map(np.array)
+
+
+def shares_of(sample):
+    values, counts = np.unique(sample, return_counts=True)
+    return Distribution(values, counts / len(sample), len(sample))
+
+
+@given(samples, st.data())
+def test_quantile_and_at_least_equal_counting(sample, data):
+    found, n = shares_of(sample), len(sample)
+    q = data.draw(st.one_of(st.integers(0, n).map(lambda i: i / n), st.floats(1e-9, 1 - 1e-9)))
+    # the smallest value with at least q n observations up to it, free of binary fractions
+    needed = max(1, int(np.ceil(q * n - 1e-9)))
+    assert found.quantile(q) == np.sort(sample)[needed - 1]
+    x = data.draw(st.integers(-6, 21))
+    assert found.at_least(x) == pytest.approx(np.mean(sample >= x), abs=1e-12)
+
+
+@given(samples, st.integers(1, 200))
+def test_cvar_equals_the_mean_of_the_worst_observations(sample, share):
+    found = shares_of(sample)
+    # each observation 200 times over, so that a share of 1/200 cuts between two of them
+    worst = np.sort(np.repeat(sample, 200))[: share * len(sample)]
+    assert found.cvar(share / 200) == pytest.approx(worst.mean(), abs=1e-9)
+
+
+@given(samples)
+def test_mean_variance_and_standard_error_equal_numpys(sample):
+    found, n = shares_of(sample), len(sample)
+    assert found.mean == pytest.approx(sample.mean(), abs=1e-9)
+    assert found.variance == pytest.approx(sample.var(), abs=1e-9)
+    if n > 1:
+        assert found.standard_error == pytest.approx(sample.std(ddof=1) / n**0.5, abs=1e-9)
+    else:
+        assert np.isnan(found.standard_error)
+
+
+def test_a_distribution_cannot_be_changed():
+    given_values = np.array([0.0, 1.0])
+    found = Distribution(given_values, np.array([0.5, 0.5]))
+    given_values[0] = -1
+    assert found.values[0] == 0
+    with pytest.raises(ValueError, match="read-only"):
+        found.probabilities[0] = 1
+    with pytest.raises(FrozenInstanceError):
+        found.values = given_values
+
+
+def test_summary(harbour):
+    found = plan_outcomes(harbour, harbour.plan([["dock", "reef", "cape", "dock"], ["dock"]]))
+    assert isinstance(found, Outcomes)
+    table = found.summary(alpha=0.625)
+    assert list(table.columns) == ["mean", "std", "q05", "median", "q95", "cvar", "exact"]
+    assert list(table.index) == ["reward", "survivors"]
+    assert table.loc["reward", "mean"] == 0.5 + 0.375 * 5 + 0.125 * 10
+    assert table.loc["reward", ["q05", "median", "q95"]].tolist() == [1, 1, 10]
+    assert table.loc["reward", "cvar"] == (0.5 * 1 + 0.125 * 5) / 0.625
+    assert table.loc["survivors", "std"] == np.sqrt(0.9375 * 0.0625)
+    assert table.loc["survivors", ["q05", "median", "q95"]].tolist() == [1, 1, 2]
+    assert table["exact"].tolist() == [True, True]
+    assert table.dtypes.tolist() == [float] * 6 + [bool]
+    assert found.summary().loc["reward", "cvar"] == 1
+
+
+# --- simulation
+
+
+def test_simulated_means_are_the_objectives_on_the_museum():
+    mission, n_missions = museum(4), 40_000
+    plan = wandering_plan(mission, 30, seed=1)
+    frame = simulate(mission, plan, n_missions, random_state=11)
+    assert list(frame.columns) == ["reward", "survivors", "hops_0", "hops_1", "hops_2", "hops_3"]
+    assert len(frame) == n_missions
+    expected_reward, expected_survivors = mission.evaluate([plan])[0]
+    for column, expected in [("reward", expected_reward), ("survivors", expected_survivors)]:
+        error = frame[column].std() / n_missions**0.5
+        assert 0 < error < 0.05
+        assert abs(frame[column].mean() - expected) < 4 * error
+
+
+def test_a_simulated_row_tells_one_mission(harbour):
+    mission = harbour.with_robots(3)
+    trails = [
+        ["dock", "reef", "cape", "dock"],
+        ["dock"],
+        ["dock", "cape", "reef", "dock", "reef", "cape", "dock"],
+    ]
+    frame = simulate(mission, mission.plan(trails), 500, random_state=0)
+    for row in frame.itertuples():
+        hops = [row.hops_0, row.hops_1, row.hops_2]
+        reached = {node for h, trail in zip(hops, trails, strict=True) for node in trail[: h + 1]}
+        assert row.reward == sum(mission.graph.nodes[node]["reward"] for node in reached)
+        assert row.survivors == sum(h == len(t) - 1 for h, t in zip(hops, trails, strict=True))
+    assert set(frame["hops_0"]) == {0, 1, 2, 3}
+    assert frame["hops_1"].eq(0).all()
+    assert set(frame["hops_2"]) == {2, 3, 4, 5, 6}  # its first two arcs are safe
+    assert frame["reward"].dtype == float
+    assert frame["survivors"].dtype.kind == "i"
+
+
+def test_each_robot_gets_as_far_as_its_survivals_say():
+    mission, n_missions = museum(2), 40_000
+    plan = wandering_plan(mission, 30, seed=2)
+    frame = simulate(mission, plan, n_missions, random_state=3)
+    for robot, trail in enumerate(mission.labels(plan)):
+        assert len(trail) > 5
+        arcs = pairwise(trail)
+        alive = np.cumprod([mission.graph.edges[arc]["survival"] for arc in arcs])
+        errors = np.sqrt(alive * (1 - alive) / n_missions)
+        hops = frame[f"hops_{robot}"].to_numpy()
+        shares = (hops[:, None] >= np.arange(1, len(trail))).mean(axis=0)
+        assert (abs(shares - alive) <= 4 * errors + 1e-12).all()
+    # robots meet their fates independently
+    assert abs(frame["hops_0"].corr(frame["hops_1"])) < 4 / n_missions**0.5
+
+
+def test_same_seed_same_missions():
+    mission = museum(3)
+    plan = wandering_plan(mission, 30, seed=0)
+    frame = simulate(mission, plan, 300, random_state=1)
+    pd.testing.assert_frame_equal(frame, simulate(mission, plan, 300, random_state=1))
+    generator = np.random.default_rng(1)
+    pd.testing.assert_frame_equal(frame, simulate(mission, plan, 300, random_state=generator))
+    assert not frame.equals(simulate(mission, plan, 300, random_state=generator))
+    assert not frame.equals(simulate(mission, plan, 300, random_state=2))
+    assert not simulate(mission, plan, 300).equals(simulate(mission, plan, 300))
+    longer = simulate(mission, plan, 400, random_state=1)
+    pd.testing.assert_frame_equal(frame, longer.head(300))
+
+
+# --- what is refused
+
+
+@pytest.mark.parametrize("q", [-0.1, 1.3, [0.5, 2.0], float("nan")])
+def test_quantile_refuses(q):
+    with pytest.raises(ValueError, match=r"Expected q in \[0, 1\], got "):
+        Distribution(np.array([1.0]), np.array([1.0])).quantile(q)
+
+
+@pytest.mark.parametrize("alpha", [0, -1, 1.3, float("nan")])
+def test_cvar_refuses(alpha):
+    found = Distribution(np.array([1.0]), np.array([1.0]))
+    with pytest.raises(ValueError, match=rf"^Expected alpha in \(0, 1\], got {alpha}\.$"):
+        found.cvar(alpha)
+    with pytest.raises(ValueError, match="Expected alpha"):
+        Outcomes(found, found).summary(alpha)
+
+
+def test_at_least_refuses_nan():
+    with pytest.raises(ValueError, match="Expected x to be a number, got nan"):
+        Distribution(np.array([1.0]), np.array([1.0])).at_least(float("nan"))
+
+
+@pytest.mark.parametrize(
+    ("values", "probabilities", "message"),
+    [
+        ([], [], "at least one"),
+        ([1, 2], [1], "as many probabilities as values"),
+        ([2, 1], [0.5, 0.5], "values that ascend"),
+        ([1, 1], [0.5, 0.5], "values that ascend"),
+        ([1, np.inf], [0.5, 0.5], "finite values"),
+        ([1, 2], [0.5, 0.6], "sum to 1"),
+        ([1, 2], [1, 0], "above 0"),
+    ],
+)
+def test_distribution_refuses(values, probabilities, message):
+    with pytest.raises(ValueError, match=message):
+        Distribution(values, probabilities)
+
+
+@pytest.mark.parametrize("number", [0, -3, 2.0, "10", True])
+def test_counts_are_integers_of_at_least_one(harbour, number):
+    plan = harbour.plan([["dock"], ["dock"]])
+    with pytest.raises(ValueError, match=f"Expected n_missions .*>= 1, got {number!r}"):
+        simulate(harbour, plan, number)
+    for name in ("n_samples", "max_outcomes"):
+        with pytest.raises(ValueError, match=f"Expected {name} (to be an integer )?>= 1, got"):
+            plan_outcomes(harbour, plan, **{name: number})
+
+
+@pytest.mark.parametrize(
+    "function",
+    [
+        plan_outcomes,
+        reward_distribution,
+        survivors_distribution,
+        lambda mission, plan: simulate(mission, plan, 3),
+    ],
+)
+def test_plans_of_other_missions_are_refused(harbour, function):
+    one = harbour.with_robots(1)
+    with pytest.raises(PlanError, match="expected 2 trails, got 1"):
+        function(harbour, one.plan([["dock"]]))
+    with pytest.raises(TypeError, match="expected a TrailPlan"):
+        function(harbour, [["dock"], ["dock"]])
+    # the robot is named as the plan has it, although the reward is computed in another order
+    beyond = Mission(ring(4, 0.5), base=0, robots=2).plan([[0, 3, 0], [0]])
+    path = nx.path_graph(4).to_directed()
+    nx.set_node_attributes(path, 1, "reward")
+    nx.set_edge_attributes(path, 0.5, "survival")
+    with pytest.raises(PlanError, match="Robot 0, position 1: arc 0 -> 3 is missing"):
+        function(Mission(path, base=0, robots=2), beyond)

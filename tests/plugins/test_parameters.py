@@ -1,0 +1,630 @@
+"""What factories can be given, and what is wrong with what they are given."""
+
+import enum
+import functools
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from fractions import Fraction
+from pathlib import Path
+from typing import Annotated, Any, Literal, Optional
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import BaseModel, BeforeValidator, Field, field_validator, model_validator
+
+from botohe_moo._plugins import (
+    SameResult,
+    accepted_parameters,
+    call_factory,
+    check_values,
+    plain_value,
+    raised_fault,
+    wrong_value,
+)
+from botohe_moo._plugins.types import is_plain, range_text, type_text, value_faults
+
+
+class Rope:
+    """Nothing that a text can say."""
+
+
+class Knot(enum.Enum):
+    BOWLINE = "bowline"
+    REEF = "reef"
+
+
+Positive = Annotated[float, Field(gt=0)]
+Share = Annotated[float, Field(gt=0, lt=1)]
+Few = Annotated[int, Field(ge=1, le=5)]
+
+
+class TestValues:
+    @pytest.mark.parametrize(
+        ("hint", "value"),
+        [
+            (int, 3),
+            (int, np.int64(3)),
+            (int, 10**400),
+            (float, 3),
+            (float, np.float32(3)),
+            (float, np.int64(3)),
+            (float, Fraction(1, 2)),
+            (bool, True),
+            (bool, np.True_),
+            (str, "3"),
+            (int | None, None),
+            (float | Literal["bounds"], "bounds"),
+            (Share, 0.5),
+            (Few, 5),
+            (Mapping[str, float], {"a": 1}),
+            (Sequence[int], [1, 2]),
+            (list[int], []),
+            (Rope, Rope()),
+            (Rope | str, "rope"),
+            (np.ndarray, np.zeros(2)),
+            (Any, object()),
+            (Iterable[int], "anything that can be iterated over is checked by whom it is for"),
+            ("a name that leads nowhere", 3),
+        ],
+    )
+    def test_right_ones(self, hint, value):
+        assert value_faults("x", value, hint) == []
+
+    @pytest.mark.parametrize(
+        ("hint", "value", "message"),
+        [
+            (int, "100", "Expected x to be an integer, got '100'."),
+            (int, 1.5, "Expected x to be an integer, got 1.5."),
+            (int, 1.0, "Expected x to be an integer, got 1.0."),
+            (int, True, "Expected x to be an integer, got True."),
+            (int, np.True_, "Expected x to be an integer, got True."),
+            (int, None, "Expected x to be an integer, got None."),
+            (float, "1", "Expected x to be a number, got '1'."),
+            (float, True, "Expected x to be a number, got True."),
+            (bool, 1, "Expected x to be true or false, got 1."),
+            (bool, "yes", "Expected x to be true or false, got 'yes'."),
+            (str, 3, "Expected x to be a text, got 3."),
+            (int | None, "x", "Expected x to be an integer, got 'x'."),
+            (Literal["a", "b"], "c", "Expected x to be 'a' or 'b', got 'c'."),
+            (float | Literal["a"], "c", "Expected x to be a number or 'a', got 'c'."),
+            (Share, 1, "Expected x in (0, 1), got 1."),
+            (Share, "much", "Expected x to be a number in (0, 1), got 'much'."),
+            (Few, 6, "Expected x in [1, 5], got 6."),
+            (Few, 0, "Expected x in [1, 5], got 0."),
+            (Few, True, "Expected x to be an integer in [1, 5], got True."),
+            (Few | None, 0, "Expected x in [1, 5], got 0."),
+            (Positive | Literal["a"], -1, "Expected x > 0 or 'a', got -1."),
+            (Annotated[int, Field(ge=2)], 1, "Expected x >= 2, got 1."),
+            (Annotated[int, Field(le=2)], 3, "Expected x <= 2, got 3."),
+            (Annotated[int, Field(lt=2)], 2, "Expected x < 2, got 2."),
+            (
+                Annotated[int, Field(multiple_of=3)],
+                4,
+                "Expected x to be a multiple of 3, got 4.",
+            ),
+            (
+                Annotated[float, Field(allow_inf_nan=False)],
+                float("inf"),
+                "Expected x to be a finite number, got inf.",
+            ),
+            (list[int], 3, "Expected x to be a list, got 3."),
+            (Mapping[str, float], 3, "Expected x to be a mapping, got 3."),
+            (Rope, "rope", "Expected x to be of type Rope, got 'rope'."),
+            (Rope | str, 3, "Expected x to be of type Rope or a text, got 3."),
+            (
+                dict[str, list[int]],
+                {"a": [1, "2"]},
+                "Expected x['a'][1] to be an integer, got '2'.",
+            ),
+            (str | Mapping[str, float], {"a": "b"}, "Expected x['a'] to be a number, got 'b'."),
+            (
+                Annotated[str, Field(min_length=3)],
+                "ab",
+                "x: String should have at least 3 characters, got 'ab'.",
+            ),
+        ],
+    )
+    def test_wrong_ones(self, hint, value, message):
+        assert value_faults("x", value, hint) == [message]
+
+    def test_every_wrong_part_is_named(self):
+        assert value_faults("x", ["1", 2, None], list[int]) == [
+            "Expected x[0] to be an integer, got '1'.",
+            "Expected x[2] to be an integer, got None.",
+        ]
+
+    def test_iterators_are_left_alone(self):
+        counted = iter(range(3))
+        assert value_faults("x", counted, Iterable[str] | None) == []
+        assert list(counted) == [0, 1, 2]
+
+    def test_validators_of_others_may_raise_anything(self):
+        def refuse(value):
+            raise value
+
+        def check(value):
+            return value_faults("x", value, Annotated[Any, BeforeValidator(refuse)])
+
+        assert check(ValueError("Odd.")) == ["x: Odd, got ValueError('Odd.')."]
+        assert check(KeyError("odd")) == ["x: KeyError: 'odd'"]
+
+    @given(
+        st.integers()
+        | st.floats()
+        | st.text()
+        | st.booleans()
+        | st.none()
+        | st.lists(st.integers())
+    )
+    def test_types_are_told_apart_as_python_does(self, value):
+        kind = type(value)
+        assert (value_faults("x", value, int) == []) == (kind is int)
+        assert (value_faults("x", value, bool) == []) == (kind is bool)
+        assert (value_faults("x", value, str) == []) == (kind is str)
+        assert (value_faults("x", value, list) == []) == (kind is list)
+        assert (value_faults("x", value, float) == []) == (kind in (int, float))
+
+    @given(st.integers(-20, 20), st.integers(-10, 10), st.integers(-10, 10))
+    def test_ranges_hold_exactly(self, value, low, high):
+        for bounds, inside in (
+            ({"ge": low, "le": high}, low <= value <= high),
+            ({"gt": low, "lt": high}, low < value < high),
+        ):
+            hint = Annotated[int, Field(**bounds)]
+            expected = f"Expected x {range_text(hint)}, got {value}."
+            assert value_faults("x", value, hint) == ([] if inside else [expected])
+
+    def test_a_missing_part(self):
+        error = {"type": "missing", "loc": ("a", "b"), "input": {}, "msg": "Field required"}
+        assert wrong_value("x", error) == "Expected x to have 'b', got {}."
+
+
+class TestTypes:
+    @pytest.mark.parametrize(
+        ("hint", "text"),
+        [
+            (int, ""),
+            (Share, "in (0, 1)"),
+            (Few | None, "in [1, 5]"),
+            (Annotated[float, Field(ge=0.5, lt=1)], "in [0.5, 1)"),
+            (Annotated[Few, Field(description="How many.")], "in [1, 5]"),
+            (
+                Annotated[list[int], Field(min_length=2, max_length=4)],
+                "of length >= 2, of length <= 4",
+            ),
+            (Annotated[int, Field(gt=0, multiple_of=2)], "> 0, a multiple of 2"),
+            (Annotated[str, Field(pattern="^a")], "like ^a"),
+            (Annotated[int, "of no meaning here"], ""),
+        ],
+    )
+    def test_ranges(self, hint, text):
+        assert range_text(hint) == text
+
+    @pytest.mark.parametrize(
+        ("hint", "text"),
+        [
+            (Few, "int"),
+            (Optional[Share], "float | None"),  # noqa: UP045
+            (Mapping[str, Positive] | str, "Mapping[str, float] | str"),
+            (Literal["a", 1], "Literal['a', 1]"),
+            (Knot, "Literal['bowline', 'reef']"),
+            (tuple[int, ...], "tuple[int, ...]"),
+            (Callable[[int], str], "Callable[[int], str]"),
+            (Any, "Any"),
+            (Rope, "Rope"),
+        ],
+    )
+    def test_texts(self, hint, text):
+        assert type_text(hint) == text
+
+    @pytest.mark.parametrize(
+        ("hint", "plain"),
+        [
+            (int, True),
+            (Few | None, True),
+            (Any, True),
+            (Mapping[str, float], True),
+            (Sequence[Few], True),
+            (list, True),
+            (Literal["a"], True),
+            (Rope | str, True),
+            (Rope, False),
+            (Rope | None, False),
+            (Iterable[Rope], False),
+            (Mapping[str, Rope], False),
+            (Callable[[int], float], False),
+            (tuple[int, int], False),  # a list of YAML is none
+            (Path, False),
+        ],
+    )
+    def test_what_texts_can_say(self, hint, plain):
+        assert is_plain(hint) is plain
+
+
+def climb(*, n: Few = 2, share: "Share", rope: "Rope | None" = None, lost: "Nowhere" = 3, **rest):  # noqa: F821
+    """Climb.
+
+    Parameters
+    ----------
+    n, share
+        As usual.
+    """
+    return n, share, rope, lost, rest
+
+
+class Climb(BaseModel):
+    """What a climb needs.
+
+    Parameters
+    ----------
+    share
+        How much of it.
+    """
+
+    n: int = Field(2, ge=1, le=5, description="How often.")
+    share: float = Field(gt=0, lt=1)
+    knot: Knot = Knot.REEF
+    path: Path | None = None
+    sizes: tuple[int, ...] = ()
+    notes: list[str] = Field(default_factory=list)
+    named: str = Field("x", alias="class")
+    rope: Annotated[Any, BeforeValidator(lambda value: value)] = None
+
+    @field_validator("share", mode="before")
+    @classmethod
+    def _percent(cls, value):
+        return float(value[:-1]) / 100 if isinstance(value, str) and value[-1:] == "%" else value
+
+    @model_validator(mode="after")
+    def _fits(self):
+        if self.n == 5 and self.share > 0.5:
+            raise ValueError("expected share <= 0.5 where n is 5")
+        return self
+
+
+class ByModel:
+    """Has a model."""
+
+    Parameters = Climb
+
+    def __init__(self, **values):
+        self.values = values
+
+    @classmethod
+    def short(cls, *, n: Few = 1, **parameters):
+        """Give a short one."""
+        return cls(n=n, **parameters)
+
+
+class Named(BaseModel):
+    model_config = {"extra": "allow", "arbitrary_types_allowed": True}
+
+    rope: Rope | None = None
+    path: Path = Path()
+
+
+def named(**values):
+    """Take any."""
+    return values
+
+
+named.Parameters = Named
+
+
+class TestAccepted:
+    def test_of_a_signature(self):
+        accepted = accepted_parameters(climb)
+        n, share, rope, lost = accepted.parameters
+        assert (n.default, n.annotation, n.range, n.description) == (
+            2,
+            "int",
+            "in [1, 5]",
+            "As usual.",
+        )
+        assert (share.required, share.annotation, share.range) == (True, "Share", "in (0, 1)")
+        assert (rope.plain, lost.plain, lost.hint) == (False, False, Any)
+        assert (accepted.needed, accepted.any_name, accepted.model) == (("share",), True, None)
+        assert not accepted_parameters(climb, closed=True).any_name
+        assert accepted_parameters(climb, hidden={"n", "rope"}).names == ("share", "lost")
+
+    def test_of_a_model(self):
+        accepted = accepted_parameters(ByModel)
+        parameters = {parameter.name: parameter for parameter in accepted.parameters}
+        assert (accepted.needed, accepted.model) == (("share",), Climb)
+        n, share = parameters["n"], parameters["share"]
+        assert (n.default, n.annotation, n.range, n.description) == (
+            2,
+            "int",
+            "in [1, 5]",
+            "How often.",
+        )
+        assert (share.required, share.range, share.description) == (
+            True,
+            "in (0, 1)",
+            "How much of it.",
+        )
+        assert parameters["notes"].default == []
+        assert parameters["knot"].annotation == "Literal['bowline', 'reef']"
+        assert all(parameter.plain for parameter in accepted.parameters)
+        assert not accepted_parameters(named).parameters[0].plain
+
+    def test_of_a_method_of_a_class_with_a_model(self):
+        accepted = accepted_parameters(ByModel.short)
+        parameters = {parameter.name: parameter for parameter in accepted.parameters}
+        assert list(parameters) == list(Climb.model_fields)
+        assert (parameters["n"].default, parameters["n"].description) == (1, "How often.")
+        assert parameters["share"].range == "in (0, 1)"
+        assert not parameters["path"].plain  # no model converts it on this way
+        assert ByModel.short(share=0.5).values == {"n": 1, "share": 0.5}
+
+    def test_of_what_is_wrapped(self):
+        @functools.wraps(climb)
+        def wrapper(**values):
+            return climb(**values)
+
+        for factory in (wrapper, functools.partial(climb, share=0.5)):
+            assert accepted_parameters(factory).parameters[0].range == "in [1, 5]"
+        assert accepted_parameters(functools.partial(climb, share=0.5)).needed == ()
+
+    def test_of_instances_and_of_what_does_not_tell(self):
+        class Called:
+            def __call__(self, x: "Few", /, y: "Share"):
+                return x
+
+        accepted = accepted_parameters(Called())
+        assert (accepted.names, accepted.nameless, accepted.needed) == (("y",), ("x",), ("y",))
+        assert accepted.parameters[0].range == "in (0, 1)"
+        assert accepted_parameters(dict).any_name
+        assert accepted_parameters(dict).parameters == ()
+
+    def test_another_attribute_of_that_name(self):
+        class Other:
+            Parameters = 3
+
+            def __init__(self, depth: int = 3): ...
+
+        assert accepted_parameters(Other).names == ("depth",)
+
+
+class TestCheckValues:
+    def test_all_faults_at_once(self):
+        accepted = accepted_parameters(climb, closed=True)
+        faults = check_values(accepted, {"m": 1, "n": 6, "rope": 3, "lost": object()}, plain=True)
+        assert [name for name, _ in faults] == ["m", "share", "n", "rope", "lost"]
+        unknown, missing, low, rope, lost = (message for _, message in faults)
+        assert unknown == "there is no parameter 'm'; known are lost, n, rope, share."
+        assert missing == "missing a required parameter 'share'."
+        assert low == "Expected n in [1, 5], got 6."
+        assert rope == "rope can be given from Python only, as Rope | None."
+        assert lost.startswith("lost can be given from Python only, as ")
+
+    def test_other_names(self):
+        accepted = accepted_parameters(climb)
+        assert check_values(accepted, {"share": 0.5, "m": 1}) == []
+        assert check_values(accepted_parameters(lambda: 0), {"m": 1}, also=["robots"]) == [
+            ("m", "there is no parameter 'm'; known are robots.")
+        ]
+        assert check_values(accepted_parameters(lambda: 0), {"m": 1}) == [
+            ("m", "there is no parameter 'm'; it takes none.")
+        ]
+
+    def test_a_default_is_always_in_order(self):
+        def odd(*, n: int = None, m: Few = 0): ...  # noqa: RUF013
+
+        assert check_values(accepted_parameters(odd), {"n": None, "m": 0}) == []
+        assert len(check_values(accepted_parameters(odd), {"n": "", "m": 9})) == 2
+
+    def test_a_model_checks(self):
+        accepted = accepted_parameters(ByModel)
+        assert check_values(accepted, {"share": 0.5, "n": 5}, plain=True) == []
+        assert check_values(accepted, {"share": 0.6, "n": 5}) == [
+            (None, "expected share <= 0.5 where n is 5")
+        ]
+        assert check_values(
+            accepted, {"n": 6, "notes": ["a", 2], "named": 3, "knot": "granny"}
+        ) == [
+            ("share", "missing a required parameter 'share'."),
+            ("n", "Expected n in [1, 5], got 6."),
+            ("knot", "Expected knot to be 'bowline' or 'reef', got 'granny'."),
+            ("notes", "Expected notes[1] to be a text, got 2."),
+            ("named", "Expected named to be a text, got 3."),
+        ]
+
+    @pytest.mark.parametrize(
+        ("given", "message"),
+        [
+            ({"n": "3"}, "Expected n to be an integer in [1, 5], got '3'."),
+            ({"n": True}, "Expected n to be an integer in [1, 5], got True."),
+            ({"n": 3.0}, "Expected n to be an integer in [1, 5], got 3.0."),
+            ({"share": "0.5"}, "Expected share to be a number in (0, 1), got '0.5'."),
+        ],
+    )
+    def test_a_model_takes_no_text_for_a_number(self, given, message):
+        faults = check_values(accepted_parameters(ByModel), {"share": 0.5, **given})
+        assert faults == [(*given, message)]
+
+    def test_a_model_refuses_what_it_does_not_state(self):
+        accepted = accepted_parameters(named)
+        assert check_values(accepted, {"path": "x"}) == []
+        [(name, message)] = check_values(accepted, {"pat": "x"})
+        assert (name, message) == ("pat", "there is no parameter 'pat'; known are path, rope.")
+        [(name, message)] = check_values(accepted, {"rope": Rope()}, plain=True)
+        assert message == "rope can be given from Python only, as Rope | None."
+
+    def test_a_model_that_breaks(self):
+        class Broken(BaseModel):
+            n: int = 1
+
+            @model_validator(mode="after")
+            def _break(self):
+                raise RuntimeError("broken")
+
+        def factory(): ...
+
+        factory.Parameters = Broken
+        accepted = accepted_parameters(factory)
+        assert check_values(accepted, {"n": 1}) == [(None, "RuntimeError: broken")]
+
+    names = st.sampled_from(["n", "share", "knot", "path", "sizes", "notes", "named", "rope", "m"])
+    values = st.recursive(
+        st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+        lambda inner: (
+            st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=3), inner, max_size=3)
+        ),
+        max_leaves=5,
+    )
+
+    @given(st.dictionaries(names, values, max_size=5))
+    def test_no_value_is_too_odd(self, values):
+        for factory in (ByModel, ByModel.short, climb, named):
+            accepted = accepted_parameters(factory, closed=True)
+            faults = check_values(accepted, values, plain=True)
+            assert {name for name, _ in faults} <= {*values, "share", None}
+            assert all(message for _, message in faults)
+            if not faults and factory is not ByModel.short:
+                assert call_factory("X", factory, accepted, values) is not None
+
+
+class TestCall:
+    def test_values_are_handed_over_as_they_are(self):
+        accepted = accepted_parameters(climb)
+        rope, share = Rope(), np.float64(0.5)
+        made = call_factory("X", climb, accepted, {"share": share, "rope": rope, "m": 1})
+        assert made == (2, 0.5, rope, 3, {"m": 1})
+        assert made[1] is share
+
+    def test_a_model_converts(self):
+        accepted = accepted_parameters(ByModel)
+        given = {"share": "25%", "knot": "bowline", "path": "a/b", "sizes": [1], "named": "y"}
+        assert check_values(accepted, given, plain=True) == []
+        assert call_factory("X", ByModel, accepted, given).values == {
+            "n": 2,
+            "share": 0.25,
+            "knot": Knot.BOWLINE,
+            "path": Path("a/b"),
+            "sizes": (1,),
+            "notes": [],
+            "named": "y",
+            "rope": None,
+        }
+
+    @pytest.mark.parametrize(
+        ("values", "message"),
+        [
+            ({"m": 1, "o": 2, "share": 2}, "X: there is no parameter 'm' or 'o'; known are "),
+            ({"n": 9}, "X: missing a required parameter 'share'."),
+            (
+                {"n": 9, "share": 2},
+                "X: Expected n in [1, 5], got 9. Expected share in (0, 1), got 2.",
+            ),
+        ],
+    )
+    def test_refusals(self, values, message):
+        for factory in (climb, ByModel):
+            accepted = accepted_parameters(factory, closed=True)
+            with pytest.raises(ValueError, match=r"^X: ") as caught:
+                call_factory("X", factory, accepted, values)
+            assert str(caught.value).startswith(message)
+
+    def test_who_knows_the_range_is_heard(self):
+        def dive(*, depth: int, breath: float = 1.0):
+            if depth == "deep":
+                raise ValueError("Expected depth in [1, 30], got 'deep'.")
+            if depth == "odd":
+                raise ValueError("Expected nothing.")
+            if breath == 0:
+                raise KeyError("breath")
+            return depth
+
+        def call(**values):
+            return call_factory("X", dive, accepted_parameters(dive), values)
+
+        with pytest.raises(ValueError, match=r"^X: Expected depth in \[1, 30\], got 'deep'\.$"):
+            call(depth="deep")
+        with pytest.raises(ValueError, match=r"^X: Expected depth to be an integer, got 'odd'\.$"):
+            call(depth="odd")
+        with pytest.raises(ValueError, match=r"^X: Expected depth to be an integer, got '3'\.$"):
+            call(depth="3")
+        with pytest.raises(ValueError, match=r"^X: Expected depth to be an integer, got '3'\.$"):
+            call(depth="3", breath=0)
+        with pytest.raises(KeyError, match="breath"):
+            call(depth=3, breath=0)
+
+    def test_errors_that_say_enough(self):
+        class OwnError(ValueError):
+            pass
+
+        def fail():
+            raise OwnError("enough")
+
+        accepted = accepted_parameters(fail)
+        with pytest.raises(OwnError, match=r"^enough$"):
+            call_factory("X", fail, accepted, {}, passing=(OwnError,))
+        with pytest.raises(ValueError, match=r"^X: enough$"):
+            call_factory("X", fail, accepted, {})
+
+    def test_what_was_raised(self):
+        def fault(error):
+            return raised_fault(error, {"n", "share"}, source="X")
+
+        assert fault(ValueError("X: Expected n >= 1, got 0.")) == ("n", "Expected n >= 1, got 0.")
+        assert fault(ValueError("Expected a share below 1.")) == (
+            "share",
+            "Expected a share below 1.",
+        )
+        assert fault(ValueError("Expected m >= 1.")) == (None, "Expected m >= 1.")
+        assert fault(OSError("gone")) == (None, "OSError: gone")
+
+
+class TestResults:
+    def test_parameters_that_change_no_result_are_marked(self):
+        def search(
+            *,
+            n: int = 1,
+            a: Annotated[int, SameResult()] = 1,
+            b: Annotated[int, Field(ge=1), SameResult] = 1,
+            c: Annotated[int, SameResult()] | None = None,
+            d: "Annotated[int, SameResult()]" = 1,
+            e: "Annotated[int, NowhereToBeFound()]" = 1,  # noqa: F821
+        ): ...
+
+        found = {p.name: p.same_result for p in accepted_parameters(search).parameters}
+        assert found == {"n": False, "a": True, "b": True, "c": True, "d": True, "e": False}
+        assert accepted_parameters(search).parameters[2].range == ">= 1"
+        assert check_values(accepted_parameters(search), {"a": 3, "b": 2, "c": None}) == []
+
+    def test_only_what_a_factory_states_itself_is_its_own(self):
+        class Wide:
+            def __init__(self, *, a=1, b=2): ...
+
+            @classmethod
+            def narrow(cls, *, a=3, **others):
+                return cls(a=a, **others)
+
+        found = {p.name: (p.default, p.own) for p in accepted_parameters(Wide.narrow).parameters}
+        assert found == {"a": (3, True), "b": (2, False)}
+        assert all(p.own for p in accepted_parameters(Wide).parameters)
+
+    @pytest.mark.parametrize(
+        ("value", "plain"),
+        [
+            (None, None),
+            (np.float64(0.5), 0.5),
+            (np.True_, True),
+            (Fraction(1, 2), 0.5),
+            (Knot.REEF, "reef"),
+            (Path("a/b"), "a/b"),
+            (((1, Knot.REEF), ()), [[1, "reef"], []]),
+            ({"a": (1,)}, {"a": [1]}),
+            (Rope(), NotImplemented),
+            ([Rope()], NotImplemented),
+            ({"a": {1}}, NotImplemented),
+            ({1: 2}, NotImplemented),
+            (1j, NotImplemented),
+        ],
+    )
+    def test_plain_values(self, value, plain):
+        found = plain_value(value)
+        assert found == plain
+        assert type(found) is type(plain)
