@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from botohe_moo.kernels.beam.prospects import Ground
 from botohe_moo.kernels.beam.search import search as beam
-from botohe_moo.kernels.graph.paths import nearest
+from botohe_moo.kernels.graph.old_paths import nearest
 from botohe_moo.mission import Mission, load_mission
 from tests.strategies import missions
 from tests.twins import all_trails, arc_survivals, survival_of

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from botohe_moo.kernels.graph.paths import safest_path, way_home
+from botohe_moo.kernels.graph.old_paths import safest_path, way_home
 from tests.strategies import missions
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 FloatArray: TypeAlias = NDArray[np.float64]
-IntArray: TypeAlias = NDArray[np.int32]  # node and arc indices
+IntArray: TypeAlias = NDArray[np.integer[Any]]  # node and arc indices
 OffsetArray: TypeAlias = NDArray[np.int64]  # where the pieces of a ragged array begin
 SeedArray: TypeAlias = NDArray[np.uint64]
 ObjectArray: TypeAlias = NDArray[Any]

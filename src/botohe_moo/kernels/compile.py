@@ -1,59 +1,117 @@
-"""How every kernel is compiled."""
+"""How kernels are compiled: the one place that knows numba's options.
 
+``kernel`` is for what Python calls, ``helper`` and ``inlined`` for what kernels call. Called from
+Python, helpers are plain Python. They make no arrays: kernels are handed their scratch, or make it.
+"""
+
+import gc
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
 from numba import njit
+from numba.core import event
+from numba.core.cpu import CPUTargetOptions
 from numba.extending import register_jitable
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
+# Options that numba does not document, tried with 0.61 to 0.68. Where a version does not know one,
+# kernels do without: they take longer to compile and to run, and give the same results.
+_PRIVATE = {
+    "_nrt": False,  # makes no arrays, and so does not count who uses those it is given
+    "forceinline": True,  # LLVM copies it into its callers; numba's own inline= compiles for longer
+}
+# IEEE arithmetic: a division by zero is inf, not an exception that a hot loop has to test for.
+_EVERYWHERE = {"error_model": "numpy"}
+
+
+def _private(*names: str) -> dict[str, Any]:
+    return {name: _PRIVATE[name] for name in names if hasattr(CPUTargetOptions, name)}
+
 
 def kernel(function: Function) -> Function:
-    """Compile ``function`` on its first call and keep the machine code for later processes.
+    """Compile a function for Python to call, on its first call; later processes load it.
 
-    Kernels hold no lock (``nogil``), so that threads can share the work, and follow IEEE
-    arithmetic (a division by zero is inf, not an exception that a hot loop has to test for).
+    Kernels hold no lock (``nogil``), so that threads can share the work.
     """
-    return cast("Function", _compile(function, nogil=True, error_model="numpy"))
+    return cast("Function", _compile(function, nogil=True))
 
 
-def inline(function: Function) -> Function:
-    """Compile a small helper that kernels call in their hottest loops, into those loops."""
-    compiled = _compile(function, nogil=True, error_model="numpy", inline="always")
-    return cast("Function", compiled)
+def helper(function: Function) -> Function:
+    """Let kernels call a function; it makes no arrays."""
+    shared: Function = register_jitable(**_EVERYWHERE, **_private("_nrt"))(function)
+    return shared
 
 
-def frugal(function: Function) -> Function:
-    """Compile a kernel that makes no arrays, and so does not count who uses those it is given."""
-    compiled = _compile(function, nogil=True, error_model="numpy", _nrt=False)
-    return cast("Function", compiled)
+def inlined(function: Function) -> Function:
+    """Let kernels contain a function.
 
-
-def part(function: Function) -> Function:
-    """Compile a part of a kernel, which the kernel contains after optimisation.
-
-    A call that is left hands over every array of every tuple, one word after another: for parts
-    that take whole tuples this costs more than what they do.
+    A call hands over every array of every tuple, one word after another: for what is called in hot
+    loops this costs more than the work.
     """
-    options = {"forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    return cast("Function", _compile(function, error_model="numpy", _nrt=False, **options))
-
-
-def routine(function: Function) -> Function:
-    """Compile a larger part of a kernel, which only kernels call, and not too often."""
-    options = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    return cast("Function", _compile(function, error_model="numpy", _nrt=False, **options))
-
-
-def everywhere(function: Function) -> Function:
-    """Leave a small function as it is for Python, and compile it into the kernels that call it."""
-    shared: Function = register_jitable(function)
+    options = _private("_nrt", "forceinline")
+    shared: Function = register_jitable(**_EVERYWHERE, **options)(function)
     return shared
 
 
 def _compile(function: Callable[..., Any], **options: Any) -> Any:
+    compiler: Any = njit
     try:
-        return njit(cache=True, **options)(function)
+        return compiler(cache=True, **_EVERYWHERE, **options)(function)
     except RuntimeError:  # no folder is writable, as in some containers: compile in every process
-        return njit(**options)(function)
+        return compiler(**_EVERYWHERE, **options)(function)
+
+
+class _WithoutCollecting(event.Listener):
+    """Keeps Python's garbage collector off while numba compiles, which makes millions of objects.
+
+    They are all in use: collecting finds nothing, and takes a tenth of the time.
+    """
+
+    def __init__(self) -> None:
+        self._depth = 0
+        self._was_enabled = False
+
+    def on_start(self, event: Any) -> None:  # noqa: ARG002
+        if self._depth == 0:
+            self._was_enabled = gc.isenabled()
+            gc.disable()
+        self._depth += 1
+
+    def on_end(self, event: Any) -> None:  # noqa: ARG002
+        self._depth -= 1
+        if self._depth == 0 and self._was_enabled:
+            gc.enable()
+
+
+_register: Any = event.register
+_register("numba:compile", _WithoutCollecting())
+
+
+# What remains of the former decorators, until all kernels take the one graph.
+def inline(function: Function) -> Function:
+    """Compile a small helper."""
+    return cast("Function", _compile(function, nogil=True, inline="always"))
+
+
+def frugal(function: Function) -> Function:
+    """Compile a kernel that makes no arrays."""
+    return cast("Function", _compile(function, nogil=True, _nrt=False))
+
+
+def part(function: Function) -> Function:
+    """Compile a part of a kernel."""
+    options = {"forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    return cast("Function", _compile(function, _nrt=False, **options))
+
+
+def routine(function: Function) -> Function:
+    """Compile a larger part of a kernel."""
+    options = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    return cast("Function", _compile(function, _nrt=False, **options))
+
+
+def everywhere(function: Function) -> Function:
+    """Leave a small function as it is for Python."""
+    shared: Function = register_jitable(function)
+    return shared

@@ -1,6 +1,5 @@
 """Missions: the model, files, the named ones and generators."""
 
-from botohe_moo.mission.arrays import MissionArrays
 from botohe_moo.mission.formats.files import read_mission, save_mission
 from botohe_moo.mission.library import load_mission, mission_names
 from botohe_moo.mission.model import Mission, PlanError
@@ -8,7 +7,6 @@ from botohe_moo.mission.validation import MissionError
 
 __all__ = [
     "Mission",
-    "MissionArrays",
     "MissionError",
     "PlanError",
     "load_mission",

@@ -11,7 +11,7 @@ import networkx as nx
 import numpy as np
 
 from botohe_moo.kernels.plans import evaluate as kernels
-from botohe_moo.mission.arrays import MissionArrays
+from botohe_moo.mission.arrays import as_arrays
 from botohe_moo.mission.validation import MissionError, mission_faults, team_size_fault
 from botohe_moo.mission.walk import WalkGraph
 from botohe_moo.trails import PlanBatch, TrailPlan
@@ -84,7 +84,7 @@ class Mission:
         self.name = str(name) if name else "mission"
         self.nodes: tuple[Any, ...] = tuple(self.graph)
         self._index = {node: i for i, node in enumerate(self.nodes)}
-        self.arrays = MissionArrays.of(self.graph, self._index, base)
+        self.arrays = as_arrays(self.graph, self._index, base)
 
     @property
     def title(self) -> str:

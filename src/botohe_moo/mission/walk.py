@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
-from botohe_moo.kernels.graph.paths import safest_homes
+from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.plans.evaluate import trail_arcs
-from botohe_moo.mission.arrays import MissionArrays
 from botohe_moo.trails import PlanBatch
 
 __all__ = ["WalkGraph"]
@@ -50,17 +49,17 @@ class WalkGraph:
     balanced: bool
 
     @classmethod
-    def of(cls, arrays: MissionArrays) -> WalkGraph:
+    def of(cls, arrays: Graph) -> WalkGraph:
         """Prepare a mission's arrays."""
-        n_nodes, base = arrays.n_nodes, arrays.base
+        base = arrays.base
         loop = int(arrays.first[base + 1])
         first = arrays.first.copy()
         first[base + 1 :] += 1
         tail = np.insert(arrays.tail, loop, base).astype(np.int32)
         head = np.insert(arrays.head, loop, base).astype(np.int32)
         survival = np.insert(arrays.survival, loop, 1.0)
-        homeward, home = np.empty(n_nodes, np.int32), np.empty(n_nodes)
-        safest_homes(first, tail, head, survival, base, homeward, home)
+        homeward = (arrays.homeward + (arrays.homeward >= loop)).astype(np.int32)
+        home = arrays.home
         return cls(
             first=first,
             tail=tail,

@@ -9,7 +9,7 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
 from botohe_moo.kernels.beam.labels import hash_keys
-from botohe_moo.kernels.graph.paths import nearest
+from botohe_moo.kernels.graph.old_paths import nearest
 from botohe_moo.kernels.local_search.front import (
     N_ENTERED,
     N_PLANS,

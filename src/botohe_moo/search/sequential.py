@@ -11,7 +11,7 @@ from botohe_moo._base.checks import check_integer, check_number
 from botohe_moo._base.types import FloatArray, IntArray
 from botohe_moo.kernels.beam.prospects import Ground
 from botohe_moo.kernels.beam.search import best_trail
-from botohe_moo.kernels.graph.paths import nearest
+from botohe_moo.kernels.graph.old_paths import nearest
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import TrailPlan
 

@@ -12,7 +12,7 @@ from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
 from botohe_moo.kernels.beam.labels import Label, hash_keys
 from botohe_moo.kernels.colony.construct import leads_home
 from botohe_moo.kernels.compile import inline, kernel
-from botohe_moo.kernels.graph.paths import way_home
+from botohe_moo.kernels.graph.old_paths import way_home
 
 # Share of what still looks worth its danger that counts when labels are ranked. Measured on the
 # case studies: without, beams run home too early; above a half they put off going home.

@@ -10,7 +10,7 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
 from botohe_moo.kernels.compile import kernel
-from botohe_moo.kernels.graph.paths import way_home
+from botohe_moo.kernels.graph.old_paths import way_home
 from botohe_moo.kernels.rng import uniform
 
 # Ants whose weights are tabulated together: enough to share the exponentials, few enough that

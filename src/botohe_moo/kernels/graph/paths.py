@@ -1,16 +1,69 @@
-"""Safest paths: Dijkstra's algorithm on −log(survival), over arcs that a trail has not used."""
+"""Safest paths: Dijkstra's algorithm on −log(survival), over arcs that a trail has not used.
 
-import math
+Arc a is used where ``used[a] == trail``: one array serves trail after trail without being cleared.
+"""
+
+from typing import NamedTuple
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
-from botohe_moo.kernels.compile import kernel
+from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo.kernels.compile import helper
+from botohe_moo.kernels.graph.graph import Graph
+
+ANYWHERE = -1
 
 
-@kernel
-def push(keys: FloatArray, held: IntArray, size: int, key: float, node: int) -> int:
+class Paths(NamedTuple):
+    """Scratch of searches for paths.
+
+    Attributes
+    ----------
+    n_searches
+        How many searches there have been (1).
+    met
+        The last search that met each node (n_nodes); only for nodes met by the current search
+        ``distance`` and ``entry`` hold.
+    distance, entry
+        Cost of the safest path between each node and the source, and the arc by which that path
+        comes to the node, −1 at the source (n_nodes).
+    order
+        The nodes whose safest path is known, by ascending cost (n_nodes).
+    keys, held
+        The heap (n_arcs + 1).
+    path
+        Arcs of the path that was asked for, in order (n_nodes).
+    """
+
+    n_searches: OffsetArray
+    met: OffsetArray
+    distance: FloatArray
+    entry: OffsetArray
+    order: OffsetArray
+    keys: FloatArray
+    held: OffsetArray
+    path: OffsetArray
+
+
+def new_paths(graph: Graph) -> Paths:
+    """Make room for searches in a graph."""
+    n_nodes, n_arcs = graph.n_nodes, graph.n_arcs
+    return Paths(
+        n_searches=np.zeros(1, np.int64),
+        met=np.zeros(n_nodes, np.int64),
+        distance=np.empty(n_nodes),
+        entry=np.empty(n_nodes, np.int64),
+        order=np.empty(n_nodes, np.int64),
+        keys=np.empty(n_arcs + 1),
+        held=np.empty(n_arcs + 1, np.int64),
+        path=np.empty(n_nodes, np.int64),
+    )
+
+
+@helper
+def _push(paths: Paths, size: int, key: float, node: int) -> int:
     """Put a node on the heap; give the heap's new size."""
+    keys, held = paths.keys, paths.held
     at = size
     while at > 0:
         parent = (at - 1) // 2
@@ -22,9 +75,10 @@ def push(keys: FloatArray, held: IntArray, size: int, key: float, node: int) -> 
     return size + 1
 
 
-@kernel
-def pop(keys: FloatArray, held: IntArray, size: int) -> int:
+@helper
+def _pop(paths: Paths, size: int) -> int:
     """Take the first node off the heap, which moves to the end; give the heap's new size."""
+    keys, held = paths.keys, paths.held
     first_key, first_node = keys[0], held[0]
     size -= 1
     key, node = keys[size], held[size]
@@ -45,233 +99,157 @@ def pop(keys: FloatArray, held: IntArray, size: int) -> int:
     return size
 
 
-@kernel
-def safest_path(
-    first: OffsetArray,
-    tail: IntArray,
-    head: IntArray,
-    cost: FloatArray,
+@helper
+def search_paths(
+    graph: Graph,
+    paths: Paths,
     used: OffsetArray,
     trail: int,
     source: int,
     target: int,
-    search: int,
-    met: OffsetArray,
-    distance: FloatArray,
-    entry: IntArray,
-    keys: FloatArray,
-    held: IntArray,
-    path: IntArray,
+    n_most: int,
+    backwards: bool,
 ) -> int:
-    """Find the safest path between two nodes over arcs that a trail has not used.
+    """Find the safest paths from a node, or to it, over unused arcs, the safest first.
 
     Parameters
     ----------
-    first, tail, head, cost
-        The arcs, grouped by tail node, and −log(survival) of each, at least 0.
-    used, trail
-        Arc a must not be taken where ``used[a] == trail``.
-    source, target
-        Where the path begins and ends; with ``target`` −1 the search goes on to every node.
-    search
-        Number of this search, another one each time the scratch arrays are used.
-    met, distance, entry
-        Scratch (n_nodes). Where ``met[v] == search``, ``distance[v]`` is the cost of the safest
-        path found, and ``entry[v]`` its last arc (−1 at the source).
-    keys, held
-        Scratch of the heap (n_arcs + 1).
-    path
-        Output (n_nodes): the arcs of the path in order.
+    graph, used, trail
+        Where, and which arcs must not be taken.
+    paths
+        ``distance``, ``entry`` and ``order`` are written.
+    source
+        Where the paths begin; searching backwards, where they end.
+    target, n_most
+        The search ends when the path to this node is known (``ANYWHERE``: no such node), or the
+        paths to so many nodes, the source among them.
+    backwards
+        Whether to search against the arcs.
 
     Returns
     -------
     int
-        How many arcs the path has; −1 where there is none.
+        How many nodes are in ``order``.
     """
+    met, distance, entry = paths.met, paths.distance, paths.entry
+    paths.n_searches[0] += 1
+    search = paths.n_searches[0]
     met[source], distance[source], entry[source] = search, 0.0, -1
-    size = push(keys, held, 0, 0.0, source)
-    while size > 0:
-        size = pop(keys, held, size)
-        here, key = held[size], keys[size]
-        if here == target:
-            break
+    size = _push(paths, 0, 0.0, source)
+    n = 0
+    while size > 0 and n < n_most:
+        size = _pop(paths, size)
+        here, key = paths.held[size], paths.keys[size]
         if key > distance[here]:
             continue
-        for arc in range(first[here], first[here + 1]):
-            there = head[arc]
-            reached = key + cost[arc]
+        paths.order[n] = here
+        n += 1
+        if here == target:
+            break
+        starts = graph.first_entering if backwards else graph.first
+        for i in range(starts[here], starts[here + 1]):
+            arc = graph.entering[i] if backwards else i
+            there = graph.tail[arc] if backwards else graph.head[arc]
+            reached = key + graph.cost[arc]
             if used[arc] == trail or (met[there] == search and distance[there] <= reached):
                 continue
             met[there], distance[there], entry[there] = search, reached, arc
-            size = push(keys, held, size, reached, there)
-    if target < 0 or met[target] != search:
+            size = _push(paths, size, reached, there)
+    return n
+
+
+@helper
+def safest_path(
+    graph: Graph, paths: Paths, used: OffsetArray, trail: int, source: int, target: int
+) -> int:
+    """Write the safest path between two nodes to ``paths.path``.
+
+    Returns
+    -------
+    int
+        How many arcs it has; −1 where there is none.
+    """
+    n_nodes = paths.met.shape[0]
+    n_known = search_paths(graph, paths, used, trail, source, target, n_nodes, False)
+    if paths.order[n_known - 1] != target:
         return -1
     n = 0
     here = target
     while here != source:
         n += 1
-        here = tail[entry[here]]
+        here = graph.tail[paths.entry[here]]
     here = target
     for i in range(n - 1, -1, -1):
-        path[i] = entry[here]
-        here = tail[entry[here]]
+        paths.path[i] = paths.entry[here]
+        here = graph.tail[paths.entry[here]]
     return n
 
 
-@kernel
-def way_home(
-    first: OffsetArray,
-    tail: IntArray,
-    head: IntArray,
-    cost: FloatArray,
-    homeward: IntArray,
-    base: int,
-    used: OffsetArray,
-    trail: int,
-    source: int,
-    search: int,
-    met: OffsetArray,
-    distance: FloatArray,
-    entry: IntArray,
-    keys: FloatArray,
-    held: IntArray,
-    path: IntArray,
-) -> int:
-    """Find the safest way to the base over arcs that a trail has not used.
+@helper
+def way_home(graph: Graph, paths: Paths, used: OffsetArray, trail: int, source: int) -> int:
+    """Write the safest way to the base to ``paths.path``; give its length as ``safest_path`` does.
 
-    First along ``homeward``, each node's arc on the safest way home when every arc is free: cheap,
-    and nearly always enough. Parameters and result are as for ``safest_path``.
+    First along ``graph.homeward``: cheap, and nearly always enough.
     """
     n = 0
     here = source
-    while here != base and used[homeward[here]] != trail:
-        path[n] = homeward[here]
+    while here != graph.base and used[graph.homeward[here]] != trail:
+        paths.path[n] = graph.homeward[here]
         n += 1
-        here = head[homeward[here]]
-    if here == base:
+        here = graph.head[graph.homeward[here]]
+    if here == graph.base:
         return n
-    return safest_path(
-        first,
-        tail,
-        head,
-        cost,
-        used,
-        trail,
-        source,
-        base,
-        search,
-        met,
-        distance,
-        entry,
-        keys,
-        held,
-        path,
-    )
+    return safest_path(graph, paths, used, trail, source, graph.base)
 
 
-@kernel
-def safest_homes(
-    first: OffsetArray,
-    tail: IntArray,
-    head: IntArray,
-    survival: FloatArray,
-    base: int,
-    homeward: IntArray,
-    home: FloatArray,
-) -> None:
-    """Write each node's arc on its safest way to the base, and that way's survival.
+@helper
+def leads_home(graph: Graph, paths: Paths, used: OffsetArray, trail: int, node: int) -> bool:
+    """Tell whether unused arcs lead from a node to the base.
 
-    Parameters
-    ----------
-    first, tail, head, survival
-        The arcs, grouped by tail node.
-    base
-        Where the ways end.
-    homeward, home
-        Output (n_nodes): an arc, −1 at the base, and the product of the survivals, 1 at the base.
+    First along ``graph.homeward``, then by depth-first search.
     """
-    n_nodes, n_arcs = first.shape[0] - 1, head.shape[0]
-    entering = np.argsort(head, kind="mergesort")
-    first_entering = np.zeros(n_nodes + 1, np.int64)
-    for arc in range(n_arcs):
-        first_entering[head[arc] + 1] += 1
-    first_entering = np.cumsum(first_entering)
-    backward_tail = head[entering]
-    backward_head = tail[entering]
-    cost = np.empty(n_arcs)
-    for i in range(n_arcs):
-        cost[i] = -math.log(survival[entering[i]])
-    distance = np.empty(n_nodes)
-    entry = np.full(n_nodes, -1, np.int32)
-    safest_path(
-        first_entering,
-        backward_tail,
-        backward_head,
-        cost,
-        np.full(n_arcs, -1, np.int64),
-        0,
-        base,
-        -1,
-        0,
-        np.full(n_nodes, -1, np.int64),
-        distance,
-        entry,
-        np.empty(n_arcs + 1),
-        np.empty(n_arcs + 1, np.int32),
-        np.empty(n_nodes, np.int32),
-    )
-    for node in range(n_nodes):
-        homeward[node] = entering[entry[node]] if node != base else -1
-    for node in range(n_nodes):
-        home[node] = 1.0
-        here = node
-        while here != base:
-            home[node] *= survival[homeward[here]]
-            here = head[homeward[here]]
-
-
-@kernel
-def nearest(
-    first: OffsetArray,
-    head: IntArray,
-    cost: FloatArray,
-    survival: FloatArray,
-    near: IntArray,
-    reach: FloatArray,
-) -> None:
-    """Find the nodes that are safest to reach from each node.
-
-    Parameters
-    ----------
-    first, head, cost, survival
-        The walk graph (see ``WalkGraph``).
-    near
-        Output (n_nodes, n_near), n_near < n_nodes: for each node others, the safest to reach first.
-    reach
-        Output (n_nodes, n_near): survival of the safest path to each of them.
-    """
-    n_nodes, n_arcs, n_near = first.shape[0] - 1, head.shape[0], near.shape[1]
-    met, settled = np.full(n_nodes, -1, np.int64), np.full(n_nodes, -1, np.int64)
-    distance, alive = np.empty(n_nodes), np.empty(n_nodes)
-    keys, held = np.empty(n_arcs + 1), np.empty(n_arcs + 1, np.int32)
-    for source in range(n_nodes):
-        met[source], distance[source], alive[source] = source, 0.0, 1.0
-        size = push(keys, held, 0, 0.0, source)
-        n = -1  # the source itself comes first
-        while size > 0 and n < n_near:
-            size = pop(keys, held, size)
-            here, key = held[size], keys[size]
-            if settled[here] == source:
+    here = node
+    while here != graph.base and used[graph.homeward[here]] != trail:
+        here = graph.head[graph.homeward[here]]
+    if here == graph.base:
+        return True
+    stack, met = paths.held, paths.met
+    paths.n_searches[0] += 1
+    search = paths.n_searches[0]
+    stack[0], met[node] = node, search
+    height = 1
+    while height > 0:
+        height -= 1
+        here = stack[height]
+        for arc in range(graph.first[here], graph.first[here + 1]):
+            there = graph.head[arc]
+            if used[arc] == trail or met[there] == search:
                 continue
-            settled[here] = source
-            if n >= 0:
-                near[source, n], reach[source, n] = here, alive[here]
-            n += 1
-            for arc in range(first[here], first[here + 1]):
-                there = head[arc]
-                reached = key + cost[arc]
-                if met[there] == source and distance[there] <= reached:
-                    continue
-                met[there], distance[there] = source, reached
-                alive[there] = alive[here] * survival[arc]
-                size = push(keys, held, size, reached, there)
+            if there == graph.base:
+                return True
+            met[there] = search
+            stack[height] = there
+            height += 1
+    return False
+
+
+@helper
+def survives_home(
+    graph: Graph,
+    paths: Paths,
+    used: OffsetArray,
+    trail: int,
+    node: int,
+    alive: float,
+    least: float,
+) -> bool:
+    """Tell whether a robot that reaches a node with probability ``alive`` can keep a floor.
+
+    It can if it gets home over unused arcs with probability ``least`` or more.
+    """
+    if alive * graph.home[node] < least:
+        return False
+    n = way_home(graph, paths, used, trail, node)
+    for i in range(n):
+        alive *= graph.survival[paths.path[i]]
+    return n >= 0 and alive >= least

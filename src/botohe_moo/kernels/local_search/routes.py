@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
 from botohe_moo.kernels.compile import part, routine
-from botohe_moo.kernels.graph.paths import pop, push
+from botohe_moo.kernels.graph.old_paths import pop, push
 
 FULL_UP_TO = 1_000
 NEAR = 200

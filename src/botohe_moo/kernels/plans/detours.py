@@ -11,7 +11,7 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
 from botohe_moo.kernels.compile import kernel
-from botohe_moo.kernels.graph.paths import safest_path
+from botohe_moo.kernels.graph.old_paths import safest_path
 from botohe_moo.kernels.plans.evaluate import find_arc
 from botohe_moo.kernels.rng import uniform
 

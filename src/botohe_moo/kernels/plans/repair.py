@@ -5,7 +5,7 @@ import numpy as np
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
 from botohe_moo.kernels.colony.construct import leads_home
 from botohe_moo.kernels.compile import kernel
-from botohe_moo.kernels.graph.paths import safest_path, way_home
+from botohe_moo.kernels.graph.old_paths import safest_path, way_home
 from botohe_moo.kernels.plans.evaluate import find_arc
 
 

@@ -1,0 +1,146 @@
+"""The one graph under all kernels: a mission's arcs and nodes as arrays."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from botohe_moo._base.types import FloatArray, OffsetArray
+
+
+class Graph(NamedTuple):
+    """A mission's graph, its arcs grouped by tail node; all arrays are read-only.
+
+    Indices of nodes and arcs are 64-bit integers everywhere, so that no helper is compiled twice.
+
+    Attributes
+    ----------
+    first
+        The arcs that leave node v are ``first[v]`` to ``first[v + 1]`` (n_nodes + 1).
+    tail, head
+        The nodes that each arc leaves and enters (n_arcs); heads ascend within a node's arcs.
+    survival, cost
+        Probability to survive each arc, in (0, 1], and −log of it, at least 0 (n_arcs).
+    reverse
+        The arc from each arc's head to its tail, −1 where there is none (n_arcs).
+    first_entering, entering
+        The arcs that enter node v are ``entering[first_entering[v]:first_entering[v + 1]]``.
+    reward
+        Reward of each node, at least 0 (n_nodes).
+    homeward
+        Of each node but the base its arc on the safest way home; −1 at the base (n_nodes).
+    home
+        Survival of that way, every arc of which may be used; 1 at the base (n_nodes).
+    base
+        Index of the base.
+    balanced
+        Whether as many arcs enter every node as leave it, so that no trail meets a dead end.
+    """
+
+    first: OffsetArray
+    tail: OffsetArray
+    head: OffsetArray
+    survival: FloatArray
+    cost: FloatArray
+    reverse: OffsetArray
+    first_entering: OffsetArray
+    entering: OffsetArray
+    reward: FloatArray
+    homeward: OffsetArray
+    home: FloatArray
+    base: int
+    balanced: bool
+
+    @property
+    def n_nodes(self) -> int:
+        """Number of nodes."""
+        return len(self.reward)
+
+    @property
+    def n_arcs(self) -> int:
+        """Number of arcs; the base's self-loop, which ends a colony's trails, is not among them."""
+        return len(self.head)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return _read_only, tuple(self)  # numpy unpickles arrays as writable ones
+
+
+def new_graph(
+    tail: OffsetArray, head: OffsetArray, survival: FloatArray, reward: FloatArray, base: int
+) -> Graph:
+    """Prepare a valid mission's graph.
+
+    Parameters
+    ----------
+    tail, head, survival
+        The arcs, sorted by tail, then by head.
+    reward, base
+        As in :class:`Graph`.
+    """
+    n_nodes, n_arcs = len(reward), len(head)
+    leaving = np.bincount(tail, minlength=n_nodes)
+    n_entering = np.bincount(head, minlength=n_nodes)
+    first = np.concatenate([[0], np.cumsum(leaving)])
+    cost = -np.log(survival) + 0.0  # no negative zeros
+    there, back = tail * n_nodes + head, head * n_nodes + tail
+    found = np.minimum(np.searchsorted(there, back), max(0, n_arcs - 1))
+    first_entering = np.concatenate([[0], np.cumsum(n_entering)])
+    entering = np.argsort(head, kind="stable")
+    homeward, home = _safest_ways_home(tail, survival, cost, first_entering, entering, base)
+    return _read_only(
+        first,
+        tail,
+        head,
+        survival,
+        cost,
+        np.where(there[found] == back, found, -1),
+        first_entering,
+        entering,
+        reward,
+        homeward,
+        home,
+        base,
+        bool(np.array_equal(leaving, n_entering)),
+    )
+
+
+def _safest_ways_home(
+    tail: OffsetArray,
+    survival: FloatArray,
+    cost: FloatArray,
+    first_entering: OffsetArray,
+    entering: OffsetArray,
+    base: int,
+) -> tuple[OffsetArray, FloatArray]:
+    """Find ``homeward`` and ``home`` by Dijkstra's algorithm, from the base backwards.
+
+    In Python, for it runs once for every mission: compiling it would take longer. Ties go to the
+    node of the smallest index.
+    """
+    n_nodes = len(first_entering) - 1
+    distance, homeward, home = [math.inf] * n_nodes, np.full(n_nodes, -1), np.ones(n_nodes)
+    starts, arcs = first_entering.tolist(), entering.tolist()
+    tails, costs = tail.tolist(), cost.tolist()
+    distance[base] = 0.0
+    heap = [(0.0, base)]
+    while heap:
+        key, there = heapq.heappop(heap)
+        if key > distance[there]:
+            continue
+        for arc in arcs[starts[there] : starts[there + 1]]:
+            here, reached = tails[arc], key + costs[arc]
+            if reached < distance[here]:
+                distance[here], homeward[here] = reached, arc
+                home[here] = survival[arc] * home[there]
+                heapq.heappush(heap, (reached, here))
+    return homeward, home
+
+
+def _read_only(*fields: object) -> Graph:
+    for field in fields:
+        if isinstance(field, np.ndarray):
+            field.setflags(write=False)
+    return Graph(*fields)  # type: ignore[arg-type]
