@@ -87,6 +87,13 @@ def kernel_faults(tree):
     return [name for name in imported(tree) if not KERNELS_MAY_IMPORT.match(name)]
 
 
+def pymoo_faults(module, tree):
+    """Imports of pymoo by what stands above the problem."""
+    if ORDER.index(entry_of(module)) >= ORDER.index("problem"):
+        return []
+    return [name for name in imported(tree) if name.split(".")[0] == "pymoo"]
+
+
 LAZY_NAMES = "__getattr__, __dir__ = lazy_names(__name__, _HOMES)"
 LAZY = ast.dump(ast.parse(LAZY_NAMES).body[0])
 
@@ -309,6 +316,16 @@ class TestImports:
         faults = {p.name: kernel_faults(parsed(p)) for p in (PACKAGE / "kernels").rglob("*.py")}
         assert len(faults) > 5
         assert not any(faults.values()), faults
+
+    def test_engines_know_nothing_of_pymoo(self, source):
+        tree = ast.parse("def f():\n from pymoo.core.problem import Problem")
+        assert pymoo_faults("botohe_moo.search.colony", tree)
+        assert not pymoo_faults("botohe_moo.algorithms.nsga2", tree)
+        if source != TOP:
+            assert pymoo_faults(module_name(source), parsed(source)) == []
+
+    def test_every_room_is_there(self):
+        assert [name for name in ORDER if find_spec(f"botohe_moo.{name}") is None] == []
 
     @pytest.mark.parametrize(
         "line",

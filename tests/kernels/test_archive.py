@@ -6,10 +6,20 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numba import njit
 
-from botohe_moo.kernels.fronts.archive import pareto_set, plan_hash
+from botohe_moo.algorithms.individuals import PopulationArchive
+from botohe_moo.kernels.fronts import archive as kernels
 from botohe_moo.search.archive import PlanArchive
 from botohe_moo.trails import PlanBatch, TrailPlan
+
+pareto_set, plan_hash = njit(kernels.pareto_set), njit(kernels.plan_hash)
+
+
+def as_batch(batch, objectives=None):
+    objectives = np.zeros((len(batch), 2)) if objectives is None else objectives
+    return kernels.Batch(objectives, batch.nodes, batch.offsets)
+
 
 # Plans whose objectives are small integers, so that ties and repetitions abound; the last two
 # are one plan with its robots in two orders, the two before are {A, A, B} and {A, B, B}.
@@ -96,7 +106,7 @@ def test_no_more_ties_than_asked_for(data, max_ties):
 @given(st.data())
 def test_individuals_stay_the_same_as_long_as_their_plans_do(data):
     objectives = draw_objectives(data)
-    archive, made = PlanArchive(3), {}
+    archive, made = PopulationArchive(3), {}
     for _ in range(4):
         drawn = data.draw(st.lists(st.integers(0, len(PLANS) - 1), min_size=1, max_size=4))
         batch = PlanBatch.from_plans([PLANS[i] for i in drawn], 3)
@@ -112,7 +122,7 @@ def test_individuals_stay_the_same_as_long_as_their_plans_do(data):
 
 def test_hash_knows_multisets():
     batch = PlanBatch.from_plans(PLANS, 3)
-    hashes = [plan_hash(batch.nodes, batch.offsets, 3, i) for i in range(len(PLANS))]
+    hashes = [plan_hash(as_batch(batch), 3, i) for i in range(len(PLANS))]
     assert hashes[-1] == hashes[-2]
     assert len(set(hashes)) == len(PLANS) - 1
 
@@ -124,14 +134,14 @@ def test_hashes_of_many_short_plans_differ():
         for _ in range(20_000)
     }
     batch = PlanBatch.from_plans(plans, 2)
-    hashes = {int(plan_hash(batch.nodes, batch.offsets, 2, i)) for i in range(len(batch))}
+    hashes = {int(plan_hash(as_batch(batch), 2, i)) for i in range(len(batch))}
     assert len(hashes) == len(plans)
 
 
 def test_plans_with_nan_objectives_are_left_out():
     objectives = np.array([[1.0, 1.0], [np.nan, 5.0], [0.5, 2.0]])
     batch = PlanBatch.from_plans(PLANS[:3], 3)
-    members, _ = pareto_set(objectives, batch.nodes, batch.offsets, 3)
+    members, _ = pareto_set(as_batch(batch, objectives), 3)
     assert members.tolist() == [0, 2]
 
 

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from botohe_moo.kernels.colony.construct import leads_home
+from botohe_moo.kernels.colony.pheromone import weigh
 from botohe_moo.mission import Mission, load_mission
 from botohe_moo.search.colony import AntThreads, Colony, ColonyRule
 from tests import twins
-from tests.strategies import missions, trails
+from tests.strategies import missions
 
 
 def rule(**changes):
@@ -67,11 +67,11 @@ def test_no_dead_ends_on_one_way_missions(mission, changes, seed):
         batch, arcs = ants.construct(7)
         objectives = mission.evaluate(batch)  # raises PlanError for any trail that is not valid
         assert len(batch) == 7
-        assert np.array_equal(arcs, ants.walk.arcs_of(batch))
+        assert np.array_equal(arcs, ants.arcs_of(batch))
         ants.pheromone[...] = 10.0 ** np.random.default_rng(seed).uniform(
             -250, 1, ants.pheromone.shape
         )
-        ants._weigh()
+        weigh(ants._pheromone, ants._weights)
         assert (objectives <= [mission.total_reward + 1e-9, mission.robots]).all()
 
 
@@ -112,24 +112,6 @@ def lost_walks(mission, seed):
             here = arc[1]
         lost += here != mission.base
     return lost
-
-
-@settings(max_examples=200)
-@given(missions(max_nodes=8), st.data())
-def test_leads_home_is_reachability_over_unused_arcs(mission, data):
-    walk = mission.walk
-    arcs = list(zip(walk.tail.tolist(), walk.head.tolist(), strict=True))
-    used_arcs = data.draw(st.sets(st.sampled_from(range(len(arcs)))))
-    used = np.full(len(arcs), -1, np.int64)
-    used[sorted(used_arcs)] = 3
-    left = nx.DiGraph(arc for i, arc in enumerate(arcs) if i not in used_arcs)
-    left.add_nodes_from(range(len(mission.nodes)))
-    met, stack = np.full(len(mission.nodes), -1, np.int64), np.empty(len(mission.nodes), np.int32)
-    for search, node in enumerate(left):
-        found = leads_home(
-            walk.first, walk.head, walk.homeward, walk.base, node, used, 3, met, search, stack
-        )
-        assert found == nx.has_path(left, node, walk.base)
 
 
 def crossing(robots):
@@ -182,9 +164,9 @@ def test_ants_choose_as_the_paper_says(robots, changes, allocation):
     assert not mission.balanced
     ants = colony(mission, n_ants=3, seed=5, allocation=allocation, **changes)
     ants.pheromone[...] = np.random.default_rng(2).uniform(0.3, 3, ants.pheromone.shape)
-    ants._weigh()
-    walk = ants.walk
-    arcs = list(zip(walk.tail.tolist(), walk.head.tolist(), strict=True))
+    weigh(ants._pheromone, ants._weights)
+    graph = mission.arrays
+    arcs = [*zip(graph.tail.tolist(), graph.head.tolist(), strict=True), (graph.base,) * 2]
     levels = [dict(zip(arcs, map(tuple, one.tolist()), strict=True)) for one in ants.pheromone]
     pheromone = levels * robots if len(levels) == 1 else levels
     twin = ALLOCATIONS[allocation]
@@ -286,20 +268,7 @@ def test_long_trails_outgrow_the_first_buffers(allocation):
     batch, arcs = ants.construct(20)
     assert len(batch.nodes) > 2 * 4096
     mission.evaluate(batch)
-    assert np.array_equal(arcs, ants.walk.arcs_of(batch))
-
-
-@given(missions(max_nodes=6), st.data())
-def test_homeward_arcs_lead_home(mission, data):
-    walk = mission.walk
-    trail = data.draw(trails(mission))
-    for node in trail:
-        hops = 0
-        while node != walk.base:
-            assert walk.tail[walk.homeward[node]] == node
-            node = walk.head[walk.homeward[node]]
-            hops += 1
-            assert hops < len(mission.nodes)
+    assert np.array_equal(arcs, ants.arcs_of(batch))
 
 
 @pytest.mark.parametrize("twin", ALLOCATIONS.values(), ids=ALLOCATIONS)

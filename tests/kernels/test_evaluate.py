@@ -9,7 +9,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from botohe_moo.kernels.plans.evaluate import find_arc, trail_arcs
+from botohe_moo.kernels.colony.pheromone import trail_arcs
 from botohe_moo.mission import Mission, PlanError, load_mission
 from botohe_moo.outcomes.outcomes import (
     plan_outcomes,
@@ -220,30 +220,16 @@ class TestFaults:
             toy.evaluate(PlanBatch(np.zeros(3, np.int32), np.arange(4), 3))
 
 
-@settings(max_examples=60)
-@given(missions(max_nodes=20))
-@example(load_mission("complete", nodes=40))
-def test_find_arc(mission):
-    arrays = mission.arrays
-    arcs = {arc: i for i, arc in enumerate(zip(arrays.tail, arrays.head, strict=True))}
-    for tail in range(arrays.n_nodes):
-        for head in range(arrays.n_nodes):
-            found = find_arc(arrays.first, arrays.head, tail, head)
-            assert found == arcs.get((tail, head), -1)
-
-
 @given(missions_with_plans())
 def test_trail_arcs(drawn):
     mission, plan = drawn
-    arrays = mission.arrays
-    arcs = np.empty_like(plan.nodes)
-    trail_arcs(arrays.first, arrays.head, -7, plan.nodes, plan.offsets, arcs)
-    walked = iter(arcs)
+    graph = mission.arrays
+    walked = iter(trail_arcs(graph, plan.nodes, plan.offsets))
     for trail in plan.trails:
         for tail, head in pairwise(trail):
             arc = next(walked)
-            assert (arrays.tail[arc], arrays.head[arc]) == (tail, head)
-        assert next(walked) == -7
+            assert (graph.tail[arc], graph.head[arc]) == (tail, head)
+        assert next(walked) == graph.n_arcs
 
 
 def drafted(mission, trails):

@@ -1,5 +1,6 @@
-"""Safest paths against networkx, with any arcs used."""
+"""Safest paths and the graph under them against networkx, with any arcs used."""
 
+import pickle
 from math import log, prod
 
 import networkx as nx
@@ -7,97 +8,173 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numba import njit
 
-from botohe_moo.kernels.graph.old_paths import safest_path, way_home
+from botohe_moo import load_mission
+from botohe_moo.kernels.graph import arcs, paths
 from tests.strategies import missions
+
+USED, TRAIL = 7, 7
+
+
+def compiled(name):
+    return njit(getattr(paths, name))
+
+
+find_path, find_home = compiled("safest_path"), compiled("way_home")
+leads_home, survives_home = compiled("leads_home"), compiled("survives_home")
+search_paths = compiled("search_paths")
 
 
 def free_graph(mission, used):
-    walk = mission.walk
-    graph = nx.DiGraph()
-    graph.add_nodes_from(range(len(walk.home)))
-    for arc, (tail, head) in enumerate(zip(walk.tail.tolist(), walk.head.tolist(), strict=True)):
-        if arc != walk.loop and used[arc] != 7:
-            graph.add_edge(tail, head, cost=-log(walk.survival[arc]))
-    return graph
+    graph = mission.arrays
+    free = nx.DiGraph()
+    free.add_nodes_from(range(graph.n_nodes))
+    for arc, (tail, head) in enumerate(zip(graph.tail.tolist(), graph.head.tolist(), strict=True)):
+        if used[arc] != USED:
+            free.add_edge(tail, head, cost=-log(graph.survival[arc]))
+    return free
 
 
-def scratch(mission):
-    n_nodes, n_arcs = len(mission.walk.home), len(mission.walk.head)
-    return {
-        "met": np.full(n_nodes, -1, np.int64),
-        "distance": np.empty(n_nodes),
-        "entry": np.empty(n_nodes, np.int32),
-        "keys": np.empty(n_arcs + 1),
-        "held": np.empty(n_arcs + 1, np.int32),
-        "path": np.empty(n_nodes, np.int32),
-    }
+def draw_used(mission, data):
+    n_arcs = mission.arrays.n_arcs
+    marks = data.draw(st.lists(st.sampled_from([3, USED]), min_size=n_arcs, max_size=n_arcs))
+    return np.array(marks, np.int64)
 
 
-def assert_path(mission, used, arcs, source, target, survival):
+def assert_path(graph, used, path, source, target, survival):
     """Whether arcs lead from source to target, unused ones, each once, as safely as possible."""
-    walk = mission.walk
     here = source
-    for arc in arcs:
-        assert walk.tail[arc] == here
-        assert used[arc] != 7
-        here = walk.head[arc]
+    for arc in path:
+        assert graph.tail[arc] == here
+        assert used[arc] != USED
+        here = graph.head[arc]
     assert here == target
-    assert len(set(arcs)) == len(arcs)
-    assert prod(walk.survival[list(arcs)]) == pytest.approx(survival)
+    assert len(set(path)) == len(path)
+    assert prod(graph.survival[list(path)]) == pytest.approx(survival)
 
 
 @settings(max_examples=200)
 @given(mission=missions(max_nodes=9), data=st.data())
 def test_paths_are_the_safest_over_unused_arcs(mission, data):
-    walk, n_nodes = mission.walk, len(mission.nodes)
-    space = scratch(mission)
-    nodes = st.integers(0, n_nodes - 1)
-    for search in range(5):
-        used = np.array(
-            data.draw(
-                st.lists(st.sampled_from([3, 7]), min_size=len(walk.head), max_size=len(walk.head))
-            )
-        )
+    graph, nodes = mission.arrays, st.integers(0, len(mission.nodes) - 1)
+    scratch = paths.new_paths(graph)
+    for _ in range(5):
+        used = draw_used(mission, data)
         source, target = data.draw(nodes), data.draw(nodes)
-        graph = free_graph(mission, used)
-        for leg, goal in enumerate((target, walk.base)):
-            number = 2 * search + leg
-            by_home = goal == walk.base and data.draw(st.booleans())
-            common = (walk.first, walk.tail, walk.head, walk.cost)
-            if by_home:
-                n = way_home(
-                    *common, walk.homeward, walk.base, used, 7, source, number, *space.values()
-                )
+        free = free_graph(mission, used)
+        for goal in (target, graph.base):
+            if goal == graph.base and data.draw(st.booleans()):
+                n = find_home(graph, scratch, used, TRAIL, source)
             else:
-                n = safest_path(*common, used, 7, source, goal, number, *space.values())
-            if not nx.has_path(graph, source, goal):
+                n = find_path(graph, scratch, used, TRAIL, source, goal)
+            if not nx.has_path(free, source, goal):
                 assert n == -1
                 continue
-            cost = nx.dijkstra_path_length(graph, source, goal, weight="cost")
-            assert_path(mission, used, space["path"][:n].tolist(), source, goal, np.exp(-cost))
+            cost = nx.dijkstra_path_length(free, source, goal, weight="cost")
+            assert_path(graph, used, scratch.path[:n].tolist(), source, goal, np.exp(-cost))
 
 
 @settings(max_examples=200)
-@given(missions(max_nodes=9))
-def test_homes_are_the_safest(mission):
-    walk = mission.walk
-    graph = free_graph(mission, np.zeros(len(walk.head), np.int64))
-    for node in range(len(mission.nodes)):
-        cost = nx.dijkstra_path_length(graph, node, walk.base, weight="cost")
-        assert walk.home[node] == pytest.approx(np.exp(-cost))
-        if node != walk.base:
-            assert walk.tail[walk.homeward[node]] == node
-    assert walk.homeward[walk.base] == -1
+@given(mission=missions(max_nodes=9), data=st.data(), backwards=st.booleans())
+def test_searches_find_the_nearest_nodes_first(mission, data, backwards):
+    graph, scratch = mission.arrays, paths.new_paths(mission.arrays)
+    used, n_nodes = draw_used(mission, data), len(mission.nodes)
+    source, n_most = data.draw(st.integers(0, n_nodes - 1)), data.draw(st.integers(1, n_nodes))
+    n = search_paths(graph, scratch, used, TRAIL, source, paths.ANYWHERE, n_most, backwards)
+    free = free_graph(mission, used)
+    free = free.reverse() if backwards else free
+    costs = nx.single_source_dijkstra_path_length(free, source, weight="cost")
+    assert n == min(n_most, len(costs))
+    found = scratch.order[:n]
+    assert len(set(found.tolist())) == n
+    assert scratch.distance[found] == pytest.approx(sorted(costs.values())[:n])
+    assert [costs[node] for node in found.tolist()] == pytest.approx(sorted(costs.values())[:n])
+    for node in found.tolist():
+        arc = scratch.entry[node]
+        if node == source:
+            assert arc == -1
+        else:
+            ends = (graph.tail[arc], graph.head[arc])
+            assert ends[0 if backwards else 1] == node
+            assert used[arc] != USED
 
 
-def test_walk_is_read_only_and_left_out_of_pickles():
-    import pickle
+@settings(max_examples=200)
+@given(missions(max_nodes=8), st.data())
+def test_leads_home_is_reachability_over_unused_arcs(mission, data):
+    graph, scratch = mission.arrays, paths.new_paths(mission.arrays)
+    used = draw_used(mission, data)
+    free = free_graph(mission, used)
+    for node in free:
+        found = leads_home(graph, scratch, used, TRAIL, node)
+        assert found == nx.has_path(free, node, graph.base)
 
-    from botohe_moo import load_mission
 
-    mission = load_mission("toy")
-    assert mission.walk is mission.walk
-    with pytest.raises(ValueError, match="read-only"):
-        mission.walk.home[0] = 2.0
-    assert "walk" not in pickle.loads(pickle.dumps(mission)).__dict__
+@settings(max_examples=200)
+@given(missions(max_nodes=8), st.data(), st.floats(0.1, 1.0), st.floats(0.0, 1.0))
+def test_a_floor_is_kept_if_the_safest_way_home_keeps_it(mission, data, alive, least):
+    graph, scratch = mission.arrays, paths.new_paths(mission.arrays)
+    used = draw_used(mission, data)
+    free = free_graph(mission, used)
+    for node in free:
+        expected = False
+        if nx.has_path(free, node, graph.base):
+            cost = nx.dijkstra_path_length(free, node, graph.base, weight="cost")
+            survives = alive * np.exp(-cost)
+            if survives == pytest.approx(least, rel=1e-9):
+                continue
+            expected = survives >= least
+        assert survives_home(graph, scratch, used, TRAIL, node, alive, least) == expected
+
+
+@settings(max_examples=200)
+@given(missions(max_nodes=9, one_way=True))
+def test_the_graph(mission):
+    graph = mission.arrays
+    free = free_graph(mission, np.zeros(graph.n_arcs, np.int64))
+    assert np.array_equal(graph.first[graph.tail], np.searchsorted(graph.tail, graph.tail))
+    assert np.exp(-graph.cost) == pytest.approx(graph.survival)
+    pairs = list(zip(graph.tail.tolist(), graph.head.tolist(), strict=True))
+    assert pairs == sorted(pairs)
+    for arc, (tail, head) in enumerate(pairs):
+        back = graph.reverse[arc]
+        assert (back >= 0) == ((head, tail) in pairs)
+        assert back < 0 or pairs[back] == (head, tail)
+    for node in range(graph.n_nodes):
+        entering = graph.entering[graph.first_entering[node] : graph.first_entering[node + 1]]
+        assert entering.tolist() == [arc for arc, (_, head) in enumerate(pairs) if head == node]
+        cost = nx.dijkstra_path_length(free, node, graph.base, weight="cost")
+        assert graph.home[node] == pytest.approx(np.exp(-cost))
+        here, hops = node, 0
+        while here != graph.base:
+            assert graph.tail[graph.homeward[here]] == here
+            here = graph.head[graph.homeward[here]]
+            hops += 1
+            assert hops < graph.n_nodes
+    assert graph.homeward[graph.base] == -1
+    degrees = [free.in_degree(node) == free.out_degree(node) for node in free]
+    assert graph.balanced == all(degrees)
+
+
+@settings(max_examples=200)
+@given(missions(max_nodes=30))
+def test_find_arc(mission):
+    graph, find = mission.arrays, arcs.find_arc
+    known = {
+        pair: i for i, pair in enumerate(zip(graph.tail.tolist(), graph.head.tolist(), strict=True))
+    }
+    for tail in range(graph.n_nodes):
+        for head in range(graph.n_nodes):
+            assert find(graph, tail, head) == known.get((tail, head), -1)
+
+
+def test_it_is_read_only_also_after_pickling():
+    for graph in (
+        load_mission("toy").arrays,
+        pickle.loads(pickle.dumps(load_mission("toy").arrays)),
+    ):
+        for array in graph:
+            if isinstance(array, np.ndarray):
+                with pytest.raises(ValueError, match="read-only"):
+                    array[0] = 2

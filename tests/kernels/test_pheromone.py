@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from botohe_moo.kernels.colony.pheromone import LEAST, learn, log_weights
+from botohe_moo.kernels.colony.construct import Weights
+from botohe_moo.kernels.colony.pheromone import LEAST, Depositors, Pheromone, learn, weigh
 
 N_ARCS, N_ROBOTS = 5, 2
 
@@ -45,6 +46,15 @@ def packed(plans):
     return objectives, np.array([arc for trail in trails for arc in trail], np.int32), offsets
 
 
+def new_pheromone(levels, log_eta_reward=0.0, log_eta_survival=None):
+    n_maps, n_arcs, _ = levels.shape
+    eta = np.zeros(n_arcs) if log_eta_survival is None else np.array(log_eta_survival)
+    deposits = np.zeros((2, *levels.shape))
+    pheromone = Pheromone(levels, *deposits, np.full(n_arcs, log_eta_reward), eta)
+    shape = (n_maps, n_arcs)
+    return pheromone, Weights(np.empty(shape), np.empty(shape), np.zeros(n_arcs), np.zeros(n_arcs))
+
+
 @given(
     st.lists(plans, min_size=1, max_size=4),
     st.sets(st.integers(0, 3), min_size=1),
@@ -56,62 +66,37 @@ def packed(plans):
 )
 def test_learn(batch, chosen, archived, n_maps, evaporation, pooled, seed):
     members = np.array(sorted(i for i in chosen if i < len(batch)) or [0])
-    pheromone = np.random.default_rng(seed).uniform(0.1, 5, (n_maps, N_ARCS, 2))
-    before = {(m, a): pheromone[m, a].tolist() for m in range(n_maps) for a in range(N_ARCS)}
+    levels = np.random.default_rng(seed).uniform(0.1, 5, (n_maps, N_ARCS, 2))
+    before = {(m, a): levels[m, a].tolist() for m in range(n_maps) for a in range(N_ARCS)}
     expected = twin(before, evaporation, pooled, [batch[i] for i in members], archived)
 
     objectives, arcs, offsets = packed(batch)
     archived_objectives, archived_arcs, archived_offsets = packed(archived)
-    amounts, archived_amounts = np.zeros((2, n_maps, N_ARCS, 2))
-    again = pheromone.copy()
-    for levels, changed in ((pheromone, True), (again, False)):
-        learn(
-            levels,
-            evaporation,
-            pooled,
-            objectives,
-            members,
-            arcs,
-            offsets,
-            archived_objectives,
-            archived_arcs,
-            archived_offsets,
-            changed,
-            N_ROBOTS,
-            amounts,
-            archived_amounts,
-        )
+    everybody = np.arange(len(archived))
+    iteration = Depositors(objectives, members, arcs, offsets)
+    archive = Depositors(archived_objectives, everybody, archived_arcs, archived_offsets)
+    state, weights = new_pheromone(levels)
+    again = state._replace(levels=levels.copy())
+    for pheromone, changed in ((state, True), (again, False)):
+        learn(pheromone, weights, evaporation, pooled, N_ROBOTS, iteration, archive, changed)
         for (m, arc), levels_expected in expected.items():
-            assert levels[m, arc] == pytest.approx(levels_expected, rel=1e-12)
+            assert pheromone.levels[m, arc] == pytest.approx(levels_expected, rel=1e-12)
+    before = weights.log_reward.copy()
+    weigh(state, weights)
+    assert np.array_equal(weights.log_reward, before)
 
 
 def test_pheromone_never_vanishes():
     """Thousands of iterations without deposit underflow to 0 otherwise, and 0 has no logarithm."""
-    pheromone = np.full((1, 2, 2), 1e-249)
     objectives, arcs, offsets = packed([((1.0, 1.0), [[0], [0]])])
-    amounts, archived_amounts = np.zeros((2, 1, 2, 2))
+    plans = Depositors(objectives, np.array([0]), arcs, offsets)
+    pheromone, weights = new_pheromone(np.full((1, 2, 2), 1e-249), -3.0, [0.5, -0.5])
     for _ in range(10_000):
-        learn(
-            pheromone,
-            0.5,
-            False,
-            objectives,
-            np.array([0]),
-            arcs,
-            offsets,
-            objectives,
-            arcs,
-            offsets,
-            True,
-            N_ROBOTS,
-            amounts,
-            archived_amounts,
-        )
-    assert (pheromone[0, 1] == LEAST).all()
-    assert (pheromone[0, 0] > 1).all()
-    log_reward, log_survival = np.empty((2, 1, 2))
-    log_weights(pheromone, -3.0, np.array([0.5, -0.5]), log_reward, log_survival)
-    assert log_reward[0, 1] == pytest.approx(math.log(LEAST) - 3)
-    assert log_survival[0].tolist() == pytest.approx(
-        [math.log(pheromone[0, 0, 1]) + 0.5, math.log(LEAST) - 0.5]
+        learn(pheromone, weights, 0.5, False, N_ROBOTS, plans, plans, True)
+    levels = pheromone.levels
+    assert (levels[0, 1] == LEAST).all()
+    assert (levels[0, 0] > 1).all()
+    assert weights.log_reward[0, 1] == pytest.approx(math.log(LEAST) - 3)
+    assert weights.log_survival[0].tolist() == pytest.approx(
+        [math.log(levels[0, 0, 1]) + 0.5, math.log(LEAST) - 0.5]
     )

@@ -68,7 +68,7 @@ class TestConstruction:
         assert arrays.head.tolist() == [1, 2, 0, 2, 1]
         assert arrays.survival.tolist() == [0.9, 0.25, 0.8, 0.5, 1]
         assert arrays.reward.tolist() == [1, 5, 0.5]
-        assert arrays.tail.dtype == arrays.head.dtype == np.int32
+        assert arrays.tail.dtype == arrays.head.dtype == np.int64
         assert arrays.first.dtype == np.int64
 
     def test_graphs_own_attributes_and_overrides(self, graph):

@@ -17,8 +17,8 @@ from pymoo.termination.max_gen import MaximumGenerationTermination
 
 from botohe_moo._base.checks import check_integer
 from botohe_moo._base.types import FloatArray, ObjectArray, OffsetArray
+from botohe_moo.algorithms.individuals import PopulationArchive
 from botohe_moo.problem import BOTOHE, FrontOutput
-from botohe_moo.search.archive import PlanArchive
 from botohe_moo.trails import PlanBatch, TrailPlan, listed_plans
 
 __all__ = ["ArchiveAlgorithm"]
@@ -76,9 +76,9 @@ class ArchiveAlgorithm(Algorithm):
         check_options(self, options)
         self.max_ties = check_integer("max_ties", max_ties, at_least=1, at_most=MAX_TIES)
         self.sampling = [] if sampling is None else listed_plans(sampling)
-        self.archive = PlanArchive(1)
+        self.archive = PopulationArchive(1)
         super().__init__(**{"output": FrontOutput(), **options})
-        self.archive = PlanArchive(1)  # pymoo has set its own, which only sees individuals
+        self.archive = PopulationArchive(1)  # pymoo has set its own, which only sees individuals
 
     def setup(self, problem: Any, **kwargs: Any) -> Algorithm:
         """Prepare to solve ``problem``; pymoo's ``minimize`` calls this.
@@ -121,7 +121,7 @@ class ArchiveAlgorithm(Algorithm):
         return self
 
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
-        self.archive = PlanArchive(
+        self.archive = PopulationArchive(
             problem.mission.robots,
             max_ties=self.max_ties,
             constrain=problem.constrain_batch if problem.n_ieq_constr else None,

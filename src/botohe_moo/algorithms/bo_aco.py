@@ -250,10 +250,11 @@ class BOACO(ArchiveAlgorithm):
 
         if self.problem is None:
             raise RuntimeError("There is no pheromone before the algorithm has a problem.")
-        walk, nodes = self.colony.walk, self.problem.mission.nodes
+        graph, nodes = self.problem.mission.arrays, self.problem.mission.nodes
+        tails, heads = (np.append(ends, graph.base) for ends in (graph.tail, graph.head))
         arcs = {
-            "tail": pd.Series([nodes[i] for i in walk.tail], dtype=object),
-            "head": pd.Series([nodes[i] for i in walk.head], dtype=object),
+            "tail": pd.Series([nodes[i] for i in tails], dtype=object),
+            "head": pd.Series([nodes[i] for i in heads], dtype=object),
         }
         frames = {
             (number, robot): pd.DataFrame(
@@ -314,7 +315,7 @@ class BOACO(ArchiveAlgorithm):
             )
             for share in _shares(self.n_ants, self.n_colonies)
         ]
-        self._origins = [self.archive]  # by which the colonies deposit
+        self._origins: list[PlanArchive] = [self.archive]  # by which the colonies deposit
         if self.n_colonies > 1:
             self._origins = [
                 PlanArchive(mission.robots, max_ties=self.max_ties) for _ in self.colonies
@@ -361,7 +362,7 @@ class BOACO(ArchiveAlgorithm):
             return batch, arcs, objectives, members
         whole = PlanBatch.concatenate([batch, improved])
         objectives = np.vstack([objectives, gained])
-        arcs = np.concatenate([arcs, self.colony.walk.arcs_of(improved)])
+        arcs = np.concatenate([arcs, self.colony.arcs_of(improved)])
         return whole, arcs, objectives, self.archive.absorb(whole, objectives)
 
     def _finalize(self) -> None:

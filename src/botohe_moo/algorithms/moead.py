@@ -122,8 +122,8 @@ class PlanMOEAD(PopulationAlgorithm, ParallelMOEAD):
 
     def _see_ideal(self) -> None:
         """Set the ideal point; pymoo's would be that of infeasible plans, too."""
-        if len(self.plan_archive):
-            self.ideal = -self.plan_archive.objectives.max(axis=0)
+        if len(self.archive):
+            self.ideal = -self.archive.objectives.max(axis=0)
 
     def _replace(self, k: int, off: Any) -> None:
         pop, near = self.pop, self.neighbors[k]

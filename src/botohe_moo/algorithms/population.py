@@ -19,6 +19,7 @@ from pymoo.core.sampling import Sampling
 from botohe_moo._base.checks import check_integer
 from botohe_moo._base.types import FloatArray, ObjectArray
 from botohe_moo.algorithms.base import MAX_TIES, check_budget, check_options, evaluations_left
+from botohe_moo.algorithms.individuals import PopulationArchive
 from botohe_moo.operators.duplicates import PlanDuplicates
 from botohe_moo.operators.repair import PenaltyOnly, PlanRepair
 from botohe_moo.operators.wiring import (
@@ -30,7 +31,6 @@ from botohe_moo.operators.wiring import (
     make_sampling,
 )
 from botohe_moo.problem import BOTOHE, FrontOutput
-from botohe_moo.search.archive import PlanArchive
 from botohe_moo.trails import TrailPlan
 
 __all__ = ["PopulationAlgorithm"]
@@ -83,7 +83,7 @@ class PopulationAlgorithm(Algorithm):
 
     Attributes
     ----------
-    plan_archive : PlanArchive
+    archive : PlanArchive
         All non-dominated feasible plans found so far.
     repair : PlanRepair
         The repair of the operators that were given by name; ``repair.counts`` tells what it did.
@@ -91,6 +91,7 @@ class PopulationAlgorithm(Algorithm):
 
     pop: Population
     is_initialized: bool
+    archive: PopulationArchive
     eliminate_duplicates: DuplicateElimination
 
     # Children of each pair.
@@ -129,7 +130,6 @@ class PopulationAlgorithm(Algorithm):
     ) -> None:
         check_options(self, options)
         self.max_ties = check_integer("max_ties", max_ties, at_least=1, at_most=MAX_TIES)
-        self.plan_archive = PlanArchive(1)
         self._least_infeasible: Population | None = None
         made = make_repair(repair)
         operators = {
@@ -140,6 +140,7 @@ class PopulationAlgorithm(Algorithm):
             "mutation": make_mutation(mutation, prob=prob_mutation, repair=made),
         }
         super().__init__(**{"output": FrontOutput(), **arguments, **operators, **options})
+        self.archive = PopulationArchive(1)
         self.repair = made
         if self._n_children == 1 and operators["crossover"].n_offsprings != 1:
             raise ValueError(
@@ -183,7 +184,7 @@ class PopulationAlgorithm(Algorithm):
             problem = problem.allowing_invalid()
         if self.termination is None and kwargs.get("termination") is None:
             kwargs["termination"] = ("n_eval", 100_000)
-        self.plan_archive = PlanArchive(problem.mission.robots, max_ties=self.max_ties)
+        self.archive = PopulationArchive(problem.mission.robots, max_ties=self.max_ties)
         super().setup(problem, **kwargs)
         check_budget(self.termination)
         return self
@@ -218,13 +219,13 @@ class PopulationAlgorithm(Algorithm):
         feasible = evaluated[evaluated.get("feas")] if constrained else evaluated
         if len(feasible):
             batch = self.problem.mission.batch(feasible.get("X"))
-            self.plan_archive.absorb(batch, -feasible.get("F"), feasible)
+            self.archive.absorb(batch, -feasible.get("F"), feasible)
 
     @property
     def opt(self) -> Population | None:
         """The archive; the least infeasible plan as long as nothing feasible was found."""
-        if len(self.plan_archive):
-            return self.plan_archive.population()
+        if len(self.archive):
+            return self.archive.population()
         return self._least_infeasible
 
     @opt.setter

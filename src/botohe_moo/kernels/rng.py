@@ -7,7 +7,7 @@ Mathematical Software 47(4), 2021. A state is two 64-bit words, not both zero.
 import numpy as np
 
 from botohe_moo._base.types import SeedArray
-from botohe_moo.kernels.compile import inline
+from botohe_moo.kernels.compile import helper, inlined
 
 _A, _B, _C = np.uint64(24), np.uint64(16), np.uint64(37)
 _WORD = np.uint64(64)
@@ -32,7 +32,7 @@ def draw_state(random_state: np.random.Generator) -> SeedArray:
     return random_state.integers(0, 2**64, (1, 2), np.uint64)
 
 
-@inline
+@inlined
 def uniform(states: SeedArray, which: int) -> float:
     """Draw a float in [0, 1) and advance state ``which``."""
     low, high = states[which, 0], states[which, 1]
@@ -41,3 +41,14 @@ def uniform(states: SeedArray, which: int) -> float:
     states[which, 0] = ((low << _A) | (low >> (_WORD - _A))) ^ high ^ (high << _B)
     states[which, 1] = (high << _C) | (high >> (_WORD - _C))
     return float(drawn >> _DROP) * _SCALE
+
+
+@helper
+def mixed(word: np.uint64) -> np.uint64:
+    """Mix 64 bits, as SplitMix64 finishes its numbers.
+
+    Steele, Lea and Flood, "Fast splittable pseudorandom number generators", OOPSLA 2014.
+    """
+    word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return word ^ (word >> np.uint64(31))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Sequence
-from functools import cached_property
 from operator import index
 from typing import TYPE_CHECKING, Any, Self
 
@@ -13,7 +12,6 @@ import numpy as np
 from botohe_moo.kernels.plans import evaluate as kernels
 from botohe_moo.mission.arrays import as_arrays
 from botohe_moo.mission.validation import MissionError, mission_faults, team_size_fault
-from botohe_moo.mission.walk import WalkGraph
 from botohe_moo.trails import PlanBatch, TrailPlan
 
 if TYPE_CHECKING:
@@ -100,11 +98,6 @@ class Mission:
     def balanced(self) -> bool:
         """Whether as many arcs enter every node as leave it, so that no trail meets a dead end."""
         return self.arrays.balanced
-
-    @cached_property
-    def walk(self) -> WalkGraph:
-        """The arcs as kernels walk them, with safest ways home; made when first asked for."""
-        return WalkGraph.of(self.arrays)
 
     def with_robots(self, robots: int) -> Mission:
         """Give the same mission for a team of another size.
@@ -230,23 +223,7 @@ class Mission:
         trail k): Simon, Richley, Overbey and Perez-Lavin, "Bi-objective trail-planning for a
         robot team orienteering in a hazardous environment", 2025.
         """
-        batch = self.batch(plans)
-        objectives = np.empty((len(batch), 2))
-        arrays = self.arrays
-        fault = kernels.evaluate(
-            arrays.first,
-            arrays.head,
-            arrays.survival,
-            arrays.reward,
-            arrays.base,
-            batch.nodes,
-            batch.offsets,
-            batch.n_robots,
-            objectives,
-        )
-        if fault[0] != kernels.VALID:
-            raise PlanError(self._describe(batch, *fault))
-        return objectives
+        return self._values(plans, strict=True).objectives
 
     def robot_survival(self, plans: PlanBatch | Iterable[TrailPlan] | ObjectArray) -> FloatArray:
         """Compute with what probability each robot survives.
@@ -267,7 +244,7 @@ class Mission:
         PlanError
             If a plan has another number of trails than the team has robots.
         """
-        return self._drafts(plans)[2]
+        return self._values(plans, strict=False).alive
 
     def evaluate_drafts(
         self, plans: PlanBatch | Iterable[TrailPlan] | ObjectArray
@@ -294,30 +271,19 @@ class Mission:
         PlanError
             If a plan has another number of trails than the team has robots.
         """
-        objectives, faults, _ = self._drafts(plans)
-        return objectives, faults
+        values = self._values(plans, strict=False)
+        return values.objectives, values.faults
 
-    def _drafts(
-        self, plans: PlanBatch | Iterable[TrailPlan] | ObjectArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _values(
+        self, plans: PlanBatch | Iterable[TrailPlan] | ObjectArray, *, strict: bool
+    ) -> kernels.Values:
         batch = self.batch(plans)
-        objectives, faults = np.empty((len(batch), 2)), np.empty(len(batch))
-        alive = np.empty((len(batch), self.robots))
-        arrays = self.arrays
-        kernels.evaluate_drafts(
-            arrays.first,
-            arrays.head,
-            arrays.survival,
-            arrays.reward,
-            arrays.base,
-            batch.nodes,
-            batch.offsets,
-            batch.n_robots,
-            objectives,
-            faults,
-            alive,
-        )
-        return objectives, faults, alive
+        n, n_robots = len(batch), batch.n_robots
+        values = kernels.Values(np.empty((n, 2)), np.empty(n), np.empty((n, n_robots)))
+        fault = kernels.evaluate(self.arrays, batch.nodes, batch.offsets, n_robots, strict, values)
+        if fault[0] != kernels.VALID:
+            raise PlanError(self._describe(batch, *fault))
+        return values
 
     def batch(self, plans: PlanBatch | Iterable[TrailPlan] | ObjectArray) -> PlanBatch:
         """Pack plans for this mission's team.
@@ -376,9 +342,6 @@ class Mission:
 
     def __hash__(self) -> int:
         return hash((self.nodes, self.base, self.robots, self.arrays.survival.tobytes()))
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {key: value for key, value in self.__dict__.items() if key != "walk"}
 
     def __copy__(self) -> Self:
         return self

@@ -5,15 +5,26 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
-from botohe_moo.kernels.colony.concurrent import construct_concurrently
-from botohe_moo.kernels.colony.construct import construct
-from botohe_moo.kernels.colony.pheromone import LOG_HIGH, learn, log_weights
+from botohe_moo.kernels.colony.construct import (
+    BuildRule,
+    Plans,
+    Weights,
+    construct,
+    new_plans,
+)
+from botohe_moo.kernels.colony.pheromone import (
+    LOG_HIGH,
+    Depositors,
+    Pheromone,
+    learn,
+    trail_arcs,
+    weigh,
+)
 from botohe_moo.kernels.rng import seed_states
 from botohe_moo.mission.model import Mission
 from botohe_moo.search.archive import PlanArchive
@@ -104,40 +115,21 @@ class Colony:
         self.n_robots = mission.robots
         self.threads = threads or AntThreads(1)
         self.min_survival = min_survival
-        self.walk = walk = mission.walk
+        self._graph = mission.arrays
         self._states = seed_states(random_state, n_ants)
-        n_maps = mission.robots if rule.pheromone_per_robot else 1
-        shape = (n_maps, len(walk.head))
-        self.pheromone: FloatArray = np.empty((*shape, 2))
-        self.pheromone[..., 0] = rule.initial_reward_pheromone if rule.pheromone else 1.0
-        self.pheromone[..., 1] = rule.initial_survival_pheromone if rule.pheromone else 1.0
-        self._deposits = np.zeros((2, *shape, 2))
+        self._pheromone = _new_pheromone(mission, rule)
+        self._weights = _new_weights(mission, rule, self._pheromone)
+        weigh(self._pheromone, self._weights)
         self._deposited_version = -1  # of the archive, when its deposit was last summed up
+        self._rooms: dict[int, Plans] = {}  # of each thread
 
-        value = rule.unvisited_bonus + walk.survival * mission.arrays.reward[walk.head]
-        if rule.heuristic:
-            with np.errstate(over="ignore"):
-                self._gain = value / rule.reward_epsilon
-            self._log_eta_reward = float(np.log(rule.reward_epsilon))
-            self._log_eta_survival = np.log(rule.survival_epsilon + walk.survival)
-        else:
-            self._gain = np.zeros(shape[1])
-            self._log_eta_reward = 0.0
-            self._log_eta_survival = np.zeros(shape[1])
-        self._gain = np.minimum(self._gain, np.exp(LOG_HIGH))
-        self._log_fresh = np.log1p(self._gain)
-        self._log_reward, self._log_survival = np.empty(shape), np.empty(shape)
-        self._weigh()
-        self._buffers: dict[int, tuple[IntArray, IntArray]] = {}
+    @property
+    def pheromone(self) -> FloatArray:
+        """Reward and survival pheromone of the arcs (n_maps, n_arcs + 1, 2).
 
-    def _weigh(self) -> None:
-        log_weights(
-            self.pheromone,
-            self._log_eta_reward,
-            self._log_eta_survival,
-            self._log_reward,
-            self._log_survival,
-        )
+        With one map the robots share it; behind the mission's arcs comes the base's self-loop.
+        """
+        return self._pheromone.levels
 
     def construct(self, n_ants: int) -> tuple[PlanBatch, IntArray]:
         """Let ants build one plan each.
@@ -153,64 +145,49 @@ class Colony:
             The plans, robots in the order in which they were planned, and the arc that leaves
             each of their nodes, every trail ending with the base's self-loop.
         """
-        lengths = np.empty(n_ants * self.n_robots, np.int64)
         n_threads = min(self.threads.n_threads, n_ants)
         cuts = [n_ants * i // n_threads for i in range(n_threads + 1)]
-        spans = list(pairwise(cuts))
-        if n_threads == 1:
-            parts = [self._construct_span(0, 0, n_ants, n_ants, lengths)]
-        else:
-            waiting = [
-                self.threads.submit(self._construct_span, part, *span, n_ants, lengths)
-                for part, span in enumerate(spans[1:], start=1)
-            ]
-            parts = [self._construct_span(0, *spans[0], n_ants, lengths)]
-            parts += [future.result() for future in waiting]
+        waiting = [
+            self.threads.submit(self._construct_span, part, n_ants, cuts[part], cuts[part + 1])
+            for part in range(1, n_threads)
+        ]
+        nodes, arcs, lengths = self._construct_span(0, n_ants, 0, cuts[1])
+        if waiting:
+            parts = [(nodes, arcs, lengths), *(future.result() for future in waiting)]
+            nodes, arcs, lengths = _joined(parts)
         offsets = np.zeros(len(lengths) + 1, np.int64)
         np.cumsum(lengths, out=offsets[1:])
-        if n_threads == 1:
-            nodes, arcs = parts[0][0].copy(), parts[0][1].copy()
-        else:
-            nodes = np.concatenate([nodes for nodes, _ in parts])
-            arcs = np.concatenate([arcs for _, arcs in parts])
         return PlanBatch._wrap(nodes, offsets, self.n_robots), arcs
 
     def _construct_span(
-        self, part: int, begin: int, end: int, n_ants: int, lengths: OffsetArray
-    ) -> tuple[IntArray, IntArray]:
-        nodes, arcs = self._buffers.get(part) or (
-            np.empty(4096, np.int32),
-            np.empty(4096, np.int32),
-        )
-        walk, rule = self.walk, self.rule
-        build = construct_concurrently if rule.allocation == "concurrent" else construct
-        nodes, arcs, size = build(
-            walk.first,
-            walk.head,
-            walk.survival,
-            walk.tail,
-            walk.cost,
-            walk.homeward,
-            walk.home,
-            walk.base,
-            walk.balanced,
-            self._log_reward,
-            self._log_survival,
-            self._gain,
-            self._log_fresh,
-            rule.exploration,
-            self.min_survival,
-            self.n_robots,
-            n_ants,
-            begin,
-            end,
-            self._states,
-            nodes,
-            arcs,
-            lengths,
-        )
-        self._buffers[part] = nodes, arcs
-        return nodes[:size], arcs[:size]
+        self, part: int, n_ants: int, begin: int, end: int
+    ) -> tuple[IntArray, IntArray, OffsetArray]:
+        """Let the ants ``begin`` to ``end`` build: nodes, arcs, and the lengths of their trails."""
+        n_robots, rule = self.n_robots, self.rule
+        concurrent = rule.allocation == "concurrent"
+        build = BuildRule(n_robots, n_ants, concurrent, rule.exploration, self.min_survival)
+        plans = self._rooms.get(part) or new_plans(4096, len(self._states) * n_robots)
+        found = []
+        while True:
+            done = construct(self._graph, self._weights, build, self._states, plans, begin, end)
+            size, lengths = plans.size[0], plans.lengths[begin * n_robots : done * n_robots]
+            found.append((plans.nodes[:size].copy(), plans.arcs[:size].copy(), lengths))
+            if done == end:
+                break
+            begin, longest = done, 2 * n_robots * (self._graph.n_arcs + 1)
+            plans = new_plans(longest + 2 * len(plans.nodes), len(plans.lengths))
+        self._rooms[part] = plans
+        return found[0] if len(found) == 1 else _joined(found)
+
+    def arcs_of(self, batch: PlanBatch) -> IntArray:
+        """Give the arc that leaves each node of valid plans, trails ending with the self-loop.
+
+        Parameters
+        ----------
+        batch
+            Valid plans of the mission.
+        """
+        return trail_arcs(self._graph, batch.nodes, batch.offsets)
 
     def learn(
         self,
@@ -233,29 +210,66 @@ class Colony:
         """
         if not self.rule.pheromone or len(archive) == 0:
             return
+        iteration = archived = Depositors(objectives, members, arcs, batch.offsets)
+        everybody = np.arange(len(archive))
         changed = archive.version != self._deposited_version
-        archived = archive.plans if changed else batch
+        if changed:
+            plans = archive.plans
+            archived = Depositors(archive.objectives, everybody, self.arcs_of(plans), plans.offsets)
+        else:  # its deposit is known, only their number counts
+            archived = iteration._replace(members=everybody)
         learn(
-            self.pheromone,
+            self._pheromone,
+            self._weights,
             self.rule.evaporation,
             self.rule.pooled_deposit,
-            objectives,
-            members,
-            arcs,
-            batch.offsets,
-            archive.objectives,
-            self.walk.arcs_of(archived) if changed else arcs,
-            archived.offsets,
-            changed,
             self.n_robots,
-            self._deposits[0],
-            self._deposits[1],
+            iteration,
+            archived,
+            changed,
         )
         self._deposited_version = archive.version
-        self._weigh()
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_buffers": {}}
+        return {**self.__dict__, "_rooms": {}}
+
+
+def _joined(
+    parts: Sequence[tuple[IntArray, IntArray, OffsetArray]],
+) -> tuple[IntArray, IntArray, OffsetArray]:
+    nodes, arcs, lengths = (np.concatenate(pieces) for pieces in zip(*parts, strict=True))
+    return nodes, arcs, lengths
+
+
+def _new_pheromone(mission: Mission, rule: ColonyRule) -> Pheromone:
+    survival = np.append(mission.arrays.survival, 1.0)
+    shape = (mission.robots if rule.pheromone_per_robot else 1, len(survival), 2)
+    levels = np.ones(shape)
+    if rule.pheromone:
+        levels[..., 0] = rule.initial_reward_pheromone
+        levels[..., 1] = rule.initial_survival_pheromone
+    eta_reward, eta_survival = 1.0, np.ones(len(survival))
+    if rule.heuristic:
+        eta_reward, eta_survival = rule.reward_epsilon, rule.survival_epsilon + survival
+    return Pheromone(
+        levels,
+        np.zeros(shape),
+        np.zeros(shape),
+        np.full(len(survival), np.log(eta_reward)),
+        np.log(eta_survival),
+    )
+
+
+def _new_weights(mission: Mission, rule: ColonyRule, pheromone: Pheromone) -> Weights:
+    graph, shape = mission.arrays, pheromone.levels.shape[:2]
+    gain = np.zeros(shape[1])
+    if rule.heuristic:
+        reward = graph.reward[np.append(graph.head, graph.base)]
+        survival = np.append(graph.survival, 1.0)
+        with np.errstate(over="ignore"):
+            gain = (rule.unvisited_bonus + survival * reward) / rule.reward_epsilon
+    gain = np.minimum(gain, np.exp(LOG_HIGH))
+    return Weights(np.empty(shape), np.empty(shape), gain, np.log1p(gain))
 
 
 def exchange_archives(archives: Sequence[PlanArchive]) -> None:

@@ -1,16 +1,17 @@
 """Ants that build trail plans hop by hop.
 
-The kernels here see the walk graph: the mission's arcs grouped by tail node, and the base's
-self-loop, which ends a trail, as the last arc that leaves the base.
+Arcs are numbered as in the graph; behind them comes the base's self-loop, which ends a trail.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
-from botohe_moo.kernels.compile import kernel
-from botohe_moo.kernels.graph.old_paths import way_home
+from botohe_moo.kernels.compile import helper, inlined, kernel
+from botohe_moo.kernels.graph.graph import Graph
+from botohe_moo.kernels.graph.paths import Paths, leads_home, new_paths, survives_home
 from botohe_moo.kernels.rng import uniform
 
 # Ants whose weights are tabulated together: enough to share the exponentials, few enough that
@@ -21,379 +22,448 @@ BLOCK = 50
 _SHORT_SCAN = 5
 
 
-@kernel
-def leads_home(
-    first: OffsetArray,
-    head: IntArray,
-    homeward: IntArray,
-    base: int,
-    node: int,
-    used: OffsetArray,
-    trail: int,
-    met: OffsetArray,
-    search: int,
-    stack: IntArray,
-) -> bool:
-    """Tell whether arcs that a trail has not used lead from ``node`` to the base.
+class BuildRule(NamedTuple):
+    """How plans are built.
 
-    First along ``homeward``: cheap, and nearly always enough. Then by depth-first search.
-
-    Parameters
+    Attributes
     ----------
-    first, head, homeward, base
-        The walk graph; ``homeward`` is each node's arc on some shortest way home.
-    node
-        Where the way home begins.
-    used, trail
-        Arc a is used where ``used[a] == trail``.
-    met, search
-        Scratch (n_nodes): the last search that met a node; the number of this search.
-    stack
-        Scratch (n_nodes).
-    """
-    here = node
-    while here != base and used[homeward[here]] != trail:
-        here = head[homeward[here]]
-    if here == base:
-        return True
-    stack[0] = node
-    met[node] = search
-    height = 1
-    while height > 0:
-        height -= 1
-        here = stack[height]
-        for arc in range(first[here], first[here + 1]):
-            there = head[arc]
-            if used[arc] == trail or met[there] == search:
-                continue
-            if there == base:
-                return True
-            met[there] = search
-            stack[height] = there
-            height += 1
-    return False
-
-
-@kernel
-def survives_home(
-    first: OffsetArray,
-    tail: IntArray,
-    head: IntArray,
-    cost: FloatArray,
-    survival: FloatArray,
-    homeward: IntArray,
-    home: FloatArray,
-    base: int,
-    node: int,
-    used: OffsetArray,
-    trail: int,
-    alive: float,
-    least: float,
-    search: int,
-    met: OffsetArray,
-    distance: FloatArray,
-    entry: IntArray,
-    keys: FloatArray,
-    held: IntArray,
-    path: IntArray,
-) -> bool:
-    """Tell whether a robot that reaches ``node`` with probability ``alive`` can keep a floor.
-
-    It can if it gets home over arcs that its trail has not used with probability ``least`` or
-    more. Parameters are those of ``way_home``, and ``home``, the survival of the safest way home.
-    """
-    if alive * home[node] < least:
-        return False
-    n = way_home(
-        first,
-        tail,
-        head,
-        cost,
-        homeward,
-        base,
-        used,
-        trail,
-        node,
-        search,
-        met,
-        distance,
-        entry,
-        keys,
-        held,
-        path,
-    )
-    if n < 0:
-        return False
-    for i in range(n):
-        alive *= survival[path[i]]
-    return alive >= least
-
-
-@kernel
-def tabulate(
-    log_reward: FloatArray,
-    log_survival: FloatArray,
-    log_fresh: FloatArray,
-    low: int,
-    high: int,
-    lambda_first: float,
-    lambda_step: float,
-    seen: FloatArray,
-    fresh: FloatArray,
-) -> None:
-    """Fill in the weights of the arcs ``low`` to ``high`` for every ant of a block.
-
-    The ants' λ are evenly spaced, so that an arc's weight is a geometric progression over the
-    ants: a few exponentials serve the whole block.
-
-    Parameters
-    ----------
-    log_reward, log_survival, log_fresh
-        As for ``construct``, of one map (n_arcs).
-    low, high
-        Which arcs.
-    lambda_first, lambda_step
-        λ of the block's first ant, and how much more each further one has.
-    seen, fresh
-        Output: the weights (``BLOCK``, n_arcs) for a head already in the trail, and for one that
-        no robot reaches yet.
-    """
-    for arc in range(low, high):
-        slope = log_survival[arc] - log_reward[arc]
-        weight = math.exp(log_reward[arc] + lambda_first * slope)
-        ratio = math.exp(lambda_step * slope)
-        factor = math.exp((1.0 - lambda_first) * log_fresh[arc])
-        factor_ratio = math.exp(-lambda_step * log_fresh[arc])
-        for i in range(seen.shape[0]):
-            seen[i, arc] = weight
-            fresh[i, arc] = weight * factor
-            weight *= ratio
-            factor *= factor_ratio
-
-
-@kernel
-def construct(
-    first: OffsetArray,
-    head: IntArray,
-    survival: FloatArray,
-    tail: IntArray,
-    cost: FloatArray,
-    homeward: IntArray,
-    home: FloatArray,
-    base: int,
-    balanced: bool,
-    log_reward: FloatArray,
-    log_survival: FloatArray,
-    gain: FloatArray,
-    log_fresh: FloatArray,
-    exploration: float,
-    min_survival: float,
-    n_robots: int,
-    n_ants: int,
-    begin: int,
-    end: int,
-    states: SeedArray,
-    nodes: IntArray,
-    arcs: IntArray,
-    lengths: OffsetArray,
-) -> tuple[IntArray, IntArray, int]:
-    """Let the ants ``begin`` to ``end`` build one plan each, robot after robot.
-
-    An ant at a node weighs each arc a that this trail has not used yet with
-    (τ_R η_R)^(1 − λ) (τ_S η_S)^λ, where η_R is ``1 + gain[a] · (probability that no earlier robot
-    reaches its head)`` times that of a head already in this trail.
-
-    Where some node has more arcs in than out (not ``balanced``), an arc from which no unused arcs
-    lead home is drawn again: the walk never enters a dead end. Likewise for an arc from which the
-    robot could not get home with probability ``min_survival`` over all.
-
-    Parameters
-    ----------
-    first, head, survival, tail, cost, homeward, home, base, balanced
-        The walk graph (see ``WalkGraph``).
-    log_reward, log_survival
-        log(τ_R η_R), with η_R that of a head already in this trail, and log(τ_S η_S)
-        (n_maps, n_arcs); one map a robot, or one that all robots share.
-    gain, log_fresh
-        What a head that no robot reaches yet adds to η_R, relative, and log(1 + gain) (n_arcs).
-    exploration
-        Every weight is raised by exploration · (mean weight) / (number of candidates).
-    min_survival
-        Survival floor: the least probability with which every robot gets home; 0 sets none.
     n_robots
         Trails per plan.
     n_ants
         Size of the colony: ant i has λ = i / (n_ants − 1), a single ant λ = 1/2.
-    begin, end
-        Which ants build now. What an ant builds depends on its own random numbers only.
-    states
-        State of each ant's random numbers (n_ants, 2), advanced.
-    nodes, arcs
-        Where to write; larger arrays take their place when they are full.
-    lengths
-        Output: nodes of each trail (n_ants · n_robots).
-
-    Returns
-    -------
-    tuple
-        The nodes of the trails one after another, the arc that leaves each (at the end of a trail
-        the self-loop), and how many there are; the arrays may be longer.
+    concurrent
+        Whether all robots are out at once and take one hop each in turn, those left out that have
+        ended their trails; otherwise one trail is complete before the next begins.
+    exploration
+        Every weight is raised by exploration · (mean weight) / (number of candidates).
+    min_survival
+        Survival floor: the least probability with which every robot gets home; 0 sets none.
     """
-    n_nodes, n_arcs, n_maps = first.shape[0] - 1, head.shape[0], log_reward.shape[0]
-    loop = first[base + 1] - 1
-    lambda_step = 1.0 / (n_ants - 1) if n_ants > 1 else 0.0
 
-    seen_weight = np.empty((n_maps, BLOCK, n_arcs))
-    fresh_weight = np.empty((n_maps, BLOCK, n_arcs))
-    tabulated = np.full((n_maps, n_nodes), -1, np.int64)
-    used = np.full(n_arcs, -1, np.int64)
-    visited = np.full(n_nodes, -1, np.int64)
-    unreached = np.ones(n_nodes)
-    touched = np.empty(n_nodes, np.int32)
-    cumulated = np.empty(n_arcs)
-    met = np.full(n_nodes, -1, np.int64)
-    stack = np.empty(n_nodes, np.int32)
-    rejected = np.empty(n_arcs, np.int32)
-    careful = not balanced or min_survival > 0.0
-    distance = np.empty(n_nodes)
-    entry, path = np.empty(n_nodes, np.int32), np.empty(n_nodes, np.int32)
-    keys, held = np.empty(n_arcs + 1), np.empty(n_arcs + 1, np.int32)
-    n_touched = n_rejected = search = size = 0
+    n_robots: int
+    n_ants: int
+    concurrent: bool
+    exploration: float
+    min_survival: float
 
-    for ant in range(begin, end):
-        block = ant // BLOCK
-        lambda_first = block * BLOCK * lambda_step if n_ants > 1 else 0.5
-        power = 1.0 - (ant * lambda_step if n_ants > 1 else 0.5)
-        for i in range(n_touched):
-            unreached[touched[i]] = 1.0
-        n_touched = 0
-        for robot in range(n_robots):
-            trail = ant * n_robots + robot
-            which = robot if n_maps > 1 else 0
-            seen = seen_weight[which, ant - block * BLOCK]
-            fresh = fresh_weight[which, ant - block * BLOCK]
-            here, alive, start = base, 1.0, size
-            visited[base] = trail
-            while True:
-                low, high = first[here], first[here + 1]
-                if tabulated[which, here] != block:
-                    tabulated[which, here] = block
-                    tabulate(
-                        log_reward[which],
-                        log_survival[which],
-                        log_fresh,
-                        low,
-                        high,
-                        lambda_first,
-                        lambda_step,
-                        seen_weight[which],
-                        fresh_weight[which],
-                    )
-                n = 0
-                total = 0.0
-                arc = low
-                for a in range(low, high):
-                    weight = 0.0
-                    if used[a] != trail:
-                        n += 1
-                        arc = a
-                        weight = seen[a]
-                        if visited[head[a]] != trail:
-                            left = unreached[head[a]]
-                            if left == 1.0:
-                                weight = fresh[a]
-                            else:
-                                weight *= math.exp(power * math.log(1.0 + gain[a] * left))
-                    total += weight
-                    cumulated[a - low] = total
-                # Drawing in a function of its own would cost a sixth more time.
-                if n > 1:
-                    drawn = uniform(states, ant) * (1.0 + exploration / n)
-                    if drawn < 1.0:
-                        drawn *= total
-                        arc = low
-                        if high - low > _SHORT_SCAN:
-                            for c in range(high - low - 1):
-                                arc += cumulated[c] <= drawn
-                        else:
-                            while arc < high - 1 and cumulated[arc - low] <= drawn:
-                                arc += 1
-                    else:
-                        skip = min(n - 1, int((drawn - 1.0) / exploration * n * n))
-                        arc = low
-                        while used[arc] == trail or skip > 0:
-                            skip -= used[arc] != trail
-                            arc += 1
-                used[arc] = trail
-                if careful:
-                    if n > 1 and arc != loop:
-                        search += 1
-                        if min_survival > 0.0:
-                            safe = survives_home(
-                                first,
-                                tail,
-                                head,
-                                cost,
-                                survival,
-                                homeward,
-                                home,
-                                base,
-                                head[arc],
-                                used,
-                                trail,
-                                alive * survival[arc],
-                                min_survival,
-                                search,
-                                met,
-                                distance,
-                                entry,
-                                keys,
-                                held,
-                                path,
-                            )
-                        else:
-                            safe = leads_home(
-                                first,
-                                head,
-                                homeward,
-                                base,
-                                head[arc],
-                                used,
-                                trail,
-                                met,
-                                search,
-                                stack,
-                            )
-                        if not safe:
-                            rejected[n_rejected] = arc
-                            n_rejected += 1
-                            continue
-                    for i in range(n_rejected):
-                        used[rejected[i]] = -1
-                    n_rejected = 0
-                if size == nodes.shape[0]:
-                    nodes, arcs = doubled(nodes), doubled(arcs)
-                nodes[size] = here
-                arcs[size] = arc
-                size += 1
-                if arc == loop:
-                    break
-                alive *= survival[arc]
-                here = head[arc]
-                if visited[here] != trail:
-                    visited[here] = trail
-                    before = unreached[here]
-                    unreached[here] = before * (1.0 - alive)
-                    if before == 1.0 and unreached[here] < 1.0:
-                        touched[n_touched] = here
-                        n_touched += 1
-            lengths[trail] = size - start
-    return nodes, arcs, size
+
+class Weights(NamedTuple):
+    """What ants weigh arcs by.
+
+    Attributes
+    ----------
+    log_reward, log_survival
+        log(τ_R η_R), with η_R that of a head already in this trail, and log(τ_S η_S)
+        (n_maps, n_arcs + 1); one map a robot, or one that all robots share.
+    gain, log_fresh
+        What a head that no robot reaches yet adds to η_R, relative, and log(1 + gain) (n_arcs + 1).
+    """
+
+    log_reward: FloatArray
+    log_survival: FloatArray
+    gain: FloatArray
+    log_fresh: FloatArray
+
+
+class Plans(NamedTuple):
+    """Where plans are written, hop by hop.
+
+    Attributes
+    ----------
+    nodes, arcs
+        Nodes of the trails one after another, and the arc that leaves each.
+    robots
+        Scratch as long: whose hop each is.
+    lengths
+        Nodes of each trail (n_ants · n_robots).
+    size
+        How many hops have been written (1).
+    """
+
+    nodes: IntArray
+    arcs: IntArray
+    robots: IntArray
+    lengths: OffsetArray
+    size: OffsetArray
+
+
+class Scratch(NamedTuple):
+    """Scratch of an ant: weights in tables, and where its robots have been.
+
+    Attributes
+    ----------
+    seen, fresh
+        Weights of arcs for each ant of a block (n_maps, ``BLOCK``, n_arcs + 1): for a head already
+        in the trail, and for one that no robot reaches yet.
+    tabulated
+        For which block the arcs that leave a node have been tabulated (n_maps, n_nodes).
+    used, visited
+        The last trail that used each arc (n_rows, n_arcs + 1) and visited each node (n_rows,
+        n_nodes): a row for each robot that is out at once.
+    here, alive
+        Where each robot is, −1 where its trail has ended, and with what probability (n_robots).
+    unreached
+        Probability that no robot reaches each node (n_nodes).
+    touched, n_touched
+        The nodes where that is below 1, and how many they are (n_nodes), (1).
+    cumulated
+        Weights of the candidates, summed up (n_arcs + 1).
+    rejected
+        Arcs that were drawn and lead to where no way home is left (n_arcs + 1).
+    paths
+        Scratch of the searches for such ways.
+    """
+
+    seen: FloatArray
+    fresh: FloatArray
+    tabulated: OffsetArray
+    used: OffsetArray
+    visited: OffsetArray
+    here: OffsetArray
+    alive: FloatArray
+    unreached: FloatArray
+    touched: OffsetArray
+    n_touched: OffsetArray
+    cumulated: FloatArray
+    rejected: OffsetArray
+    paths: Paths
+
+
+@helper(makes_arrays=True)
+def _new_scratch(graph: Graph, rule: BuildRule, n_maps: int) -> Scratch:
+    n_nodes, n_arcs = graph.reward.shape[0], graph.head.shape[0] + 1
+    n_rows = rule.n_robots if rule.concurrent else 1
+    return Scratch(
+        np.empty((n_maps, BLOCK, n_arcs)),
+        np.empty((n_maps, BLOCK, n_arcs)),
+        np.full((n_maps, n_nodes), -1, np.int64),
+        np.full((n_rows, n_arcs), -1, np.int64),
+        np.full((n_rows, n_nodes), -1, np.int64),
+        np.empty(rule.n_robots, np.int64),
+        np.empty(rule.n_robots),
+        np.ones(n_nodes),
+        np.empty(n_nodes, np.int64),
+        np.zeros(1, np.int64),
+        np.empty(n_arcs),
+        np.empty(n_arcs, np.int64),
+        new_paths(graph),
+    )
+
+
+def new_plans(n_hops: int, n_trails: int) -> Plans:
+    """Make room for so many hops."""
+    nodes, arcs, robots = (np.empty(n_hops, np.int32) for _ in range(3))
+    return Plans(nodes, arcs, robots, np.empty(n_trails, np.int64), np.zeros(1, np.int64))
+
+
+class _Ant(NamedTuple):
+    """What one trail of an ant is built by: rows of the scratch, and 1 − λ as a power."""
+
+    number: int
+    trail: int
+    power: float
+    used: OffsetArray
+    visited: OffsetArray
+    seen: FloatArray
+    fresh: FloatArray
+
+
+@inlined
+def _tabulate(
+    weights: Weights, rule: BuildRule, scratch: Scratch, block: int, which: int, arc: int
+) -> None:
+    """Fill in the weights of an arc for every ant of a block.
+
+    The ants' λ are evenly spaced, so that an arc's weight is a geometric progression over the
+    ants: a few exponentials serve the whole block.
+    """
+    step = 1.0 / (rule.n_ants - 1) if rule.n_ants > 1 else 0.0
+    first = block * BLOCK * step if rule.n_ants > 1 else 0.5
+    slope = weights.log_survival[which, arc] - weights.log_reward[which, arc]
+    weight = math.exp(weights.log_reward[which, arc] + first * slope)
+    ratio = math.exp(step * slope)
+    factor = math.exp((1.0 - first) * weights.log_fresh[arc])
+    factor_ratio = math.exp(-step * weights.log_fresh[arc])
+    seen, fresh = scratch.seen, scratch.fresh
+    for i in range(BLOCK):
+        seen[which, i, arc] = weight
+        fresh[which, i, arc] = weight * factor
+        weight *= ratio
+        factor *= factor_ratio
+
+
+@helper
+def _tabulate_node(
+    graph: Graph,
+    weights: Weights,
+    rule: BuildRule,
+    scratch: Scratch,
+    block: int,
+    which: int,
+    node: int,
+) -> None:
+    """Fill in the weights of all arcs that leave a node."""
+    scratch.tabulated[which, node] = block
+    for arc in range(graph.first[node], graph.first[node + 1]):
+        _tabulate(weights, rule, scratch, block, which, arc)
+    if node == graph.base:
+        _tabulate(weights, rule, scratch, block, which, graph.head.shape[0])
+
+
+@inlined
+def _weigh(
+    graph: Graph, weights: Weights, scratch: Scratch, ant: _Ant, here: int
+) -> tuple[int, float, int]:
+    """Sum up the weights of the arcs that a robot may take.
+
+    Gives how many arcs there are to choose from, their weights in sum, and the last of them.
+    """
+    low, high, loop = graph.first[here], graph.first[here + 1], graph.head.shape[0]
+    unreached, cumulated, head = scratch.unreached, scratch.cumulated, graph.head
+    n = 0
+    arc = low
+    total = 0.0
+    for a in range(low, high):
+        weight = 0.0
+        if ant.used[a] != ant.trail:
+            n += 1
+            arc = a
+            weight = ant.seen[a]
+            if ant.visited[head[a]] != ant.trail:
+                left = unreached[head[a]]
+                if left == 1.0:
+                    weight = ant.fresh[a]
+                else:
+                    weight *= math.exp(ant.power * math.log(1.0 + weights.gain[a] * left))
+        total += weight
+        cumulated[a - low] = total
+    if here == graph.base:
+        n += 1
+        arc = loop
+        total += ant.seen[loop]
+        cumulated[high - low] = total
+    return n, total, arc
+
+
+@inlined
+def _draw(
+    graph: Graph,
+    exploration: float,
+    cumulated: FloatArray,
+    ant: _Ant,
+    here: int,
+    n: int,
+    total: float,
+    drawn: float,
+) -> int:
+    """Choose one of the arcs that ``_weigh`` has weighed, of which there are several.
+
+    ``drawn`` is a random number from 0 to 1 + exploration / n: above 1 all are equally likely.
+    """
+    low, n_arcs = graph.first[here], graph.first[here + 1] - graph.first[here]
+    n_listed = n_arcs + 1 if here == graph.base else n_arcs
+    place = 0
+    if drawn < 1.0:
+        drawn *= total
+        if n_listed > _SHORT_SCAN:
+            for c in range(n_listed - 1):
+                place += cumulated[c] <= drawn
+        else:
+            while place < n_listed - 1 and cumulated[place] <= drawn:
+                place += 1
+    else:
+        skip = min(n - 1, int((drawn - 1.0) / exploration * n * n))
+        while place < n_arcs and (ant.used[low + place] == ant.trail or skip > 0):
+            skip -= ant.used[low + place] != ant.trail
+            place += 1
+    return int(low + place if place < n_arcs else graph.head.shape[0])
+
+
+@helper
+def _is_safe(
+    graph: Graph, paths: Paths, used: OffsetArray, trail: int, node: int, alive: float, least: float
+) -> bool:
+    """Tell whether unused arcs lead home, with probability ``least`` over all."""
+    if least > 0.0:
+        return survives_home(graph, paths, used, trail, node, alive, least)
+    return leads_home(graph, paths, used, trail, node)
+
+
+@inlined
+def _choose(
+    graph: Graph,
+    weights: Weights,
+    rule: BuildRule,
+    scratch: Scratch,
+    ant: _Ant,
+    here: int,
+    alive: float,
+    states: SeedArray,
+) -> int:
+    """Let a robot use one more arc, after which a way home is left; give the arc.
+
+    Where some node has more arcs in than out (the graph is not balanced), an arc from which no
+    unused arcs lead home is drawn again: the walk never enters a dead end. Likewise for an arc from
+    which the robot could not get home with probability ``min_survival`` over all.
+    """
+    loop, least = graph.head.shape[0], rule.min_survival
+    n_rejected = 0
+    while True:
+        n, total, arc = _weigh(graph, weights, scratch, ant, here)
+        if n > 1:
+            drawn = uniform(states, ant.number) * (1.0 + rule.exploration / n)
+            arc = _draw(graph, rule.exploration, scratch.cumulated, ant, here, n, total, drawn)
+        ant.used[arc] = ant.trail
+        if n == 1 or arc == loop or (graph.balanced and least <= 0.0):
+            break
+        node, arriving = graph.head[arc], alive * graph.survival[arc]
+        if _is_safe(graph, scratch.paths, ant.used, ant.trail, node, arriving, least):
+            break
+        scratch.rejected[n_rejected] = arc
+        n_rejected += 1
+    for i in range(n_rejected):
+        ant.used[scratch.rejected[i]] = -1
+    return arc
+
+
+@inlined
+def _visit(scratch: Scratch, ant: _Ant, node: int, alive: float) -> None:
+    """Note that a robot has got to a node with probability ``alive``."""
+    if ant.visited[node] == ant.trail:
+        return
+    ant.visited[node] = ant.trail
+    before = scratch.unreached[node]
+    scratch.unreached[node] = before * (1.0 - alive)
+    if before == 1.0 and scratch.unreached[node] < 1.0:
+        scratch.touched[scratch.n_touched[0]] = node
+        scratch.n_touched[0] += 1
+
+
+@inlined
+def _walk(
+    graph: Graph,
+    weights: Weights,
+    rule: BuildRule,
+    scratch: Scratch,
+    plans: Plans,
+    states: SeedArray,
+    trail: int,
+) -> bool:
+    """Let a robot go on: to the end of its trail, or one hop where all are out at once.
+
+    Gives whether its trail has ended.
+    """
+    number, robot = trail // rule.n_robots, trail % rule.n_robots
+    row, which = robot if rule.concurrent else 0, robot if scratch.seen.shape[0] > 1 else 0
+    block = number // BLOCK
+    ant = _Ant(
+        number,
+        trail,
+        1.0 - (number * (1.0 / (rule.n_ants - 1)) if rule.n_ants > 1 else 0.5),
+        scratch.used[row],
+        scratch.visited[row],
+        scratch.seen[which, number - block * BLOCK],
+        scratch.fresh[which, number - block * BLOCK],
+    )
+    ant.visited[graph.base] = trail
+    here, alive, size = scratch.here[robot], scratch.alive[robot], plans.size[0]
+    while True:
+        if scratch.tabulated[which, here] != block:
+            _tabulate_node(graph, weights, rule, scratch, block, which, here)
+        arc = _choose(graph, weights, rule, scratch, ant, here, alive, states)
+        plans.nodes[size], plans.arcs[size], plans.robots[size] = here, arc, robot
+        size += 1
+        if arc == graph.head.shape[0]:
+            here = -1
+            break
+        alive *= graph.survival[arc]
+        here = graph.head[arc]
+        _visit(scratch, ant, here, alive)
+        if rule.concurrent:
+            break
+    plans.lengths[trail] += size - plans.size[0]
+    scratch.here[robot], scratch.alive[robot], plans.size[0] = here, alive, size
+    return bool(here < 0)
+
+
+@inlined
+def _begin_plan(graph: Graph, rule: BuildRule, scratch: Scratch, plans: Plans, ant: int) -> None:
+    """Put all robots at the base."""
+    for i in range(scratch.n_touched[0]):
+        scratch.unreached[scratch.touched[i]] = 1.0
+    scratch.n_touched[0] = 0
+    for robot in range(rule.n_robots):
+        scratch.here[robot], scratch.alive[robot] = graph.base, 1.0
+        plans.lengths[ant * rule.n_robots + robot] = 0
+
+
+@inlined
+def _sort_hops(
+    plans: Plans, rule: BuildRule, scratch: Scratch, ant: int, start: int, stop: int
+) -> None:
+    """Put an ant's hops in the order of the robots; behind them there is room for as many."""
+    n = stop - start
+    for i in range(start, stop):
+        plans.nodes[n + i], plans.arcs[n + i] = plans.nodes[i], plans.arcs[i]
+    ends, end = scratch.here, start  # the robots are all home
+    for robot in range(rule.n_robots):
+        end += plans.lengths[ant * rule.n_robots + robot]
+        ends[robot] = end
+    for i in range(stop - 1, start - 1, -1):
+        ends[plans.robots[i]] -= 1
+        at = ends[plans.robots[i]]
+        plans.nodes[at], plans.arcs[at] = plans.nodes[n + i], plans.arcs[n + i]
 
 
 @kernel
-def doubled(array: IntArray) -> IntArray:
-    """Copy ``array`` into one of twice its size."""
-    larger = np.empty(2 * array.shape[0], np.int32)
-    larger[: array.shape[0]] = array
-    return larger
+def construct(
+    graph: Graph,
+    weights: Weights,
+    rule: BuildRule,
+    states: SeedArray,
+    plans: Plans,
+    begin: int,
+    end: int,
+) -> int:
+    """Let the ants ``begin`` to ``end`` build one plan each.
+
+    An ant at a node weighs each arc a that this trail has not used yet with
+    (τ_R η_R)^(1 − λ) (τ_S η_S)^λ, where η_R is ``1 + gain[a] · (probability that no other robot
+    reaches its head, by the trails as they are so far)`` times that of a head already in this
+    trail.
+
+    Parameters
+    ----------
+    graph, weights, rule
+        Where, and how arcs are chosen.
+    states
+        State of each ant's random numbers (n_ants, 2), advanced: what an ant builds depends on its
+        own numbers only.
+    plans
+        Output.
+    begin, end
+        Which ants build now.
+
+    Returns
+    -------
+    int
+        The ant whose plan might not have had room; ``end`` if all had.
+    """
+    n_robots = rule.n_robots
+    scratch = _new_scratch(graph, rule, weights.log_reward.shape[0])
+    plans.size[0] = 0
+    room = n_robots * (graph.head.shape[0] + 1) * (2 if rule.concurrent else 1)
+    for ant in range(begin, end):
+        start = plans.size[0]
+        if start + room > plans.nodes.shape[0]:
+            return ant
+        _begin_plan(graph, rule, scratch, plans, ant)
+        robot, n_out = 0, n_robots
+        while n_out > 0:
+            if scratch.here[robot] >= 0:
+                trail = ant * n_robots + robot
+                n_out -= _walk(graph, weights, rule, scratch, plans, states, trail)
+            robot = robot + 1 if robot + 1 < n_robots else 0
+        if rule.concurrent:
+            _sort_hops(plans, rule, scratch, ant, start, plans.size[0])
+    return end

@@ -1,11 +1,15 @@
-"""Deposit and evaporation of the two pheromones."""
+"""Deposit and evaporation of the two pheromones, and what ants make of them."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
-from botohe_moo.kernels.compile import kernel
+from botohe_moo.kernels.colony.construct import Weights
+from botohe_moo.kernels.compile import helper, kernel
+from botohe_moo.kernels.graph.arcs import find_arc
+from botohe_moo.kernels.graph.graph import Graph
 
 # Far below any amount that matters, far above where floats lose their digits: on arcs that no
 # Pareto set uses pheromone falls by the same factor every iteration, for thousands of iterations.
@@ -16,123 +20,136 @@ LEAST = 1e-250
 LOG_LOW, LOG_HIGH = -650.0, 250.0
 
 
-@kernel
-def deposit(
-    objectives: FloatArray,
-    members: OffsetArray,
-    arcs: IntArray,
-    offsets: OffsetArray,
-    n_robots: int,
-    amounts: FloatArray,
-) -> None:
-    """Set ``amounts`` to what the plans ``members`` leave on each arc, in sum.
+class Depositors(NamedTuple):
+    """Plans that leave pheromone.
 
-    Parameters
+    Attributes
     ----------
     objectives
-        E[R] and E[S] of each plan (n_plans, 2).
+        E[R] and E[S] of all plans (n_plans, 2).
     members
-        Indices of the plans that deposit.
+        Indices of those that deposit.
     arcs, offsets
-        Arcs of the trails, ragged, each trail ending with the base's self-loop.
-    n_robots
-        Trails per plan.
-    amounts
-        Output (n_maps, n_arcs, 2): reward and survival pheromone; with one map the robots share
-        it, otherwise there is one a robot.
+        Arcs of all trails, ragged, each trail ending with the base's self-loop.
     """
+
+    objectives: FloatArray
+    members: OffsetArray
+    arcs: IntArray
+    offsets: OffsetArray
+
+
+class Pheromone(NamedTuple):
+    """Pheromone, and what has been deposited last; with one map the robots share it.
+
+    Attributes
+    ----------
+    levels
+        Reward and survival pheromone, above 0 (n_maps, n_arcs + 1, 2).
+    deposits, archive_deposits
+        What the iteration's and the global Pareto set have left, in sum (n_maps, n_arcs + 1, 2).
+    log_eta_reward, log_eta_survival
+        Logarithms of the heuristics (n_arcs + 1); that of reward for a node already visited.
+    """
+
+    levels: FloatArray
+    deposits: FloatArray
+    archive_deposits: FloatArray
+    log_eta_reward: FloatArray
+    log_eta_survival: FloatArray
+
+
+@helper
+def deposit(plans: Depositors, n_robots: int, amounts: FloatArray) -> None:
+    """Set ``amounts`` to what the plans leave on each arc, in sum (n_maps, n_arcs + 1, 2)."""
     amounts[:] = 0.0
     n_maps = amounts.shape[0]
-    for plan in members:
-        reward, survivors = objectives[plan, 0], objectives[plan, 1]
+    for plan in plans.members:
+        reward, survivors = plans.objectives[plan, 0], plans.objectives[plan, 1]
         for robot in range(n_robots):
             trail = plan * n_robots + robot
-            amount = amounts[robot if n_maps > 1 else 0]
-            for i in range(offsets[trail], offsets[trail + 1]):
-                amount[arcs[i], 0] += reward
-                amount[arcs[i], 1] += survivors
+            which = robot if n_maps > 1 else 0
+            for i in range(plans.offsets[trail], plans.offsets[trail + 1]):
+                amounts[which, plans.arcs[i], 0] += reward
+                amounts[which, plans.arcs[i], 1] += survivors
+
+
+@helper
+def _weigh(pheromone: Pheromone, weights: Weights) -> None:
+    """Write log(τ_R η_R) and log(τ_S η_S), within ``LOG_LOW`` and ``LOG_HIGH``."""
+    levels = pheromone.levels
+    for m in range(levels.shape[0]):
+        for arc in range(levels.shape[1]):
+            reward = math.log(max(LEAST, levels[m, arc, 0])) + pheromone.log_eta_reward[arc]
+            alive = math.log(max(LEAST, levels[m, arc, 1])) + pheromone.log_eta_survival[arc]
+            weights.log_reward[m, arc] = min(max(reward, LOG_LOW), LOG_HIGH)
+            weights.log_survival[m, arc] = min(max(alive, LOG_LOW), LOG_HIGH)
+
+
+@kernel
+def weigh(pheromone: Pheromone, weights: Weights) -> None:
+    """Write what ants make of pheromone: ``log_reward`` and ``log_survival`` of the weights."""
+    _weigh(pheromone, weights)
 
 
 @kernel
 def learn(
-    pheromone: FloatArray,
+    pheromone: Pheromone,
+    weights: Weights,
     evaporation: float,
     pooled: bool,
-    objectives: FloatArray,
-    members: OffsetArray,
-    arcs: IntArray,
-    offsets: OffsetArray,
-    archived: FloatArray,
-    archived_arcs: IntArray,
-    archived_offsets: OffsetArray,
-    archive_changed: bool,
     n_robots: int,
-    amounts: FloatArray,
-    archived_amounts: FloatArray,
+    iteration: Depositors,
+    archive: Depositors,
+    archive_changed: bool,
 ) -> None:
     """Evaporate pheromone and let the iteration's and the global Pareto set deposit theirs.
 
     Parameters
     ----------
     pheromone
-        Reward and survival pheromone (n_maps, n_arcs, 2), changed in place.
+        ``levels`` and deposits are changed in place.
+    weights
+        What ants make of it: written anew.
     evaporation
         Share that evaporates, in (0, 1).
     pooled
         Whether each deposit is divided by the number of plans in both sets together, or by the
         size of its own set.
-    objectives, members, arcs, offsets
-        The iteration's plans and its Pareto set, as in ``deposit``.
-    archived, archived_arcs, archived_offsets
-        The same of the global Pareto set, all of it.
-    archive_changed
-        Whether ``archived_amounts`` is out of date; as long as no plan enters it stays the same.
     n_robots
         Trails per plan.
-    amounts, archived_amounts
-        Both sets' deposits in sum (n_maps, n_arcs, 2); the first is scratch.
+    iteration, archive
+        Both sets.
+    archive_changed
+        Whether ``archive_deposits`` is out of date; as long as no plan enters it stays the same.
     """
-    deposit(objectives, members, arcs, offsets, n_robots, amounts)
+    levels, deposits, archived = pheromone.levels, pheromone.deposits, pheromone.archive_deposits
+    deposit(iteration, n_robots, deposits)
     if archive_changed:
-        everyone = np.arange(len(archived))
-        deposit(archived, everyone, archived_arcs, archived_offsets, n_robots, archived_amounts)
-    iteration_size, archive_size = len(members), len(archived)
+        deposit(archive, n_robots, archived)
+    iteration_size, archive_size = len(iteration.members), len(archive.members)
     if pooled:
         iteration_size = archive_size = iteration_size + archive_size
     kept = 1.0 - evaporation
-    for m in range(pheromone.shape[0]):
-        for arc in range(pheromone.shape[1]):
+    for m in range(levels.shape[0]):
+        for arc in range(levels.shape[1]):
             for species in range(2):
-                pheromone[m, arc, species] = max(
+                levels[m, arc, species] = max(
                     LEAST,
-                    kept * pheromone[m, arc, species]
-                    + amounts[m, arc, species] / max(1, iteration_size)
-                    + archived_amounts[m, arc, species] / archive_size,
+                    kept * levels[m, arc, species]
+                    + deposits[m, arc, species] / max(1, iteration_size)
+                    + archived[m, arc, species] / archive_size,
                 )
+    _weigh(pheromone, weights)
 
 
 @kernel
-def log_weights(
-    pheromone: FloatArray,
-    log_eta_reward: float,
-    log_eta_survival: FloatArray,
-    log_reward: FloatArray,
-    log_survival: FloatArray,
-) -> None:
-    """Write log(τ_R · η_R) and log(τ_S · η_S), with η_R that of a node already visited.
-
-    Parameters
-    ----------
-    pheromone
-        Reward and survival pheromone, above 0 (n_maps, n_arcs, 2).
-    log_eta_reward, log_eta_survival
-        Logarithms of the heuristics; the second per arc (n_arcs).
-    log_reward, log_survival
-        Output (n_maps, n_arcs), within ``LOG_LOW`` and ``LOG_HIGH``.
-    """
-    for m in range(pheromone.shape[0]):
-        for arc in range(pheromone.shape[1]):
-            reward = math.log(max(LEAST, pheromone[m, arc, 0])) + log_eta_reward
-            survivors = math.log(max(LEAST, pheromone[m, arc, 1])) + log_eta_survival[arc]
-            log_reward[m, arc] = min(max(reward, LOG_LOW), LOG_HIGH)
-            log_survival[m, arc] = min(max(survivors, LOG_LOW), LOG_HIGH)
+def trail_arcs(graph: Graph, nodes: IntArray, offsets: OffsetArray) -> IntArray:
+    """Give the arc that leaves each node of valid trails; each ends with the base's self-loop."""
+    arcs = np.empty(nodes.shape[0], np.int32)
+    for trail in range(len(offsets) - 1):
+        last = offsets[trail + 1] - 1
+        for i in range(offsets[trail], last):
+            arcs[i] = find_arc(graph, int(nodes[i]), int(nodes[i + 1]))
+        arcs[last] = graph.head.shape[0]
+    return arcs

@@ -45,18 +45,19 @@ class Paths(NamedTuple):
     path: OffsetArray
 
 
+@helper(makes_arrays=True)
 def new_paths(graph: Graph) -> Paths:
     """Make room for searches in a graph."""
-    n_nodes, n_arcs = graph.n_nodes, graph.n_arcs
+    n_nodes, n_arcs = graph.reward.shape[0], graph.head.shape[0]
     return Paths(
-        n_searches=np.zeros(1, np.int64),
-        met=np.zeros(n_nodes, np.int64),
-        distance=np.empty(n_nodes),
-        entry=np.empty(n_nodes, np.int64),
-        order=np.empty(n_nodes, np.int64),
-        keys=np.empty(n_arcs + 1),
-        held=np.empty(n_arcs + 1, np.int64),
-        path=np.empty(n_nodes, np.int64),
+        np.zeros(1, np.int64),
+        np.zeros(n_nodes, np.int64),
+        np.empty(n_nodes),
+        np.empty(n_nodes, np.int64),
+        np.empty(n_nodes, np.int64),
+        np.empty(n_arcs + 1),
+        np.empty(n_arcs + 1, np.int64),
+        np.empty(n_nodes, np.int64),
     )
 
 

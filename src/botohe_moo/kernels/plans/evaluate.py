@@ -1,11 +1,14 @@
 """Expected team reward and expected number of survivors of many trail plans."""
 
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
-from botohe_moo.kernels.compile import everywhere, kernel
+from botohe_moo.kernels.compile import helper, inlined, kernel
+from botohe_moo.kernels.graph.arcs import find_arc
+from botohe_moo.kernels.graph.graph import Graph
+from botohe_moo.kernels.plans.order import precedes
 
 # What may be wrong with a trail; ``evaluate`` reports the first fault as
 # (kind, plan, robot, position), all zero when there is none.
@@ -18,31 +21,53 @@ MISSING_ARC = 5
 ARC_USED_TWICE = 6
 BAD_OFFSETS = 7
 
-_LINEAR_SEARCH_UP_TO = 12
-
 Chance = TypeVar("Chance", float, FloatArray)
 
 
-@kernel
-def find_arc(first: OffsetArray, head: IntArray, tail_node: int, head_node: int) -> int:
-    """Give the index of the arc between two nodes, or -1.
+class Values(NamedTuple):
+    """What plans are worth.
 
-    The arcs of node v are ``first[v]`` to ``first[v + 1]``, their heads ascending.
+    Attributes
+    ----------
+    objectives
+        E[R] in rewards and E[S] in robots (n_plans, 2).
+    faults
+        Trails that do not begin or do not end at base, missing arcs, and arcs that are used again
+        (n_plans).
+    alive
+        The probability that each robot survives (n_plans, n_robots).
     """
-    low, high = first[tail_node], first[tail_node + 1]
-    while high - low > _LINEAR_SEARCH_UP_TO:
-        middle = (low + high) // 2
-        if head[middle] <= head_node:
-            low = middle
-        else:
-            high = middle
-    for arc in range(low, high):
-        if head[arc] == head_node:
-            return arc
-    return -1
+
+    objectives: FloatArray
+    faults: FloatArray
+    alive: FloatArray
 
 
-@everywhere
+class _Scratch(NamedTuple):
+    """Which trail has last used each arc and visited each node, and what a plan reaches."""
+
+    used: OffsetArray
+    visited: OffsetArray
+    touched_by: OffsetArray
+    reached: FloatArray
+    touched: OffsetArray
+    n_touched: OffsetArray
+
+
+@helper(makes_arrays=True)
+def _new_scratch(graph: Graph) -> _Scratch:
+    n_nodes, n_arcs = graph.reward.shape[0], graph.head.shape[0]
+    return _Scratch(
+        np.full(n_arcs, -1, np.int64),
+        np.full(n_nodes, -1, np.int64),
+        np.full(n_nodes, -1, np.int64),
+        np.empty(n_nodes),
+        np.empty(n_nodes, np.int64),
+        np.zeros(1, np.int64),
+    )
+
+
+@helper
 def either(one: Chance, other: Chance) -> Chance:
     """Give the chance that one of two robots or the other reaches a node: 1 − (1 − p)(1 − q).
 
@@ -51,228 +76,147 @@ def either(one: Chance, other: Chance) -> Chance:
     return one + (1.0 - one) * other
 
 
-@kernel
-def _precedes(nodes: IntArray, offsets: OffsetArray, one: int, other: int) -> bool:
-    """Tell whether trail ``one`` comes before trail ``other`` in lexicographic order."""
-    start, stop = offsets[one], offsets[one + 1]
-    other_start, other_stop = offsets[other], offsets[other + 1]
-    for i in range(min(stop - start, other_stop - other_start)):
-        difference = nodes[start + i] - nodes[other_start + i]
-        if difference != 0:
-            return bool(difference < 0)
-    return bool(stop - start < other_stop - other_start)
+@inlined
+def _reach(scratch: _Scratch, plan: int, trail: int, node: int, alive: float) -> None:
+    """Note that a robot gets to a node with probability ``alive``."""
+    if scratch.visited[node] == trail:
+        return
+    scratch.visited[node] = trail
+    if scratch.touched_by[node] != plan:
+        scratch.touched_by[node] = plan
+        scratch.reached[node] = alive
+        scratch.touched[scratch.n_touched[0]] = node
+        scratch.n_touched[0] += 1
+    else:
+        scratch.reached[node] = either(scratch.reached[node], alive)
+
+
+@inlined
+def _hop(graph: Graph, scratch: _Scratch, trail: int, here: int, there: int) -> tuple[int, int]:
+    """Give the arc of a hop, −1 where there is none, and what is wrong with it."""
+    n_nodes = graph.reward.shape[0]
+    if there < 0 or there >= n_nodes:
+        return -1, UNKNOWN_NODE
+    if here < 0 or here >= n_nodes:
+        return -1, MISSING_ARC
+    arc = find_arc(graph, here, there)
+    if arc < 0:
+        return -1, MISSING_ARC
+    if scratch.used[arc] == trail:
+        return arc, ARC_USED_TWICE
+    scratch.used[arc] = trail
+    return arc, VALID
+
+
+@inlined
+def _walk(
+    graph: Graph,
+    scratch: _Scratch,
+    nodes: IntArray,
+    start: int,
+    stop: int,
+    plan: int,
+    trail: int,
+) -> tuple[float, int, int, int]:
+    """Walk a trail up to its first fault, where the robot is lost.
+
+    Gives with what probability it survives, how many faults there are, and kind and position of
+    the first.
+    """
+    here = int(nodes[start]) if stop > start else -1
+    kind = position = n_faults = 0
+    if here != graph.base:
+        n_faults = 1
+        known = 0 <= here < graph.reward.shape[0]
+        kind = EMPTY_TRAIL if stop <= start else NOT_FROM_BASE if known else UNKNOWN_NODE
+    else:
+        _reach(scratch, plan, trail, here, 1.0)
+    alive = 1.0
+    for i in range(start + 1, stop):
+        there = int(nodes[i])
+        arc, fault = _hop(graph, scratch, trail, here, there)
+        here = there
+        if fault != VALID:
+            n_faults += 1
+            if kind == VALID:
+                kind, position = fault, i - start
+        if kind == VALID:
+            alive *= graph.survival[arc]
+            _reach(scratch, plan, trail, here, alive)
+    if here != graph.base:
+        n_faults += 1
+        if kind == VALID:
+            kind, position = NOT_BACK_AT_BASE, stop - start - 1
+    return alive if kind == VALID else 0.0, n_faults, kind, position
 
 
 @kernel
 def evaluate(
-    first: OffsetArray,
-    head: IntArray,
-    survival: FloatArray,
-    reward: FloatArray,
-    base: int,
+    graph: Graph,
     nodes: IntArray,
     offsets: OffsetArray,
     n_robots: int,
-    objectives: FloatArray,
+    strict: bool,
+    values: Values,
 ) -> tuple[int, int, int, int]:
-    """Write E[R] and E[S] of every plan into ``objectives``, validating each trail on the way.
+    """Write what every plan is worth, validating each trail on the way.
 
-    Robots are visited in the lexicographic order of their trails, so that two orders of the same
-    trails give the same floating-point numbers.
+    A robot walks its trail up to the first fault, where it is lost. Robots are visited in the
+    lexicographic order of their trails, so that two orders of the same trails give the same
+    floating-point numbers.
 
     Parameters
     ----------
-    first, head, survival
-        The arcs, grouped by tail node: offsets (n_nodes + 1), heads and survivals (n_arcs).
-    reward
-        Reward of every node (n_nodes).
-    base
-        Index of the base.
+    graph
+        Where.
     nodes, offsets
         The trails, ragged: trail t is ``nodes[offsets[t]:offsets[t + 1]]``; plan i owns the
         trails ``i * n_robots`` to ``(i + 1) * n_robots``.
     n_robots
         Trails per plan, at least one.
-    objectives
-        Output (n_plans, 2): E[R] in rewards, E[S] in robots. Rows from a faulty plan on are left.
+    strict
+        Whether to end at the first plan with a fault; its row and those behind it are left.
+    values
+        Output.
 
     Returns
     -------
     tuple of int
-        (kind, plan, robot, position) of the first fault; kind is ``VALID`` where there is none.
+        (kind, plan, robot, position) of the first fault; kind is ``VALID`` where there is none, or
+        not ``strict``. ``BAD_OFFSETS`` always ends it.
     """
-    n_nodes = reward.shape[0]
-    reached = np.empty(n_nodes)
-    touched_by_plan = np.full(n_nodes, -1, np.int64)
-    visited_by_trail = np.full(n_nodes, -1, np.int64)
-    used_by_trail = np.full(head.shape[0], -1, np.int64)
-    touched = np.empty(n_nodes, np.int32)
+    scratch = _new_scratch(graph)
     order = np.empty(n_robots, np.int64)
-
-    for plan in range(objectives.shape[0]):
+    for plan in range(values.objectives.shape[0]):
         for k in range(n_robots):
             trail = plan * n_robots + k
-            if offsets[trail] < 0 or offsets[trail + 1] > nodes.shape[0]:
+            start, stop = offsets[trail], offsets[trail + 1]
+            if start < 0 or stop > nodes.shape[0]:
                 return BAD_OFFSETS, plan, k, 0
             place = k
-            while place > 0 and _precedes(nodes, offsets, trail, order[place - 1]):
-                order[place] = order[place - 1]
+            while place > 0:
+                other = order[place - 1]
+                if not precedes(nodes, start, stop, offsets[other], offsets[other + 1]):
+                    break
+                order[place] = other
                 place -= 1
             order[place] = trail
-
-        n_touched = 0
+        scratch.n_touched[0] = 0
+        n_faults = 0
         survivors = 0.0
         for k in range(n_robots):
             trail = order[k]
-            robot = trail - plan * n_robots
             start, stop = offsets[trail], offsets[trail + 1]
-            if start >= stop:
-                return EMPTY_TRAIL, plan, robot, 0
-            if nodes[start] != base:
-                known = 0 <= nodes[start] < n_nodes
-                return NOT_FROM_BASE if known else UNKNOWN_NODE, plan, robot, 0
-            alive = 1.0
-            here = base
-            for position in range(start, stop):
-                if position > start:
-                    there = nodes[position]
-                    if there < 0 or there >= n_nodes:
-                        return UNKNOWN_NODE, plan, robot, position - start
-                    arc = find_arc(first, head, here, there)
-                    if arc < 0:
-                        return MISSING_ARC, plan, robot, position - start
-                    if used_by_trail[arc] == trail:
-                        return ARC_USED_TWICE, plan, robot, position - start
-                    used_by_trail[arc] = trail
-                    alive *= survival[arc]
-                    here = there
-                if visited_by_trail[here] != trail:
-                    visited_by_trail[here] = trail
-                    if touched_by_plan[here] != plan:
-                        touched_by_plan[here] = plan
-                        reached[here] = alive
-                        touched[n_touched] = here
-                        n_touched += 1
-                    else:
-                        reached[here] = either(reached[here], alive)
-            if here != base:
-                return NOT_BACK_AT_BASE, plan, robot, stop - start - 1
+            alive, n, kind, at = _walk(graph, scratch, nodes, start, stop, plan, trail)
+            if strict and kind != VALID:
+                return kind, plan, trail - plan * n_robots, at
+            n_faults += n
             survivors += alive
-
+            values.alive[plan, trail - plan * n_robots] = alive
         expected_reward = 0.0
-        for i in range(n_touched):
-            expected_reward += reward[touched[i]] * reached[touched[i]]
-        objectives[plan, 0] = expected_reward
-        objectives[plan, 1] = survivors
+        for i in range(scratch.n_touched[0]):
+            node = scratch.touched[i]
+            expected_reward += graph.reward[node] * scratch.reached[node]
+        values.objectives[plan, 0], values.objectives[plan, 1] = expected_reward, survivors
+        values.faults[plan] = n_faults
     return VALID, 0, 0, 0
-
-
-@kernel
-def evaluate_drafts(
-    first: OffsetArray,
-    head: IntArray,
-    survival: FloatArray,
-    reward: FloatArray,
-    base: int,
-    nodes: IntArray,
-    offsets: OffsetArray,
-    n_robots: int,
-    objectives: FloatArray,
-    faults: FloatArray,
-    alive: FloatArray,
-) -> None:
-    """Write E[R] and E[S] of plans that need not be valid, and how far they are from it.
-
-    A robot walks its trail up to the first fault, where it is lost. The arithmetic is that of
-    ``evaluate``, so that valid plans get the same bits.
-
-    Parameters
-    ----------
-    first, head, survival, reward, base, nodes, offsets, n_robots
-        As for ``evaluate``.
-    objectives
-        Output (n_plans, 2): E[R] in rewards, E[S] in robots.
-    faults
-        Output (n_plans): trails that do not begin or do not end at base, missing arcs, and arcs
-        that are used again.
-    alive
-        Output (n_plans, n_robots): the probability that each robot survives.
-    """
-    n_nodes = reward.shape[0]
-    reached = np.empty(n_nodes)
-    touched_by_plan = np.full(n_nodes, -1, np.int64)
-    visited_by_trail = np.full(n_nodes, -1, np.int64)
-    used_by_trail = np.full(head.shape[0], -1, np.int64)
-    touched = np.empty(n_nodes, np.int32)
-    order = np.empty(n_robots, np.int64)
-
-    for plan in range(objectives.shape[0]):
-        for k in range(n_robots):
-            trail = plan * n_robots + k
-            place = k
-            while place > 0 and _precedes(nodes, offsets, trail, order[place - 1]):
-                order[place] = order[place - 1]
-                place -= 1
-            order[place] = trail
-        n_touched = n_faults = 0
-        survivors = 0.0
-        for k in range(n_robots):
-            trail = order[k]
-            start, stop = offsets[trail], offsets[trail + 1]
-            here = nodes[start] if stop > start else -1
-            lost = here != base
-            n_faults += lost
-            walked = 1.0
-            for position in range(start, stop):
-                if position > start:
-                    there = nodes[position]
-                    arc = -1
-                    if 0 <= here < n_nodes and 0 <= there < n_nodes:
-                        arc = find_arc(first, head, here, there)
-                    here = there
-                    if arc < 0 or used_by_trail[arc] == trail:
-                        n_faults += 1
-                        lost = True
-                    if arc >= 0:
-                        used_by_trail[arc] = trail
-                        if not lost:
-                            walked *= survival[arc]
-                if not lost and visited_by_trail[here] != trail:
-                    visited_by_trail[here] = trail
-                    if touched_by_plan[here] != plan:
-                        touched_by_plan[here] = plan
-                        reached[here] = walked
-                        touched[n_touched] = here
-                        n_touched += 1
-                    else:
-                        reached[here] = either(reached[here], walked)
-            if here != base:
-                n_faults += 1
-                lost = True
-            alive[plan, trail - plan * n_robots] = 0.0 if lost else walked
-            if not lost:
-                survivors += walked
-
-        expected_reward = 0.0
-        for i in range(n_touched):
-            expected_reward += reward[touched[i]] * reached[touched[i]]
-        objectives[plan, 0] = expected_reward
-        objectives[plan, 1] = survivors
-        faults[plan] = n_faults
-
-
-@kernel
-def trail_arcs(
-    first: OffsetArray,
-    head: IntArray,
-    loop: int,
-    nodes: IntArray,
-    offsets: OffsetArray,
-    arcs: IntArray,
-) -> None:
-    """Write the arc that leaves each node of valid trails, for the last one ``loop``."""
-    for trail in range(len(offsets) - 1):
-        last = offsets[trail + 1] - 1
-        for i in range(offsets[trail], last):
-            arcs[i] = find_arc(first, head, nodes[i], nodes[i + 1])
-        arcs[last] = loop

@@ -131,12 +131,9 @@ def _archive(algorithm: Algorithm, problem: BOTOHE) -> PlanArchive:
     """Give what an algorithm has found so far, as one archive for all kinds of them."""
     if isinstance(problem, MeteredBOTOHE):
         return problem.archive
-    archive = (
-        algorithm.plan_archive if isinstance(algorithm, PopulationAlgorithm) else algorithm.archive
-    )
-    if not isinstance(archive, PlanArchive):
+    if not isinstance(algorithm.archive, PlanArchive):
         raise TypeError(f"Expected the archive of {type(algorithm).__name__} to be a PlanArchive.")
-    return archive
+    return algorithm.archive
 
 
 def verify(task: Task, plans: PlanBatch, claimed: FloatArray) -> None:

@@ -1,0 +1,102 @@
+"""An archive whose plans pymoo can be given."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Self
+
+import numpy as np
+from pymoo.core.individual import Individual
+from pymoo.core.population import Population
+
+from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo.search.archive import PlanArchive
+from botohe_moo.trails import PlanBatch, TrailPlan
+
+__all__ = ["PopulationArchive"]
+
+
+class PopulationArchive(PlanArchive):
+    """An archive that makes pymoo's individuals when somebody looks at them.
+
+    Handing pymoo new ones every iteration would cost more than the iteration itself.
+
+    Parameters
+    ----------
+    n_robots, max_ties
+        As for :class:`~botohe_moo.search.archive.PlanArchive`.
+    constrain
+        Gives the constraints G of a batch (n, n_ieq_constr).
+    """
+
+    def __init__(
+        self,
+        n_robots: int,
+        *,
+        max_ties: int = 1_000,
+        constrain: Callable[[PlanBatch], FloatArray] | None = None,
+    ) -> None:
+        super().__init__(n_robots, max_ties=max_ties)
+        self._constrain = constrain
+        self._individuals: dict[int, Individual] = {}
+        self._population: Population | None = None
+
+    def absorb(
+        self,
+        batch: PlanBatch,
+        objectives: FloatArray,
+        individuals: Sequence[Individual] | None = None,
+    ) -> OffsetArray:
+        """Take in what the archive does not dominate.
+
+        Parameters
+        ----------
+        batch, objectives
+            As for the archive without a population.
+        individuals
+            The same plans as pymoo knows them, where it does; ``population`` gives these.
+
+        Returns
+        -------
+        numpy.ndarray
+            Indices of the batch's own Pareto set.
+        """
+        first = self.version
+        members, entered = self._absorb(batch, objectives)
+        if len(entered):
+            self._population = None
+            if individuals is not None:
+                for number, i in enumerate(entered.tolist(), start=first):
+                    self._individuals[number] = individuals[i]
+        return members
+
+    def add(self, infills: Population) -> Self:  # noqa: ARG002
+        """Give the archive back: pymoo calls this at the end of an iteration, when all is known."""
+        return self
+
+    def population(self) -> Population:
+        """Give the plans as pymoo knows them: individuals are made once for every plan."""
+        if self._population is None:
+            known, plans = self._individuals, self.plans
+            constraints = None if self._constrain is None else self._constrain(plans)
+            self._individuals = {
+                key: known.get(key)
+                or _individual(
+                    plans[i], self.objectives[i], None if constraints is None else constraints[i]
+                )
+                for i, key in enumerate(self._held.ids.tolist())
+            }
+            self._population = Population.create(*self._individuals.values())
+        return self._population
+
+
+def _individual(
+    plan: TrailPlan, objectives: FloatArray, constraints: FloatArray | None
+) -> Individual:
+    x = np.empty(1, dtype=object)
+    x[0] = plan
+    individual = Individual(X=x, F=-objectives)
+    if constraints is not None:
+        individual.set("G", constraints)
+    individual.evaluated.update(("F", "G", "H"))
+    return individual
