@@ -43,7 +43,7 @@ ORDER = [
 ]
 
 KERNELS_MAY_IMPORT = re.compile(
-    r"(__future__|collections\.abc|math|numba|numpy|typing|botohe_moo\.(_base\.types|kernels))(\.|$)"
+    r"(__future__|collections\.abc|functools|gc|heapq|math|numba|numpy|typing|botohe_moo\.(_base\.types|kernels))(\.|$)"
 )
 
 

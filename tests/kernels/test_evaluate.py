@@ -9,7 +9,6 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from botohe_moo.kernels.colony.pheromone import trail_arcs
 from botohe_moo.mission import Mission, PlanError, load_mission
 from botohe_moo.outcomes.outcomes import (
     plan_outcomes,
@@ -218,18 +217,6 @@ class TestFaults:
             toy.evaluate([TrailPlan([[0]])])
         with pytest.raises(PlanError, match="Expected 2 trails a plan"):
             toy.evaluate(PlanBatch(np.zeros(3, np.int32), np.arange(4), 3))
-
-
-@given(missions_with_plans())
-def test_trail_arcs(drawn):
-    mission, plan = drawn
-    graph = mission.arrays
-    walked = iter(trail_arcs(graph, plan.nodes, plan.offsets))
-    for trail in plan.trails:
-        for tail, head in pairwise(trail):
-            arc = next(walked)
-            assert (graph.tail[arc], graph.head[arc]) == (tail, head)
-        assert next(walked) == graph.n_arcs
 
 
 def drafted(mission, trails):

@@ -1,58 +1,72 @@
 """Deposit and evaporation against a readable twin."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from botohe_moo import load_mission
 from botohe_moo.kernels.colony.construct import Weights
-from botohe_moo.kernels.colony.pheromone import LEAST, Depositors, Pheromone, learn, weigh
+from botohe_moo.kernels.colony.pheromone import LEAST, Depositors, LearningRule, Pheromone, learn
 
-N_ARCS, N_ROBOTS = 5, 2
+N_ROBOTS = 2
+GRAPH = load_mission("complete", nodes=4).arrays
+N_ARCS = GRAPH.n_arcs + 1  # the base's self-loop, which ends every trail, is the last
+
+
+def walked(trail):
+    """The arcs of a trail, as indices; the twin of what the kernel finds."""
+    hops = list(zip(GRAPH.tail.tolist(), GRAPH.head.tolist(), strict=True))
+    return [*(hops.index(hop) for hop in pairwise(trail)), N_ARCS - 1]
 
 
 def twin(pheromone, evaporation, pooled, iteration, archived):
-    """Dicts of (map, arc) -> [τ_R, τ_S]; the sets are lists of ((E[R], E[S]), trails of arcs)."""
+    """Dicts of (map, arc) -> [τ_R, τ_S]; the sets are lists of ((E[R], E[S]), trails)."""
     n_maps = 1 + max(m for m, _ in pheromone)
     after = {key: [(1 - evaporation) * level for level in both] for key, both in pheromone.items()}
     for plans in (iteration, archived):
         size = len(iteration) + len(archived) if pooled else len(plans)
         for objectives, trails in plans:
             for robot, trail in enumerate(trails):
-                for arc in trail:
+                for arc in walked(trail):
                     for species in range(2):
                         key = (robot if n_maps > 1 else 0, arc)
                         after[key][species] += objectives[species] / size
     return after
 
 
+def hops(nodes):
+    return all(one != other for one, other in pairwise(nodes))
+
+
+trails = st.lists(st.integers(0, 3), min_size=1, max_size=6).filter(hops)
 plans = st.tuples(
     st.tuples(st.floats(0, 9), st.floats(0, 3)),
-    st.lists(
-        st.lists(st.integers(0, N_ARCS - 1), min_size=1, max_size=6),
-        min_size=N_ROBOTS,
-        max_size=N_ROBOTS,
-    ),
+    st.lists(trails, min_size=N_ROBOTS, max_size=N_ROBOTS),
 )
 
 
-def packed(plans):
-    objectives = np.array([objectives for objectives, _ in plans])
+def depositors(plans, members=None):
     trails = [trail for _, trails in plans for trail in trails]
     offsets = np.zeros(len(trails) + 1, np.int64)
     np.cumsum([len(trail) for trail in trails], out=offsets[1:])
-    return objectives, np.array([arc for trail in trails for arc in trail], np.int32), offsets
+    return Depositors(
+        np.array([objectives for objectives, _ in plans]),
+        np.arange(len(plans)) if members is None else members,
+        np.array([node for trail in trails for node in trail], np.int32),
+        offsets,
+    )
 
 
-def new_pheromone(levels, log_eta_reward=0.0, log_eta_survival=None):
-    n_maps, n_arcs, _ = levels.shape
-    eta = np.zeros(n_arcs) if log_eta_survival is None else np.array(log_eta_survival)
-    deposits = np.zeros((2, *levels.shape))
-    pheromone = Pheromone(levels, *deposits, np.full(n_arcs, log_eta_reward), eta)
-    shape = (n_maps, n_arcs)
-    return pheromone, Weights(np.empty(shape), np.empty(shape), np.zeros(n_arcs), np.zeros(n_arcs))
+def new_pheromone(levels, log_eta_reward=0.0, log_eta_survival=0.0):
+    n_maps = len(levels)
+    deposits, etas = np.zeros((2, *levels.shape)), np.zeros((2, N_ARCS))
+    etas[0], etas[1] = log_eta_reward, log_eta_survival
+    weights = Weights(*np.empty((2, n_maps, N_ARCS)), *np.zeros((2, N_ARCS)))
+    return Pheromone(levels, *deposits, *etas), weights
 
 
 @given(
@@ -69,34 +83,35 @@ def test_learn(batch, chosen, archived, n_maps, evaporation, pooled, seed):
     levels = np.random.default_rng(seed).uniform(0.1, 5, (n_maps, N_ARCS, 2))
     before = {(m, a): levels[m, a].tolist() for m in range(n_maps) for a in range(N_ARCS)}
     expected = twin(before, evaporation, pooled, [batch[i] for i in members], archived)
-
-    objectives, arcs, offsets = packed(batch)
-    archived_objectives, archived_arcs, archived_offsets = packed(archived)
-    everybody = np.arange(len(archived))
-    iteration = Depositors(objectives, members, arcs, offsets)
-    archive = Depositors(archived_objectives, everybody, archived_arcs, archived_offsets)
-    state, weights = new_pheromone(levels)
-    again = state._replace(levels=levels.copy())
+    iteration, archive = depositors(batch, members), depositors(archived)
+    state, weights = new_pheromone(levels, 0.5, -0.5)
+    again = state._replace(levels=levels.copy())  # with what the archive has deposited before
     for pheromone, changed in ((state, True), (again, False)):
-        learn(pheromone, weights, evaporation, pooled, N_ROBOTS, iteration, archive, changed)
+        rule = LearningRule(N_ROBOTS, evaporation, pooled, changed)
+        learn(GRAPH, pheromone, weights, rule, iteration, archive)
         for (m, arc), levels_expected in expected.items():
             assert pheromone.levels[m, arc] == pytest.approx(levels_expected, rel=1e-12)
-    before = weights.log_reward.copy()
-    weigh(state, weights)
-    assert np.array_equal(weights.log_reward, before)
+        assert weights.log_reward == pytest.approx(np.log(pheromone.levels[..., 0]) + 0.5)
+        assert weights.log_survival == pytest.approx(np.log(pheromone.levels[..., 1]) - 0.5)
+
+
+def test_without_plans_and_evaporation_nothing_changes():
+    levels = np.random.default_rng(1).uniform(0.1, 5, (1, N_ARCS, 2))
+    pheromone, weights = new_pheromone(levels.copy())
+    nobody = depositors([((0.0, 0.0), [[0], [0]])], np.empty(0, np.int64))
+    learn(GRAPH, pheromone, weights, LearningRule(N_ROBOTS, 0.0, True, True), nobody, nobody)
+    assert np.array_equal(pheromone.levels, levels)
 
 
 def test_pheromone_never_vanishes():
     """Thousands of iterations without deposit underflow to 0 otherwise, and 0 has no logarithm."""
-    objectives, arcs, offsets = packed([((1.0, 1.0), [[0], [0]])])
-    plans = Depositors(objectives, np.array([0]), arcs, offsets)
-    pheromone, weights = new_pheromone(np.full((1, 2, 2), 1e-249), -3.0, [0.5, -0.5])
+    plans = depositors([((1.0, 1.0), [[0], [0]])])
+    pheromone, weights = new_pheromone(np.full((1, N_ARCS, 2), 1e-249), -3.0, 0.5)
     for _ in range(10_000):
-        learn(pheromone, weights, 0.5, False, N_ROBOTS, plans, plans, True)
-    levels = pheromone.levels
-    assert (levels[0, 1] == LEAST).all()
-    assert (levels[0, 0] > 1).all()
-    assert weights.log_reward[0, 1] == pytest.approx(math.log(LEAST) - 3)
-    assert weights.log_survival[0].tolist() == pytest.approx(
-        [math.log(levels[0, 0, 1]) + 0.5, math.log(LEAST) - 0.5]
-    )
+        learn(GRAPH, pheromone, weights, LearningRule(N_ROBOTS, 0.5, False, True), plans, plans)
+    assert (pheromone.levels[0, :-1] == LEAST).all()
+    assert (pheromone.levels[0, -1] > 1).all()
+    assert weights.log_reward[0, 0] == pytest.approx(math.log(LEAST) - 3)
+    assert weights.log_survival[0, 0] == pytest.approx(math.log(LEAST) + 0.5)
+    last = math.log(pheromone.levels[0, -1, 1]) + 0.5
+    assert weights.log_survival[0, -1] == pytest.approx(last)

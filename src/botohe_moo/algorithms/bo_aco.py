@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, get_args
 import numpy as np
 
 from botohe_moo._base.checks import check_flag, check_integer, check_number
-from botohe_moo._base.types import FloatArray, IntArray, ObjectArray, OffsetArray
+from botohe_moo._base.types import FloatArray, ObjectArray, OffsetArray
 from botohe_moo._plugins import SameResult
 from botohe_moo.algorithms.base import ArchiveAlgorithm
 from botohe_moo.problem import BOTOHE
@@ -333,15 +333,15 @@ class BOACO(ArchiveAlgorithm):
             share = min(planned, self._n_left())  # a local search may have spent some
             if share == 0:
                 continue
-            batch, arcs = colony.construct(share)
+            batch = colony.construct(share)
             objectives, members = self._take_in(batch)
             if self._improver is not None:
-                batch, arcs, objectives, members = self._improve(
-                    self._improver, batch, arcs, objectives, members
+                batch, objectives, members = self._improve(
+                    self._improver, batch, objectives, members
                 )
             if origin is not self.archive:
                 origin.absorb(batch.take(members), objectives[members])
-            colony.learn(batch, arcs, objectives, members, origin)
+            colony.learn(batch, objectives, members, origin)
         if self.n_colonies > 1 and self.exchange_every and self.n_iter % self.exchange_every == 0:
             exchange_archives(self._origins)
 
@@ -349,21 +349,19 @@ class BOACO(ArchiveAlgorithm):
         self,
         improver: IterationSearch,
         batch: PlanBatch,
-        arcs: IntArray,
         objectives: FloatArray,
         members: OffsetArray,
-    ) -> tuple[PlanBatch, IntArray, FloatArray, OffsetArray]:
+    ) -> tuple[PlanBatch, FloatArray, OffsetArray]:
         """Add what a local search makes of an iteration's plans to what is known of them."""
         improved, gained, n_evaluated = improver.improve(
             batch, members, self.random_state, self._n_left()
         )
         self.evaluator.n_eval += n_evaluated
         if len(improved) == 0:
-            return batch, arcs, objectives, members
+            return batch, objectives, members
         whole = PlanBatch.concatenate([batch, improved])
         objectives = np.vstack([objectives, gained])
-        arcs = np.concatenate([arcs, self.colony.arcs_of(improved)])
-        return whole, arcs, objectives, self.archive.absorb(whole, objectives)
+        return whole, objectives, self.archive.absorb(whole, objectives)
 
     def _finalize(self) -> None:
         self._threads.close()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from botohe_moo._base.types import FloatArray, OffsetArray
-from botohe_moo.kernels.fronts.archive import Batch, absorb, new_archive
+from botohe_moo.kernels.fronts.archive import Archive, Batch, absorb, new_archive
 from botohe_moo.trails import PlanBatch
 
 __all__ = ["PlanArchive"]
@@ -37,6 +37,11 @@ class PlanArchive:
         view = self._held.objectives.view()
         view.flags.writeable = False
         return view
+
+    @property
+    def held(self) -> Archive:
+        """What kernels see of it; not to be changed."""
+        return self._held
 
     @property
     def plans(self) -> PlanBatch:

@@ -20,11 +20,11 @@ from botohe_moo.kernels.colony.construct import (
 from botohe_moo.kernels.colony.pheromone import (
     LOG_HIGH,
     Depositors,
+    LearningRule,
     Pheromone,
     learn,
-    trail_arcs,
-    weigh,
 )
+from botohe_moo.kernels.graph.paths import Paths, new_paths
 from botohe_moo.kernels.rng import seed_states
 from botohe_moo.mission.model import Mission
 from botohe_moo.search.archive import PlanArchive
@@ -119,9 +119,9 @@ class Colony:
         self._states = seed_states(random_state, n_ants)
         self._pheromone = _new_pheromone(mission, rule)
         self._weights = _new_weights(mission, rule, self._pheromone)
-        weigh(self._pheromone, self._weights)
+        self._rooms: dict[int, tuple[Plans, Paths | None]] = {}  # of each thread
         self._deposited_version = -1  # of the archive, when its deposit was last summed up
-        self._rooms: dict[int, Plans] = {}  # of each thread
+        self._learn(0.0, NOBODY, NOBODY, archive_changed=True)
 
     @property
     def pheromone(self) -> FloatArray:
@@ -131,19 +131,13 @@ class Colony:
         """
         return self._pheromone.levels
 
-    def construct(self, n_ants: int) -> tuple[PlanBatch, IntArray]:
-        """Let ants build one plan each.
+    def construct(self, n_ants: int) -> PlanBatch:
+        """Let ants build one plan each, robots in the order in which they were planned.
 
         Parameters
         ----------
         n_ants
             How many, at most the colony's size; their weights on the objectives are spread evenly.
-
-        Returns
-        -------
-        tuple
-            The plans, robots in the order in which they were planned, and the arc that leaves
-            each of their nodes, every trail ending with the base's self-loop.
         """
         n_threads = min(self.threads.n_threads, n_ants)
         cuts = [n_ants * i // n_threads for i in range(n_threads + 1)]
@@ -151,58 +145,45 @@ class Colony:
             self.threads.submit(self._construct_span, part, n_ants, cuts[part], cuts[part + 1])
             for part in range(1, n_threads)
         ]
-        nodes, arcs, lengths = self._construct_span(0, n_ants, 0, cuts[1])
+        nodes, lengths = self._construct_span(0, n_ants, 0, cuts[1])
         if waiting:
-            parts = [(nodes, arcs, lengths), *(future.result() for future in waiting)]
-            nodes, arcs, lengths = _joined(parts)
+            nodes, lengths = _joined([(nodes, lengths), *(future.result() for future in waiting)])
         offsets = np.zeros(len(lengths) + 1, np.int64)
         np.cumsum(lengths, out=offsets[1:])
-        return PlanBatch._wrap(nodes, offsets, self.n_robots), arcs
+        return PlanBatch._wrap(nodes, offsets, self.n_robots)
 
     def _construct_span(
         self, part: int, n_ants: int, begin: int, end: int
-    ) -> tuple[IntArray, IntArray, OffsetArray]:
-        """Let the ants ``begin`` to ``end`` build: nodes, arcs, and the lengths of their trails."""
-        n_robots, rule = self.n_robots, self.rule
+    ) -> tuple[IntArray, OffsetArray]:
+        """Let the ants ``begin`` to ``end`` build: the nodes, and the lengths of the trails."""
+        n_robots, rule, graph = self.n_robots, self.rule, self._graph
         concurrent = rule.allocation == "concurrent"
         build = BuildRule(n_robots, n_ants, concurrent, rule.exploration, self.min_survival)
-        plans = self._rooms.get(part) or new_plans(4096, len(self._states) * n_robots)
+        if part not in self._rooms:
+            careful = not graph.balanced or self.min_survival > 0.0
+            plans = new_plans(4096, len(self._states) * n_robots)
+            self._rooms[part] = plans, new_paths(graph) if careful else None
+        plans, paths = self._rooms[part]
         found = []
         while True:
-            done = construct(self._graph, self._weights, build, self._states, plans, begin, end)
-            size, lengths = plans.size[0], plans.lengths[begin * n_robots : done * n_robots]
-            found.append((plans.nodes[:size].copy(), plans.arcs[:size].copy(), lengths))
+            done = construct(graph, self._weights, build, paths, self._states, plans, begin, end)
+            lengths = plans.lengths[begin * n_robots : done * n_robots]
+            found.append((plans.nodes[: plans.size[0]].copy(), lengths))
             if done == end:
-                break
-            begin, longest = done, 2 * n_robots * (self._graph.n_arcs + 1)
+                return found[0] if len(found) == 1 else _joined(found)
+            begin, longest = done, 2 * n_robots * (graph.n_arcs + 1)
             plans = new_plans(longest + 2 * len(plans.nodes), len(plans.lengths))
-        self._rooms[part] = plans
-        return found[0] if len(found) == 1 else _joined(found)
-
-    def arcs_of(self, batch: PlanBatch) -> IntArray:
-        """Give the arc that leaves each node of valid plans, trails ending with the self-loop.
-
-        Parameters
-        ----------
-        batch
-            Valid plans of the mission.
-        """
-        return trail_arcs(self._graph, batch.nodes, batch.offsets)
+            self._rooms[part] = plans, paths
 
     def learn(
-        self,
-        batch: PlanBatch,
-        arcs: IntArray,
-        objectives: FloatArray,
-        members: OffsetArray,
-        archive: PlanArchive,
+        self, batch: PlanBatch, objectives: FloatArray, members: OffsetArray, archive: PlanArchive
     ) -> None:
         """Evaporate and deposit pheromone, unless the colony does without.
 
         Parameters
         ----------
-        batch, arcs, objectives
-            The iteration's plans, their arcs, and their E[R] and E[S].
+        batch, objectives
+            The iteration's plans, and their E[R] and E[S].
         members
             Indices of the iteration's Pareto set.
         archive
@@ -210,35 +191,38 @@ class Colony:
         """
         if not self.rule.pheromone or len(archive) == 0:
             return
-        iteration = archived = Depositors(objectives, members, arcs, batch.offsets)
-        everybody = np.arange(len(archive))
-        changed = archive.version != self._deposited_version
-        if changed:
-            plans = archive.plans
-            archived = Depositors(archive.objectives, everybody, self.arcs_of(plans), plans.offsets)
-        else:  # its deposit is known, only their number counts
-            archived = iteration._replace(members=everybody)
-        learn(
-            self._pheromone,
-            self._weights,
+        held = archive.held
+        self._learn(
             self.rule.evaporation,
-            self.rule.pooled_deposit,
-            self.n_robots,
-            iteration,
-            archived,
-            changed,
+            Depositors(objectives, members, batch.nodes, batch.offsets),
+            Depositors(held.objectives, np.arange(len(archive)), held.nodes, held.offsets),
+            archive_changed=archive.version != self._deposited_version,
         )
         self._deposited_version = archive.version
+
+    def _learn(
+        self,
+        evaporation: float,
+        iteration: Depositors,
+        archived: Depositors,
+        *,
+        archive_changed: bool,
+    ) -> None:
+        rule = LearningRule(self.n_robots, evaporation, self.rule.pooled_deposit, archive_changed)
+        learn(self._graph, self._pheromone, self._weights, rule, iteration, archived)
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_rooms": {}}
 
 
-def _joined(
-    parts: Sequence[tuple[IntArray, IntArray, OffsetArray]],
-) -> tuple[IntArray, IntArray, OffsetArray]:
-    nodes, arcs, lengths = (np.concatenate(pieces) for pieces in zip(*parts, strict=True))
-    return nodes, arcs, lengths
+NOBODY = Depositors(
+    np.empty((0, 2)), np.empty(0, np.int64), np.empty(0, np.int32), np.zeros(1, np.int64)
+)
+
+
+def _joined(parts: Sequence[tuple[IntArray, OffsetArray]]) -> tuple[IntArray, OffsetArray]:
+    nodes, lengths = (np.concatenate(pieces) for pieces in zip(*parts, strict=True))
+    return nodes, lengths
 
 
 def _new_pheromone(mission: Mission, rule: ColonyRule) -> Pheromone:

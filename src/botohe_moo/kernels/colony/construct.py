@@ -11,7 +11,7 @@ import numpy as np
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
 from botohe_moo.kernels.compile import helper, inlined, kernel
 from botohe_moo.kernels.graph.graph import Graph
-from botohe_moo.kernels.graph.paths import Paths, leads_home, new_paths, survives_home
+from botohe_moo.kernels.graph.paths import Paths, leads_home, survives_home
 from botohe_moo.kernels.rng import uniform
 
 # Ants whose weights are tabulated together: enough to share the exponentials, few enough that
@@ -70,8 +70,8 @@ class Plans(NamedTuple):
 
     Attributes
     ----------
-    nodes, arcs
-        Nodes of the trails one after another, and the arc that leaves each.
+    nodes
+        Nodes of the trails one after another: where each hop begins.
     robots
         Scratch as long: whose hop each is.
     lengths
@@ -81,7 +81,6 @@ class Plans(NamedTuple):
     """
 
     nodes: IntArray
-    arcs: IntArray
     robots: IntArray
     lengths: OffsetArray
     size: OffsetArray
@@ -110,8 +109,8 @@ class Scratch(NamedTuple):
         Weights of the candidates, summed up (n_arcs + 1).
     rejected
         Arcs that were drawn and lead to where no way home is left (n_arcs + 1).
-    paths
-        Scratch of the searches for such ways.
+    states
+        State of each ant's random numbers (n_ants, 2).
     """
 
     seen: FloatArray
@@ -126,34 +125,37 @@ class Scratch(NamedTuple):
     n_touched: OffsetArray
     cumulated: FloatArray
     rejected: OffsetArray
-    paths: Paths
+    states: SeedArray
 
 
 @helper(makes_arrays=True)
-def _new_scratch(graph: Graph, rule: BuildRule, n_maps: int) -> Scratch:
+def _new_scratch(graph: Graph, rule: BuildRule, n_maps: int, states: SeedArray) -> Scratch:
     n_nodes, n_arcs = graph.reward.shape[0], graph.head.shape[0] + 1
     n_rows = rule.n_robots if rule.concurrent else 1
-    return Scratch(
+    scratch = Scratch(
         np.empty((n_maps, BLOCK, n_arcs)),
         np.empty((n_maps, BLOCK, n_arcs)),
-        np.full((n_maps, n_nodes), -1, np.int64),
-        np.full((n_rows, n_arcs), -1, np.int64),
-        np.full((n_rows, n_nodes), -1, np.int64),
+        np.empty((n_maps, n_nodes), np.int64),
+        np.empty((n_rows, n_arcs), np.int64),
+        np.empty((n_rows, n_nodes), np.int64),
         np.empty(rule.n_robots, np.int64),
         np.empty(rule.n_robots),
-        np.ones(n_nodes),
+        np.empty(n_nodes),
         np.empty(n_nodes, np.int64),
-        np.zeros(1, np.int64),
+        np.empty(1, np.int64),
         np.empty(n_arcs),
         np.empty(n_arcs, np.int64),
-        new_paths(graph),
+        states,
     )
+    scratch.tabulated[:], scratch.used[:], scratch.visited[:] = -1, -1, -1
+    scratch.unreached[:], scratch.n_touched[:] = 1.0, 0
+    return scratch
 
 
 def new_plans(n_hops: int, n_trails: int) -> Plans:
     """Make room for so many hops."""
-    nodes, arcs, robots = (np.empty(n_hops, np.int32) for _ in range(3))
-    return Plans(nodes, arcs, robots, np.empty(n_trails, np.int64), np.zeros(1, np.int64))
+    nodes, robots = np.empty(n_hops, np.int32), np.empty(n_hops, np.int32)
+    return Plans(nodes, robots, np.empty(n_trails, np.int64), np.zeros(1, np.int64))
 
 
 class _Ant(NamedTuple):
@@ -240,7 +242,7 @@ def _weigh(
     if here == graph.base:
         n += 1
         arc = loop
-        total += ant.seen[loop]
+        total += float(ant.seen[loop])
         cumulated[high - low] = total
     return n, total, arc
 
@@ -281,9 +283,20 @@ def _draw(
 
 @helper
 def _is_safe(
-    graph: Graph, paths: Paths, used: OffsetArray, trail: int, node: int, alive: float, least: float
+    graph: Graph,
+    paths: Paths | None,
+    used: OffsetArray,
+    trail: int,
+    node: int,
+    alive: float,
+    least: float,
 ) -> bool:
-    """Tell whether unused arcs lead home, with probability ``least`` over all."""
+    """Tell whether unused arcs lead home, with probability ``least`` over all.
+
+    Where there is no scratch to search on, they always do: the search is not even compiled.
+    """
+    if paths is None:
+        return True
     if least > 0.0:
         return survives_home(graph, paths, used, trail, node, alive, least)
     return leads_home(graph, paths, used, trail, node)
@@ -295,10 +308,10 @@ def _choose(
     weights: Weights,
     rule: BuildRule,
     scratch: Scratch,
+    paths: Paths | None,
     ant: _Ant,
     here: int,
     alive: float,
-    states: SeedArray,
 ) -> int:
     """Let a robot use one more arc, after which a way home is left; give the arc.
 
@@ -311,13 +324,13 @@ def _choose(
     while True:
         n, total, arc = _weigh(graph, weights, scratch, ant, here)
         if n > 1:
-            drawn = uniform(states, ant.number) * (1.0 + rule.exploration / n)
+            drawn = uniform(scratch.states, ant.number) * (1.0 + rule.exploration / n)
             arc = _draw(graph, rule.exploration, scratch.cumulated, ant, here, n, total, drawn)
         ant.used[arc] = ant.trail
-        if n == 1 or arc == loop or (graph.balanced and least <= 0.0):
+        if n == 1 or arc == loop:
             break
         node, arriving = graph.head[arc], alive * graph.survival[arc]
-        if _is_safe(graph, scratch.paths, ant.used, ant.trail, node, arriving, least):
+        if _is_safe(graph, paths, ant.used, ant.trail, node, arriving, least):
             break
         scratch.rejected[n_rejected] = arc
         n_rejected += 1
@@ -345,8 +358,8 @@ def _walk(
     weights: Weights,
     rule: BuildRule,
     scratch: Scratch,
+    paths: Paths | None,
     plans: Plans,
-    states: SeedArray,
     trail: int,
 ) -> bool:
     """Let a robot go on: to the end of its trail, or one hop where all are out at once.
@@ -370,8 +383,8 @@ def _walk(
     while True:
         if scratch.tabulated[which, here] != block:
             _tabulate_node(graph, weights, rule, scratch, block, which, here)
-        arc = _choose(graph, weights, rule, scratch, ant, here, alive, states)
-        plans.nodes[size], plans.arcs[size], plans.robots[size] = here, arc, robot
+        arc = _choose(graph, weights, rule, scratch, paths, ant, here, alive)
+        plans.nodes[size], plans.robots[size] = here, robot
         size += 1
         if arc == graph.head.shape[0]:
             here = -1
@@ -404,15 +417,14 @@ def _sort_hops(
     """Put an ant's hops in the order of the robots; behind them there is room for as many."""
     n = stop - start
     for i in range(start, stop):
-        plans.nodes[n + i], plans.arcs[n + i] = plans.nodes[i], plans.arcs[i]
+        plans.nodes[n + i] = plans.nodes[i]
     ends, end = scratch.here, start  # the robots are all home
     for robot in range(rule.n_robots):
         end += plans.lengths[ant * rule.n_robots + robot]
         ends[robot] = end
     for i in range(stop - 1, start - 1, -1):
         ends[plans.robots[i]] -= 1
-        at = ends[plans.robots[i]]
-        plans.nodes[at], plans.arcs[at] = plans.nodes[n + i], plans.arcs[n + i]
+        plans.nodes[ends[plans.robots[i]]] = plans.nodes[n + i]
 
 
 @kernel
@@ -420,6 +432,7 @@ def construct(
     graph: Graph,
     weights: Weights,
     rule: BuildRule,
+    paths: Paths | None,
     states: SeedArray,
     plans: Plans,
     begin: int,
@@ -436,6 +449,9 @@ def construct(
     ----------
     graph, weights, rule
         Where, and how arcs are chosen.
+    paths
+        Scratch of searches for ways home; None where the graph is balanced and there is no floor,
+        so that there always is one.
     states
         State of each ant's random numbers (n_ants, 2), advanced: what an ant builds depends on its
         own numbers only.
@@ -450,7 +466,7 @@ def construct(
         The ant whose plan might not have had room; ``end`` if all had.
     """
     n_robots = rule.n_robots
-    scratch = _new_scratch(graph, rule, weights.log_reward.shape[0])
+    scratch = _new_scratch(graph, rule, weights.log_reward.shape[0], states)
     plans.size[0] = 0
     room = n_robots * (graph.head.shape[0] + 1) * (2 if rule.concurrent else 1)
     for ant in range(begin, end):
@@ -462,7 +478,7 @@ def construct(
         while n_out > 0:
             if scratch.here[robot] >= 0:
                 trail = ant * n_robots + robot
-                n_out -= _walk(graph, weights, rule, scratch, plans, states, trail)
+                n_out -= _walk(graph, weights, rule, scratch, paths, plans, trail)
             robot = robot + 1 if robot + 1 < n_robots else 0
         if rule.concurrent:
             _sort_hops(plans, rule, scratch, ant, start, plans.size[0])

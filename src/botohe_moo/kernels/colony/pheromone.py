@@ -3,8 +3,6 @@
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
 from botohe_moo.kernels.colony.construct import Weights
 from botohe_moo.kernels.compile import helper, kernel
@@ -20,6 +18,28 @@ LEAST = 1e-250
 LOG_LOW, LOG_HIGH = -650.0, 250.0
 
 
+class LearningRule(NamedTuple):
+    """How pheromone changes.
+
+    Attributes
+    ----------
+    n_robots
+        Trails per plan.
+    evaporation
+        Share that evaporates, in (0, 1).
+    pooled
+        Whether each deposit is divided by the number of plans in both sets together, or by the
+        size of its own set.
+    archive_changed
+        Whether ``archive_deposits`` is out of date; as long as no plan enters it stays the same.
+    """
+
+    n_robots: int
+    evaporation: float
+    pooled: bool
+    archive_changed: bool
+
+
 class Depositors(NamedTuple):
     """Plans that leave pheromone.
 
@@ -29,13 +49,13 @@ class Depositors(NamedTuple):
         E[R] and E[S] of all plans (n_plans, 2).
     members
         Indices of those that deposit.
-    arcs, offsets
-        Arcs of all trails, ragged, each trail ending with the base's self-loop.
+    nodes, offsets
+        All trails, ragged.
     """
 
     objectives: FloatArray
     members: OffsetArray
-    arcs: IntArray
+    nodes: IntArray
     offsets: OffsetArray
 
 
@@ -60,18 +80,23 @@ class Pheromone(NamedTuple):
 
 
 @helper
-def deposit(plans: Depositors, n_robots: int, amounts: FloatArray) -> None:
+def _deposit(graph: Graph, plans: Depositors, n_robots: int, amounts: FloatArray) -> None:
     """Set ``amounts`` to what the plans leave on each arc, in sum (n_maps, n_arcs + 1, 2)."""
     amounts[:] = 0.0
-    n_maps = amounts.shape[0]
-    for plan in plans.members:
+    n_maps, loop = amounts.shape[0], graph.head.shape[0]
+    for m in range(len(plans.members)):
+        plan = plans.members[m]
         reward, survivors = plans.objectives[plan, 0], plans.objectives[plan, 1]
         for robot in range(n_robots):
             trail = plan * n_robots + robot
             which = robot if n_maps > 1 else 0
-            for i in range(plans.offsets[trail], plans.offsets[trail + 1]):
-                amounts[which, plans.arcs[i], 0] += reward
-                amounts[which, plans.arcs[i], 1] += survivors
+            last = plans.offsets[trail + 1] - 1
+            for i in range(plans.offsets[trail], last + 1):
+                arc = loop
+                if i < last:
+                    arc = find_arc(graph, int(plans.nodes[i]), int(plans.nodes[i + 1]))
+                amounts[which, arc, 0] += reward
+                amounts[which, arc, 1] += survivors
 
 
 @helper
@@ -87,21 +112,13 @@ def _weigh(pheromone: Pheromone, weights: Weights) -> None:
 
 
 @kernel
-def weigh(pheromone: Pheromone, weights: Weights) -> None:
-    """Write what ants make of pheromone: ``log_reward`` and ``log_survival`` of the weights."""
-    _weigh(pheromone, weights)
-
-
-@kernel
 def learn(
+    graph: Graph,
     pheromone: Pheromone,
     weights: Weights,
-    evaporation: float,
-    pooled: bool,
-    n_robots: int,
+    rule: LearningRule,
     iteration: Depositors,
     archive: Depositors,
-    archive_changed: bool,
 ) -> None:
     """Evaporate pheromone and let the iteration's and the global Pareto set deposit theirs.
 
@@ -111,26 +128,19 @@ def learn(
         ``levels`` and deposits are changed in place.
     weights
         What ants make of it: written anew.
-    evaporation
-        Share that evaporates, in (0, 1).
-    pooled
-        Whether each deposit is divided by the number of plans in both sets together, or by the
-        size of its own set.
-    n_robots
-        Trails per plan.
+    graph, rule
+        Where, and how.
     iteration, archive
         Both sets.
-    archive_changed
-        Whether ``archive_deposits`` is out of date; as long as no plan enters it stays the same.
     """
     levels, deposits, archived = pheromone.levels, pheromone.deposits, pheromone.archive_deposits
-    deposit(iteration, n_robots, deposits)
-    if archive_changed:
-        deposit(archive, n_robots, archived)
+    _deposit(graph, iteration, rule.n_robots, deposits)
+    if rule.archive_changed:
+        _deposit(graph, archive, rule.n_robots, archived)
     iteration_size, archive_size = len(iteration.members), len(archive.members)
-    if pooled:
+    if rule.pooled:
         iteration_size = archive_size = iteration_size + archive_size
-    kept = 1.0 - evaporation
+    kept = 1.0 - rule.evaporation
     for m in range(levels.shape[0]):
         for arc in range(levels.shape[1]):
             for species in range(2):
@@ -138,18 +148,6 @@ def learn(
                     LEAST,
                     kept * levels[m, arc, species]
                     + deposits[m, arc, species] / max(1, iteration_size)
-                    + archived[m, arc, species] / archive_size,
+                    + archived[m, arc, species] / max(1, archive_size),
                 )
     _weigh(pheromone, weights)
-
-
-@kernel
-def trail_arcs(graph: Graph, nodes: IntArray, offsets: OffsetArray) -> IntArray:
-    """Give the arc that leaves each node of valid trails; each ends with the base's self-loop."""
-    arcs = np.empty(nodes.shape[0], np.int32)
-    for trail in range(len(offsets) - 1):
-        last = offsets[trail + 1] - 1
-        for i in range(offsets[trail], last):
-            arcs[i] = find_arc(graph, int(nodes[i]), int(nodes[i + 1]))
-        arcs[last] = graph.head.shape[0]
-    return arcs

@@ -11,6 +11,7 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
 from botohe_moo.kernels.compile import helper, kernel
+from botohe_moo.kernels.plans.order import sort_descending
 from botohe_moo.kernels.rng import mixed
 
 
@@ -42,6 +43,13 @@ class Archive(NamedTuple):
     ids: OffsetArray
     nodes: IntArray
     offsets: OffsetArray
+
+
+class Newcomers(NamedTuple):
+    """Plans that enter an archive, by descending E[R], and the hashes of their trails."""
+
+    plans: OffsetArray
+    hashes: SeedArray
 
 
 def new_archive() -> Archive:
@@ -82,8 +90,8 @@ def pareto_set(batch: Batch, n_robots: int) -> tuple[OffsetArray, SeedArray]:
         Their indices by descending E[R], and their hashes.
     """
     objectives = batch.objectives
-    order = np.argsort(-objectives[:, 0])
-    members = np.empty(len(order), np.int64)
+    order, members = np.empty(len(objectives), np.int64), np.empty(len(objectives), np.int64)
+    sort_descending(objectives[:, 0], order, members)
     hashes = np.empty(len(order), np.uint64)
     n = 0
     best = -np.inf
@@ -107,124 +115,140 @@ def pareto_set(batch: Batch, n_robots: int) -> tuple[OffsetArray, SeedArray]:
     return members[:n], hashes[:n]
 
 
+@helper
+def _has_place(
+    archive: Archive, rank: int, reward: float, survivors: float, hashed: np.uint64
+) -> int:
+    """Tell whether an archive has a place for a plan behind the first ``rank``.
+
+    Gives how many plans it holds with the same objectives; −1 where one dominates the plan, or is
+    the same.
+    """
+    archived = archive.objectives
+    if rank == 0 or archived[rank - 1, 1] < survivors:
+        return 0
+    if archived[rank - 1, 1] > survivors or archived[rank - 1, 0] > reward:
+        return -1
+    first = rank
+    while first > 0 and archived[first - 1, 0] == reward:
+        first -= 1
+        if archive.hashes[first] == hashed:
+            return -1
+    return rank - first
+
+
 @helper(makes_arrays=True)
-def newcomers(
+def find_newcomers(
     batch: Batch, members: OffsetArray, hashes: SeedArray, archive: Archive, max_ties: int
-) -> OffsetArray:
-    """Tell which of a batch's Pareto set the archive neither dominates nor holds already.
+) -> Newcomers:
+    """Find those of a batch's Pareto set that the archive neither dominates nor holds already.
 
     Of plans with equal objectives those that would be more than ``max_ties`` are left out.
-
-    Returns
-    -------
-    numpy.ndarray
-        Positions in ``members``, ascending.
     """
-    objectives, archived = batch.objectives, archive.objectives
-    found = np.empty(len(members), np.int64)
-    n = 0
-    rank = ties = 0
+    objectives, n_archived = batch.objectives, len(archive.ids)
+    plans, found = np.empty(len(members), np.int64), np.empty(len(members), np.uint64)
+    n = rank = ties = 0
     for i in range(len(members)):
         reward, survivors = objectives[members[i], 0], objectives[members[i], 1]
         if i == 0 or reward != objectives[members[i - 1], 0]:
             ties = 0
-        while rank < len(archived) and archived[rank, 0] >= reward:
+        while rank < n_archived and archive.objectives[rank, 0] >= reward:
             rank += 1
-        if rank > 0:
-            if archived[rank - 1, 1] > survivors:
-                continue
-            if archived[rank - 1, 1] == survivors:
-                if archived[rank - 1, 0] > reward:
-                    continue
-                known = False
-                j = rank - 1
-                while j >= 0 and archived[j, 0] == reward:
-                    known = known or archive.hashes[j] == hashes[i]
-                    j -= 1
-                if known or ties + rank - 1 - j >= max_ties:
-                    continue
-        if ties < max_ties:
-            found[n] = i
+        n_held = _has_place(archive, rank, reward, survivors, hashes[i])
+        if n_held >= 0 and n_held + ties < max_ties:
+            plans[n], found[n] = members[i], hashes[i]
             n += 1
             ties += 1
-    return found[:n]
+    return Newcomers(plans[:n], found[:n])
 
 
 @helper(makes_arrays=True)
-def _merge_order(archived: FloatArray, entering: FloatArray) -> OffsetArray:
+def _merge_order(archived: FloatArray, objectives: FloatArray, plans: OffsetArray) -> OffsetArray:
     """Give the order of the plans that stay and those that enter, by descending E[R].
 
     Plan i of the archive as i, newcomer j as −1 − j.
     """
-    n_archived, n_new = len(archived), len(entering)
+    n_archived, n_new = len(archived), len(plans)
     sources = np.empty(n_archived + n_new, np.int64)
     n = 0
     best = -np.inf
     i = j = 0
     while i < n_archived or j < n_new:
-        if j == n_new or (i < n_archived and archived[i, 0] >= entering[j, 0]):
+        if j == n_new or (i < n_archived and archived[i, 0] >= objectives[plans[j], 0]):
             # Only newcomers can dominate: those of more reward are in already, those of equal
             # reward are the next ones.
             k = j
             beaten = archived[i, 1] <= best
-            while k < n_new and entering[k, 0] >= archived[i, 0]:
-                beaten = beaten or entering[k, 1] > archived[i, 1]
+            while k < n_new and objectives[plans[k], 0] >= archived[i, 0]:
+                beaten = beaten or objectives[plans[k], 1] > archived[i, 1]
                 k += 1
             if not beaten:
                 sources[n] = i
                 n += 1
             i += 1
         else:
-            best = max(best, entering[j, 1])
+            best = max(best, objectives[plans[j], 1])
             sources[n] = -1 - j
             n += 1
             j += 1
     return sources[:n]
 
 
+@helper
+def _copy_plan(
+    objectives: FloatArray,
+    nodes: IntArray,
+    offsets: OffsetArray,
+    plan: int,
+    n_robots: int,
+    into: Archive,
+    row: int,
+) -> None:
+    """Copy a plan's objectives and trails to a row, behind those of the rows before."""
+    into.objectives[row, 0], into.objectives[row, 1] = objectives[plan, 0], objectives[plan, 1]
+    start, at = offsets[plan * n_robots], into.offsets[row * n_robots]
+    for k in range(1, n_robots + 1):
+        into.offsets[row * n_robots + k] = at + offsets[plan * n_robots + k] - start
+    for i in range(offsets[(plan + 1) * n_robots] - start):
+        into.nodes[at + i] = nodes[start + i]
+
+
 @helper(makes_arrays=True)
 def merge(
-    batch: Batch,
-    members: OffsetArray,
-    hashes: SeedArray,
-    n_robots: int,
-    archive: Archive,
-    next_id: int,
+    batch: Batch, newcomers: Newcomers, n_robots: int, archive: Archive, next_id: int
 ) -> Archive:
-    """Take ``members``, none of which the archive dominates, into the archive.
+    """Take newcomers, none of which the archive dominates, into the archive.
 
-    Newcomers are numbered on from ``next_id`` in the order of ``members``.
+    They are numbered on from ``next_id`` in their order.
     """
-    sources = _merge_order(archive.objectives, batch.objectives[members])
+    sources = _merge_order(archive.objectives, batch.objectives, newcomers.plans)
     n = len(sources)
     size = 0
-    for source in sources:
-        plan = source if source >= 0 else members[-1 - source]
-        cuts = archive.offsets if source >= 0 else batch.offsets
+    for i in range(n):
+        plan = sources[i]
+        cuts = archive.offsets
+        if plan < 0:
+            plan, cuts = newcomers.plans[-1 - plan], batch.offsets
         size += cuts[(plan + 1) * n_robots] - cuts[plan * n_robots]
-    objectives, new_hashes = np.empty((n, 2)), np.empty(n, np.uint64)
-    ids, nodes = np.empty(n, np.int64), np.empty(size, np.int32)
-    offsets = np.zeros(n * n_robots + 1, np.int64)
-    at = 0
+    merged = Archive(
+        np.empty((n, 2)),
+        np.empty(n, np.uint64),
+        np.empty(n, np.int64),
+        np.empty(size, np.int32),
+        np.empty(n * n_robots + 1, np.int64),
+    )
+    merged.offsets[0] = 0
     for row in range(n):
-        source = sources[row]
-        if source >= 0:
-            plan = source
-            objectives[row], new_hashes[row] = archive.objectives[plan], archive.hashes[plan]
-            ids[row] = archive.ids[plan]
-            from_nodes, cuts = archive.nodes, archive.offsets
+        plan, new = sources[row], -1 - sources[row]
+        if plan >= 0:
+            merged.hashes[row], merged.ids[row] = archive.hashes[plan], archive.ids[plan]
+            known = archive.objectives, archive.nodes, archive.offsets
+            _copy_plan(*known, plan, n_robots, merged, row)
         else:
-            plan = members[-1 - source]
-            objectives[row], new_hashes[row] = batch.objectives[plan], hashes[-1 - source]
-            ids[row] = next_id - 1 - source
-            from_nodes, cuts = batch.nodes, batch.offsets
-        start = cuts[plan * n_robots]
-        for k in range(n_robots):
-            offsets[row * n_robots + k + 1] = at + cuts[plan * n_robots + k + 1] - start
-        for position in range(start, cuts[(plan + 1) * n_robots]):
-            nodes[at] = from_nodes[position]
-            at += 1
-    return Archive(objectives, new_hashes, ids, nodes, offsets)
+            merged.hashes[row], merged.ids[row] = newcomers.hashes[new], next_id + new
+            known = batch.objectives, batch.nodes, batch.offsets
+            _copy_plan(*known, newcomers.plans[new], n_robots, merged, row)
+    return merged
 
 
 @kernel
@@ -240,7 +264,7 @@ def absorb(
         same one when nothing entered, otherwise in new arrays.
     """
     members, hashes = pareto_set(batch, n_robots)
-    entering = newcomers(batch, members, hashes, archive, max_ties)
-    if len(entering) > 0:
-        archive = merge(batch, members[entering], hashes[entering], n_robots, archive, next_id)
-    return members, members[entering], archive
+    found = find_newcomers(batch, members, hashes, archive, max_ties)
+    if len(found.plans) > 0:
+        archive = merge(batch, found, n_robots, archive, next_id)
+    return members, found.plans, archive

@@ -49,9 +49,9 @@ class Paths(NamedTuple):
 def new_paths(graph: Graph) -> Paths:
     """Make room for searches in a graph."""
     n_nodes, n_arcs = graph.reward.shape[0], graph.head.shape[0]
-    return Paths(
-        np.zeros(1, np.int64),
-        np.zeros(n_nodes, np.int64),
+    paths = Paths(
+        np.empty(1, np.int64),
+        np.empty(n_nodes, np.int64),
         np.empty(n_nodes),
         np.empty(n_nodes, np.int64),
         np.empty(n_nodes, np.int64),
@@ -59,6 +59,8 @@ def new_paths(graph: Graph) -> Paths:
         np.empty(n_arcs + 1, np.int64),
         np.empty(n_nodes, np.int64),
     )
+    paths.n_searches[:], paths.met[:] = 0, 0
+    return paths
 
 
 @helper

@@ -57,14 +57,16 @@ class _Scratch(NamedTuple):
 @helper(makes_arrays=True)
 def _new_scratch(graph: Graph) -> _Scratch:
     n_nodes, n_arcs = graph.reward.shape[0], graph.head.shape[0]
-    return _Scratch(
-        np.full(n_arcs, -1, np.int64),
-        np.full(n_nodes, -1, np.int64),
-        np.full(n_nodes, -1, np.int64),
+    scratch = _Scratch(
+        np.empty(n_arcs, np.int64),
+        np.empty(n_nodes, np.int64),
+        np.empty(n_nodes, np.int64),
         np.empty(n_nodes),
         np.empty(n_nodes, np.int64),
-        np.zeros(1, np.int64),
+        np.empty(1, np.int64),
     )
+    scratch.used[:], scratch.visited[:], scratch.touched_by[:] = -1, -1, -1
+    return scratch
 
 
 @helper
