@@ -25,12 +25,13 @@ _PRIVATE = {
     "_nrt": False,  # makes no arrays, and so does not count who uses those it is given
     "forceinline": True,  # LLVM copies it into its callers; numba's own inline= compiles for longer
 }
+_KNOWN = {name: on for name, on in _PRIVATE.items() if hasattr(CPUTargetOptions, name)}
 # IEEE arithmetic: a division by zero is inf, not an exception that a hot loop has to test for.
 _EVERYWHERE = {"error_model": "numpy"}
 
 
 def _private(*names: str) -> dict[str, Any]:
-    return {name: _PRIVATE[name] for name in names if hasattr(CPUTargetOptions, name)}
+    return {name: _KNOWN[name] for name in names if name in _KNOWN}
 
 
 def kernel(function: Function) -> Function:

@@ -1,0 +1,123 @@
+"""How kernels are compiled: helpers stay plain Python, and private options can be done without."""
+
+import ast
+import gc
+import json
+import os
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+from types import FunctionType
+
+import numpy as np
+import pytest
+from numba.core.cpu import CPUTargetOptions
+from numba.core.registry import CPUDispatcher
+
+from botohe_moo import kernels, load_mission
+from botohe_moo.kernels import compile as decorators
+from botohe_moo.kernels.compile import _PRIVATE, helper, inlined, kernel
+
+FOLDER = Path(kernels.__file__).parent
+MODULES = sorted(path for path in FOLDER.rglob("*.py") if path.name != "__init__.py")
+MOST_PARAMETERS, MOST_LINES = 8, 80
+
+
+def decorated(path):
+    """Functions of a module, with the names of their decorators."""
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.FunctionDef):
+            names = [d.func if isinstance(d, ast.Call) else d for d in node.decorator_list]
+            yield node, {ast.unparse(name) for name in names}
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(FOLDER)))
+class TestEveryModule:
+    def test_helpers_are_plain_python(self, path):
+        name = ".".join(["botohe_moo.kernels", *path.relative_to(FOLDER).with_suffix("").parts])
+        module = import_module(name)
+        for node, names in decorated(path):
+            if names & {"kernel"}:
+                assert isinstance(getattr(module, node.name), CPUDispatcher)
+            elif names & {"helper", "inlined"}:
+                assert type(getattr(module, node.name)) is FunctionType
+
+    def test_functions_are_of_a_size_that_people_read(self, path):
+        for node, _ in decorated(path):
+            given = node.args
+            n_parameters = len([*given.posonlyargs, *given.args, *given.kwonlyargs])
+            assert n_parameters <= MOST_PARAMETERS, f"{node.name} has {n_parameters} parameters"
+            n_lines = node.end_lineno - node.lineno + 1
+            assert n_lines <= MOST_LINES, f"{node.name} has {n_lines} lines"
+
+
+def test_there_are_three_decorators():
+    functions = [f for f in vars(decorators).values() if isinstance(f, FunctionType)]
+    ours = {f.__name__ for f in functions if f.__module__ == decorators.__name__}
+    assert {name for name in ours if not name.startswith("_")} == {"kernel", "helper", "inlined"}
+
+
+def test_helpers_may_be_called_from_python_and_from_kernels():
+    @inlined
+    def twice(x):
+        return 2 * x
+
+    @helper(makes_arrays=True)
+    def filled(n, value):
+        made = np.empty(n)
+        made[:] = twice(value)
+        return made
+
+    @helper
+    def half(x):
+        return x / 0.0 if x < 0 else x / 2
+
+    @kernel
+    def whole(n, value):
+        return filled(n, half(value)).sum()
+
+    assert (twice(2), half(3.0), filled(2, 1.0).tolist()) == (4, 1.5, [2.0, 2.0])
+    assert whole(3, 5.0) == 15.0
+    assert whole(1, -1.0) == -np.inf  # IEEE arithmetic: no exception in a hot loop
+
+
+def test_the_garbage_collector_is_as_it_was_after_compiling():
+    @kernel
+    def add(x, y):
+        return x + y
+
+    assert gc.isenabled()
+    assert add(1, 2) == 3
+    assert gc.isenabled()
+    gc.disable()
+    try:
+        add(1.0, 2.0)
+        assert not gc.isenabled()
+    finally:
+        gc.enable()
+
+
+EVALUATE = """
+import json
+from botohe_moo.kernels import compile
+compile._KNOWN.clear()
+from botohe_moo import load_mission
+mission = load_mission("toy")
+base = mission.base
+near = [v for v in mission.graph[base] if mission.graph.has_edge(v, base)]
+plans = [mission.plan([[base, v, base], *[[base]] * (mission.robots - 1)]) for v in near]
+print(json.dumps(mission.evaluate(plans).tolist()))
+"""
+
+
+def test_private_options_can_be_done_without(tmp_path):
+    assert all(hasattr(CPUTargetOptions, name) for name in _PRIVATE), "numba has dropped one"
+    mission = load_mission("toy")
+    near = [v for v in mission.graph[mission.base] if mission.graph.has_edge(v, mission.base)]
+    staying = [[mission.base]] * (mission.robots - 1)
+    plans = [mission.plan([[mission.base, v, mission.base], *staying]) for v in near]
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    command = [sys.executable, "-c", EVALUATE]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout) == mission.evaluate(plans).tolist()
