@@ -17,9 +17,8 @@ from botohe_moo.search import colony as colony_module
 KERNELS = {
     "construct": (colony_module, "construct"),
     "evaluate": (evaluate_module, "evaluate"),
-    "archive": (archive_module.kernels, "absorb"),
+    "archive": (archive_module, "absorb"),
     "learn": (colony_module, "learn"),
-    "weigh": (colony_module, "log_weights"),
 }
 
 

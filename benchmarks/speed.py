@@ -62,9 +62,7 @@ def _row(name: str) -> dict[str, object]:
         "whole run, s": round(total, 3),
         "whole run / (construct + evaluate)": round(total / built, 3),
         "archive, µs an iteration": round(seconds["archive"] / ITERATIONS * 1e6, 1),
-        "deposit, µs an iteration": round(
-            (seconds["learn"] + seconds["weigh"]) / ITERATIONS * 1e6, 1
-        ),
+        "deposit, µs an iteration": round(seconds["learn"] / ITERATIONS * 1e6, 1),
         "share outside kernels": round(1 - in_kernels / total, 3),
         "peak memory, MiB": round(float(memory)),
     }
@@ -72,8 +70,9 @@ def _row(name: str) -> dict[str, object]:
 
 def _twin_seconds_per_plan(algorithm: BOACO) -> float:
     """Let the readable ants build plans where the colony stands at the end of its run."""
-    mission, rule, walk = algorithm.problem.mission, algorithm.colony.rule, algorithm.colony.walk
-    arcs = [(mission.nodes[u], mission.nodes[v]) for u, v in zip(walk.tail, walk.head, strict=True)]
+    mission, rule = algorithm.problem.mission, algorithm.colony.rule
+    arcs = [*sorted(mission.graph.edges, key=lambda arc: [mission.index(v) for v in arc])]
+    arcs.append((mission.base, mission.base))
     levels = dict(zip(arcs, map(tuple, algorithm.colony.pheromone[0].tolist()), strict=True))
     rng = random.Random(1)
     started = time.perf_counter()
