@@ -675,15 +675,15 @@ class TestBadOptions:
             ),
             (
                 ["-a", "bo-aco", "-p", "evaporation=much"],
-                ["Expected evaporation in (0, 1), got 'much'."],
+                ["Expected evaporation to be a number in (0, 1), got 'much'."],
             ),
             (
                 ["-a", "bo-aco", "-p", "n_ants=2.5"],
-                ["Expected n_ants to be an integer >= 1, got 2.5."],
+                ["Expected n_ants to be an integer in [1, 1000000], got 2.5."],
             ),
             (
                 ["-a", "bo-aco", "-p", "n_ants="],
-                ["Expected n_ants to be an integer >= 1, got None."],
+                ["Expected n_ants to be an integer in [1, 1000000], got None."],
             ),
             (
                 ["-a", "bo-aco", "-p", "heuristic=maybe"],

@@ -89,7 +89,7 @@ class TestNumber:
                 check_number("x", value, **bounds)
             assert str(error.value) == f"Expected {expected}, got {value!r}."
 
-    @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, "1", True, 10**400])
+    @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, "1", True])
     def test_without_bounds(self, value):
         with pytest.raises(ValueError, match=r"^Expected") as error:
             check_number("x", value)
@@ -116,9 +116,11 @@ class TestNumber:
         with pytest.raises(ValueError, match=r"^Expected x in \[0, 1\), got Fraction"):
             check_number("x", 1 - Fraction(1, 10**30), at_least=0, below=1)
 
-    def test_another_choice(self):
-        with pytest.raises(ValueError, match=r"^Expected tau > 0 or 'bounds', got 'bound'\.$"):
-            check_number("tau", "bound", above=0, other="'bounds'")
+    def test_long_ones_are_shortened(self):
+        with pytest.raises(
+            ValueError, match=r"^Expected x to be a finite number, got 10+\.{3}0+\.$"
+        ):
+            check_number("x", 10**400)
 
 
 class TestFlag:

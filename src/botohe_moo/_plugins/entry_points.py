@@ -42,8 +42,8 @@ class PluginGroup:
     group: str
     kind: str
 
-    def source(self, name: str) -> str:
-        """Say what is spoken of, to begin a message with."""
+    def source(self, name: object) -> str:
+        """Say what a message is about, to begin it with."""
         return f"{self.kind.capitalize()} {name!r}"
 
     def claims(self) -> dict[str, list[EntryPoint]]:
@@ -75,8 +75,7 @@ class PluginGroup:
         Raises
         ------
         PluginError
-            If there is none (lists the known names, nearest first), two packages claim the name,
-            or it cannot be imported or called.
+            If there is none, two packages claim the name, or it cannot be imported or called.
         """
         entry = self.entry(name)
         origin = f"{entry.value} of package {_package(entry)}"
@@ -130,30 +129,14 @@ class PluginGroup:
 
 
 def same_factory(one: object, other: object) -> bool:
-    """Tell whether two names lead to one thing; a class's method is made anew at each look.
-
-    Parameters
-    ----------
-    one, other
-        What the names lead to.
-    """
+    """Tell whether two names lead to one thing; a class's method is made anew at each look."""
     return one is other or (isinstance(one, MethodType) and one == other)
 
 
 def imported(load: Callable[[], Any], origin: str) -> Any:
     """Import what others have written; it can neither end the process nor write among results.
 
-    Parameters
-    ----------
-    load
-        Imports it.
-    origin
-        What it is, to begin a message with.
-
-    Raises
-    ------
-    PluginError
-        If it cannot be imported.
+    Whatever ``load`` raises becomes a PluginError that begins with ``origin``, what it is.
     """
     try:
         # What a module prints when it is imported would stand in a table that is piped.

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Iterable
-from typing import Any
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
+from pydantic import Field
 from pymoo.core.algorithm import Algorithm
 from pymoo.core.population import Population
 from pymoo.core.result import Result
@@ -15,15 +16,15 @@ from pymoo.core.termination import TerminateIfAll, Termination
 from pymoo.termination.max_eval import MaximumFunctionCallTermination
 from pymoo.termination.max_gen import MaximumGenerationTermination
 
-from botohe_moo._base.checks import check_integer
 from botohe_moo._base.types import FloatArray, ObjectArray, OffsetArray
+from botohe_moo._plugins.checks import checked
 from botohe_moo.problem import BOTOHE, FrontOutput
 from botohe_moo.search.archive import PlanArchive
 from botohe_moo.trails import PlanBatch, TrailPlan, listed_plans
 
 __all__ = ["ArchiveAlgorithm"]
 
-MAX_TIES = 1_000_000_000
+MaxTies: TypeAlias = Annotated[int, Field(ge=1, le=1_000_000_000)]
 
 PYMOO_OPTIONS = (
     "callback",
@@ -48,7 +49,7 @@ class ArchiveAlgorithm(Algorithm):
     Parameters
     ----------
     max_ties
-        Plans with equal objectives but different trails that the archive keeps, at least 1.
+        Plans with equal objectives but different trails that the archive keeps.
     sampling
         Trail plans to start from: an iterable of plans, or ``X`` of another result.
     **options
@@ -59,22 +60,23 @@ class ArchiveAlgorithm(Algorithm):
     ValueError
         If a parameter is out of its range.
     TypeError
-        If an option is unknown, or ``sampling`` holds something else than plans.
+        If an option is unknown, or ``sampling`` holds anything but plans.
     """
 
     is_initialized: bool
     evaluates_in_kernels = False
     """Whether objectives are computed where no override of the problem's is seen."""
 
+    @checked
     def __init__(
         self,
         *,
-        max_ties: int = 1_000,
+        max_ties: MaxTies = 1_000,
         sampling: Iterable[TrailPlan] | ObjectArray | None = None,
         **options: Any,
     ) -> None:
         check_options(self, options)
-        self.max_ties = check_integer("max_ties", max_ties, at_least=1, at_most=MAX_TIES)
+        self.max_ties = max_ties
         self.sampling = [] if sampling is None else listed_plans(sampling)
         self.archive = PlanArchive(1)
         super().__init__(**{"output": FrontOutput(), **options})
@@ -96,7 +98,7 @@ class ArchiveAlgorithm(Algorithm):
         Raises
         ------
         TypeError
-            If ``problem`` is no :class:`BOTOHE`, or overrides what is computed in kernels.
+            If ``problem`` is not a :class:`BOTOHE`, or overrides what is computed in kernels.
         ValueError
             If it has equality constraints, or the budget is less than one evaluation.
         """

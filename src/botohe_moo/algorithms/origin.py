@@ -11,9 +11,11 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from botohe_moo._plugins import call_factory, named, plain_value
+from botohe_moo._plugins.checks import call_factory
 from botohe_moo._plugins.entry_points import same_factory
-from botohe_moo.algorithms.finding import PLUGINS, accepted_by, find_algorithm, is_path, source_of
+from botohe_moo._plugins.factories import named
+from botohe_moo._plugins.types import plain_value
+from botohe_moo.algorithms.finding import PLUGINS, accepted_by, find_algorithm, is_path
 
 __all__ = ["AlgorithmIdentity", "algorithm_identity", "algorithm_origin"]
 
@@ -45,14 +47,7 @@ class AlgorithmIdentity:
 
 
 def algorithm_identity(name: str, parameters: Mapping[str, Any]) -> AlgorithmIdentity:
-    """Say what results of an algorithm depend on.
-
-    Parameters
-    ----------
-    name
-        One of :func:`algorithm_names`, or ``module:Class``.
-    parameters
-        Its parameters, which :func:`check_algorithm` has found to be right.
+    """Say what results of an algorithm depend on, given parameters that are known to be right.
 
     Raises
     ------
@@ -71,7 +66,7 @@ def algorithm_identity(name: str, parameters: Mapping[str, Any]) -> AlgorithmIde
     # Of a method that takes any keywords only itself knows which defaults its class has then.
     defaults = {p.name: plain_value(p.default) for p in stated if p.own and not p.required}
     inherited = [p.name for p in stated if not p.own and p.name not in parameters]
-    made = call_factory(source_of(name), factory, accepted, parameters) if inherited else None
+    made = call_factory(PLUGINS.source(name), factory, accepted, parameters) if inherited else None
     seen = {
         key: plain_value(getattr(made, "__dict__", {}).get(key, NotImplemented))
         for key in inherited
@@ -132,18 +127,10 @@ def _one_name(name: str) -> str:
 def algorithm_origin(name: str) -> dict[str, str | None]:
     """Say where an algorithm's code is from, to tell results of other code apart.
 
-    Parameters
-    ----------
-    name
-        One of :func:`algorithm_names`, or ``module:Class``.
-
-    Returns
-    -------
-    dict
-        ``package`` and ``version`` of the distribution that registers it, or of the one that owns
-        its module; None where there is none. ``source`` is the SHA-256 of its module's file, and
-        None for modules of this package and pymoo's, which their versions tell. Other modules that
-        it imports are not looked at.
+    Gives ``package`` and ``version`` of the distribution that registers it, or of the one that owns
+    its module; None where there is none. ``source`` is the SHA-256 of its module's file, and None
+    for modules of this package and pymoo's, which their versions identify. Other modules that it
+    imports are not looked at.
 
     Raises
     ------

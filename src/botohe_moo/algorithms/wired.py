@@ -10,8 +10,15 @@ from typing import Any
 
 from pymoo.algorithms.base.genetic import GeneticAlgorithm
 
-from botohe_moo._plugins import named
-from botohe_moo.algorithms.population import PopulationAlgorithm, even_weights, genetic_sizes
+from botohe_moo._plugins.checks import checked
+from botohe_moo._plugins.factories import named
+from botohe_moo._plugins.ranges import Count
+from botohe_moo.algorithms.population import (
+    PopulationAlgorithm,
+    PopulationSize,
+    even_weights,
+    genetic_sizes,
+)
 
 __all__ = ["never_ends", "wired"]
 
@@ -47,9 +54,9 @@ _DOCSTRING = """{0} of pymoo's, with operators for trail plans.
 Parameters
 ----------
 pop_size
-    Plans in the population, from 2 to 1 000 000; where there are ``ref_dirs``, their number.
+    Plans in the population; where there are ``ref_dirs``, their number.
 n_offsprings
-    Plans that a generation adds, from 1 to 1 000 000; default: as pymoo has it.
+    Plans that a generation adds; default: as pymoo has it.
 ref_dirs
     Directions, shape (n, 2); default: ``pop_size`` of them, spread evenly.
 """
@@ -120,11 +127,12 @@ def _wire(path: str, wrapped: type[GeneticAlgorithm]) -> type[PopulationAlgorith
     if directed:
         own["ref_dirs"] = own["ref_dirs"].replace(default=None)
 
+    @checked
     def __init__(  # noqa: N807
         self: PopulationAlgorithm,
         *,
-        pop_size: int = 100,
-        n_offsprings: int | None = None,
+        pop_size: PopulationSize = 100,
+        n_offsprings: Count | None = None,
         **parameters: Any,
     ) -> None:
         sizes = genetic_sizes(pop_size, n_offsprings)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from botohe_moo._plugins import Parameter
+    from botohe_moo._plugins.stated import Parameter
     from botohe_moo.mission.model import Mission
 
 __all__ = ["brief", "describe", "listing", "paragraph", "parameter_example", "parameter_text"]

@@ -22,7 +22,7 @@ def check_repair(repair: PlanRepair | None) -> PlanRepair:
     Raises
     ------
     TypeError
-        If it is no :class:`PlanRepair`.
+        If it is not a :class:`PlanRepair`.
     """
     if repair is None:
         return SafestPathRepair()
@@ -46,7 +46,7 @@ class Mixture(Generic[Part]):
     Raises
     ------
     TypeError
-        If something is no such operator.
+        If something is not such an operator.
     ValueError
         If there is none, or a weight is out of its range.
     """

@@ -136,7 +136,7 @@ class CornerSampling(PlanSampling):
     Raises
     ------
     TypeError
-        If ``rest`` is no :class:`PlanSampling`.
+        If ``rest`` is not a :class:`PlanSampling`.
     """
 
     def __init__(self, rest: PlanSampling | None = None) -> None:
@@ -188,7 +188,7 @@ class GivenSampling(PlanSampling):
     Raises
     ------
     TypeError
-        If ``plans`` holds something else than plans, or ``rest`` is no :class:`PlanSampling`.
+        If ``plans`` holds anything but plans, or ``rest`` is not a :class:`PlanSampling`.
     PlanError
         When sampling, if a given plan is not valid; names the plan, robot, position and arc.
     """
@@ -225,7 +225,7 @@ class MixedSampling(PlanSampling):
     ValueError
         If there is no sampling, or a weight is out of its range.
     TypeError
-        If something is no :class:`PlanSampling`.
+        If something is not a :class:`PlanSampling`.
     """
 
     def __init__(self, samplings: Sequence[PlanSampling] | Mapping[PlanSampling, float]) -> None:
