@@ -606,9 +606,14 @@ class TestSchema:
         [
             {"seeds": [3, 4], "missions": ["toy"], "algorithms": {"a": {"algorithm": "nsga2"}}},
             {"seeds": {"count": 3, "seed": 1}},
+            {"algorithms": {"a": {"algorithm": "bo-aco", "parameters": {"evaporation": 0.5}}}},
+            {"algorithms": {"a": {"algorithm": "bo-aco", "grid": {"exchange_every": [1, None]}}}},
+            {"algorithms": {"a": {"algorithm": "my:Own", "parameters": {"evaporation": 2}}}},
+            {"missions": {"a": {"mission": "terrain", "grid": {"nodes": [2, 3], "robots": [1]}}}},
+            {"missions": {"a": {"mission": "lagoon", "parameters": {"nodes": 1}}}},
         ],
     )
-    def test_shorthands_are_allowed(self, changes):
+    def test_shorthands_and_parameters_are_allowed(self, changes):
         jsonschema.validate(changed(**changes), json.loads(study_schema()))
 
     @pytest.mark.parametrize(
@@ -620,6 +625,12 @@ class TestSchema:
             {"algorithms": {"a": {"algorithm": "x", "parameter": {}}}},
             {"budget": {"evaluations": 0}},
             {"indicators": ["igd"]},
+            {"algorithms": {"a": {"algorithm": "bo-aco", "parameters": {"evaporation": 1}}}},
+            {"algorithms": {"a": {"algorithm": "bo-aco", "parameters": {"evaporatio": 0.5}}}},
+            {"algorithms": {"a": {"algorithm": "bo-aco", "parameters": {"sampling": []}}}},
+            {"algorithms": {"a": {"algorithm": "bo-aco", "grid": {"n_ants": [10, 0]}}}},
+            {"missions": {"a": {"mission": "terrain", "parameters": {"nodes": 1}}}},
+            {"missions": {"a": {"mission": "terrain", "grid": {"sed": [1]}}}},
         ],
     )
     def test_and_nothing_else(self, changes):

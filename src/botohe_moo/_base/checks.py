@@ -15,7 +15,8 @@ import numpy as np
 _LONG = 120
 
 _REPR = Repr()
-_REPR.maxlevel, _REPR.maxstring, _REPR.maxother = 2, _LONG, _LONG
+_REPR.maxlevel, _REPR.maxdict = 2, 8
+_REPR.maxstring = _REPR.maxother = _LONG
 
 
 class ParameterError(ValueError):

@@ -30,6 +30,7 @@ from botohe_moo._plugins.messages import fault_messages
 from botohe_moo._plugins.types import (
     changes_nothing,
     is_plain,
+    is_scalar,
     plain_number,
     range_text,
     type_text,
@@ -242,7 +243,7 @@ def signature_parameters(function: Factory) -> Iterator[Parameter]:
         text = stated.annotation if stated.annotation is not _EMPTY else ""
         if not isinstance(text, str):
             text = inspect.formatannotation(text)
-        if "Annotated[" in repr(hint):
+        if "Annotated[" in repr(hint) or is_scalar(hint):
             text = type_text(hint)
         resolved = hint is not Any
         plain = is_plain(hint) if resolved else not text or re.search(_PLAIN_WORDS, text)
