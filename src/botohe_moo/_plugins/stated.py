@@ -26,6 +26,7 @@ from pydantic import (
 )
 from pydantic.fields import FieldInfo
 
+from botohe_moo._plugins.docstrings import described_parameters
 from botohe_moo._plugins.messages import fault_messages
 from botohe_moo._plugins.types import (
     changes_nothing,
@@ -42,7 +43,6 @@ __all__ = [
     "Parameter",
     "accepted_parameters",
     "signature_parameters",
-    "summary_of",
 ]
 
 Factory: TypeAlias = Callable[..., Any]
@@ -55,32 +55,15 @@ _PLAIN_WORDS = r"\b(int|float|bool|str|Any|object|Literal|Real|Integral)\b"
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter of a factory, as its signature or model, and its docstring state it.
-
-    Attributes
-    ----------
-    name, default
-        ``default`` is ``inspect.Parameter.empty`` where a value must be given.
-    hint
-        Its type; ``Any`` where there is none, or its name leads nowhere.
-    annotation
-        The type, as text; empty where there is none.
-    description
-        From the docstring or the model's field; may be empty.
-    plain
-        Whether numbers, flags or texts can be its value, as far as the type tells.
-    own
-        Whether the factory states it itself, so that its default holds. A class's method that
-        takes any keywords may give its class another.
-    """
+    """One parameter of a factory, as its signature or model, and its docstring state it."""
 
     name: str
-    default: Any = _EMPTY
-    hint: Any = Any
-    annotation: str = ""
+    default: Any = _EMPTY  # where a value must be given
+    hint: Any = Any  # the type; ``Any`` where there is none, or its name leads nowhere
+    annotation: str = ""  # the type as text
     description: str = ""
-    plain: bool = True
-    own: bool = True
+    plain: bool = True  # whether numbers, flags or texts can be its value, as far as one can tell
+    own: bool = True  # whether its default holds: a method with ** may give its class another
 
     @property
     def range(self) -> str:
@@ -127,27 +110,13 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Accepted:
-    """All that a factory can be given by name.
-
-    Attributes
-    ----------
-    parameters
-        What it states, in its order.
-    needed
-        Names of what it cannot be called without.
-    ungivable
-        Names of what it cannot be called without, and nobody can give it.
-    any_name
-        Whether it takes other names, too.
-    model
-        Checks all values at once, and converts them; None where there is only a signature.
-    """
+    """All that a factory can be given by name."""
 
     parameters: tuple[Parameter, ...]
-    needed: tuple[str, ...] = ()
-    ungivable: tuple[str, ...] = ()
-    any_name: bool = False
-    model: type[BaseModel] | None = None
+    needed: tuple[str, ...] = ()  # without which it cannot be called
+    ungivable: tuple[str, ...] = ()  # without which it cannot be called, and nobody can give it
+    any_name: bool = False  # whether it takes other names, too
+    model: type[BaseModel] | None = None  # checks and converts all values; None: the signature
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -201,7 +170,7 @@ def _model_of(factory: Factory) -> type[BaseModel] | None:
 
 
 def _from_model(model: type[BaseModel], factory: Factory) -> Iterator[Parameter]:
-    described = _described_parameters(factory) | _described_parameters(model)
+    described = described_parameters(factory) | described_parameters(model)
     for name, field in model.model_fields.items():
         hint: Any = field.annotation
         for constraint in field.metadata:
@@ -235,7 +204,7 @@ def _from_text(field: Any) -> bool:
 
 def signature_parameters(function: Factory) -> Iterator[Parameter]:
     """Give the parameters of a signature that can be given by name."""
-    described = _described_parameters(function)
+    described = described_parameters(function)
     for stated in (_signature(function) or inspect.Signature()).parameters.values():
         if stated.kind not in _BY_KEYWORD:
             continue
@@ -295,42 +264,3 @@ def _homes(function: Any) -> Iterator[Any]:
     else:
         functions = [vars(base).get("__call__") for base in type(function).__mro__]
     yield from (inspect.unwrap(f) for f in functions if inspect.isfunction(f))
-
-
-def docstring_of(function: Factory) -> str:
-    """Give the docstring of a function or class, also of one with some arguments fixed."""
-    # A partial would answer with what partials are.
-    documented = function.func if isinstance(function, functools.partial) else function
-    return inspect.getdoc(documented) or ""
-
-
-def summary_of(function: Factory) -> str:
-    """Give the paragraph that a docstring begins with, in one line; may be empty."""
-    return " ".join(docstring_of(function).partition("\n\n")[0].split())
-
-
-def _described_parameters(function: Factory) -> dict[str, str]:
-    """Read the Parameters sections of the numpydoc docstrings of a function, or class and bases."""
-    if isinstance(function, type):
-        sources: list[Factory] = list(reversed(function.__mro__[:-1]))
-    else:
-        sources = [function]
-    described: dict[str, str] = {}
-    for source in sources:
-        described |= _described_by(source)
-    return described
-
-
-def _described_by(function: Factory) -> dict[str, str]:
-    section = re.search(
-        r"^Parameters\n-+\n(.*?)(?=^\S[^\n]*\n-+\n|\Z)", docstring_of(function), re.M | re.S
-    )
-    described: dict[str, str] = {}
-    names: list[str] = []
-    for line in section[1].splitlines() if section else []:
-        if line[:1].strip():
-            names = [name.strip(" *") for name in line.partition(":")[0].split(",")]
-        elif line.strip():
-            for parameter in names:
-                described[parameter] = f"{described.get(parameter, '')} {line.strip()}".strip()
-    return described

@@ -57,8 +57,6 @@ class ArchiveAlgorithm(Algorithm):
 
     Raises
     ------
-    ValueError
-        If a parameter is out of its range.
     TypeError
         If an option is unknown, or ``sampling`` holds anything but plans.
     """

@@ -101,8 +101,6 @@ class BOACO(ArchiveAlgorithm):
 
     Raises
     ------
-    ValueError
-        If a parameter is out of its range.
     TypeError
         If an option is unknown, the problem is no :class:`BOTOHE`, or overrides its evaluation
         where there is a local search.

@@ -43,8 +43,6 @@ class Exact(ArchiveAlgorithm):
     ------
     TooLargeError
         While it runs: if the mission is too large for the limits.
-    ValueError
-        If a parameter is out of its range.
     TypeError
         If an option is unknown, or the problem is not a :class:`BOTOHE` or overrides
         ``evaluate_batch`` or ``constrain_batch``, which the search does not call.

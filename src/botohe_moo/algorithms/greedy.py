@@ -44,13 +44,6 @@ class Greedy(ArchiveAlgorithm):
     **options
         pymoo's own: ``termination``, ``callback``, ``output``, ``save_history``, ``seed``, ...
 
-    Raises
-    ------
-    ValueError
-        If a parameter is out of its range.
-    TypeError
-        If an option is unknown, or the problem is not a :class:`BOTOHE`.
-
     Attributes
     ----------
     archive : PlanArchive

@@ -51,13 +51,6 @@ class PlanMOEAD(PopulationAlgorithm, ParallelMOEAD):
     **options
         Operators, as for :class:`PopulationAlgorithm`, and pymoo's own options.
 
-    Raises
-    ------
-    ValueError
-        If a parameter is out of its range, or a name unknown.
-    TypeError
-        If an option is unknown, or the problem is not a :class:`BOTOHE`.
-
     Notes
     -----
     Zhang and Li, "MOEA/D: a multiobjective evolutionary algorithm based on decomposition", IEEE

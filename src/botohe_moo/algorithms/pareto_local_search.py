@@ -91,8 +91,6 @@ class ParetoLocalSearch(ArchiveAlgorithm):
 
     Raises
     ------
-    ValueError
-        If a parameter is out of its range.
     TypeError
         If an option is unknown, or the problem is not a :class:`BOTOHE` or overrides its
         evaluation.

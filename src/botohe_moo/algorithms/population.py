@@ -78,8 +78,6 @@ class PopulationAlgorithm(Algorithm):
 
     Raises
     ------
-    ValueError
-        If a parameter is out of its range, or a name unknown.
     TypeError
         If an option is unknown, or something else is given in place of an operator.
 

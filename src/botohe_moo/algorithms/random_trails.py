@@ -26,13 +26,6 @@ class RandomTrails(BOACO):
         Trail plans to start from, as for :class:`BOACO`.
     **options
         pymoo's own, as for :class:`BOACO`.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of its range.
-    TypeError
-        If an option is unknown, or the problem is not a :class:`BOTOHE`.
     """
 
     def __init__(

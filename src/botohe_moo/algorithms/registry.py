@@ -8,7 +8,8 @@ from typing import Any
 from pymoo.core.algorithm import Algorithm
 
 from botohe_moo._plugins.checks import Fault, call_factory, check_values, raised_fault
-from botohe_moo._plugins.stated import Accepted, Parameter, summary_of
+from botohe_moo._plugins.docstrings import summary_of
+from botohe_moo._plugins.stated import Accepted, Parameter
 from botohe_moo.algorithms.finding import PLUGINS, accepted_by, find_algorithm
 from botohe_moo.algorithms.origin import algorithm_origin
 from botohe_moo.algorithms.wired import never_ends

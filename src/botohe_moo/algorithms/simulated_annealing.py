@@ -76,8 +76,6 @@ class SimulatedAnnealing(ArchiveAlgorithm):
 
     Raises
     ------
-    ValueError
-        If a parameter is out of its range.
     TypeError
         If an option is unknown, ``sampling`` holds anything but plans, or the problem is not a
         :class:`BOTOHE` or overrides ``evaluate_batch`` or ``constrain_batch``, which a search that

@@ -63,11 +63,6 @@ def two_communities(*, seed: Seed = 0, robots: Robots = 2) -> Mission:
     Mission
         21 nodes, about 82 arcs; the node attribute ``zone`` tells the communities.
 
-    Raises
-    ------
-    ValueError
-        If a parameter is out of its range.
-
     References
     ----------
     The third case of Simon, Richley, Overbey and Perez-Lavin, "Bi-objective trail-planning for a
@@ -167,11 +162,6 @@ def complete(*, nodes: Nodes = 25, robots: Robots = 2, seed: Seed = 0) -> Missio
         Team size.
     seed
         Seed of the random numbers.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of its range.
     """
     rng = np.random.default_rng(seed)
     check_memory("nodes", nodes, nodes=nodes, arcs=nodes**2)
@@ -204,11 +194,6 @@ def terrain(*, nodes: Nodes = 200, robots: Robots = 5, seed: Seed = 0) -> Missio
         Team size.
     seed
         Seed of the random numbers.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of its range.
     """
     rng = np.random.default_rng(seed)
     check_memory("nodes", nodes, nodes=nodes, arcs=36 * nodes // 5)

@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from botohe_moo._plugins.checks import Fault, call_factory, check_values, checked, raised_fault
+from botohe_moo._plugins.docstrings import summary_of
 from botohe_moo._plugins.entry_points import PluginError, PluginGroup
 from botohe_moo._plugins.factories import declared_factory
 from botohe_moo._plugins.ranges import Robots
-from botohe_moo._plugins.stated import Parameter, accepted_parameters, summary_of
+from botohe_moo._plugins.stated import Parameter, accepted_parameters
 from botohe_moo.mission.formats.files import SUFFIXES, read_mission
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.validation import MissionError
@@ -36,11 +37,6 @@ _PLUGINS = PluginGroup("botohe_moo.missions", "mission")
 def art_museum(*, robots: Robots | None = None) -> Mission:
     """The San Diego Museum of Art: 27 rooms, 74 arcs, 3 robots.
 
-    Parameters
-    ----------
-    robots
-        Team size; default: the mission's own.
-
     References
     ----------
     Simon, Richley, Overbey and Perez-Lavin, "Bi-objective trail-planning for a robot team
@@ -53,11 +49,6 @@ def art_museum(*, robots: Robots | None = None) -> Mission:
 def power_plant(*, robots: Robots | None = None) -> Mission:
     """The Satsop nuclear power plant: a tree of 73 zones, 144 arcs, 2 robots.
 
-    Parameters
-    ----------
-    robots
-        Team size; default: the mission's own.
-
     References
     ----------
     Simon, Richley, Overbey and Perez-Lavin, "Bi-objective trail-planning for a robot team
@@ -69,25 +60,13 @@ def power_plant(*, robots: Robots | None = None) -> Mission:
 
 @checked
 def terrain_200(*, robots: Robots | None = None) -> Mission:
-    """A rolling terrain: 200 waypoints, 1348 arcs between near ones, 5 robots.
-
-    Parameters
-    ----------
-    robots
-        Team size; default: the mission's own.
-    """
+    """A rolling terrain: 200 waypoints, 1348 arcs between near ones, 5 robots."""
     return _packaged("terrain_200", robots)
 
 
 @checked
 def toy(*, robots: Robots | None = None) -> Mission:
-    """A mission small enough to compute by hand: 5 nodes, 12 arcs, 2 robots.
-
-    Parameters
-    ----------
-    robots
-        Team size; default: the mission's own.
-    """
+    """A mission small enough to compute by hand: 5 nodes, 12 arcs, 2 robots."""
     return _packaged("toy", robots)
 
 

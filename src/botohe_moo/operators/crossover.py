@@ -33,13 +33,6 @@ class PlanCrossover(Crossover):
         Children of each pair.
     repair
         Makes valid plans of the children; default: :class:`SafestPathRepair`.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of its range.
-    TypeError
-        If ``repair`` is not a :class:`PlanRepair`.
     """
 
     @checked
@@ -124,13 +117,6 @@ class MixedCrossover(PlanCrossover):
         Probability of a splice rather than an exchange.
     prob, n_offsprings, repair
         As for :class:`PlanCrossover`.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of its range.
-    TypeError
-        If ``repair`` is not a :class:`PlanRepair`.
     """
 
     @checked

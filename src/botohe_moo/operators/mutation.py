@@ -41,13 +41,6 @@ class PlanMutation(Mutation):
         Probability of changing a plan at all.
     repair
         Makes valid plans of the children; default: :class:`SafestPathRepair`.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of its range.
-    TypeError
-        If ``repair`` is not a :class:`PlanRepair`.
     """
 
     @checked
@@ -137,13 +130,6 @@ class TrailMoves(PlanMutation):
     prob, repair
         As for :class:`PlanMutation`.
 
-    Raises
-    ------
-    ValueError
-        If a parameter is out of its range, or a move unknown.
-    TypeError
-        If ``repair`` is not a :class:`PlanRepair`.
-
     Notes
     -----
     Simon, Richley, Overbey and Perez-Lavin, PeerJ Computer Science, 2025.
@@ -212,13 +198,6 @@ class RuinRecreate(PlanMutation):
     prob, repair
         As for :class:`PlanMutation`.
 
-    Raises
-    ------
-    ValueError
-        If a parameter is out of its range.
-    TypeError
-        If ``repair`` is not a :class:`PlanRepair`.
-
     Notes
     -----
     Ruin and recreate: Schrimpf, Schneider, Stamm-Wilbrandt and Dueck, "Record breaking
@@ -286,13 +265,6 @@ class ShareTrails(PlanMutation):
         Probability of taking over rather than swapping.
     prob, repair
         As for :class:`PlanMutation`.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of its range.
-    TypeError
-        If ``repair`` is not a :class:`PlanRepair`.
     """
 
     @checked
@@ -337,13 +309,6 @@ class MixedMutation(PlanMutation):
         repairs its own children; their own ``prob`` does not matter.
     prob
         Probability of changing a plan at all.
-
-    Raises
-    ------
-    ValueError
-        If there is no mutation, or a weight or ``prob`` is out of its range.
-    TypeError
-        If something is not a :class:`PlanMutation`.
     """
 
     def __init__(
