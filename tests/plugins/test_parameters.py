@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from pydantic import BaseModel, BeforeValidator, Field, field_validator, model_validator
 
 from botohe_moo._base.checks import ParameterError
-from botohe_moo._plugins.checks import call_factory, check_values, raised_fault
+from botohe_moo._plugins.checks import call_factory, check_values, checked, raised_fault
 from botohe_moo._plugins.messages import wrong_value
 from botohe_moo._plugins.stated import Parameter, accepted_parameters
 from botohe_moo._plugins.types import (
@@ -489,6 +489,54 @@ class TestCheckValues:
             assert all(message for _, message in faults)
             if not faults and factory is not ByModel.short:
                 assert call_factory("X", factory, accepted, values) is not None
+
+
+class TestChecked:
+    @staticmethod
+    @checked
+    def swim(x=None, /, *, n: Few = 2, share: Share | Literal["all"] = 0.5, rope: "Rope" = None):
+        """Swim."""
+        return x, n, share, rope
+
+    def test_defaults_and_what_is_positional_are_left_alone(self):
+        assert self.swim() == (None, 2, 0.5, None)
+        assert self.swim("n") == ("n", 2, 0.5, None)
+
+    def test_numbers_of_all_kinds_become_pythons(self):
+        _, n, share, _ = self.swim(n=np.int64(3), share=np.float32(0.5))
+        assert (n, share, type(n), type(share)) == (3, 0.5, int, float)
+        assert self.swim(share="all")[2] == "all"
+
+    @pytest.mark.parametrize(
+        ("given", "message"),
+        [
+            ({"n": 6}, "Expected n in [1, 5], got 6."),
+            ({"n": True}, "Expected n to be an integer in [1, 5], got True."),
+            ({"n": "3"}, "Expected n to be an integer in [1, 5], got '3'."),
+            ({"n": 3.0}, "Expected n to be an integer in [1, 5], got 3.0."),
+            ({"share": float("nan")}, "Expected share in (0, 1) or 'all', got nan."),
+            (
+                {"share": 1, "n": 0},
+                "Expected n in [1, 5], got 0. Expected share in (0, 1) or 'all', got 1.",
+            ),
+        ],
+    )
+    def test_all_that_is_wrong_is_said(self, given, message):
+        with pytest.raises(ParameterError) as error:
+            self.swim(**given)
+        assert str(error.value) == message
+        assert error.value.parameter in given
+
+    def test_objects_are_for_the_function_to_check(self):
+        assert self.swim(rope="no rope")[3] == "no rope"
+
+    def test_it_looks_like_the_function(self):
+        assert self.swim.__doc__ == "Swim."
+        assert accepted_parameters(self.swim).parameters[0].range == "in [1, 5]"
+
+    def test_unknown_names_are_refused_as_usual(self):
+        with pytest.raises(TypeError, match="unexpected keyword argument 'm'"):
+            self.swim(m=1)
 
 
 class TestCall:

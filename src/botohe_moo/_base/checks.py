@@ -163,6 +163,8 @@ def nearest_first(word: str, words: Iterable[str]) -> list[str]:
 
 def quoted(value: object) -> str:
     """Write a value as ``repr`` does; of a long one, which may be a whole file, only a part."""
-    if isinstance(value, str) and len(value) > _LONG:
-        return f"{value[: _LONG - 20]!r}... ({len(value):,} characters)"
-    return _REPR.repr(value)
+    if not isinstance(value, str):
+        return _REPR.repr(value)
+    if len(value) <= _LONG:
+        return repr(value)
+    return f"{value[: _LONG - 20]!r}... ({len(value):,} characters)"

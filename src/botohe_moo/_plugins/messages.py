@@ -72,18 +72,19 @@ def _way_into(value: Any, location: Sequence[Any]) -> tuple[Any, ...]:
 def wrong_value(name: str, *errors: Error, bounds: str = "") -> str:
     """Say in a sentence what is wrong with one value, given an error for each type it may have."""
     got = f"got {quoted(errors[0]['input'])}."
+    kinds = [_ALIKE.get(error["type"], error["type"]) for error in errors]
+    ranged = sum(kind in _BOUNDS or kind in _NUMBERS for kind in kinds) == 1  # else: whose range?
     phrases = []
-    for error in errors:
-        kind = _ALIKE.get(error["type"], error["type"])
+    for kind, error in zip(kinds, errors, strict=True):
         details = error.get("ctx") or {}
         if kind == "missing":
             return f"Expected {name} to have {error['loc'][-1]!r}, {got}"
         if kind not in _EXPECTED:
             return f"{name}: {str(details.get('error', error['msg'])).rstrip('.')}, {got}"
         phrase = _EXPECTED[kind].format(**{key: bound_text(d) for key, d in details.items()})
-        if bounds and kind in _BOUNDS and len(errors) == 1:
+        if bounds and ranged and kind in _BOUNDS:
             phrase = bounds
-        elif bounds and kind in _NUMBERS:
+        elif bounds and ranged and kind in _NUMBERS:
             phrase = f"{phrase} {bounds}"
         phrases.append(phrase)
     first, *rest = dict.fromkeys(phrases)
