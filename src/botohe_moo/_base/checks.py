@@ -120,6 +120,15 @@ def check_weights(
     return weights
 
 
+def mapping_of(parameters: Any) -> Mapping[str, Any]:
+    """Give parameters by name, none for None; a ParameterError if they are not a mapping."""
+    given = {} if parameters is None else parameters
+    if not isinstance(given, Mapping):
+        expected = "parameters to be a mapping from names to values"
+        raise ParameterError(f"Expected {expected}, got {quoted(given)}.")
+    return given
+
+
 def check_parameters(
     owner: str, given: Iterable[str], accepted: Iterable[str] | None, *, also: Iterable[str] = ()
 ) -> None:

@@ -121,7 +121,7 @@ def call_factory(
         raise ParameterError(f"{source}: {error}", blamed) from error
 
 
-def raised_fault(error: BaseException, names: Collection[str], *, source: str) -> Fault:
+def raised_fault(error: BaseException, names: Collection[str] | None, *, source: str) -> Fault:
     """Turn what a factory raised into a fault of the parameter among ``names`` that it is about.
 
     That is what the error holds as ``parameter``, or the name with which its message begins.
@@ -131,7 +131,7 @@ def raised_fault(error: BaseException, names: Collection[str], *, source: str) -
     message = message.removeprefix(f"{source}: ")
     first = message.removeprefix("Expected ").partition(" ")[0].rstrip(":,")
     name = getattr(error, "parameter", None) or first
-    return (name if name in names else None), message
+    return (name if isinstance(names, Collection) and name in names else None), message
 
 
 def _missing_faults(accepted: Accepted, values: Mapping[str, Any]) -> Iterator[Fault]:

@@ -29,18 +29,10 @@ class PluginError(ValueError):
 
 @dataclass(frozen=True)
 class PluginGroup:
-    """One entry-point group; the built-in entries are found in it like everybody's.
-
-    Attributes
-    ----------
-    group
-        Name of the entry-point group.
-    kind
-        What its entries are, for messages: "mission", "algorithm".
-    """
+    """One entry-point group; the built-in entries are found in it like those of other packages."""
 
     group: str
-    kind: str
+    kind: str  # what its entries are, for messages: "mission", "algorithm"
 
     def source(self, name: object) -> str:
         """Say what a message is about, to begin it with."""
@@ -70,13 +62,7 @@ class PluginGroup:
         return tuple(names)
 
     def load(self, name: str) -> Callable[..., Any]:
-        """Import the entry of that name.
-
-        Raises
-        ------
-        PluginError
-            If there is none, two packages claim the name, or it cannot be imported or called.
-        """
+        """Import the entry of that name; a PluginError says why it cannot be had or called."""
         entry = self.entry(name)
         origin = f"{entry.value} of package {_package(entry)}"
         function = imported(entry.load, origin)
@@ -96,13 +82,7 @@ class PluginGroup:
         return None
 
     def entry(self, name: str) -> EntryPoint:
-        """Find, without importing anything, the entry of that name.
-
-        Raises
-        ------
-        PluginError
-            If there is none, or two packages claim the name.
-        """
+        """Find, without importing anything, the entry of that name; a PluginError if it fails."""
         claims = self.claims()
         if name not in claims:
             known = ", ".join(nearest_first(name, claims))

@@ -86,13 +86,6 @@ class ArchiveAlgorithm(Algorithm):
         Without any termination the run ends after 100 000 evaluations: pymoo's default would
         look for convergence in the design space, which trail plans do not have.
 
-        Parameters
-        ----------
-        problem
-            What to solve.
-        **kwargs
-            pymoo's options, such as ``termination`` and ``seed``.
-
         Raises
         ------
         TypeError
@@ -130,15 +123,8 @@ class ArchiveAlgorithm(Algorithm):
     def advance(self, infills: Population | None = None, **_: Any) -> Result | None:  # noqa: ARG002
         """Run one iteration; pymoo's ``next`` calls this.
 
-        As pymoo's own, but for what it returns before the end: not the current optimum, which
-        would then be made into a population in every iteration, whether somebody looks or not.
-
-        Parameters
-        ----------
-        infills
-            None: pymoo is not asked to evaluate.
-        **_
-            Nothing else is used.
+        As pymoo's own, but before the end it does not return the current optimum, which would then
+        be made into a population in every iteration. ``infills`` is None: pymoo evaluates nothing.
         """
         if self.is_initialized:
             self._advance()
@@ -212,7 +198,7 @@ def check_options(algorithm: Algorithm, options: Iterable[str]) -> None:
 
 
 def refuse_overrides(algorithm: Algorithm, problem: Any) -> None:
-    """Refuse, by a TypeError, a problem whose evaluation is not the one that kernels know."""
+    """Refuse, by a TypeError, a problem that overrides the evaluation that kernels contain."""
     if not isinstance(problem, BOTOHE):
         return
     for method in ("evaluate_batch", "constrain_batch"):

@@ -1,4 +1,4 @@
-"""What tells results of one algorithm from those of another: its name, parameters and code."""
+"""What results of an algorithm depend on: its name, parameters and code."""
 
 from __future__ import annotations
 
@@ -19,31 +19,18 @@ from botohe_moo.algorithms.finding import PLUGINS, accepted_by, find_algorithm, 
 
 __all__ = ["AlgorithmIdentity", "algorithm_identity", "algorithm_origin"]
 
-# Their versions say what they are; of all else, the file does.
+# Their versions identify them; all other modules are identified by their file.
 _VERSIONED = frozenset({"botohe_moo", "pymoo"})
 
 
 @dataclass(frozen=True)
 class AlgorithmIdentity:
-    """What results of an algorithm with parameters depend on, however it was written.
+    """What results of an algorithm with parameters depend on, however it was written."""
 
-    Attributes
-    ----------
-    name
-        The name by which it is registered; ``module:Class`` of what nobody has registered.
-    parameters
-        Those that differ from their defaults.
-    neutral
-        Names of those among them that change no result: :class:`SameResult`.
-    effective
-        All parameters that numbers, flags and texts can tell, defaults among them, as far as they
-        are known.
-    """
-
-    name: str
-    parameters: Mapping[str, Any]
-    neutral: frozenset[str]
-    effective: Mapping[str, Any]
+    name: str  # by which it is registered; ``module:Class`` of what nobody has registered
+    parameters: Mapping[str, Any]  # that differ from their defaults
+    neutral: frozenset[str]  # names of parameters that change no result: SameResult
+    effective: Mapping[str, Any]  # all that a text can hold, defaults too, as far as known
 
 
 def algorithm_identity(name: str, parameters: Mapping[str, Any]) -> AlgorithmIdentity:

@@ -7,6 +7,7 @@ from typing import Any
 
 from pymoo.core.algorithm import Algorithm
 
+from botohe_moo._base.checks import mapping_of
 from botohe_moo._plugins.checks import Fault, call_factory, check_values, raised_fault
 from botohe_moo._plugins.docstrings import summary_of
 from botohe_moo._plugins.stated import Accepted, Parameter
@@ -88,20 +89,15 @@ def check_algorithm(
     >>> check_algorithm("bo-aco", {"evaporation": 1.3})
     [('evaporation', 'Expected evaporation in (0, 1), got 1.3.')]
     """
-    given = {} if parameters is None else parameters
-    if not isinstance(given, Mapping):
-        return [(None, f"Expected parameters to be a mapping from names to values, got {given!r}.")]
     try:
+        given = mapping_of(parameters)
         factory = find_algorithm(name)
-    except ValueError as error:
-        return [(None, str(error).removeprefix(f"{PLUGINS.source(name)}: "))]
-    accepted = accepted_by(factory)
-    if faults := check_values(accepted, given, plain=plain):
-        return faults
-    try:
+        accepted = accepted_by(factory)
+        if faults := check_values(accepted, given, plain=plain):
+            return faults
         _made(name, factory, accepted, given)
     except (Exception, SystemExit) as error:  # whatever another package's code may raise
-        return [raised_fault(error, given, source=PLUGINS.source(name))]
+        return [raised_fault(error, parameters, source=PLUGINS.source(name))]
     return []
 
 

@@ -22,12 +22,12 @@ from botohe_moo.algorithms.population import (
 
 __all__ = ["never_ends", "wired"]
 
-# What the wiring gives to every class of pymoo's, or who runs it does.
+# What the wiring, or whoever runs the algorithm, gives to every class of pymoo's.
 _TAKEN_CARE_OF = frozenset(
     {"sampling", "crossover", "mutation", "repair", "eliminate_duplicates", "output", "mating"}
     | {"pop_size", "n_offsprings"}
 )
-# Objects that belong to the algorithm: handed over as pymoo has them, not for users to state.
+# Objects that belong to the algorithm: passed on as pymoo has them, not for users to give.
 _INNER = frozenset({"selection", "survival"})
 
 # Classes that cannot keep what is promised of all, by the module they stand in.
@@ -67,18 +67,11 @@ def wired(path: str, found: Callable[..., Any]) -> Callable[..., Any]:
 
     Classes of other packages know what they solve.
 
-    Parameters
-    ----------
-    path
-        Where it is.
-    found
-        What has been found there.
-
     Raises
     ------
     ValueError
-        If it is a class of pymoo's that is not population-based, or cannot be wired, or derives
-        from one that never ends.
+        If what was found at the path is a class of pymoo's that is not population-based, or cannot
+        be wired, or derives from one that never ends.
     """
     if isinstance(found, type) and (reason := never_ends(found)):
         raise ValueError(f"Algorithm {path!r}: cannot be used; {reason}.")
@@ -96,18 +89,7 @@ def wired(path: str, found: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def never_ends(kind: type) -> str | None:
-    """Say why algorithms of a class, or of one derived from it, would never end.
-
-    Parameters
-    ----------
-    kind
-        The class.
-
-    Returns
-    -------
-    str or None
-        None for all that is well.
-    """
+    """Say why algorithms of a class, or of one derived from it, never end; None if they do."""
     names = (f"{base.__module__}:{base.__qualname__}" for base in kind.__mro__)
     return next((_ENDLESS[name] for name in names if name in _ENDLESS), None)
 

@@ -8,6 +8,7 @@ from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any
 
+from botohe_moo._base.checks import mapping_of
 from botohe_moo._plugins.checks import Fault, call_factory, check_values, checked, raised_fault
 from botohe_moo._plugins.docstrings import summary_of
 from botohe_moo._plugins.entry_points import PluginError, PluginGroup
@@ -138,10 +139,8 @@ def check_mission(
     >>> check_mission("terrain", {"nodes": "50", "robots": 3})
     [('nodes', "Expected nodes to be an integer >= 2, got '50'.")]
     """
-    given = {} if parameters is None else parameters
-    if not isinstance(given, Mapping):
-        return [(None, f"Expected parameters to be a mapping from names to values, got {given!r}.")]
     try:
+        given = mapping_of(parameters)
         function = _factory(name_or_path)
         if function is not None:
             accepted = accepted_parameters(function)
@@ -153,7 +152,7 @@ def check_mission(
     except OSError as error:
         return [(None, f"{error.filename}: {error.strerror}.")]
     except (Exception, SystemExit) as error:  # whatever another package's code may raise
-        return [raised_fault(error, given, source=_PLUGINS.source(name_or_path))]
+        return [raised_fault(error, parameters, source=_PLUGINS.source(name_or_path))]
     return []
 
 
