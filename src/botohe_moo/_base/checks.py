@@ -16,7 +16,7 @@ _LONG = 120
 
 _REPR = Repr()
 _REPR.maxlevel, _REPR.maxdict = 2, 8
-_REPR.maxstring = _REPR.maxother = _LONG
+_REPR.maxstring, _REPR.maxother = 60, _LONG
 
 
 class ParameterError(ValueError):

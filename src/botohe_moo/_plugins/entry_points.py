@@ -24,7 +24,7 @@ _OURS = "botohe-moo"
 
 
 class PluginError(ValueError):
-    """A name that nobody registers, or what is registered cannot be used; says why."""
+    """Says why a name is not registered, or cannot be used."""
 
 
 @dataclass(frozen=True)

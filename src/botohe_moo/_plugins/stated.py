@@ -113,8 +113,8 @@ class Accepted:
     """All that a factory can be given by name."""
 
     parameters: tuple[Parameter, ...]
-    needed: tuple[str, ...] = ()  # without which it cannot be called
-    ungivable: tuple[str, ...] = ()  # without which it cannot be called, and nobody can give it
+    needed: tuple[str, ...] = ()  # required
+    ungivable: tuple[str, ...] = ()  # required, but cannot be given by name
     any_name: bool = False  # whether it takes other names, too
     model: type[BaseModel] | None = None  # checks and converts all values; None: the signature
 
@@ -130,7 +130,7 @@ def accepted_parameters(
     """Find out what a factory can be given: a function, a class or one of its methods.
 
     A factory that is a class's method and takes any keywords, such as :meth:`BOACO.journal`,
-    states what it changes, and its class the rest. Nobody is to give the names in ``hidden``.
+    states what it changes, and its class the rest. The names in ``hidden`` cannot be given.
     With ``closed`` only stated names are accepted, even of a factory that takes any.
     """
     model = _model_of(factory)

@@ -141,7 +141,7 @@ def is_plain(hint: Any) -> bool:
 
 
 def plain_number(value: Any) -> Any:
-    """Give numpy's numbers, and other kinds of numbers, as Python's; all else as it is."""
+    """Give numpy's numbers, and other kinds of numbers, as Python's; anything else unchanged."""
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, Integral):

@@ -44,7 +44,7 @@ class ArchiveAlgorithm(Algorithm):
 
     A subclass builds plans in ``_advance`` and hands them to ``_take_in``, which evaluates them,
     counts them, and puts into the archive what belongs there. pymoo individuals are made when
-    somebody looks at ``opt`` or ``pop``.
+    ``opt`` or ``pop`` is read.
 
     Parameters
     ----------
@@ -167,8 +167,8 @@ class ArchiveAlgorithm(Algorithm):
         pass  # the archive is the optimum, at all times
 
     # pymoo assigns pop and opt in its loop. Here both are the archive, as a population that is
-    # made when somebody looks: termination, display and callbacks see it in every iteration, and
-    # an iteration in which nobody looks does not pay for it.
+    # made when it is read: termination, display and callbacks see it in every iteration, and an
+    # iteration in which it is not read does not pay for it.
 
     @property
     def opt(self) -> Population | None:

@@ -90,7 +90,7 @@ class BOACO(ArchiveAlgorithm):
         other, each divided by its own size.
     max_ties
         Plans with equal objectives but different trails that the archive keeps. The journal version
-        keeps all; where no arc is dangerous there is no end of them.
+        keeps all; where no arc is dangerous, their number has no bound.
     n_threads
         Threads that build plans; the result does not depend on it.
     sampling
@@ -102,7 +102,7 @@ class BOACO(ArchiveAlgorithm):
     Raises
     ------
     TypeError
-        If an option is unknown, the problem is no :class:`BOTOHE`, or overrides its evaluation
+        If an option is unknown, the problem is not a :class:`BOTOHE`, or overrides its evaluation
         where there is a local search.
 
     Attributes
@@ -356,5 +356,5 @@ class BOACO(ArchiveAlgorithm):
 
 
 def _shares(n: int, parts: int) -> list[int]:
-    """Share ``n`` out as evenly as can be; nobody's share of less is larger."""
+    """Split ``n`` into shares that differ by at most 1; with a smaller ``n``, none is larger."""
     return [n // parts + (part < n % parts) for part in range(parts)]

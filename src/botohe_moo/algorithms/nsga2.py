@@ -13,7 +13,9 @@ __all__ = ["PlanNSGA2"]
 class PlanNSGA2(PlanGeneticAlgorithm, NSGA2):
     """NSGA-II with operators for trail plans.
 
-    Its parameters are those of :class:`PlanGeneticAlgorithm`.
+    Its parameters are ``pop_size``, the plans in the population, ``n_offsprings``, the plans that a
+    generation adds (by default as many), and the operators and options of
+    :class:`PopulationAlgorithm`.
 
     Notes
     -----

@@ -27,7 +27,7 @@ _VERSIONED = frozenset({"botohe_moo", "pymoo"})
 class AlgorithmIdentity:
     """What results of an algorithm with parameters depend on, however it was written."""
 
-    name: str  # by which it is registered; ``module:Class`` of what nobody has registered
+    name: str  # by which it is registered; ``module:Class`` if not registered
     parameters: Mapping[str, Any]  # that differ from their defaults
     neutral: frozenset[str]  # names of parameters that change no result: SameResult
     effective: Mapping[str, Any]  # all that a text can hold, defaults too, as far as known
@@ -149,7 +149,7 @@ def _module_of(path: str) -> str:
 
 @functools.cache
 def _distribution_of(package: str) -> metadata.Distribution | None:
-    """Find who has installed a top-level package; one that only lies on the path has nobody."""
+    """Find the distribution that installed a top-level package; None for one only on the path."""
     # What is installed for editing lists none of its modules, but often has its package's name.
     for owner in (*metadata.packages_distributions().get(package, ()), package):
         try:

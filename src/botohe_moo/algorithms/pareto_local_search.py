@@ -212,7 +212,7 @@ class ParetoLocalSearch(ArchiveAlgorithm):
 
 
 class _SearchArchive(PlanArchive):
-    """The front of a search as it is, read when somebody looks: plans only when they are wanted.
+    """The current front of a search, read when it is asked for, plans only when they are.
 
     Writing all plans of a large team takes longer than many a generation.
     """

@@ -56,7 +56,7 @@ def make_algorithm(name: str, /, **parameters: Any) -> Algorithm:
     are stated can be given: what pymoo's algorithms take as ``**kwargs`` would swallow every
     misspelt name.
 
-    ``module:Class`` names one that nobody has registered: a class derived from pymoo's
+    ``module:Class`` names one that is not registered: a class derived from pymoo's
     ``Algorithm``, or a function whose annotation says that it returns one. Nothing else is called,
     but importing the module runs it. Classes of pymoo's own are wired with
     this package's operators and an archive of all non-dominated plans, as ``nsga2`` is

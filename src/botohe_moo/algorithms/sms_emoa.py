@@ -12,7 +12,9 @@ __all__ = ["PlanSMSEMOA"]
 class PlanSMSEMOA(PlanGeneticAlgorithm, SMSEMOA):
     """SMS-EMOA with operators for trail plans.
 
-    Its parameters are those of :class:`PlanGeneticAlgorithm`.
+    Its parameters are ``pop_size``, the plans in the population, ``n_offsprings``, the plans that a
+    generation adds (by default as many), and the operators and options of
+    :class:`PopulationAlgorithm`.
 
     Notes
     -----

@@ -14,7 +14,9 @@ __all__ = ["PlanSPEA2"]
 class PlanSPEA2(PlanGeneticAlgorithm, SPEA2):
     """SPEA2 with operators for trail plans.
 
-    Its parameters are those of :class:`PlanGeneticAlgorithm`.
+    Its parameters are ``pop_size``, the plans in the population, ``n_offsprings``, the plans that a
+    generation adds (by default as many), and the operators and options of
+    :class:`PopulationAlgorithm`.
 
     Notes
     -----

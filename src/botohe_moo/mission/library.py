@@ -86,8 +86,8 @@ def load_mission(
     ----------
     name_or_path
         One of `mission_names`, or the path of a file that `read_mission` reads: what ends like one,
-        holds a path separator, is an ``os.PathLike``, or exists as a file and is no mission's name.
-        ``module:function`` names a mission that nobody has registered: a function whose annotation
+        holds a path separator, is an ``os.PathLike``, or exists as a file and is not the name of a mission.
+        ``module:function`` names a mission that is not registered: a function whose annotation
         says that it returns a `Mission`, or a class derived from it. Nothing else is called, but
         importing the module runs it.
     robots
@@ -168,7 +168,7 @@ def mission_names() -> tuple[str, ...]:
 def mission_origin(name_or_path: str | os.PathLike[str]) -> dict[str, str | None]:
     """Say which ``package`` in which ``version`` registers a mission.
 
-    Both are None for files, and for what nobody has registered.
+    Both are None for files, and for missions that are not registered.
 
     Raises
     ------

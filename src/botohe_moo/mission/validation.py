@@ -29,7 +29,7 @@ class MissionError(ValueError):
     faults
         Everything that is wrong, each naming a node or an arc and the value found.
     source
-        What is spoken of, to begin the message with.
+        What the message is about; it begins with this.
 
     Attributes
     ----------
