@@ -87,9 +87,9 @@ def load_mission(
     name_or_path
         One of `mission_names`, or the path of a file that `read_mission` reads: what ends like one,
         holds a path separator, is an ``os.PathLike``, or exists as a file and is not the name of a
-        mission. ``module:function`` names a mission that is not registered: a function whose annotation
-        says that it returns a `Mission`, or a class derived from it. Nothing else is called, but
-        importing the module runs it.
+        mission. ``module:function`` names a mission that is not registered: a function whose
+        annotation says that it returns a `Mission`, or a class derived from it. Nothing else is
+        called, but importing the module runs it.
     robots
         Team size; default: the mission's own.
     parameters
