@@ -422,7 +422,7 @@ class TestLazyNames:
     @pytest.mark.parametrize(
         ("module", "others"),
         [
-            ("botohe_moo", "numpy numba pandas pymoo networkx matplotlib typer"),
+            ("botohe_moo", "numpy numba pandas pydantic pymoo networkx matplotlib typer"),
             ("botohe_moo.study.run.child", "pandas joblib matplotlib typer"),
         ],
     )

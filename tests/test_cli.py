@@ -44,7 +44,7 @@ for line in sys.stdin:
                 os.dup2(err.fileno(), 2)
                 sys.argv = ["botohe", *given["args"]]
                 exec(given["code"], {})
-                botohe_moo.cli.app.main()
+                botohe_moo.cli.main()
             except SystemExit as stop:
                 status = stop.code or 0
             except BaseException:
@@ -462,7 +462,7 @@ class TestSignals:
             botohe_moo.algorithms.RandomTrails._infill = _infill
             botohe_moo.algorithms.RandomTrails._initialize_infill = _infill
             sys.argv = ["botohe", "solve", "toy", "-a", "random", "-n", "1000000", "-o", "out"]
-            botohe_moo.cli.app.main()
+            botohe_moo.cli.main()
         """
         process = subprocess.Popen(
             [sys.executable, "-c", textwrap.dedent(code)],
@@ -675,15 +675,15 @@ class TestBadOptions:
             ),
             (
                 ["-a", "bo-aco", "-p", "evaporation=much"],
-                ["Expected evaporation in (0, 1), got 'much'."],
+                ["Expected evaporation to be a number in (0, 1), got 'much'."],
             ),
             (
                 ["-a", "bo-aco", "-p", "n_ants=2.5"],
-                ["Expected n_ants to be an integer >= 1, got 2.5."],
+                ["Expected n_ants to be an integer in [1, 1000000], got 2.5."],
             ),
             (
                 ["-a", "bo-aco", "-p", "n_ants="],
-                ["Expected n_ants to be an integer >= 1, got None."],
+                ["Expected n_ants to be an integer in [1, 1000000], got None."],
             ),
             (
                 ["-a", "bo-aco", "-p", "heuristic=maybe"],
@@ -885,11 +885,11 @@ class TestListings:
     def test_parameters(self, botohe):
         ended = botohe("algorithms", "bo-aco")
         assert (ended.status, ended.err) == (0, "")
-        assert "\n  n_ants = 100  (int)\n" in ended.out
-        assert "\n  evaporation = 0.04  (float)\n" in ended.out
-        assert "evaporates in an iteration, in (0, 1).\n" in ended.out
+        assert "\n  n_ants = 100  (int, in [1, 1000000])\n" in ended.out
+        assert "\n  evaporation = 0.04  (float, in (0, 1))\n" in ended.out
+        assert "evaporates in an iteration.\n" in ended.out
         assert "\n  heuristic = true  (bool)\n" in ended.out
-        assert "\n  initial_pheromone = 1.0  (float or 'bounds')\n" in ended.out
+        assert "\n  initial_pheromone = 1.0  (float or 'bounds', > 0)\n" in ended.out
         assert "\n  sampling  (from Python only)\n" in ended.out
         assert "-p n_ants=100`" in ended.out
 
@@ -900,7 +900,7 @@ class TestListings:
             lines = botohe(*args, COLUMNS=str(columns)).out.splitlines()
             assert flat("\n".join(lines)) == flat(wide)
             long = [line for line in lines if len(line) > min(columns, 100)]
-            # No more than a headline, an example, or a word that is longer than the rest of a line.
+            # No more than an example, or a word that is longer than the rest of a line.
             assert all("`" in line or len(line.split()) <= 6 for line in long), long
             if columns == 30:
                 assert len(lines) > len(wide.splitlines())

@@ -152,8 +152,8 @@ class TestRefusals:
         ("parameters", "message"),
         [
             ({"time_limit": 0}, r"Expected time_limit > 0, got 0\."),
-            ({"memory_limit": "2"}, r"Expected memory_limit > 0, got '2'\."),
-            ({"max_ties": 0}, r"Expected max_ties >= 1, got 0\."),
+            ({"memory_limit": "2"}, r"Expected memory_limit to be a number > 0, got '2'\."),
+            ({"max_ties": 0}, r"Expected max_ties in \[1, 1000000000\], got 0\."),
         ],
     )
     def test_parameters_out_of_range(self, parameters, message):

@@ -183,12 +183,15 @@ class TestContract:
     @pytest.mark.parametrize(
         ("parameters", "message"),
         [
-            ({"n_weights": 1}, r"Expected n_weights >= 2, got 1\."),
-            ({"n_weights": 10**7}, r"Expected n_weights <= 1000000, got 10000000\."),
-            ({"n_weights": 2.5}, r"Expected n_weights to be an integer >= 2, got 2\.5\."),
-            ({"beam_width": 0}, r"Expected beam_width >= 1, got 0\."),
-            ({"beam_width": 10**6}, r"Expected beam_width <= 100000, got 1000000\."),
-            ({"max_ties": 0}, r"Expected max_ties >= 1, got 0\."),
+            ({"n_weights": 1}, r"Expected n_weights in \[2, 1000000\], got 1\."),
+            ({"n_weights": 10**7}, r"Expected n_weights in \[2, 1000000\], got 10000000\."),
+            (
+                {"n_weights": 2.5},
+                r"Expected n_weights to be an integer in \[2, 1000000\], got 2\.5\.",
+            ),
+            ({"beam_width": 0}, r"Expected beam_width in \[1, 100000\], got 0\."),
+            ({"beam_width": 10**6}, r"Expected beam_width in \[1, 100000\], got 1000000\."),
+            ({"max_ties": 0}, r"Expected max_ties in \[1, 1000000000\], got 0\."),
         ],
     )
     def test_parameters_out_of_range(self, parameters, message):

@@ -1,6 +1,7 @@
 """Every message of the parameter checks, and the kinds of numbers they take."""
 
 import math
+import pickle
 from decimal import Decimal
 from fractions import Fraction
 from functools import partial
@@ -9,12 +10,16 @@ import numpy as np
 import pytest
 
 from botohe_moo._base.checks import (
+    ParameterError,
+    check_choice,
     check_flag,
     check_integer,
     check_number,
     check_parameters,
+    check_weights,
     keyword_names,
     nearest_first,
+    quoted,
 )
 
 
@@ -89,7 +94,7 @@ class TestNumber:
                 check_number("x", value, **bounds)
             assert str(error.value) == f"Expected {expected}, got {value!r}."
 
-    @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, "1", True, 10**400])
+    @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, "1", True])
     def test_without_bounds(self, value):
         with pytest.raises(ValueError, match=r"^Expected") as error:
             check_number("x", value)
@@ -116,9 +121,11 @@ class TestNumber:
         with pytest.raises(ValueError, match=r"^Expected x in \[0, 1\), got Fraction"):
             check_number("x", 1 - Fraction(1, 10**30), at_least=0, below=1)
 
-    def test_another_choice(self):
-        with pytest.raises(ValueError, match=r"^Expected tau > 0 or 'bounds', got 'bound'\.$"):
-            check_number("tau", "bound", above=0, other="'bounds'")
+    def test_long_ones_are_shortened(self):
+        with pytest.raises(
+            ValueError, match=r"^Expected x to be a finite number, got 10+\.{3}0+\.$"
+        ):
+            check_number("x", 10**400)
 
 
 class TestFlag:
@@ -135,6 +142,71 @@ class TestFlag:
         with pytest.raises(ValueError, match=r"^Expected") as error:
             check_flag("heuristic", value)
         assert str(error.value) == f"Expected heuristic to be true or false, got {value!r}."
+
+
+class TestChoice:
+    def test_known_names(self):
+        assert check_choice("move", "visit", {"visit": 1, "splice": 2}) is None
+
+    @pytest.mark.parametrize("name", ["visti", 3, None, ["visit"]])
+    def test_others_list_the_known_ones_nearest_first(self, name):
+        with pytest.raises(ParameterError, match=r"^Expected move among ") as error:
+            check_choice("move", name, ["splice", "visit"])
+        assert str(error.value).endswith(f", got {name!r}.")
+        assert error.value.parameter == "move"
+        assert name != "visti" or "among visit, splice" in str(error.value)
+
+
+class TestWeights:
+    def test_numbers_of_any_kind_become_float(self):
+        weights = check_weights("moves", {"a": np.int8(2), "b": 0}, ["a", "b", "c"])
+        assert weights == {"a": 2.0, "b": 0.0}
+        assert {type(weight) for weight in weights.values()} == {float}
+        assert check_weights("moves", {}, ["a"]) == {}
+
+    @pytest.mark.parametrize(
+        ("given", "message"),
+        [
+            ("a", "Expected moves to be a mapping from names to weights, got 'a'."),
+            ({"d": 1}, "Expected kinds among a, b, got 'd'."),
+            ({"a": -1}, "Expected weight of 'a' in kinds >= 0, got -1."),
+            ({"a": "1"}, "Expected weight of 'a' in kinds >= 0, got '1'."),
+            (
+                {"a": 1e308, "b": 1e308},
+                "Expected weights of kinds with a finite sum, got {'a': 1e+308, 'b': 1e+308}.",
+            ),
+        ],
+    )
+    def test_wrong_ones_blame_the_parameter(self, given, message):
+        with pytest.raises(ParameterError) as error:
+            check_weights("moves", given, ["a", "b"], what="kinds")
+        assert str(error.value) == message
+        assert error.value.parameter == "moves"
+
+
+class TestParameterError:
+    def test_it_holds_the_name_as_data_also_in_another_process(self):
+        with pytest.raises(ParameterError) as error:
+            check_integer("n_ants", 0, at_least=1)
+        assert error.value.parameter == "n_ants"
+        copied = pickle.loads(pickle.dumps(error.value))
+        assert (str(copied), copied.parameter) == ("Expected n_ants >= 1, got 0.", "n_ants")
+
+
+class TestQuoted:
+    @pytest.mark.parametrize("value", ["a" * 120, 3, None, 2.5, [1, "a"], {"a": 1}, (), np.int8(3)])
+    def test_short_values_are_whole(self, value):
+        assert quoted(value) == repr(value)
+
+    @pytest.mark.parametrize(
+        "value", ["a" * 121, 10**400, list(range(10**4)), {str(i): i for i in range(99)}, [[[[1]]]]]
+    )
+    def test_long_and_deep_ones_are_shortened(self, value):
+        assert "..." in quoted(value)
+        assert len(quoted(value)) < 200
+
+    def test_the_length_of_a_long_text_is_told(self):
+        assert quoted("ab" * 1000) == f"{'ab' * 50!r}... (2,000 characters)"
 
 
 class TestParameters:

@@ -155,7 +155,9 @@ class TestRandom:
             message = re.escape(f"Expected arc_probability in (0, 1], got {probability}.")
             with pytest.raises(ValueError, match=message):
                 generators.random(arc_probability=probability)
-        with pytest.raises(ValueError, match=r"Expected arc_probability to be a number, got '1'\."):
+        with pytest.raises(
+            ValueError, match=r"Expected arc_probability to be a number in \(0, 1\], got '1'\."
+        ):
             generators.random(arc_probability="1")
 
     def test_too_few_arcs_to_connect(self):

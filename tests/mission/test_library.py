@@ -160,7 +160,7 @@ class TestRefusals:
             ("toy", {"seed": 3, "nodes": 2}, r"no parameter 'seed' or 'nodes'; known are robots\."),
             ("random", {"arc_probabilty": 1}, r"known are arc_probability, "),
             ("terrain", {"nodes": 1}, r"Expected nodes >= 2, got 1\."),
-            ("toy", {"robots": 0}, r"Mission 'toy': expected robots to be an integer >= 1, got 0"),
+            ("toy", {"robots": 0}, r"Mission 'toy': Expected robots >= 1, got 0\."),
         ],
     )
     def test_parameters(self, name, parameters, message):
@@ -277,8 +277,12 @@ class TestCheck:
         ("name", "parameters", "faults"),
         [
             ("terrain", {"nodes": 1}, [("nodes", "Expected nodes >= 2, got 1.")]),
-            ("terrain", {"nodes": "5"}, [("nodes", "Expected nodes to be an integer, got '5'.")]),
-            ("toy", {"robots": 0}, [(None, "expected robots to be an integer >= 1, got 0")]),
+            (
+                "terrain",
+                {"nodes": "5"},
+                [("nodes", "Expected nodes to be an integer >= 2, got '5'.")],
+            ),
+            ("toy", {"robots": 0}, [("robots", "Expected robots >= 1, got 0.")]),
             ("lost.json", {}, [(None, "there is no such file")]),
             (3, {}, [(None, "Expected the name of a mission or a path, got 3.")]),
             (

@@ -140,9 +140,14 @@ def pip_install(site, *wheels):
     )
 
 
+def search_path(site):
+    """Put a folder before those that Python looks for modules in anyway."""
+    return os.pathsep.join(filter(None, [str(site), os.environ.get("PYTHONPATH")]))
+
+
 def botohe(*args, site=None, cwd=None):
     """Run the command in a process of its own that sees what is installed in ``site``."""
-    path = {"PYTHONPATH": str(site)} if site is not None else {}
+    path = {"PYTHONPATH": search_path(site)} if site is not None else {}
     done = subprocess.run(
         [BOTOHE, *map(str, args)],
         cwd=cwd,
@@ -283,7 +288,7 @@ class TestInstalled:
         )
         done = subprocess.run(
             [sys.executable, "-c", code],
-            env={**os.environ, "PYTHONPATH": str(third_party_site)},
+            env={**os.environ, "PYTHONPATH": search_path(third_party_site)},
             capture_output=True,
             text=True,
             check=True,

@@ -13,16 +13,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import BaseModel, BeforeValidator, Field, field_validator, model_validator
 
-from botohe_moo._plugins import (
+from botohe_moo._base.checks import ParameterError
+from botohe_moo._plugins.checks import call_factory, check_values, checked, raised_fault
+from botohe_moo._plugins.messages import wrong_value
+from botohe_moo._plugins.stated import Parameter, accepted_parameters
+from botohe_moo._plugins.types import (
     SameResult,
-    accepted_parameters,
-    call_factory,
-    check_values,
+    is_plain,
     plain_value,
-    raised_fault,
-    wrong_value,
+    range_text,
+    type_text,
 )
-from botohe_moo._plugins.types import is_plain, range_text, type_text, value_faults
+
+
+def value_faults(name, value, hint):
+    return Parameter(name, hint=hint).checked(value)[1]
 
 
 class Rope:
@@ -322,7 +327,7 @@ class TestAccepted:
             "in [1, 5]",
             "As usual.",
         )
-        assert (share.required, share.annotation, share.range) == (True, "Share", "in (0, 1)")
+        assert (share.required, share.annotation, share.range) == (True, "float", "in (0, 1)")
         assert (rope.plain, lost.plain, lost.hint) == (False, False, Any)
         assert (accepted.needed, accepted.any_name, accepted.model) == (("share",), True, None)
         assert not accepted_parameters(climb, closed=True).any_name
@@ -373,7 +378,7 @@ class TestAccepted:
                 return x
 
         accepted = accepted_parameters(Called())
-        assert (accepted.names, accepted.nameless, accepted.needed) == (("y",), ("x",), ("y",))
+        assert (accepted.names, accepted.ungivable, accepted.needed) == (("y",), ("x",), ("y",))
         assert accepted.parameters[0].range == "in (0, 1)"
         assert accepted_parameters(dict).any_name
         assert accepted_parameters(dict).parameters == ()
@@ -486,6 +491,54 @@ class TestCheckValues:
                 assert call_factory("X", factory, accepted, values) is not None
 
 
+class TestChecked:
+    @staticmethod
+    @checked
+    def swim(x=None, /, *, n: Few = 2, share: Share | Literal["all"] = 0.5, rope: "Rope" = None):
+        """Swim."""
+        return x, n, share, rope
+
+    def test_defaults_and_what_is_positional_are_left_alone(self):
+        assert self.swim() == (None, 2, 0.5, None)
+        assert self.swim("n") == ("n", 2, 0.5, None)
+
+    def test_numbers_of_all_kinds_become_pythons(self):
+        _, n, share, _ = self.swim(n=np.int64(3), share=np.float32(0.5))
+        assert (n, share, type(n), type(share)) == (3, 0.5, int, float)
+        assert self.swim(share="all")[2] == "all"
+
+    @pytest.mark.parametrize(
+        ("given", "message"),
+        [
+            ({"n": 6}, "Expected n in [1, 5], got 6."),
+            ({"n": True}, "Expected n to be an integer in [1, 5], got True."),
+            ({"n": "3"}, "Expected n to be an integer in [1, 5], got '3'."),
+            ({"n": 3.0}, "Expected n to be an integer in [1, 5], got 3.0."),
+            ({"share": float("nan")}, "Expected share in (0, 1) or 'all', got nan."),
+            (
+                {"share": 1, "n": 0},
+                "Expected n in [1, 5], got 0. Expected share in (0, 1) or 'all', got 1.",
+            ),
+        ],
+    )
+    def test_all_that_is_wrong_is_said(self, given, message):
+        with pytest.raises(ParameterError) as error:
+            self.swim(**given)
+        assert str(error.value) == message
+        assert error.value.parameter in given
+
+    def test_objects_are_for_the_function_to_check(self):
+        assert self.swim(rope="no rope")[3] == "no rope"
+
+    def test_it_looks_like_the_function(self):
+        assert self.swim.__doc__ == "Swim."
+        assert accepted_parameters(self.swim).parameters[0].range == "in [1, 5]"
+
+    def test_unknown_names_are_refused_as_usual(self):
+        with pytest.raises(TypeError, match="unexpected keyword argument 'm'"):
+            self.swim(m=1)
+
+
 class TestCall:
     def test_values_are_handed_over_as_they_are(self):
         accepted = accepted_parameters(climb)
@@ -528,28 +581,34 @@ class TestCall:
             assert str(caught.value).startswith(message)
 
     def test_who_knows_the_range_is_heard(self):
+        called = []
+
         def dive(*, depth: int, breath: float = 1.0):
-            if depth == "deep":
-                raise ValueError("Expected depth in [1, 30], got 'deep'.")
-            if depth == "odd":
-                raise ValueError("Expected nothing.")
+            if depth == 31:
+                raise ValueError("Expected depth in [1, 30], got 31.")
             if breath == 0:
                 raise KeyError("breath")
-            return depth
+            called.append(depth)
 
         def call(**values):
             return call_factory("X", dive, accepted_parameters(dive), values)
 
-        with pytest.raises(ValueError, match=r"^X: Expected depth in \[1, 30\], got 'deep'\.$"):
+        with pytest.raises(
+            ParameterError, match=r"^X: Expected depth in \[1, 30\], got 31\.$"
+        ) as e:
+            call(depth=31)
+        assert e.value.parameter == "depth"
+        with pytest.raises(ValueError, match=r"^X: Expected depth to be an integer, got 'deep'\.$"):
             call(depth="deep")
-        with pytest.raises(ValueError, match=r"^X: Expected depth to be an integer, got 'odd'\.$"):
-            call(depth="odd")
         with pytest.raises(ValueError, match=r"^X: Expected depth to be an integer, got '3'\.$"):
             call(depth="3")
         with pytest.raises(ValueError, match=r"^X: Expected depth to be an integer, got '3'\.$"):
             call(depth="3", breath=0)
         with pytest.raises(KeyError, match="breath"):
             call(depth=3, breath=0)
+        assert called == []
+        call(depth=3)
+        assert called == [3]
 
     def test_errors_that_say_enough(self):
         class OwnError(ValueError):
@@ -568,12 +627,14 @@ class TestCall:
         def fault(error):
             return raised_fault(error, {"n", "share"}, source="X")
 
+        assert fault(ParameterError("X: A small share.", "share")) == ("share", "A small share.")
+        assert fault(ParameterError("n is too small.", "other")) == (None, "n is too small.")
         assert fault(ValueError("X: Expected n >= 1, got 0.")) == ("n", "Expected n >= 1, got 0.")
-        assert fault(ValueError("Expected a share below 1.")) == (
-            "share",
-            "Expected a share below 1.",
-        )
+        assert fault(ValueError("n: too small")) == ("n", "n: too small")
+        assert fault(ValueError("n")) == ("n", "n")
+        assert fault(ValueError("Expected a share below 1.")) == (None, "Expected a share below 1.")
         assert fault(ValueError("Expected m >= 1.")) == (None, "Expected m >= 1.")
+        assert fault(ValueError("")) == (None, "")
         assert fault(OSError("gone")) == (None, "OSError: gone")
 
 

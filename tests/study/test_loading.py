@@ -397,15 +397,15 @@ indicators: [area, igd]
             (1, "name: Expected name of letters"),
             (2, "titel: there is no key 'titel'; known are title,"),
             (4, "'art_museun': there is no such mission; known are art_museum,"),
-            (7, "nodes: Expected nodes to be an integer, got '50'"),
+            (7, "nodes: Expected nodes to be an integer >= 2, got '50'"),
             (7, "sed: there is no parameter 'sed'; known are seed,"),
             (8, "missing.json': there is no such file"),
             (9, "robots: Expected robots >= 1, got 0"),
             (11, "'f' is the same as 'e'"),
             (13, "'bo-acco': there is no such algorithm; known are bo-aco,"),
             (17, "there is no parameter 'pop_sise'; known are pop_size,"),
-            (18, "Expected pop_size to be an integer, got 1.5"),
-            (19, "Expected n_ants >= 1, got 0"),
+            (18, "Expected pop_size to be an integer in [2, 1000000], got 1.5"),
+            (19, "Expected n_ants in [1, 1000000], got 0"),
             (19, "grid.n_ants: expected different values"),
             (19, "Expected evaporation in (0, 1), got 2.0"),
             (20, "there is no key 'parameter'; known are parameters,"),
@@ -606,9 +606,14 @@ class TestSchema:
         [
             {"seeds": [3, 4], "missions": ["toy"], "algorithms": {"a": {"algorithm": "nsga2"}}},
             {"seeds": {"count": 3, "seed": 1}},
+            {"algorithms": {"a": {"algorithm": "bo-aco", "parameters": {"evaporation": 0.5}}}},
+            {"algorithms": {"a": {"algorithm": "bo-aco", "grid": {"exchange_every": [1, None]}}}},
+            {"algorithms": {"a": {"algorithm": "my:Own", "parameters": {"evaporation": 2}}}},
+            {"missions": {"a": {"mission": "terrain", "grid": {"nodes": [2, 3], "robots": [1]}}}},
+            {"missions": {"a": {"mission": "lagoon", "parameters": {"nodes": 1}}}},
         ],
     )
-    def test_shorthands_are_allowed(self, changes):
+    def test_shorthands_and_parameters_are_allowed(self, changes):
         jsonschema.validate(changed(**changes), json.loads(study_schema()))
 
     @pytest.mark.parametrize(
@@ -620,6 +625,12 @@ class TestSchema:
             {"algorithms": {"a": {"algorithm": "x", "parameter": {}}}},
             {"budget": {"evaluations": 0}},
             {"indicators": ["igd"]},
+            {"algorithms": {"a": {"algorithm": "bo-aco", "parameters": {"evaporation": 1}}}},
+            {"algorithms": {"a": {"algorithm": "bo-aco", "parameters": {"evaporatio": 0.5}}}},
+            {"algorithms": {"a": {"algorithm": "bo-aco", "parameters": {"sampling": []}}}},
+            {"algorithms": {"a": {"algorithm": "bo-aco", "grid": {"n_ants": [10, 0]}}}},
+            {"missions": {"a": {"mission": "terrain", "parameters": {"nodes": 1}}}},
+            {"missions": {"a": {"mission": "terrain", "grid": {"sed": [1]}}}},
         ],
     )
     def test_and_nothing_else(self, changes):

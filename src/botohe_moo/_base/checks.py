@@ -4,25 +4,45 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping
 from difflib import SequenceMatcher
 from numbers import Integral, Real
+from reprlib import Repr
 from typing import Any
 
 import numpy as np
 
 _LONG = 120
 
+_REPR = Repr()
+_REPR.maxlevel, _REPR.maxdict = 2, 8
+_REPR.maxstring, _REPR.maxother = 60, _LONG
+
+
+class ParameterError(ValueError):
+    """A parameter that is wrong: the message says what was expected, and what was given.
+
+    Attributes
+    ----------
+    parameter : str or None
+        Its name, where the message is about a single one.
+    """
+
+    def __init__(self, message: str, parameter: str | None = None) -> None:
+        super().__init__(message)
+        self.parameter = parameter
+
 
 def check_integer(name: str, value: Any, *, at_least: int, at_most: int | None = None) -> int:
-    """Give ``value`` as an int, or raise the ValueError that says what was expected."""
+    """Give ``value`` as an int, or raise the ParameterError that says what was expected."""
     if isinstance(value, bool | np.bool_) or not isinstance(value, Integral):
-        raise ValueError(f"Expected {name} to be an integer >= {at_least}, got {value!r}.")
+        expected = f"{name} to be an integer >= {at_least}"
+        raise ParameterError(f"Expected {expected}, got {quoted(value)}.", name)
     number = int(value)
     if number < at_least:
-        raise ValueError(f"Expected {name} >= {at_least}, got {value}.")
+        raise ParameterError(f"Expected {name} >= {at_least}, got {value}.", name)
     if at_most is not None and number > at_most:
-        raise ValueError(f"Expected {name} <= {at_most}, got {value}.")
+        raise ParameterError(f"Expected {name} <= {at_most}, got {value}.", name)
     return number
 
 
@@ -34,9 +54,8 @@ def check_number(
     at_least: float = -math.inf,
     below: float = math.inf,
     at_most: float = math.inf,
-    other: str = "",
 ) -> float:
-    """Give ``value`` as a finite float, or raise the ValueError that says what was expected."""
+    """Give ``value`` as a finite float, or raise the ParameterError that says what was expected."""
     number = _as_float(value)
     if math.isfinite(number) and above < number < below and at_least <= number <= at_most:
         return number
@@ -51,11 +70,11 @@ def check_number(
         expected = f"{name} {'>' if open_low else '>='} {low:g}"
         if number == math.inf:
             expected += " and finite"
-    raise ValueError(f"Expected {expected}{f' or {other}' if other else ''}, got {value!r}.")
+    raise ParameterError(f"Expected {expected}, got {quoted(value)}.", name)
 
 
 def _as_float(value: Any) -> float:
-    """Convert a number; NaN for what is none."""
+    """Convert a number; NaN for anything else."""
     number = isinstance(value, Real) and not isinstance(value, bool | np.bool_)
     try:
         return float(value) if number else math.nan
@@ -64,42 +83,73 @@ def _as_float(value: Any) -> float:
 
 
 def check_flag(name: str, value: Any) -> bool:
-    """Give ``value`` as a bool, or raise the ValueError that says what was expected."""
+    """Give ``value`` as a bool, or raise the ParameterError that says what was expected."""
     if not isinstance(value, bool | np.bool_):
-        raise ValueError(f"Expected {name} to be true or false, got {value!r}.")
+        raise ParameterError(f"Expected {name} to be true or false, got {quoted(value)}.", name)
     return bool(value)
+
+
+def check_choice(parameter: str, name: Any, known: Collection[str]) -> None:
+    """Refuse a name that is not known; the ParameterError lists the known ones, nearest first."""
+    if not isinstance(name, str) or name not in known:
+        among = ", ".join(nearest_first(str(name), known))
+        raise ParameterError(f"Expected {parameter} among {among}, got {quoted(name)}.", parameter)
+
+
+def check_weights(
+    parameter: str, given: Any, known: Collection[str], *, what: str = ""
+) -> dict[str, float]:
+    """Give a mapping from known names to weights >= 0 of finite sum, or raise a ParameterError.
+
+    ``what`` the names are of is by default the parameter.
+    """
+    what = what or parameter
+    if not isinstance(given, Mapping):
+        expected = f"{parameter} to be a mapping from names to weights"
+        raise ParameterError(f"Expected {expected}, got {quoted(given)}.", parameter)
+    weights = {}
+    for name, weight in given.items():
+        try:
+            check_choice(what, name, known)
+            weights[name] = check_number(f"weight of {name!r} in {what}", weight, at_least=0)
+        except ParameterError as error:
+            raise ParameterError(str(error), parameter) from None
+    if sum(weights.values()) == math.inf:
+        message = f"Expected weights of {what} with a finite sum, got {quoted(given)}."
+        raise ParameterError(message, parameter)
+    return weights
+
+
+def mapping_of(parameters: Any) -> Mapping[str, Any]:
+    """Give parameters by name, none for None; a ParameterError if they are not a mapping."""
+    given = {} if parameters is None else parameters
+    if not isinstance(given, Mapping):
+        expected = "parameters to be a mapping from names to values"
+        raise ParameterError(f"Expected {expected}, got {quoted(given)}.")
+    return given
 
 
 def check_parameters(
     owner: str, given: Iterable[str], accepted: Iterable[str] | None, *, also: Iterable[str] = ()
 ) -> None:
-    """Refuse parameters that are not known.
+    """Refuse parameters that are not known; the ParameterError lists the known ones.
 
-    Parameters
-    ----------
-    owner
-        Whom the parameters are for, as the message calls it.
-    given
-        Names of the parameters.
-    accepted
-        Names of those that are known; None for a function that takes any.
-    also
-        Further names that are known.
-
-    Raises
-    ------
-    ValueError
-        Names every unknown parameter, and the known ones, nearest first.
+    ``owner`` says whom the parameters are for. ``accepted`` is None for a function that takes any;
+    the names in ``also`` are known, too.
     """
     if accepted is None:
         return
-    known = sorted({*accepted, *also})
-    unknown = [name for name in given if name not in known]
-    if unknown:
-        named = " or ".join(repr(name) for name in unknown)
-        among = ", ".join(nearest_first(unknown[0], known))
-        remedy = f"known are {among}" if known else "it takes none"
-        raise ValueError(f"{owner}: there is no parameter {named}; {remedy}.")
+    known = {*accepted, *also}
+    if unknown := [name for name in given if name not in known]:
+        raise ParameterError(f"{owner}: {unknown_parameters(unknown, known)}", unknown[0])
+
+
+def unknown_parameters(unknown: list[str], known: Iterable[str]) -> str:
+    """Say that there are no parameters of these names, and which there are, nearest first."""
+    named = " or ".join(map(repr, unknown))
+    among = ", ".join(nearest_first(str(unknown[0]), known))
+    remedy = f"known are {among}" if among else "it takes none"
+    return f"there is no parameter {named}; {remedy}."
 
 
 def keyword_names(function: Callable[..., object]) -> tuple[str, ...] | None:
@@ -121,6 +171,9 @@ def nearest_first(word: str, words: Iterable[str]) -> list[str]:
 
 
 def quoted(value: object) -> str:
-    """Write a value as ``repr`` does, but of a long one only the beginning."""
-    text = repr(value)
-    return text if len(text) <= _LONG else f"{text[: _LONG - 20]}... ({len(text):,} characters)"
+    """Write a value as ``repr`` does; of a long one, which may be a whole file, only a part."""
+    if not isinstance(value, str):
+        return _REPR.repr(value)
+    if len(value) <= _LONG:
+        return repr(value)
+    return f"{value[: _LONG - 20]!r}... ({len(value):,} characters)"

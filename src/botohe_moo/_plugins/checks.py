@@ -2,22 +2,64 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Collection, Iterator, Mapping
-from typing import Any, TypeAlias
+import functools
+from collections.abc import Callable, Collection, Iterator, Mapping
+from typing import Any, ParamSpec, TypeAlias, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from botohe_moo._base.checks import check_parameters, nearest_first
-from botohe_moo._plugins.stated import Accepted, Factory
-from botohe_moo._plugins.types import bounds_text, fault_messages, value_faults
+from botohe_moo._base.checks import ParameterError, check_parameters, unknown_parameters
+from botohe_moo._plugins.messages import fault_messages
+from botohe_moo._plugins.stated import Accepted, Factory, Parameter, signature_parameters
+from botohe_moo._plugins.types import is_scalar
 
-__all__ = ["Fault", "call_factory", "check_values", "raised_fault"]
+__all__ = ["Fault", "call_factory", "check_values", "checked", "raised_fault"]
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 # The parameter that is wrong, None for the whole, and what is wrong with it.
 Fault: TypeAlias = tuple[str | None, str]
 
 _SCALAR_TYPES = frozenset({"int_type", "float_type", "bool_type", "string_type"})
+
+
+def checked(function: Callable[P, R]) -> Callable[P, R]:
+    """Make a function or constructor check its parameters by their types, whenever it is called.
+
+    These are parameters given by keyword that are numbers, flags, names or None; what else
+    they may be, the function checks itself. It gets numbers of all kinds as ``int`` and ``float``.
+
+    Examples
+    --------
+    >>> from typing import Annotated
+    >>> from pydantic import Field
+    >>> @checked
+    ... def dive(*, depth: Annotated[int, Field(ge=1, le=30)] = 1): ...
+    >>> dive(depth=31)
+    Traceback (most recent call last):
+    botohe_moo._base.checks.ParameterError: Expected depth in [1, 30], got 31.
+    """
+
+    @functools.wraps(function)
+    def call(*args: P.args, **given: P.kwargs) -> R:
+        faults: list[tuple[str, str]] = []
+        for parameter in _scalars(function):
+            name = parameter.name
+            if name in given:
+                given[name], messages = parameter.checked(given[name])
+                faults += [(name, message) for message in messages]
+        if faults:
+            raise ParameterError(" ".join(message for _, message in faults), faults[0][0])
+        return function(*args, **given)
+
+    return call
+
+
+@functools.cache
+def _scalars(function: Callable[..., Any]) -> tuple[Parameter, ...]:
+    """Find, at a function's first call, what it checks by type: it would slow importing down."""
+    return tuple(p for p in signature_parameters(function) if is_scalar(p.hint))
 
 
 def check_values(
@@ -27,26 +69,19 @@ def check_values(
     plain: bool = False,
     also: Collection[str] = (),
 ) -> list[Fault]:
-    """Say everything that is wrong with the values a factory is to be given.
+    """Say everything that is wrong with the values a factory is to be given, by name.
 
-    Parameters
-    ----------
-    accepted
-        What the factory can be given.
-    values
-        What it is to be given, by name.
-    plain
-        Whether the values are from a text, so that they cannot be Python objects.
-    also
-        Further names that are known; their values are not looked at.
-
-    Returns
-    -------
-    list
-        Pairs of a name, None for the whole, and what is wrong; empty if nothing is.
+    With ``plain`` the values are from a text, so that they cannot be Python objects. The names in
+    ``also`` are known, too; their values are not looked at.
     """
+    known = {*accepted.names, *also}
+    unknown = [
+        name
+        for name in values
+        if name not in known and not (accepted.any_name and isinstance(name, str))
+    ]
     return [
-        *_unknown_faults(accepted, values, also),
+        *((str(name), unknown_parameters([name], known)) for name in unknown),
         *_missing_faults(accepted, values),
         *_checked(accepted, values, plain=plain)[0],
     ]
@@ -63,94 +98,48 @@ def call_factory(
 ) -> Any:
     """Call a factory with checked values.
 
-    Parameters
-    ----------
-    source
-        What is spoken of, to begin messages with.
-    factory, accepted
-        What is called, and what it can be given.
-    values
-        What it is given, by name.
-    also
-        Further names that messages list as known.
-    passing
-        Errors of the factory's own that say enough.
+    ``source`` says in messages whom they are about. Messages list the names in ``also`` as known.
+    Errors of the factory's own that are in ``passing`` are not changed.
 
     Raises
     ------
-    ValueError
+    ParameterError
         If a name is unknown or missing, or a value is refused.
     """
     check_parameters(source, values, None if accepted.any_name else accepted.names, also=also)
-    if missing := _missing_faults(accepted, values):
-        raise ValueError(f"{source}: {missing[0][1]}")
     faults, given = _checked(accepted, values)
-    expected = " ".join(message for _, message in faults)
-    if faults and accepted.model:
-        raise ValueError(f"{source}: {expected}")
+    faults = [*_missing_faults(accepted, values), *faults]
+    if faults:
+        expected = " ".join(message for _, message in faults)
+        raise ParameterError(f"{source}: {expected}", faults[0][0])
     try:
-        made = factory(**given)
+        return factory(**given)
     except passing:
         raise
-    except Exception as error:
-        # A constructor that says what it expected knows the range, too.
-        if faults and _speaks_of(str(error)) not in [name for name, _ in faults]:
-            raise ValueError(f"{source}: {expected}") from error
-        if not isinstance(error, TypeError | ValueError):
-            raise
-        raise ValueError(f"{source}: {error}") from error
-    if faults:
-        raise ValueError(f"{source}: {expected}")
-    return made
+    except (TypeError, ValueError) as error:
+        blamed = raised_fault(error, values, source=source)[0]
+        raise ParameterError(f"{source}: {error}", blamed) from error
 
 
-def raised_fault(error: BaseException, names: Collection[str], *, source: str) -> Fault:
-    """Turn what a factory raised into a fault, of the parameter it speaks of.
+def raised_fault(error: BaseException, names: Collection[str] | None, *, source: str) -> Fault:
+    """Turn what a factory raised into a fault of the parameter among ``names`` that it is about.
 
-    Parameters
-    ----------
-    error
-        What was raised.
-    names
-        What the factory was given.
-    source
-        What messages begin with, and a fault does not.
+    That is what the error holds as ``parameter``, or the name with which its message begins.
     """
     told = isinstance(error, TypeError | ValueError)
     message = str(error) if told else f"{type(error).__name__}: {error}"
     message = message.removeprefix(f"{source}: ")
-    name = _speaks_of(message)
-    return (name if name in names else None), message
+    first = message.removeprefix("Expected ").partition(" ")[0].rstrip(":,")
+    name = getattr(error, "parameter", None) or first
+    return (name if isinstance(names, Collection) and name in names else None), message
 
 
-def _speaks_of(message: str) -> str | None:
-    found = re.match(r"Expected (?:an? )?(\w+)\b", message, re.IGNORECASE)
-    return found[1] if found else None
-
-
-def _unknown_faults(
-    accepted: Accepted, values: Mapping[str, Any], also: Collection[str]
-) -> Iterator[Fault]:
-    known = {*accepted.names, *also}
-    for name in values:
-        if name in known or (accepted.any_name and isinstance(name, str)):
-            continue
-        among = ", ".join(nearest_first(str(name), known))
-        remedy = f"known are {among}" if known else "it takes none"
-        yield str(name), f"there is no parameter {name!r}; {remedy}."
-
-
-def _missing_faults(accepted: Accepted, values: Mapping[str, Any]) -> list[Fault]:
-    faults: list[Fault] = [
-        (name, f"missing a required parameter {name!r}.")
-        for name in accepted.needed
-        if name not in values
-    ]
-    faults += [
-        (name, f"missing a required parameter {name!r}, which it does not take by name.")
-        for name in accepted.nameless
-    ]
-    return faults
+def _missing_faults(accepted: Accepted, values: Mapping[str, Any]) -> Iterator[Fault]:
+    for name in accepted.needed:
+        if name not in values:
+            yield name, f"missing a required parameter {name!r}."
+    for name in accepted.ungivable:
+        yield None, f"cannot be made: it requires {name!r}, which cannot be given by name here."
 
 
 def _checked(
@@ -161,28 +150,27 @@ def _checked(
     Of a signature that is the values as they are: pydantic's own copies may be other objects.
     """
     faults: list[Fault] = []
-    checked: dict[str, Any] = {}
+    known: dict[str, Any] = {}
     for parameter in accepted.parameters:
-        if parameter.name not in values:
+        name = parameter.name
+        if name not in values:
             continue
-        value = values[parameter.name]
         if plain and not parameter.plain:
-            message = f"{parameter.name} can be given from Python only, as {parameter.annotation}."
-            faults.append((parameter.name, message))
+            message = f"{name} can be given from Python only, as {parameter.annotation}."
+            faults.append((name, message))
             continue
-        checked[parameter.name] = value
-        if accepted.model is None and value is not parameter.default:
-            messages = value_faults(parameter.name, value, parameter.hint)
-            faults += [(parameter.name, message) for message in messages]
+        known[name] = values[name]
+        if accepted.model is None and values[name] is not parameter.default:
+            faults += [(name, message) for message in parameter.checked(values[name])[1]]
     if accepted.model is None:
         return faults, dict(values)
-    found, given = _by_model(accepted.model, checked)
+    found, given = _by_model(accepted.model, accepted.parameters, known)
     skipped = {name for name, _ in faults}
     return [*faults, *(fault for fault in found if fault[0] not in skipped)], given
 
 
 def _by_model(
-    model: type[BaseModel], values: Mapping[str, Any]
+    model: type[BaseModel], parameters: Collection[Parameter], values: Mapping[str, Any]
 ) -> tuple[list[Fault], dict[str, Any]]:
     """Let a model check and convert values; it converts no number, flag or text to another."""
     keys = {
@@ -200,10 +188,10 @@ def _by_model(
     if not errors:
         return [], {name: getattr(made, name) for name in model.model_fields}
     faults: list[Fault] = []
-    for name, key in keys.items():
+    for parameter in parameters:
+        name, key = parameter.name, keys[parameter.name]
         if name in values and key in errors:  # what is missing has been said before
-            bounds = bounds_text(model.model_fields[name].metadata)
-            messages = fault_messages(name, values[name], errors[key], bounds)
+            messages = fault_messages(name, values[name], errors[key], parameter.range)
             faults += [(name, message) for message in messages]
     for detail in errors.get(None, ()):
         faults.append((None, str((detail.get("ctx") or {}).get("error", detail["msg"]))))

@@ -8,35 +8,33 @@ import re
 from collections.abc import Callable
 from typing import Any
 
-__all__ = ["described_parameters", "docstring_of"]
+__all__ = ["described_parameters", "summary_of"]
 
 
-def docstring_of(function: Callable[..., Any]) -> str:
-    """Give the docstring of a function or class.
-
-    Parameters
-    ----------
-    function
-        May be one of which some arguments are fixed.
-    """
+def _docstring_of(function: Callable[..., Any]) -> str:
+    """Give the docstring of a function or class, also of one with some arguments fixed."""
     # A partial would answer with what partials are.
     documented = function.func if isinstance(function, functools.partial) else function
     return inspect.getdoc(documented) or ""
 
 
+def summary_of(function: Callable[..., Any]) -> str:
+    """Give the paragraph that a docstring begins with, in one line; may be empty."""
+    return " ".join(_docstring_of(function).partition("\n\n")[0].split())
+
+
 def described_parameters(function: Callable[..., Any]) -> dict[str, str]:
-    """Read the Parameters section of a numpydoc docstring, and those of a class's bases."""
-    if isinstance(function, type):
-        described: dict[str, str] = {}
-        for base in reversed(function.__mro__[:-1]):
-            described |= _described_by(base)
-        return described
-    return _described_by(function)
+    """Read the Parameters sections of the numpydoc docstrings of a function, or class and bases."""
+    sources = function.__mro__[-2::-1] if isinstance(function, type) else (function,)
+    described: dict[str, str] = {}
+    for source in sources:
+        described |= _described_by(source)
+    return described
 
 
 def _described_by(function: Callable[..., Any]) -> dict[str, str]:
     section = re.search(
-        r"^Parameters\n-+\n(.*?)(?=^\S[^\n]*\n-+\n|\Z)", docstring_of(function), re.M | re.S
+        r"^Parameters\n-+\n(.*?)(?=^\S[^\n]*\n-+\n|\Z)", _docstring_of(function), re.M | re.S
     )
     described: dict[str, str] = {}
     names: list[str] = []

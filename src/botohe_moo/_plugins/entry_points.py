@@ -24,26 +24,18 @@ _OURS = "botohe-moo"
 
 
 class PluginError(ValueError):
-    """A name that nobody registers, or what is registered cannot be used; says why."""
+    """Says why a name is not registered, or cannot be used."""
 
 
 @dataclass(frozen=True)
 class PluginGroup:
-    """One entry-point group; the built-in entries are found in it like everybody's.
-
-    Attributes
-    ----------
-    group
-        Name of the entry-point group.
-    kind
-        What its entries are, for messages: "mission", "algorithm".
-    """
+    """One entry-point group; the built-in entries are found in it like those of other packages."""
 
     group: str
-    kind: str
+    kind: str  # what its entries are, for messages: "mission", "algorithm"
 
-    def source(self, name: str) -> str:
-        """Say what is spoken of, to begin a message with."""
+    def source(self, name: object) -> str:
+        """Say what a message is about, to begin it with."""
         return f"{self.kind.capitalize()} {name!r}"
 
     def claims(self) -> dict[str, list[EntryPoint]]:
@@ -70,14 +62,7 @@ class PluginGroup:
         return tuple(names)
 
     def load(self, name: str) -> Callable[..., Any]:
-        """Import the entry of that name.
-
-        Raises
-        ------
-        PluginError
-            If there is none (lists the known names, nearest first), two packages claim the name,
-            or it cannot be imported or called.
-        """
+        """Import the entry of that name; a PluginError says why it cannot be had or called."""
         entry = self.entry(name)
         origin = f"{entry.value} of package {_package(entry)}"
         function = imported(entry.load, origin)
@@ -97,13 +82,7 @@ class PluginGroup:
         return None
 
     def entry(self, name: str) -> EntryPoint:
-        """Find, without importing anything, the entry of that name.
-
-        Raises
-        ------
-        PluginError
-            If there is none, or two packages claim the name.
-        """
+        """Find, without importing anything, the entry of that name; a PluginError if it fails."""
         claims = self.claims()
         if name not in claims:
             known = ", ".join(nearest_first(name, claims))
@@ -130,30 +109,14 @@ class PluginGroup:
 
 
 def same_factory(one: object, other: object) -> bool:
-    """Tell whether two names lead to one thing; a class's method is made anew at each look.
-
-    Parameters
-    ----------
-    one, other
-        What the names lead to.
-    """
+    """Tell whether two names lead to one thing; a class's method is made anew at each look."""
     return one is other or (isinstance(one, MethodType) and one == other)
 
 
 def imported(load: Callable[[], Any], origin: str) -> Any:
     """Import what others have written; it can neither end the process nor write among results.
 
-    Parameters
-    ----------
-    load
-        Imports it.
-    origin
-        What it is, to begin a message with.
-
-    Raises
-    ------
-    PluginError
-        If it cannot be imported.
+    Whatever ``load`` raises becomes a PluginError that begins with ``origin``, what it is.
     """
     try:
         # What a module prints when it is imported would stand in a table that is piped.

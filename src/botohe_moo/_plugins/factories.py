@@ -21,16 +21,9 @@ _CACHED = type(functools.cache(callable))
 
 
 def declared_factory(path: str, group: PluginGroup, wanted: type) -> Callable[..., Any]:
-    """Import what a path names, and make sure that it may be called.
+    """Import ``module:name`` or ``module.name``, and make sure that it may be called.
 
-    Parameters
-    ----------
-    path
-        ``module:name``, or ``module.name``. Importing the module runs it.
-    group
-        What is registered there may be called, too.
-    wanted
-        What has to be made.
+    Importing the module runs it. What is registered in the group may be called, too.
 
     Raises
     ------
@@ -52,18 +45,13 @@ def declared_factory(path: str, group: PluginGroup, wanted: type) -> Callable[..
 
 
 def named(path: str) -> Any:
-    """Import what a path names, and call nothing.
-
-    Parameters
-    ----------
-    path
-        ``module:name``, or ``module.name``; the name may be that of a class's attribute.
+    """Import ``module:name`` or ``module.name``, such as a class's attribute, and call nothing.
 
     Raises
     ------
     ImportError, AttributeError, ValueError
-        If there is no such thing, or the path leads through something else than modules and
-        classes, or through names such as ``__class__``.
+        If there is no such thing, or the path leads through anything but modules and classes, or
+        through names such as ``__class__``.
     """
     if hidden := re.search(r"(?<![^.:])__\w*", path):
         raise ValueError(f"names such as {hidden[0]!r} are not for this")
@@ -103,13 +91,9 @@ def _attribute(owner: Any, name: str) -> Any:
 def says_it_makes(factory: Any, wanted: type) -> bool:
     """Tell whether something says that calling it makes what is wanted; it is not called.
 
-    Parameters
-    ----------
-    factory
-        A class, a function whose annotation says what it returns, a class's method of this kind,
-        or what ``functools.partial`` and ``functools.cache`` make of them.
-    wanted
-        What has to be made: the annotation has to be this class, one derived from it, or ``Self``.
+    That is a class, a function or a class's method whose annotation says that it returns ``wanted``
+    or a class derived from it, or ``Self``, and what ``functools.partial`` and ``functools.cache``
+    make of them.
     """
     while type(factory) in (functools.partial, _CACHED):
         factory = factory.func if type(factory) is functools.partial else factory.__wrapped__
@@ -118,10 +102,9 @@ def says_it_makes(factory: Any, wanted: type) -> bool:
     owner = factory.__self__ if isinstance(factory, MethodType) else None
     if isinstance(factory, MethodType):
         factory = factory.__func__
-    if not isinstance(owner, type | None):
+    if not isinstance(owner, type | None) or not inspect.isfunction(factory):
         return False
-    if not inspect.isfunction(factory):
-        return False
+    factory = inspect.unwrap(factory)  # in whose module the names of its annotations are
     stated = factory.__annotations__.get("return")
     return _is_kind(stated, wanted, factory.__globals__, owner)
 

@@ -14,14 +14,36 @@ from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, TypeAlias
 
-from pydantic import BaseModel, BeforeValidator, PlainValidator, TypeAdapter, WrapValidator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    PlainValidator,
+    PydanticUserError,
+    TypeAdapter,
+    ValidationError,
+    WrapValidator,
+)
 from pydantic.fields import FieldInfo
 
 from botohe_moo._plugins.docstrings import described_parameters
-from botohe_moo._plugins.results import changes_nothing
-from botohe_moo._plugins.types import is_plain, range_text, type_text
+from botohe_moo._plugins.messages import fault_messages
+from botohe_moo._plugins.types import (
+    changes_nothing,
+    is_plain,
+    is_scalar,
+    plain_number,
+    range_text,
+    type_text,
+)
 
-__all__ = ["Accepted", "Factory", "Parameter", "accepted_parameters"]
+__all__ = [
+    "Accepted",
+    "Factory",
+    "Parameter",
+    "accepted_parameters",
+    "signature_parameters",
+]
 
 Factory: TypeAlias = Callable[..., Any]
 
@@ -33,35 +55,20 @@ _PLAIN_WORDS = r"\b(int|float|bool|str|Any|object|Literal|Real|Integral)\b"
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter of a factory, as its signature or model, and its docstring state it.
-
-    Attributes
-    ----------
-    name, default
-        ``default`` is ``inspect.Parameter.empty`` where a value must be given.
-    annotation
-        The type, as text; empty where there is none.
-    description
-        From the docstring or the model's field; may be empty.
-    range
-        The range that the type states, such as ``in (0, 1)``; may be empty.
-    plain
-        Whether numbers, flags or texts can be its value, as far as the type tells.
-    hint
-        The type itself; ``Any`` where there is none, or its name leads nowhere.
-    own
-        Whether the factory states it itself, so that its default holds. A class's method that
-        takes any keywords may give its class another.
-    """
+    """One parameter of a factory, as its signature or model, and its docstring state it."""
 
     name: str
-    default: Any = _EMPTY
-    annotation: str = ""
+    default: Any = _EMPTY  # where a value must be given
+    hint: Any = Any  # the type; ``Any`` where there is none, or its name leads nowhere
+    annotation: str = ""  # the type as text
     description: str = ""
-    range: str = ""
-    plain: bool = True
-    hint: Any = Any
-    own: bool = True
+    plain: bool = True  # whether numbers, flags or texts can be its value, as far as one can tell
+    own: bool = True  # whether its default holds: a method with ** may give its class another
+
+    @property
+    def range(self) -> str:
+        """The range that its type states, such as ``in (0, 1)``; may be empty."""
+        return range_text(self.hint)
 
     @property
     def same_result(self) -> bool:
@@ -73,30 +80,43 @@ class Parameter:
         """Whether there is no default."""
         return self.default is _EMPTY
 
+    @functools.cached_property
+    def adapter(self) -> TypeAdapter[Any] | None:
+        """What checks values by the type; None where pydantic cannot tell."""
+        try:
+            return TypeAdapter(self.hint, config=ConfigDict(arbitrary_types_allowed=True))
+        except PydanticUserError:  # pydantic's own models bring their configuration
+            return TypeAdapter(self.hint)
+        except Exception:  # whatever another package's type does when it is looked at
+            return None
+
+    def checked(self, value: Any) -> tuple[Any, list[str]]:
+        """Give a value as its type has it, and what keeps it from being of that type.
+
+        pydantic's strict rules hold: "100" is not an integer, neither are 1.5 and True, but an
+        integer is a number. What pydantic cannot check is in order.
+        """
+        if self.hint is Any or self.adapter is None:
+            return value, []
+        value = plain_number(value)
+        try:
+            return self.adapter.validate_python(value, strict=True), []
+        except ValidationError as error:
+            errors = error.errors(include_url=False)
+            return value, fault_messages(self.name, value, errors, self.range)
+        except Exception as error:  # whatever another package's validator raises
+            return value, [f"{self.name}: {type(error).__name__}: {error}"]
+
 
 @dataclass(frozen=True)
 class Accepted:
-    """All that a factory can be given by name.
-
-    Attributes
-    ----------
-    parameters
-        What it states, in its order.
-    needed
-        Names of what it cannot be called without.
-    nameless
-        What it cannot be called without, and cannot be given by name.
-    any_name
-        Whether it takes other names, too.
-    model
-        Checks all values at once, and converts them; None where there is only a signature.
-    """
+    """All that a factory can be given by name."""
 
     parameters: tuple[Parameter, ...]
-    needed: tuple[str, ...] = ()
-    nameless: tuple[str, ...] = ()
-    any_name: bool = False
-    model: type[BaseModel] | None = None
+    needed: tuple[str, ...] = ()  # required
+    ungivable: tuple[str, ...] = ()  # required, but cannot be given by name
+    any_name: bool = False  # whether it takes other names, too
+    model: type[BaseModel] | None = None  # checks and converts all values; None: the signature
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -107,45 +127,39 @@ class Accepted:
 def accepted_parameters(
     factory: Factory, *, hidden: Collection[str] = (), closed: bool = False
 ) -> Accepted:
-    """Find out what a factory can be given.
+    """Find out what a factory can be given: a function, a class or one of its methods.
 
     A factory that is a class's method and takes any keywords, such as :meth:`BOACO.journal`,
-    states what it changes, and its class the rest.
-
-    Parameters
-    ----------
-    factory
-        A function, a class or one of its methods.
-    hidden
-        Names that a signature may have, but nobody is to give.
-    closed
-        Whether only stated names are accepted, even of a factory that takes any.
+    states what it changes, and its class the rest. The names in ``hidden`` cannot be given.
+    With ``closed`` only stated names are accepted, even of a factory that takes any.
     """
     model = _model_of(factory)
     if model is not None:
-        parameters = _from_model(model, factory)
+        parameters = tuple(_from_model(model, factory))
         needed = tuple(parameter.name for parameter in parameters if parameter.required)
         return Accepted(parameters, needed, model=model)
     signature = _signature(factory)
-    takes_any = signature is None or _takes_any(signature)
     own = signature.parameters.values() if signature else ()
-    without_default = [p for p in own if p.default is _EMPTY]
-    stated = {p.name: p for p in _from_signature(factory) if p.name not in hidden}
+    takes_any = signature is None or any(p.kind is p.VAR_KEYWORD for p in own)
+    stated = {p.name: p for p in signature_parameters(factory) if p.name not in hidden}
     owner = getattr(factory, "__self__", None)
     if isinstance(owner, type) and signature is not None and takes_any:
         model = _model_of(owner)
-        for parameter in _from_model(model, owner) if model else _from_signature(owner):
+        for parameter in _from_model(model, owner) if model else signature_parameters(owner):
             if parameter.name in hidden:
                 continue
             known = stated.get(parameter.name) or replace(parameter, own=False)
-            # A factory often only refers to its class, which tells the meaning and the range.
+            # A factory often only refers to its class, which tells the meaning.
             description = parameter.description or known.description
             plain = known.plain if model is None else is_plain(known.hint)  # nothing converts it
             stated[parameter.name] = replace(known, description=description, plain=plain)
+    without_default = [
+        p.name for p in own if p.default is _EMPTY and p.kind in (*_BY_KEYWORD, p.POSITIONAL_ONLY)
+    ]
     return Accepted(
         tuple(stated.values()),
-        needed=tuple(p.name for p in without_default if p.kind in _BY_KEYWORD),
-        nameless=tuple(p.name for p in without_default if p.kind is p.POSITIONAL_ONLY),
+        needed=tuple(name for name in without_default if name in stated),
+        ungivable=tuple(name for name in without_default if name not in stated),
         any_name=takes_any and not closed,
     )
 
@@ -155,32 +169,24 @@ def _model_of(factory: Factory) -> type[BaseModel] | None:
     return model if isinstance(model, type) and issubclass(model, BaseModel) else None
 
 
-def _from_model(model: type[BaseModel], factory: Factory) -> tuple[Parameter, ...]:
+def _from_model(model: type[BaseModel], factory: Factory) -> Iterator[Parameter]:
     described = described_parameters(factory) | described_parameters(model)
-    parameters = []
     for name, field in model.model_fields.items():
-        hint = field.annotation
+        hint: Any = field.annotation
         for constraint in field.metadata:
-            hint = Annotated[hint, constraint]  # type: ignore[assignment]
-        parameters.append(
-            Parameter(
-                name,
-                _EMPTY if field.is_required() else _field_default(field),
-                type_text(field.annotation),
-                field.description or described.get(name, ""),
-                range_text(hint),
-                _from_text(field),
-                hint,
-            )
+            hint = Annotated[hint, constraint]
+        try:
+            default = field.get_default(call_default_factory=True)
+        except Exception:  # made of other fields' values, or by another package's code
+            default = None
+        yield Parameter(
+            name,
+            _EMPTY if field.is_required() else default,
+            hint,
+            type_text(field.annotation),
+            field.description or described.get(name, ""),
+            plain=_from_text(field),
         )
-    return tuple(parameters)
-
-
-def _field_default(field: Any) -> Any:
-    try:
-        return field.get_default(call_default_factory=True)
-    except Exception:  # made of other fields' values, or by whatever another package's code does
-        return None
 
 
 def _from_text(field: Any) -> bool:
@@ -196,27 +202,22 @@ def _from_text(field: Any) -> bool:
     return True
 
 
-def _from_signature(function: Factory) -> Iterator[Parameter]:
+def signature_parameters(function: Factory) -> Iterator[Parameter]:
+    """Give the parameters of a signature that can be given by name."""
     described = described_parameters(function)
-    for parameter in (_signature(function) or inspect.Signature()).parameters.values():
-        if parameter.kind not in _BY_KEYWORD:
+    for stated in (_signature(function) or inspect.Signature()).parameters.values():
+        if stated.kind not in _BY_KEYWORD:
             continue
-        hint = _hint(function, parameter)
-        text = _annotation(parameter)
-        if "Annotated" in text and hint is not Any:
+        hint = _hint(function, stated)
+        text = stated.annotation if stated.annotation is not _EMPTY else ""
+        if not isinstance(text, str):
+            text = inspect.formatannotation(text)
+        if "Annotated[" in repr(hint) or is_scalar(hint):
             text = type_text(hint)
-        plain = not text or (
-            re.search(_PLAIN_WORDS, text) is not None if hint is Any else is_plain(hint)
-        )
-        yield Parameter(
-            parameter.name,
-            parameter.default,
-            text,
-            described.get(parameter.name) or _field_description(hint),
-            range_text(hint),
-            plain,
-            hint,
-        )
+        resolved = hint is not Any
+        plain = is_plain(hint) if resolved else not text or re.search(_PLAIN_WORDS, text)
+        description = described.get(stated.name) or _field_description(hint)
+        yield Parameter(stated.name, stated.default, hint, text, description, bool(plain))
 
 
 def _field_description(hint: Any) -> str:
@@ -232,28 +233,15 @@ def _signature(function: Factory) -> inspect.Signature | None:
         return None
 
 
-def _takes_any(signature: inspect.Signature) -> bool:
-    return any(p.kind is p.VAR_KEYWORD for p in signature.parameters.values())
-
-
-def _annotation(parameter: inspect.Parameter) -> str:
-    if parameter.annotation is parameter.empty:
-        return ""
-    if isinstance(parameter.annotation, str):
-        return parameter.annotation
-    return inspect.formatannotation(parameter.annotation)
-
-
 def _hint(function: Factory, parameter: inspect.Parameter) -> Any:
     """Resolve an annotation where it was written; ``Any`` if that cannot be done."""
-    if parameter.annotation is parameter.empty:
+    if parameter.annotation is _EMPTY:
         return Any
+    scope: dict[str, Any] = {}
     for home in _homes(function):
         if getattr(home, "__annotations__", {}).get(parameter.name) == parameter.annotation:
             scope = home.__globals__
             break
-    else:
-        scope = {}
 
     def holder() -> None: ...
 

@@ -1,194 +1,57 @@
-"""What types say of values, in this package's words: ranges, faults, and what texts can hold.
-
-pydantic checks; its strict rules hold: "100" is no integer, 1.5 and True are none either, but an
-integer is a number.
-"""
+"""What types say of values: their range, their name, and what a text file can hold."""
 
 from __future__ import annotations
 
 import collections.abc
 import enum
+import os
 import types
 from collections.abc import Iterable, Mapping, Sequence
 from numbers import Integral, Number, Real
-from typing import Annotated, Any, Literal, TypeAlias, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 import numpy as np
-from pydantic import ConfigDict, PydanticUserError, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
-
-from botohe_moo._base.checks import quoted
 
 __all__ = [
     "UNIONS",
-    "bounds_text",
-    "fault_messages",
+    "SameResult",
+    "bound_text",
+    "changes_nothing",
     "is_plain",
+    "is_scalar",
     "plain_number",
+    "plain_value",
     "range_text",
     "type_text",
-    "value_faults",
-    "wrong_value",
 ]
-
-Error: TypeAlias = Mapping[str, Any]
 
 UNIONS = (Union, types.UnionType)
 # What lists and mappings of a text file can stand for.
 _LISTS = (list, Sequence, Iterable, collections.abc.Collection)
 _MAPPINGS = (dict, Mapping, collections.abc.MutableMapping)
-_SCALARS = (int, float, bool, str, object, Any, Number, Real, Integral)
-
-_EXPECTED = {
-    "int_type": "to be an integer",
-    "float_type": "to be a number",
-    "bool_type": "to be true or false",
-    "string_type": "to be a text",
-    "none_required": "to be null",
-    "list_type": "to be a list",
-    "tuple_type": "to be a tuple",
-    "dict_type": "to be a mapping",
-    "mapping_type": "to be a mapping",
-    "literal_error": "to be {expected}",
-    "enum": "to be {expected}",
-    "is_instance_of": "to be of type {class}",
-    "finite_number": "to be a finite number",
-    "multiple_of": "to be a multiple of {multiple_of}",
-    "greater_than": "> {gt}",
-    "greater_than_equal": ">= {ge}",
-    "less_than": "< {lt}",
-    "less_than_equal": "<= {le}",
-}
-# Texts that mean numbers are no numbers, and 1.5 is no integer: the same as another type.
-_ALIKE = {"int_parsing": "int_type", "int_from_float": "int_type", "float_parsing": "float_type"}
-_ALIKE |= {"bool_parsing": "bool_type", "int_parsing_size": "int_type"}
-_BOUNDS = frozenset({"greater_than", "greater_than_equal", "less_than", "less_than_equal"})
+_SCALARS = (int, float, bool, str, type(None))
+_ABSTRACT = (object, Any, Number, Real, Integral)
+_BOUNDS = ("gt", "ge", "lt", "le", "multiple_of", "min_length", "max_length", "pattern")
 
 
-def value_faults(name: str, value: Any, hint: Any) -> list[str]:
-    """Say what keeps a value from being of a type; what pydantic cannot check is in order.
+class SameResult:
+    """Marks a parameter that no result depends on, only the time: a number of threads.
 
-    Parameters
-    ----------
-    name
-        What to call the value.
-    value
-        What is checked; iterators are not consumed.
-    hint
-        A type, with ``Annotated`` constraints where it has a range.
+    Runs of a study that differ in such parameters only are one run, where no seconds limit them.
+
+    Examples
+    --------
+    >>> def search(*, workers: Annotated[int, SameResult()] = 1): ...
     """
-    if hint is Any:
-        return []
-    value = plain_number(value)
-    try:
-        adapter = _adapter(hint)
-    except Exception:  # whatever another package's type does when it is looked at
-        return []
-    try:
-        adapter.validate_python(value, strict=True)
-    except ValidationError as error:
-        return fault_messages(name, value, error.errors(include_url=False), range_text(hint))
-    except Exception as error:  # whatever another package's validator raises
-        return [f"{name}: {type(error).__name__}: {error}"]
-    return []
 
 
-def _adapter(hint: Any) -> TypeAdapter[Any]:
-    try:
-        return TypeAdapter(hint, config=ConfigDict(arbitrary_types_allowed=True))
-    except PydanticUserError:  # pydantic's own models bring their configuration
-        return TypeAdapter(hint)
-
-
-def fault_messages(name: str, value: Any, errors: Iterable[Error], bounds: str = "") -> list[str]:
-    """Put what pydantic found wrong with a value into this package's words.
-
-    Parameters
-    ----------
-    name, value
-        What the errors are about.
-    errors
-        From pydantic; their locations begin in ``value``.
-    bounds
-        The range that the value has to be in, as :func:`range_text` gives it.
-    """
-    found: dict[tuple[Any, ...], list[Error]] = {}
-    for error in errors:
-        found.setdefault(_way_into(value, error["loc"]), []).append(error)
-    # Of a union, the branch that got furthest is the one that was meant.
-    depth = max(map(len, found), default=0)
-    messages = []
-    for way, those in found.items():
-        if len(way) == depth:
-            part = "".join(f"[{key!r}]" for key in way)
-            messages.append(wrong_value(name + part, *those, bounds="" if way else bounds))
-    return messages
-
-
-def _way_into(value: Any, location: Sequence[Any]) -> tuple[Any, ...]:
-    """Leave out of a location what names types rather than parts of the value."""
-    way = []
-    for key in location:
-        try:
-            value = value[key]
-        except (TypeError, LookupError):
-            continue
-        way.append(key)
-    return tuple(way)
-
-
-def wrong_value(name: str, *errors: Error, bounds: str = "") -> str:
-    """Put what pydantic found wrong with one value into a sentence.
-
-    Parameters
-    ----------
-    name
-        What to call the value.
-    *errors
-        From pydantic, one for each type that the value may have.
-    bounds
-        The range that the value has to be in, as :func:`range_text` gives it.
-    """
-    got = f"got {quoted(errors[0]['input'])}."
-    phrases = []
-    for error in errors:
-        kind = _ALIKE.get(error["type"], error["type"])
-        details = error.get("ctx") or {}
-        if kind == "missing":
-            return f"Expected {name} to have {error['loc'][-1]!r}, {got}"
-        if kind not in _EXPECTED:
-            return f"{name}: {str(details.get('error', error['msg'])).rstrip('.')}, {got}"
-        details = {key: _bound_text(detail) for key, detail in details.items()}
-        phrase = _EXPECTED[kind].format(**details)
-        if bounds and len(errors) == 1:
-            if kind in _BOUNDS:
-                phrase = bounds
-            elif kind in ("int_type", "float_type"):
-                phrase = f"{phrase} {bounds}"
-        phrases.append(phrase)
-    first, *rest = dict.fromkeys(phrases)
-    expected = " or ".join([first, *(phrase.removeprefix("to be ") for phrase in rest)])
-    return f"Expected {name} {expected}, {got}"
-
-
-def plain_number(value: Any) -> Any:
-    """Give numpy's numbers, and other kinds of numbers, as Python's; all else as it is.
-
-    Parameters
-    ----------
-    value
-        Anything.
-    """
-    if isinstance(value, np.generic):
-        return value.item()
-    if isinstance(value, Integral):
-        return value if isinstance(value, bool) else int(value)
-    if isinstance(value, Real):
-        try:
-            return float(value)
-        except OverflowError:
-            return value
-    return value
+def changes_nothing(hint: Any) -> bool:
+    """Whether a type is marked by :class:`SameResult`."""
+    marks = getattr(hint, "__metadata__", ())
+    return any(mark is SameResult or isinstance(mark, SameResult) for mark in marks) or (
+        get_origin(hint) in (Annotated, *UNIONS) and any(map(changes_nothing, get_args(hint)))
+    )
 
 
 def range_text(hint: Any) -> str:
@@ -198,24 +61,20 @@ def range_text(hint: Any) -> str:
     if get_origin(hint) is not Annotated:
         return ""
     inner, *metadata = get_args(hint)
-    return bounds_text(metadata) or range_text(inner)
+    return _constraints_text(metadata) or range_text(inner)
 
 
-def bounds_text(metadata: Iterable[Any]) -> str:
+def _constraints_text(metadata: Iterable[Any]) -> str:
     """Give the range that constraints state, such as ``Ge(1)`` or a pydantic ``Field``."""
     bounds: dict[str, str] = {}
-    names = ("gt", "ge", "lt", "le", "multiple_of", "min_length", "max_length", "pattern")
     for constraint in metadata:
-        inner = constraint.metadata if isinstance(constraint, FieldInfo) else [constraint]
-        for part in inner:
-            bounds |= {
-                name: _bound_text(bound)
-                for name in names
-                if (bound := getattr(part, name, None)) is not None and not callable(bound)
-            }
-    low = bounds.get("ge", bounds.get("gt"))
-    high = bounds.get("le", bounds.get("lt"))
+        parts = constraint.metadata if isinstance(constraint, FieldInfo) else [constraint]
+        for name in _BOUNDS:
+            for bound in (getattr(part, name, None) for part in parts):
+                if bound is not None and not callable(bound):
+                    bounds[name] = bound_text(bound)
     texts = []
+    low, high = bounds.get("ge", bounds.get("gt")), bounds.get("le", bounds.get("lt"))
     if low is not None and high is not None:
         opening, closing = "[" if "ge" in bounds else "(", "]" if "le" in bounds else ")"
         texts.append(f"in {opening}{low}, {high}{closing}")
@@ -234,7 +93,8 @@ def bounds_text(metadata: Iterable[Any]) -> str:
     return ", ".join(texts)
 
 
-def _bound_text(bound: Any) -> str:
+def bound_text(bound: Any) -> str:
+    """Write a bound; an integer that pydantic has made a float as an integer."""
     return str(int(bound)) if isinstance(bound, float) and bound.is_integer() else str(bound)
 
 
@@ -259,6 +119,14 @@ def type_text(hint: Any) -> str:
     return f"{name}[{', '.join(map(type_text, args))}]" if args else name
 
 
+def is_scalar(hint: Any) -> bool:
+    """Whether all values of this type are numbers, flags, texts or None."""
+    origin, args = get_origin(hint), get_args(hint)
+    if origin is Annotated:
+        return is_scalar(args[0])
+    return all(map(is_scalar, args)) if origin in UNIONS else origin is Literal or hint in _SCALARS
+
+
 def is_plain(hint: Any) -> bool:
     """Whether numbers, flags, texts, or lists and mappings of them can be of this type."""
     origin, args = get_origin(hint), get_args(hint)
@@ -268,4 +136,38 @@ def is_plain(hint: Any) -> bool:
         return any(map(is_plain, args))
     if origin in _LISTS or origin in _MAPPINGS:
         return all(map(is_plain, args))
-    return origin is Literal or hint in (*_SCALARS, *_LISTS, *_MAPPINGS)
+    none = hint is type(None)  # alone it tells nothing
+    return origin is Literal or (hint in (*_SCALARS, *_ABSTRACT, *_LISTS, *_MAPPINGS) and not none)
+
+
+def plain_number(value: Any) -> Any:
+    """Give numpy's numbers, and other kinds of numbers, as Python's; anything else unchanged."""
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, Integral):
+        return value if isinstance(value, bool) else int(value)
+    if isinstance(value, Real):
+        try:
+            return float(value)
+        except OverflowError:
+            return value
+    return value
+
+
+def plain_value(value: Any) -> Any:
+    """Write a value as a text file would hold it; ``NotImplemented`` for what none can hold."""
+    if isinstance(value, enum.Enum):
+        value = value.value
+    elif isinstance(value, os.PathLike):
+        value = os.fspath(value)
+    elif isinstance(value, Number | np.generic):
+        value = plain_number(value)
+    if type(value) in _SCALARS:
+        return value
+    if isinstance(value, list | tuple):
+        items = [plain_value(item) for item in value]
+        return NotImplemented if any(item is NotImplemented for item in items) else items
+    if isinstance(value, dict) and all(isinstance(key, str) for key in value):
+        pairs = {key: plain_value(item) for key, item in value.items()}
+        return NotImplemented if any(v is NotImplemented for v in pairs.values()) else pairs
+    return NotImplemented

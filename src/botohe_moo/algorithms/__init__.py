@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from botohe_moo._base.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from botohe_moo._plugins import SameResult
+    from botohe_moo._plugins.types import SameResult
     from botohe_moo.algorithms.bo_aco import BOACO
     from botohe_moo.algorithms.exact import Exact
     from botohe_moo.algorithms.greedy import Greedy
@@ -40,7 +40,7 @@ __all__ = [
 ]
 
 _HOMES = {
-    "botohe_moo._plugins": ("SameResult",),
+    "botohe_moo._plugins.types": ("SameResult",),
     ".bo_aco": ("BOACO",),
     ".exact": ("Exact",),
     ".greedy": ("Greedy",),

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Iterable
-from typing import Any
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
+from pydantic import Field
 from pymoo.core.algorithm import Algorithm
 from pymoo.core.population import Population
 from pymoo.core.result import Result
@@ -15,15 +16,15 @@ from pymoo.core.termination import TerminateIfAll, Termination
 from pymoo.termination.max_eval import MaximumFunctionCallTermination
 from pymoo.termination.max_gen import MaximumGenerationTermination
 
-from botohe_moo._base.checks import check_integer
 from botohe_moo._base.types import FloatArray, ObjectArray, OffsetArray
+from botohe_moo._plugins.checks import checked
 from botohe_moo.algorithms.individuals import PopulationArchive
 from botohe_moo.problem import BOTOHE, FrontOutput
 from botohe_moo.trails import PlanBatch, TrailPlan, listed_plans
 
 __all__ = ["ArchiveAlgorithm"]
 
-MAX_TIES = 1_000_000_000
+MaxTies: TypeAlias = Annotated[int, Field(ge=1, le=1_000_000_000)]
 
 PYMOO_OPTIONS = (
     "callback",
@@ -43,12 +44,12 @@ class ArchiveAlgorithm(Algorithm):
 
     A subclass builds plans in ``_advance`` and hands them to ``_take_in``, which evaluates them,
     counts them, and puts into the archive what belongs there. pymoo individuals are made when
-    somebody looks at ``opt`` or ``pop``.
+    ``opt`` or ``pop`` is read.
 
     Parameters
     ----------
     max_ties
-        Plans with equal objectives but different trails that the archive keeps, at least 1.
+        Plans with equal objectives but different trails that the archive keeps.
     sampling
         Trail plans to start from: an iterable of plans, or ``X`` of another result.
     **options
@@ -56,25 +57,24 @@ class ArchiveAlgorithm(Algorithm):
 
     Raises
     ------
-    ValueError
-        If a parameter is out of its range.
     TypeError
-        If an option is unknown, or ``sampling`` holds something else than plans.
+        If an option is unknown, or ``sampling`` holds anything but plans.
     """
 
     is_initialized: bool
     evaluates_in_kernels = False
     """Whether objectives are computed where no override of the problem's is seen."""
 
+    @checked
     def __init__(
         self,
         *,
-        max_ties: int = 1_000,
+        max_ties: MaxTies = 1_000,
         sampling: Iterable[TrailPlan] | ObjectArray | None = None,
         **options: Any,
     ) -> None:
         check_options(self, options)
-        self.max_ties = check_integer("max_ties", max_ties, at_least=1, at_most=MAX_TIES)
+        self.max_ties = max_ties
         self.sampling = [] if sampling is None else listed_plans(sampling)
         self.archive = PopulationArchive(1)
         super().__init__(**{"output": FrontOutput(), **options})
@@ -86,17 +86,10 @@ class ArchiveAlgorithm(Algorithm):
         Without any termination the run ends after 100 000 evaluations: pymoo's default would
         look for convergence in the design space, which trail plans do not have.
 
-        Parameters
-        ----------
-        problem
-            What to solve.
-        **kwargs
-            pymoo's options, such as ``termination`` and ``seed``.
-
         Raises
         ------
         TypeError
-            If ``problem`` is no :class:`BOTOHE`, or overrides what is computed in kernels.
+            If ``problem`` is not a :class:`BOTOHE`, or overrides what is computed in kernels.
         ValueError
             If it has equality constraints, or the budget is less than one evaluation.
         """
@@ -130,15 +123,8 @@ class ArchiveAlgorithm(Algorithm):
     def advance(self, infills: Population | None = None, **_: Any) -> Result | None:  # noqa: ARG002
         """Run one iteration; pymoo's ``next`` calls this.
 
-        As pymoo's own, but for what it returns before the end: not the current optimum, which
-        would then be made into a population in every iteration, whether somebody looks or not.
-
-        Parameters
-        ----------
-        infills
-            None: pymoo is not asked to evaluate.
-        **_
-            Nothing else is used.
+        As pymoo's own, but before the end it does not return the current optimum, which would then
+        be made into a population in every iteration. ``infills`` is None: pymoo evaluates nothing.
         """
         if self.is_initialized:
             self._advance()
@@ -181,8 +167,8 @@ class ArchiveAlgorithm(Algorithm):
         pass  # the archive is the optimum, at all times
 
     # pymoo assigns pop and opt in its loop. Here both are the archive, as a population that is
-    # made when somebody looks: termination, display and callbacks see it in every iteration, and
-    # an iteration in which nobody looks does not pay for it.
+    # made when it is read: termination, display and callbacks see it in every iteration, and an
+    # iteration in which it is not read does not pay for it.
 
     @property
     def opt(self) -> Population | None:
@@ -212,7 +198,7 @@ def check_options(algorithm: Algorithm, options: Iterable[str]) -> None:
 
 
 def refuse_overrides(algorithm: Algorithm, problem: Any) -> None:
-    """Refuse, by a TypeError, a problem whose evaluation is not the one that kernels know."""
+    """Refuse, by a TypeError, a problem that overrides the evaluation that kernels contain."""
     if not isinstance(problem, BOTOHE):
         return
     for method in ("evaluate_batch", "constrain_batch"):

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeAlias
 
 import numpy as np
+from pydantic import Field
 
-from botohe_moo._base.checks import check_flag, check_integer, check_number
+from botohe_moo._base.checks import ParameterError
 from botohe_moo._base.types import FloatArray, ObjectArray, OffsetArray
-from botohe_moo._plugins import SameResult
-from botohe_moo.algorithms.base import ArchiveAlgorithm
+from botohe_moo._plugins.checks import checked
+from botohe_moo._plugins.ranges import Count, NotNegative, Positive, Probability
+from botohe_moo._plugins.types import SameResult
+from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies
 from botohe_moo.problem import BOTOHE
 from botohe_moo.search.archive import PlanArchive
 from botohe_moo.search.colony import Allocation, AntThreads, Colony, ColonyRule, exchange_archives
@@ -21,6 +24,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
 __all__ = ["BOACO"]
+
+Evaporation: TypeAlias = Annotated[float, Field(gt=0, lt=1)]
+Pheromone: TypeAlias = Positive | Literal["bounds"]
+Threads: TypeAlias = Annotated[int, Field(ge=1, le=1_024), SameResult()]
 
 
 class BOACO(ArchiveAlgorithm):
@@ -38,10 +45,9 @@ class BOACO(ArchiveAlgorithm):
     Parameters
     ----------
     n_ants
-        Ants, from 1 to 1 000 000: evaluations per iteration. Several colonies share them. A
-        single ant has λ = 1/2.
+        Ants: evaluations per iteration. Several colonies share them. A single ant has λ = 1/2.
     evaporation
-        Share ρ of the pheromone that evaporates in an iteration, in (0, 1).
+        Share ρ of the pheromone that evaporates in an iteration.
     heuristic
         Whether heuristics guide the ants; without, η_R = η_S = 1.
     pheromone
@@ -51,44 +57,42 @@ class BOACO(ArchiveAlgorithm):
         another's, or ``"concurrent"``, all robots out at once, which take one hop each in turn
         until they end their trails. "Earlier" robots are then all others, by their trails so far.
     local_search
-        Share of each iteration's plans that a local search improves, in [0, 1]: those of its Pareto
-        set first, then others, drawn. What it finds deposits pheromone with the iteration's plans.
-        0 leaves them as they are.
+        Share of each iteration's plans that a local search improves: those of its Pareto set first,
+        then others, drawn. What it finds deposits pheromone with the iteration's plans. 0 leaves
+        them as they are.
     local_search_evaluations
-        Evaluations of the local search for each of those plans, from 1 to 10 000. An iteration,
-        which nothing interrupts, then spends
-        ``n_ants`` · (1 + ``local_search`` · ``local_search_evaluations``).
+        Evaluations of the local search for each of those plans. An iteration, which nothing
+        interrupts, then spends ``n_ants`` · (1 + ``local_search`` · ``local_search_evaluations``).
     n_colonies
-        Colonies with pheromone and random numbers of their own, from 1 to ``n_ants``. Their ants'
+        Colonies with pheromone and random numbers of their own, at most ``n_ants``. Their ants'
         λ are spread over all of [0, 1] in each. ``archive`` is common, but each colony deposits by
         its own iteration's Pareto set, and by an archive of plans that it found or was given.
     exchange_every
-        After how many iterations, at least 1, each of several colonies is given the archive by
-        which the one before it deposits, the first one the last's; None for never.
+        After how many iterations each of several colonies is given the archive by which the one
+        before it deposits, the first one the last's; None for never.
     pheromone_per_robot
         Whether each robot has its own pair of pheromone maps; otherwise the robots share one.
     initial_pheromone
-        Pheromone on every arc at the start, above 0; ``"bounds"`` starts τ_R at the mission's
-        total reward and τ_S at its number of robots.
+        Pheromone on every arc at the start; ``"bounds"`` starts τ_R at the mission's total reward
+        and τ_S at its number of robots.
     reward_epsilon
-        Added to η_R, above 0.
+        Added to η_R.
     survival_epsilon
-        Added to η_S = ω, above 0.
+        Added to η_S = ω.
     unvisited_bonus
-        Added to ω·r in η_R for a node not in the trail yet, at least 0:
+        Added to ω·r in η_R for a node not in the trail yet:
         η_R = reward_epsilon + (unvisited_bonus + ω·r) · (probability that no earlier robot
         reaches the node). It is reward_epsilon for a node already in the trail, and the base.
     exploration
-        Every candidate's weight is raised by exploration · (mean weight) / (number of
-        candidates), at least 0.
+        Every candidate's weight is raised by exploration · (mean weight) / (number of candidates).
     pooled_deposit
         Whether both Pareto sets deposit as one multiset, divided by its size P, or one after the
         other, each divided by its own size.
     max_ties
-        Plans with equal objectives but different trails that the archive keeps, at least 1. The
-        journal version keeps all; where nothing is dangerous those have no end.
+        Plans with equal objectives but different trails that the archive keeps. The journal version
+        keeps all; where no arc is dangerous, their number has no bound.
     n_threads
-        Threads that build plans, from 1 to 1 024; the result does not depend on it.
+        Threads that build plans; the result does not depend on it.
     sampling
         Trail plans to start from, evaluated first and put into the archive, so that they deposit
         pheromone from the first iteration on: an iterable of plans, or ``X`` of another result.
@@ -97,10 +101,8 @@ class BOACO(ArchiveAlgorithm):
 
     Raises
     ------
-    ValueError
-        If a parameter is out of its range.
     TypeError
-        If an option is unknown, the problem is no :class:`BOTOHE`, or overrides its evaluation
+        If an option is unknown, the problem is not a :class:`BOTOHE`, or overrides its evaluation
         where there is a local search.
 
     Attributes
@@ -136,77 +138,62 @@ class BOACO(ArchiveAlgorithm):
     when no unused arcs lead home from the node they chose.
     """
 
+    @checked
     def __init__(
         self,
         *,
-        n_ants: int = 100,
-        evaporation: float = 0.04,
+        n_ants: Count = 100,
+        evaporation: Evaporation = 0.04,
         heuristic: bool = True,
         pheromone: bool = True,
-        allocation: Literal["sequential", "concurrent"] = "sequential",
-        local_search: float = 0.0,
-        local_search_evaluations: int = 30,
-        n_colonies: int = 1,
-        exchange_every: int | None = 10,
+        allocation: Allocation = "sequential",
+        local_search: Probability = 0.0,
+        local_search_evaluations: Annotated[int, Field(ge=1, le=10_000)] = 30,
+        n_colonies: Annotated[int, Field(ge=1)] = 1,
+        exchange_every: Annotated[int, Field(ge=1)] | None = 10,
         pheromone_per_robot: bool = False,
-        initial_pheromone: float | Literal["bounds"] = 1.0,
-        reward_epsilon: float = 0.05,
-        survival_epsilon: float = 0.01,
-        unvisited_bonus: float = 0.0,
-        exploration: float = 0.0,
+        initial_pheromone: Pheromone = 1.0,
+        reward_epsilon: Positive = 0.05,
+        survival_epsilon: Positive = 0.01,
+        unvisited_bonus: NotNegative = 0.0,
+        exploration: NotNegative = 0.0,
         pooled_deposit: bool = True,
-        max_ties: int = 1_000,
-        n_threads: Annotated[int, SameResult()] = 1,
+        max_ties: MaxTies = 1_000,
+        n_threads: Threads = 1,
         sampling: Iterable[TrailPlan] | ObjectArray | None = None,
         **options: Any,
     ) -> None:
         super().__init__(max_ties=max_ties, sampling=sampling, **options)
-        self.n_ants = check_integer("n_ants", n_ants, at_least=1, at_most=1_000_000)
-        self.evaporation = check_number("evaporation", evaporation, above=0, below=1)
-        self.heuristic = check_flag("heuristic", heuristic)
-        self.pheromone = check_flag("pheromone", pheromone)
-        if allocation not in get_args(Allocation):
-            raise ValueError(
-                f"Expected allocation to be 'sequential' or 'concurrent', got {allocation!r}."
-            )
+        if n_colonies > n_ants:
+            message = f"Expected n_colonies <= n_ants = {n_ants}, got {n_colonies}."
+            raise ParameterError(message, "n_colonies")
+        self.n_ants = n_ants
+        self.evaporation = evaporation
+        self.heuristic = heuristic
+        self.pheromone = pheromone
         self.allocation = allocation
-        self.local_search = check_number("local_search", local_search, at_least=0, at_most=1)
-        self.evaluates_in_kernels = self.local_search > 0
-        self.local_search_evaluations = check_integer(
-            "local_search_evaluations",
-            local_search_evaluations,
-            at_least=1,
-            at_most=10_000,
-        )
-        self.n_colonies = check_integer("n_colonies", n_colonies, at_least=1)
-        if self.n_colonies > self.n_ants:
-            raise ValueError(f"Expected n_colonies <= n_ants = {n_ants}, got {n_colonies}.")
-        self.exchange_every = (
-            None
-            if exchange_every is None
-            else check_integer("exchange_every", exchange_every, at_least=1)
-        )
-        self.pheromone_per_robot = check_flag("pheromone_per_robot", pheromone_per_robot)
-        self.initial_pheromone = (
-            initial_pheromone
-            if isinstance(initial_pheromone, str) and initial_pheromone == "bounds"
-            else check_number("initial_pheromone", initial_pheromone, above=0, other="'bounds'")
-        )
-        self.reward_epsilon = check_number("reward_epsilon", reward_epsilon, above=0)
-        self.survival_epsilon = check_number("survival_epsilon", survival_epsilon, above=0)
-        self.unvisited_bonus = check_number("unvisited_bonus", unvisited_bonus, at_least=0)
-        self.exploration = check_number("exploration", exploration, at_least=0)
-        self.pooled_deposit = check_flag("pooled_deposit", pooled_deposit)
-        self.n_threads = check_integer("n_threads", n_threads, at_least=1, at_most=1_024)
+        self.local_search = local_search
+        self.evaluates_in_kernels = local_search > 0
+        self.local_search_evaluations = local_search_evaluations
+        self.n_colonies = n_colonies
+        self.exchange_every = exchange_every
+        self.pheromone_per_robot = pheromone_per_robot
+        self.initial_pheromone = initial_pheromone
+        self.reward_epsilon = reward_epsilon
+        self.survival_epsilon = survival_epsilon
+        self.unvisited_bonus = unvisited_bonus
+        self.exploration = exploration
+        self.pooled_deposit = pooled_deposit
+        self.n_threads = n_threads
 
     @classmethod
     def journal(
         cls,
         *,
-        evaporation: float = 0.1,
-        initial_pheromone: float | Literal["bounds"] = "bounds",
-        unvisited_bonus: float = 0.05,
-        exploration: float = 0.01,
+        evaporation: Evaporation = 0.1,
+        initial_pheromone: Pheromone = "bounds",
+        unvisited_bonus: NotNegative = 0.05,
+        exploration: NotNegative = 0.01,
         pooled_deposit: bool = False,
         **parameters: Any,
     ) -> Self:
@@ -368,5 +355,5 @@ class BOACO(ArchiveAlgorithm):
 
 
 def _shares(n: int, parts: int) -> list[int]:
-    """Share ``n`` out as evenly as can be; nobody's share of less is larger."""
+    """Split ``n`` into shares that differ by at most 1; with a smaller ``n``, none is larger."""
     return [n // parts + (part < n % parts) for part in range(parts)]

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from botohe_moo._base.checks import check_number
 from botohe_moo._base.types import ObjectArray
-from botohe_moo.algorithms.base import ArchiveAlgorithm
+from botohe_moo._plugins.checks import checked
+from botohe_moo._plugins.ranges import Positive
+from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies
 from botohe_moo.problem import BOTOHE
 from botohe_moo.search.exact import MEMORY_LIMIT, TIME_LIMIT, FrontSearch
 from botohe_moo.trails import TrailPlan
@@ -26,12 +27,12 @@ class Exact(ArchiveAlgorithm):
     Parameters
     ----------
     time_limit
-        Seconds that the search may take, above 0; compiling it for the first time does not count.
+        Seconds that the search may take; compiling it for the first time does not count.
     memory_limit
-        MiB that the search may take, above 0.
+        MiB that the search may take.
     max_ties
-        Plans with equal objectives but different trails that the archive keeps, at least 1. The
-        search itself gives one of them.
+        Plans with equal objectives but different trails that the archive keeps. The search
+        itself gives one of them.
     sampling
         Trail plans to start from, evaluated first and put into the archive; they do not change
         what is searched. An iterable of plans, or ``X`` of another result.
@@ -42,10 +43,8 @@ class Exact(ArchiveAlgorithm):
     ------
     TooLargeError
         While it runs: if the mission is too large for the limits.
-    ValueError
-        If a parameter is out of its range.
     TypeError
-        If an option is unknown, or the problem is no :class:`BOTOHE` or overrides
+        If an option is unknown, or the problem is not a :class:`BOTOHE` or overrides
         ``evaluate_batch`` or ``constrain_batch``, which the search does not call.
 
     Attributes
@@ -69,18 +68,19 @@ class Exact(ArchiveAlgorithm):
 
     evaluates_in_kernels = True
 
+    @checked
     def __init__(
         self,
         *,
-        time_limit: float = TIME_LIMIT,
-        memory_limit: float = MEMORY_LIMIT,
-        max_ties: int = 1_000,
+        time_limit: Positive = TIME_LIMIT,
+        memory_limit: Positive = MEMORY_LIMIT,
+        max_ties: MaxTies = 1_000,
         sampling: Iterable[TrailPlan] | ObjectArray | None = None,
         **options: Any,
     ) -> None:
         super().__init__(max_ties=max_ties, sampling=sampling, **options)
-        self.time_limit = check_number("time_limit", time_limit, above=0)
-        self.memory_limit = check_number("memory_limit", memory_limit, above=0)
+        self.time_limit = time_limit
+        self.memory_limit = memory_limit
 
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
         super()._setup(problem)

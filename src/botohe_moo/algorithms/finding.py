@@ -9,20 +9,16 @@ from typing import Any
 
 from pymoo.core.algorithm import Algorithm
 
-from botohe_moo._plugins import Accepted, accepted_parameters, declared_factory
 from botohe_moo._plugins.entry_points import PluginError, PluginGroup
+from botohe_moo._plugins.factories import declared_factory
+from botohe_moo._plugins.stated import Accepted, accepted_parameters
 from botohe_moo.algorithms.wired import wired
 
-__all__ = ["PLUGINS", "accepted_by", "find_algorithm", "is_path", "source_of"]
+__all__ = ["PLUGINS", "accepted_by", "find_algorithm", "is_path"]
 
 PLUGINS = PluginGroup("botohe_moo.algorithms", "algorithm")
 # Who runs an algorithm decides on these, through ``minimize``.
 _PYMOOS_OWN = frozenset(inspect.signature(Algorithm).parameters)
-
-
-def source_of(name: str) -> str:
-    """Say in a message whom it is about."""
-    return f"Algorithm {name!r}"
 
 
 def is_path(name: str) -> bool:
@@ -45,7 +41,7 @@ def find_algorithm(name: str) -> Callable[..., Any]:
             return wired(name, declared_factory(name, PLUGINS, Algorithm))
         return PLUGINS.load(name)
     except PluginError as error:
-        raise ValueError(f"{source_of(name)}: {error}.") from error
+        raise ValueError(f"{PLUGINS.source(name)}: {error}.") from error
 
 
 def accepted_by(factory: Callable[..., Any]) -> Accepted:

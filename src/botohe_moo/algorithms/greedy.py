@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Annotated, Any
 
-from botohe_moo._base.checks import check_integer
+from pydantic import Field
+
 from botohe_moo._base.types import ObjectArray
-from botohe_moo.algorithms.base import ArchiveAlgorithm
+from botohe_moo._plugins.checks import checked
+from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies
 from botohe_moo.problem import BOTOHE
 from botohe_moo.search.sequential import BEAM_WIDTH, MAX_BEAM_WIDTH, SequentialPlanner
 from botohe_moo.trails import TrailPlan
@@ -24,30 +26,23 @@ class Greedy(ArchiveAlgorithm):
     taken in an order that is coarse first: 0, 1, 1/2, 1/4, 3/4, ... With the team's plan those are
     evaluated in which only the first robots leave the base.
 
-    When all weights are through the run ends by itself, also where budget is left. Nothing is
+    When all weights have been taken the run ends by itself, also where budget is left. Nothing is
     random: every seed gives the same front.
 
     Parameters
     ----------
     n_weights
-        How many weights, at least 2, at most 1 000 000.
+        How many weights.
     beam_width
-        Partial trails that the search for each robot's trail keeps, from 1 to 100 000: the wider,
-        the better the trails, and the longer it takes, in proportion.
+        Partial trails that the search for each robot's trail keeps: the wider, the better the
+        trails, and the longer it takes, in proportion.
     max_ties
-        Plans with equal objectives but different trails that the archive keeps, at least 1.
+        Plans with equal objectives but different trails that the archive keeps.
     sampling
         Trail plans to start from, evaluated first and put into the archive; they do not change
         what is planned. An iterable of plans, or ``X`` of another result.
     **options
         pymoo's own: ``termination``, ``callback``, ``output``, ``save_history``, ``seed``, ...
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of its range.
-    TypeError
-        If an option is unknown, or the problem is not a :class:`BOTOHE`.
 
     Attributes
     ----------
@@ -69,20 +64,19 @@ class Greedy(ArchiveAlgorithm):
     own objectives, also where a problem overrides ``evaluate_batch``.
     """
 
+    @checked
     def __init__(
         self,
         *,
-        n_weights: int = 100,
-        beam_width: int = BEAM_WIDTH,
-        max_ties: int = 1_000,
+        n_weights: Annotated[int, Field(ge=2, le=1_000_000)] = 100,
+        beam_width: Annotated[int, Field(ge=1, le=MAX_BEAM_WIDTH)] = BEAM_WIDTH,
+        max_ties: MaxTies = 1_000,
         sampling: Iterable[TrailPlan] | ObjectArray | None = None,
         **options: Any,
     ) -> None:
         super().__init__(max_ties=max_ties, sampling=sampling, **options)
-        self.n_weights = check_integer("n_weights", n_weights, at_least=2, at_most=1_000_000)
-        self.beam_width = check_integer(
-            "beam_width", beam_width, at_least=1, at_most=MAX_BEAM_WIDTH
-        )
+        self.n_weights = n_weights
+        self.beam_width = beam_width
 
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
         super()._setup(problem)

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import Field
 from pymoo.algorithms.moo.moead import ParallelMOEAD
 from pymoo.core.population import Population
 from pymoo.decomposition.tchebicheff import Tchebicheff
 
-from botohe_moo._base.checks import check_integer, check_number
 from botohe_moo._base.types import FloatArray
-from botohe_moo.algorithms.population import PopulationAlgorithm, even_weights, genetic_sizes
+from botohe_moo._plugins.checks import checked
+from botohe_moo._plugins.ranges import Probability
+from botohe_moo.algorithms.population import PopulationAlgorithm, PopulationSize, even_weights
 from botohe_moo.problem import BOTOHE
 
 __all__ = ["PlanMOEAD"]
@@ -41,21 +43,13 @@ class PlanMOEAD(PopulationAlgorithm, ParallelMOEAD):
     Parameters
     ----------
     pop_size
-        Weights, and plans in the population, at least 2.
+        Weights, and plans in the population.
     n_neighbors
-        Weights whose plans mate, and that a child may replace, at least 2; no more than
-        ``pop_size`` are taken.
+        Weights whose plans mate, and that a child may replace; no more than ``pop_size`` are taken.
     prob_neighbor_mating
-        Probability of mating among neighbours rather than all, in [0, 1].
+        Probability of mating among neighbours rather than all.
     **options
         Operators, as for :class:`PopulationAlgorithm`, and pymoo's own options.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of its range, or a name unknown.
-    TypeError
-        If an option is unknown, or the problem is not a :class:`BOTOHE`.
 
     Notes
     -----
@@ -70,22 +64,19 @@ class PlanMOEAD(PopulationAlgorithm, ParallelMOEAD):
 
     indices: Any
 
+    @checked
     def __init__(
         self,
         *,
-        pop_size: int = 100,
-        n_neighbors: int = 20,
-        prob_neighbor_mating: float = 0.9,
+        pop_size: PopulationSize = 100,
+        n_neighbors: Annotated[int, Field(ge=2)] = 20,
+        prob_neighbor_mating: Probability = 0.9,
         **options: Any,
     ) -> None:
-        pop_size = genetic_sizes(pop_size, None)["pop_size"]
-        n_neighbors = check_integer("n_neighbors", n_neighbors, at_least=2)
         arguments = {
             "ref_dirs": even_weights(pop_size),
             "n_neighbors": min(n_neighbors, pop_size),
-            "prob_neighbor_mating": check_number(
-                "prob_neighbor_mating", prob_neighbor_mating, at_least=0, at_most=1
-            ),
+            "prob_neighbor_mating": prob_neighbor_mating,
         }
         super().__init__(arguments, **options)
 

@@ -2,34 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from pymoo.algorithms.moo.nsga2 import NSGA2
 from pymoo.operators.survival.rank_and_crowding import RankAndCrowding
 
-from botohe_moo.algorithms.population import PopulationAlgorithm, genetic_sizes
+from botohe_moo.algorithms.population import PlanGeneticAlgorithm
 
 __all__ = ["PlanNSGA2"]
 
 
-class PlanNSGA2(PopulationAlgorithm, NSGA2):
+class PlanNSGA2(PlanGeneticAlgorithm, NSGA2):
     """NSGA-II with operators for trail plans.
 
-    Parameters
-    ----------
-    pop_size
-        Plans in the population, at least 2.
-    n_offsprings
-        Plans that a generation adds, at least 1; default: as many as the population holds.
-    **options
-        Operators, as for :class:`PopulationAlgorithm`, and pymoo's own options.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of its range, or a name unknown.
-    TypeError
-        If an option is unknown, or the problem is not a :class:`BOTOHE`.
+    Its parameters are ``pop_size``, the plans in the population, ``n_offsprings``, the plans that a
+    generation adds (by default as many), and the operators and options of
+    :class:`PopulationAlgorithm`.
 
     Notes
     -----
@@ -46,8 +32,4 @@ class PlanNSGA2(PopulationAlgorithm, NSGA2):
     120
     """
 
-    def __init__(
-        self, *, pop_size: int = 100, n_offsprings: int | None = None, **options: Any
-    ) -> None:
-        arguments = genetic_sizes(pop_size, n_offsprings)
-        super().__init__({**arguments, "survival": RankAndCrowding()}, **options)
+    _new_survival = RankAndCrowding

@@ -1,4 +1,4 @@
-"""What tells results of one algorithm from those of another: its name, parameters and code."""
+"""What results of an algorithm depend on: its name, parameters and code."""
 
 from __future__ import annotations
 
@@ -11,48 +11,30 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from botohe_moo._plugins import call_factory, named, plain_value
+from botohe_moo._plugins.checks import call_factory
 from botohe_moo._plugins.entry_points import same_factory
-from botohe_moo.algorithms.finding import PLUGINS, accepted_by, find_algorithm, is_path, source_of
+from botohe_moo._plugins.factories import named
+from botohe_moo._plugins.types import plain_value
+from botohe_moo.algorithms.finding import PLUGINS, accepted_by, find_algorithm, is_path
 
 __all__ = ["AlgorithmIdentity", "algorithm_identity", "algorithm_origin"]
 
-# Their versions say what they are; of all else, the file does.
+# Their versions identify them; all other modules are identified by their file.
 _VERSIONED = frozenset({"botohe_moo", "pymoo"})
 
 
 @dataclass(frozen=True)
 class AlgorithmIdentity:
-    """What results of an algorithm with parameters depend on, however it was written.
+    """What results of an algorithm with parameters depend on, however it was written."""
 
-    Attributes
-    ----------
-    name
-        The name by which it is registered; ``module:Class`` of what nobody has registered.
-    parameters
-        Those that differ from their defaults.
-    neutral
-        Names of those among them that change no result: :class:`SameResult`.
-    effective
-        All parameters that numbers, flags and texts can tell, defaults among them, as far as they
-        are known.
-    """
-
-    name: str
-    parameters: Mapping[str, Any]
-    neutral: frozenset[str]
-    effective: Mapping[str, Any]
+    name: str  # by which it is registered; ``module:Class`` if not registered
+    parameters: Mapping[str, Any]  # that differ from their defaults
+    neutral: frozenset[str]  # names of parameters that change no result: SameResult
+    effective: Mapping[str, Any]  # all that a text can hold, defaults too, as far as known
 
 
 def algorithm_identity(name: str, parameters: Mapping[str, Any]) -> AlgorithmIdentity:
-    """Say what results of an algorithm depend on.
-
-    Parameters
-    ----------
-    name
-        One of :func:`algorithm_names`, or ``module:Class``.
-    parameters
-        Its parameters, which :func:`check_algorithm` has found to be right.
+    """Say what results of an algorithm depend on, given parameters that are known to be right.
 
     Raises
     ------
@@ -71,7 +53,7 @@ def algorithm_identity(name: str, parameters: Mapping[str, Any]) -> AlgorithmIde
     # Of a method that takes any keywords only itself knows which defaults its class has then.
     defaults = {p.name: plain_value(p.default) for p in stated if p.own and not p.required}
     inherited = [p.name for p in stated if not p.own and p.name not in parameters]
-    made = call_factory(source_of(name), factory, accepted, parameters) if inherited else None
+    made = call_factory(PLUGINS.source(name), factory, accepted, parameters) if inherited else None
     seen = {
         key: plain_value(getattr(made, "__dict__", {}).get(key, NotImplemented))
         for key in inherited
@@ -132,18 +114,10 @@ def _one_name(name: str) -> str:
 def algorithm_origin(name: str) -> dict[str, str | None]:
     """Say where an algorithm's code is from, to tell results of other code apart.
 
-    Parameters
-    ----------
-    name
-        One of :func:`algorithm_names`, or ``module:Class``.
-
-    Returns
-    -------
-    dict
-        ``package`` and ``version`` of the distribution that registers it, or of the one that owns
-        its module; None where there is none. ``source`` is the SHA-256 of its module's file, and
-        None for modules of this package and pymoo's, which their versions tell. Other modules that
-        it imports are not looked at.
+    Gives ``package`` and ``version`` of the distribution that registers it, or of the one that owns
+    its module; None where there is none. ``source`` is the SHA-256 of its module's file, and None
+    for modules of this package and pymoo's, which their versions identify. Other modules that it
+    imports are not looked at.
 
     Raises
     ------
@@ -175,7 +149,7 @@ def _module_of(path: str) -> str:
 
 @functools.cache
 def _distribution_of(package: str) -> metadata.Distribution | None:
-    """Find who has installed a top-level package; one that only lies on the path has nobody."""
+    """Find the distribution that installed a top-level package; None for one only on the path."""
     # What is installed for editing lists none of its modules, but often has its package's name.
     for owner in (*metadata.packages_distributions().get(package, ()), package):
         try:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any
+from typing import Annotated, Any
 
+from pydantic import Field
 from pymoo.core.individual import Individual
 from pymoo.core.population import Population
 
-from botohe_moo._base.checks import check_flag, check_integer, check_number, nearest_first
+from botohe_moo._base.checks import ParameterError, check_weights, quoted
 from botohe_moo._base.types import FloatArray, ObjectArray, OffsetArray
+from botohe_moo._plugins.checks import checked
+from botohe_moo._plugins.ranges import Count, NotNegative, Probability
 from botohe_moo.algorithms.base import ArchiveAlgorithm
 from botohe_moo.kernels.local_search.rule import SearchRule
 from botohe_moo.problem import BOTOHE
@@ -43,25 +45,24 @@ class ParetoLocalSearch(ArchiveAlgorithm):
     Parameters
     ----------
     evaluations_per_generation
-        Evaluations between two looks of pymoo's at the search, from 1 to 1 000 000 000. The first
-        generations are shorter: 100, and then a tenth of what has been evaluated.
+        Evaluations in one pymoo generation. The first generations are shorter: 100, and then a
+        tenth of what has been evaluated.
     n_children
-        Children of a parent, from 1 to 100 000: laying out a parent costs as much as some children.
-        As long as plans enter the front every hundred evaluations or so, a third as many.
+        Children of a parent: laying out a parent costs as much as some children. As long as plans
+        enter the front every hundred evaluations or so, a third as many.
     n_drawn
         Plans drawn as parents, of which the one is taken that its neighbours on the front leave
-        the largest area, divided by how often it was taken before, from 1 to 1 000. With 1, all
-        plans are equally likely. As long as plans enter every hundred evaluations or so, four times
-        as many (but 1 stays 1).
+        the largest area, divided by how often it was taken before. With 1, all plans are equally
+        likely. As long as plans enter every hundred evaluations or so, four times as many (but 1
+        stays 1).
     reserve_size
-        Plans in the reserve, from 1 to 1 000 000.
+        Plans in the reserve.
     reserve_share
-        Probability to take a parent from the reserve, in [0, 1].
+        Probability to take a parent from the reserve.
     reserve_slack
-        How much less expected reward than the front, relative, a plan in the reserve may have, in
-        [0, 1].
+        How much less expected reward than the front, relative, a plan in the reserve may have.
     response_hops
-        Hops for each evaluation, at least 0, that go into best responses: all trails of one robot
+        Hops for each evaluation that go into best responses: all trails of one robot
         that improve the front, the other robots' trails being fixed, found by branch and bound (or
         nearly all, where that takes too long). On missions of up to 64 nodes, and as long as most
         of these searches come to an end; the first after some 10 000 evaluations, sooner where
@@ -80,7 +81,7 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         alone, for the whole team and for fewer robots, beside that in which everybody stays at
         base.
     max_size
-        Plans that the front keeps at most, at least 10; None keeps all. Where there are more, one
+        Plans that the front keeps at most; None keeps all. Where there are more, one
         goes that contributes little area.
     sampling
         Trail plans to start from, evaluated first: an iterable of plans, or ``X`` of another
@@ -90,10 +91,9 @@ class ParetoLocalSearch(ArchiveAlgorithm):
 
     Raises
     ------
-    ValueError
-        If a parameter is out of its range.
     TypeError
-        If an option is unknown, or the problem is no :class:`BOTOHE` or overrides its evaluation.
+        If an option is unknown, or the problem is not a :class:`BOTOHE` or overrides its
+        evaluation.
 
     Attributes
     ----------
@@ -119,43 +119,39 @@ class ParetoLocalSearch(ArchiveAlgorithm):
 
     evaluates_in_kernels = True
 
+    @checked
     def __init__(
         self,
         *,
-        evaluations_per_generation: int = 20_000,
-        n_children: int = 24,
-        n_drawn: int = 2,
-        reserve_size: int = 256,
-        reserve_share: float = 0.1,
-        reserve_slack: float = 0.02,
-        response_hops: float = 0.1,
+        evaluations_per_generation: Annotated[int, Field(ge=1, le=1_000_000_000)] = 20_000,
+        n_children: Annotated[int, Field(ge=1, le=100_000)] = 24,
+        n_drawn: Annotated[int, Field(ge=1, le=1_000)] = 2,
+        reserve_size: Count = 256,
+        reserve_share: Probability = 0.1,
+        reserve_slack: Probability = 0.02,
+        response_hops: NotNegative = 0.1,
         moves: Mapping[str, float] | None = None,
         greedy_start: bool = True,
-        max_size: int | None = None,
+        max_size: Annotated[int, Field(ge=10, le=1_000_000_000)] | None = None,
         sampling: Iterable[TrailPlan] | ObjectArray | None = None,
         **options: Any,
     ) -> None:
         self._search: LocalSearch | None = None
         super().__init__(max_ties=1, sampling=sampling, **options)
-        self.evaluations_per_generation = check_integer(
-            "evaluations_per_generation",
-            evaluations_per_generation,
-            at_least=1,
-            at_most=1_000_000_000,
-        )
-        self.n_children = check_integer("n_children", n_children, at_least=1, at_most=100_000)
-        self.n_drawn = check_integer("n_drawn", n_drawn, at_least=1, at_most=1_000)
-        self.reserve_size = check_integer(
-            "reserve_size", reserve_size, at_least=1, at_most=1_000_000
-        )
-        self.reserve_share = check_number("reserve_share", reserve_share, at_least=0, at_most=1)
-        self.reserve_slack = check_number("reserve_slack", reserve_slack, at_least=0, at_most=1)
-        self.response_hops = check_number("response_hops", response_hops, at_least=0)
-        self.moves = _checked_moves(DEFAULT_MOVES if moves is None else moves)
-        self.greedy_start = check_flag("greedy_start", greedy_start)
+        self.evaluations_per_generation = evaluations_per_generation
+        self.n_children = n_children
+        self.n_drawn = n_drawn
+        self.reserve_size = reserve_size
+        self.reserve_share = reserve_share
+        self.reserve_slack = reserve_slack
+        self.response_hops = response_hops
+        self.moves = check_weights("moves", DEFAULT_MOVES if moves is None else moves, MOVES)
+        if not any(self.moves.values()):
+            raise ParameterError(
+                f"Expected a move of weight above 0, got {quoted(moves)}.", "moves"
+            )
+        self.greedy_start = greedy_start
         self.max_size = max_size
-        if max_size is not None:
-            self.max_size = check_integer("max_size", max_size, at_least=10, at_most=1_000_000_000)
 
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
         super()._setup(problem)
@@ -216,7 +212,7 @@ class ParetoLocalSearch(ArchiveAlgorithm):
 
 
 class _SearchArchive(PlanArchive):
-    """The front of a search as it is, read when somebody looks: plans only when they are wanted.
+    """The current front of a search, read when it is asked for, plans only when they are.
 
     Writing all plans of a large team takes longer than many a generation.
     """
@@ -270,19 +266,3 @@ class _SearchArchive(PlanArchive):
         self._nodes, self._offsets = batch.nodes, batch.offsets
         self._population = None
         self._read_version = self._written_version = self._search.version
-
-
-def _checked_moves(moves: Mapping[str, float]) -> dict[str, float]:
-    if not isinstance(moves, Mapping):
-        raise ValueError(f"Expected moves to map names to weights, got {moves!r}.")
-    weights = {}
-    for name, weight in moves.items():
-        if not isinstance(name, str) or name not in MOVES:
-            known = ", ".join(nearest_first(str(name), MOVES))
-            raise ValueError(f"Expected moves among {known}, got {name!r}.")
-        weights[name] = check_number(f"weight of move {name!r}", weight, at_least=0)
-    if sum(weights.values()) <= 0:
-        raise ValueError(f"Expected a move of weight above 0, got {dict(moves)!r}.")
-    if sum(weights.values()) == math.inf:
-        raise ValueError(f"Expected weights of moves with a finite sum, got {dict(moves)!r}.")
-    return weights

@@ -6,19 +6,22 @@ import copy
 import inspect
 import sys
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
+from pydantic import Field
 from pymoo.core.algorithm import Algorithm
 from pymoo.core.crossover import Crossover
 from pymoo.core.duplicate import DuplicateElimination, NoDuplicateElimination
 from pymoo.core.mutation import Mutation
 from pymoo.core.population import Population
 from pymoo.core.sampling import Sampling
+from pymoo.core.survival import Survival
 
-from botohe_moo._base.checks import check_integer
 from botohe_moo._base.types import FloatArray, ObjectArray
-from botohe_moo.algorithms.base import MAX_TIES, check_budget, check_options, evaluations_left
+from botohe_moo._plugins.checks import checked
+from botohe_moo._plugins.ranges import Count, Probability
+from botohe_moo.algorithms.base import MaxTies, check_budget, check_options, evaluations_left
 from botohe_moo.algorithms.individuals import PopulationArchive
 from botohe_moo.operators.duplicates import PlanDuplicates
 from botohe_moo.operators.repair import PenaltyOnly, PlanRepair
@@ -33,10 +36,9 @@ from botohe_moo.operators.wiring import (
 from botohe_moo.problem import BOTOHE, FrontOutput
 from botohe_moo.trails import TrailPlan
 
-__all__ = ["PopulationAlgorithm"]
+__all__ = ["PlanGeneticAlgorithm", "PopulationAlgorithm"]
 
-
-_MAX_SIZE = 1_000_000
+PopulationSize: TypeAlias = Annotated[int, Field(ge=2, le=1_000_000)]
 
 
 class PopulationAlgorithm(Algorithm):
@@ -68,18 +70,16 @@ class PopulationAlgorithm(Algorithm):
         ``penalty`` (nothing; faults count as constraint violation), or a :class:`PlanRepair`.
         Operators that are given as objects have their own.
     prob_crossover, prob_mutation
-        Probability of crossing a pair and of changing a child, in [0, 1].
+        Probability of crossing a pair and of changing a child.
     max_ties
-        Plans with equal objectives but different trails that the archive keeps, at least 1.
+        Plans with equal objectives but different trails that the archive keeps.
     **options
         pymoo's own: ``termination``, ``callback``, ``output``, ``save_history``, ``seed``, ...
 
     Raises
     ------
-    ValueError
-        If a parameter is out of its range, or a name unknown.
     TypeError
-        If an option is unknown, or an operator is none.
+        If an option is unknown, or something else is given in place of an operator.
 
     Attributes
     ----------
@@ -110,6 +110,7 @@ class PopulationAlgorithm(Algorithm):
         ]
         cls.__signature__ = inspect.Signature([*own[:-1], *operators, own[-1]])
 
+    @checked
     def __init__(
         self,
         arguments: Mapping[str, Any],
@@ -123,13 +124,13 @@ class PopulationAlgorithm(Algorithm):
         crossover: str | Mapping[str, float] | Crossover = DEFAULT_CROSSOVER,
         mutation: str | Mapping[str, float] | Mutation = DEFAULT_MUTATION,
         repair: str | PlanRepair = "safest-path",
-        prob_crossover: float = 0.9,
-        prob_mutation: float = 0.7,
-        max_ties: int = 1_000,
+        prob_crossover: Probability = 0.9,
+        prob_mutation: Probability = 0.7,
+        max_ties: MaxTies = 1_000,
         **options: Any,
     ) -> None:
         check_options(self, options)
-        self.max_ties = check_integer("max_ties", max_ties, at_least=1, at_most=MAX_TIES)
+        self.max_ties = max_ties
         self._least_infeasible: Population | None = None
         made = make_repair(repair)
         operators = {
@@ -174,7 +175,7 @@ class PopulationAlgorithm(Algorithm):
         Raises
         ------
         TypeError
-            If ``problem`` is no :class:`BOTOHE`.
+            If ``problem`` is not a :class:`BOTOHE`.
         ValueError
             If the budget is less than one evaluation.
         """
@@ -233,6 +234,34 @@ class PopulationAlgorithm(Algorithm):
         self._least_infeasible = value
 
 
+class PlanGeneticAlgorithm(PopulationAlgorithm):
+    """A population-based algorithm of pymoo's with two sizes and a survival operator.
+
+    To be put before a class of pymoo's, as :class:`PopulationAlgorithm`.
+
+    Parameters
+    ----------
+    pop_size
+        Plans in the population.
+    n_offsprings
+        Plans that a generation adds; default: as many as the population holds.
+    **options
+        Operators, as for :class:`PopulationAlgorithm`, and pymoo's own options.
+    """
+
+    @checked
+    def __init__(
+        self, *, pop_size: PopulationSize = 100, n_offsprings: Count | None = None, **options: Any
+    ) -> None:
+        sizes = genetic_sizes(pop_size, n_offsprings)
+        super().__init__({**sizes, "survival": self._new_survival()}, **options)
+
+    @staticmethod
+    def _new_survival() -> Survival:
+        """Make a survival for one algorithm: those in pymoo's signatures remember other runs."""
+        raise NotImplementedError
+
+
 class _NamedFunction:
     """A function of a module's, found anew after unpickling."""
 
@@ -260,13 +289,8 @@ def _picklable(selection: Any) -> Any:
 
 
 def genetic_sizes(pop_size: int, n_offsprings: int | None) -> dict[str, Any]:
-    """Give the sizes that genetic algorithms take; a ValueError says which is out of its range."""
-    sizes = {"pop_size": check_integer("pop_size", pop_size, at_least=2, at_most=_MAX_SIZE)}
-    if n_offsprings is not None:
-        sizes["n_offsprings"] = check_integer(
-            "n_offsprings", n_offsprings, at_least=1, at_most=_MAX_SIZE
-        )
-    return sizes
+    """Give the sizes that genetic algorithms of pymoo's take; each has its own other default."""
+    return {"pop_size": pop_size} | ({"n_offsprings": n_offsprings} if n_offsprings else {})
 
 
 def even_weights(n: int) -> FloatArray:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Annotated, Any
+from typing import Any
 
 from botohe_moo._base.types import ObjectArray
-from botohe_moo._plugins import SameResult
-from botohe_moo.algorithms.bo_aco import BOACO
+from botohe_moo._plugins.ranges import Count
+from botohe_moo.algorithms.bo_aco import BOACO, Threads
 from botohe_moo.trails import TrailPlan
 
 __all__ = ["RandomTrails"]
@@ -19,27 +19,20 @@ class RandomTrails(BOACO):
     Parameters
     ----------
     n_ants
-        Plans per iteration, from 1 to 1 000 000.
+        Plans per iteration.
     n_threads
-        Threads that build plans, from 1 to 1 024; the result does not depend on it.
+        Threads that build plans; the result does not depend on it.
     sampling
         Trail plans to start from, as for :class:`BOACO`.
     **options
         pymoo's own, as for :class:`BOACO`.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of its range.
-    TypeError
-        If an option is unknown, or the problem is not a :class:`BOTOHE`.
     """
 
     def __init__(
         self,
         *,
-        n_ants: int = 100,
-        n_threads: Annotated[int, SameResult()] = 1,
+        n_ants: Count = 100,
+        n_threads: Threads = 1,
         sampling: Iterable[TrailPlan] | ObjectArray | None = None,
         **options: Any,
     ) -> None:

@@ -7,21 +7,15 @@ from typing import Any
 
 from pymoo.core.algorithm import Algorithm
 
-from botohe_moo._plugins import (
-    Accepted,
-    Fault,
-    Parameter,
-    call_factory,
-    check_values,
-    docstring_of,
-    raised_fault,
-)
-from botohe_moo.algorithms.finding import PLUGINS, accepted_by, find_algorithm, source_of
+from botohe_moo._base.checks import mapping_of
+from botohe_moo._plugins.checks import Fault, call_factory, check_values, raised_fault
+from botohe_moo._plugins.docstrings import summary_of
+from botohe_moo._plugins.stated import Accepted, Parameter
+from botohe_moo.algorithms.finding import PLUGINS, accepted_by, find_algorithm
 from botohe_moo.algorithms.origin import algorithm_origin
 from botohe_moo.algorithms.wired import never_ends
 
 __all__ = [
-    "AlgorithmParameter",
     "algorithm_names",
     "algorithm_origin",
     "algorithm_parameters",
@@ -29,8 +23,6 @@ __all__ = [
     "describe_algorithm",
     "make_algorithm",
 ]
-
-AlgorithmParameter = Parameter
 
 
 def make_algorithm(name: str, /, **parameters: Any) -> Algorithm:
@@ -64,7 +56,7 @@ def make_algorithm(name: str, /, **parameters: Any) -> Algorithm:
     are stated can be given: what pymoo's algorithms take as ``**kwargs`` would swallow every
     misspelt name.
 
-    ``module:Class`` names one that nobody has registered: a class derived from pymoo's
+    ``module:Class`` names one that is not registered: a class derived from pymoo's
     ``Algorithm``, or a function whose annotation says that it returns one. Nothing else is called,
     but importing the module runs it. Classes of pymoo's own are wired with
     this package's operators and an archive of all non-dominated plans, as ``nsga2`` is
@@ -86,43 +78,26 @@ def check_algorithm(
 ) -> list[Fault]:
     """Say everything that keeps :func:`make_algorithm` from making an algorithm.
 
-    Where names and types are right, the algorithm is made, to hear what its constructor says.
-
-    Parameters
-    ----------
-    name
-        One of :func:`algorithm_names`, or ``module:Class``.
-    parameters
-        Its parameters, by name.
-    plain
-        Whether they are from a text file: what only Python objects can be is refused.
-
-    Returns
-    -------
-    list
-        Pairs of a parameter's name, None for the whole, and what is wrong; empty if nothing is.
+    Gives pairs of a parameter's name, None for the whole, and what is wrong. Where all parameters
+    are of their types, the algorithm is made, to hear what its constructor says. With ``plain``
+    they are from a text file: what can only be a Python object is refused.
 
     Examples
     --------
     >>> check_algorithm("bo-aco", {"n_ants": "100", "evaporation": 0.5})
-    [('n_ants', "Expected n_ants to be an integer, got '100'.")]
+    [('n_ants', "Expected n_ants to be an integer in [1, 1000000], got '100'.")]
     >>> check_algorithm("bo-aco", {"evaporation": 1.3})
     [('evaporation', 'Expected evaporation in (0, 1), got 1.3.')]
     """
-    given = {} if parameters is None else parameters
-    if not isinstance(given, Mapping):
-        return [(None, f"Expected parameters to be a mapping from names to values, got {given!r}.")]
     try:
+        given = mapping_of(parameters)
         factory = find_algorithm(name)
-    except ValueError as error:
-        return [(None, str(error).removeprefix(f"{source_of(name)}: "))]
-    accepted = accepted_by(factory)
-    if faults := check_values(accepted, given, plain=plain):
-        return faults
-    try:
+        accepted = accepted_by(factory)
+        if faults := check_values(accepted, given, plain=plain):
+            return faults
         _made(name, factory, accepted, given)
     except (Exception, SystemExit) as error:  # whatever another package's code may raise
-        return [raised_fault(error, given, source=source_of(name))]
+        return [raised_fault(error, parameters, source=PLUGINS.source(name))]
     return []
 
 
@@ -135,7 +110,7 @@ def algorithm_names() -> tuple[str, ...]:
     return PLUGINS.names()
 
 
-def algorithm_parameters(name: str) -> tuple[AlgorithmParameter, ...]:
+def algorithm_parameters(name: str) -> tuple[Parameter, ...]:
     """List the parameters that an algorithm states, in the order of its signature.
 
     A factory such as :meth:`BOACO.journal` states what it changes, and its class the rest.
@@ -156,16 +131,15 @@ def describe_algorithm(name: str) -> str:
     ValueError
         If there is no such algorithm, or it cannot be imported.
     """
-    summary = docstring_of(find_algorithm(name)).partition("\n\n")[0]
-    return " ".join(summary.split())
+    return summary_of(find_algorithm(name))
 
 
 def _made(
     name: str, factory: Callable[..., Any], accepted: Accepted, parameters: Mapping[str, Any]
 ) -> Algorithm:
-    algorithm = call_factory(source_of(name), factory, accepted, parameters)
+    algorithm = call_factory(PLUGINS.source(name), factory, accepted, parameters)
     if not isinstance(algorithm, Algorithm):
-        raise ValueError(f"{source_of(name)}: expected a pymoo Algorithm, got {algorithm!r}.")
+        raise ValueError(f"{PLUGINS.source(name)}: expected a pymoo Algorithm, got {algorithm!r}.")
     if reason := never_ends(type(algorithm)):
-        raise ValueError(f"{source_of(name)}: cannot be used; {reason}.")
+        raise ValueError(f"{PLUGINS.source(name)}: cannot be used; {reason}.")
     return algorithm

@@ -6,13 +6,16 @@ import math
 import sys
 from collections.abc import Iterable
 from itertools import pairwise
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import Field
 
-from botohe_moo._base.checks import check_integer, check_number
+from botohe_moo._base.checks import ParameterError
 from botohe_moo._base.types import FloatArray, IntArray, ObjectArray, OffsetArray
-from botohe_moo.algorithms.base import ArchiveAlgorithm, generation_limit
+from botohe_moo._plugins.checks import checked
+from botohe_moo._plugins.ranges import Count, Positive, Probability
+from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies, generation_limit
 from botohe_moo.kernels.anneal import schedule as kernels
 from botohe_moo.kernels.rng import seed_states
 from botohe_moo.problem import BOTOHE
@@ -20,7 +23,6 @@ from botohe_moo.trails import PlanBatch, TrailPlan
 
 __all__ = ["SimulatedAnnealing"]
 
-SCHEDULES = ("cooled", "journal")
 # How likely each kind of move is to be drawn: the published ones, and our deletion of loops;
 # ``_kinds_of_moves`` adds detours.
 _PUBLISHED_KINDS = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.1, 0.0)
@@ -50,23 +52,23 @@ class SimulatedAnnealing(ArchiveAlgorithm):
         changes every robot's trail; the temperature starts at 0.2 and falls by the factor 0.95 a
         step; the result are the non-dominated ones among the best plans of the weights.
     initial_temperature, final_temperature
-        Of the cooled schedule, for each weight: above 0, in shares of the total reward that a node
-        pays (the mean share, weighted by reward). The final one is at most the initial one.
+        Of the cooled schedule, for each weight, in shares of the total reward that a node pays (the
+        mean share, weighted by reward). The final one is at most the initial one.
     n_weights
-        Number of weights, at least 1; default: the cube root of the sweep's evaluations, the square
-        root for the journal's schedule.
+        Number of weights; default: the cube root of the sweep's evaluations, the square root for
+        the journal's schedule.
     n_passes
-        How often the cooled schedule goes through the weights, up and down in turns, at least 1.
+        How often the cooled schedule goes through the weights, up and down in turns.
     return_probability
-        Probability in [0, 1] that a rejected step ends at the weight's best plan; default: 0.003,
-        for the journal's schedule 0.
+        Probability that a rejected step ends at the weight's best plan; default: 0.003, for the
+        journal's schedule 0.
     sweep_evaluations
         Evaluations the schedule is made for where the termination limits neither evaluations nor
-        generations, at least 1.
+        generations.
     steps_per_generation
-        Steps in one pymoo generation, at least 1; a generation ends with its weight.
+        Steps in one pymoo generation; a generation ends with its weight.
     max_ties
-        Plans with equal objectives but different trails that the archive keeps, at least 1.
+        Plans with equal objectives but different trails that the archive keeps.
     sampling
         Trail plans to start from: an iterable of plans, or ``X`` of another result.
     **options
@@ -74,10 +76,8 @@ class SimulatedAnnealing(ArchiveAlgorithm):
 
     Raises
     ------
-    ValueError
-        If a parameter is out of its range.
     TypeError
-        If an option is unknown, ``sampling`` holds something else than plans, or the problem is no
+        If an option is unknown, ``sampling`` holds anything but plans, or the problem is not a
         :class:`BOTOHE` or overrides ``evaluate_batch`` or ``constrain_batch``, which a search that
         evaluates inside a kernel cannot see.
 
@@ -116,38 +116,35 @@ class SimulatedAnnealing(ArchiveAlgorithm):
 
     evaluates_in_kernels = True
 
+    @checked
     def __init__(
         self,
         *,
         schedule: Literal["cooled", "journal"] = "cooled",
-        initial_temperature: float = 0.2,
-        final_temperature: float = 0.002,
-        n_weights: int | None = None,
-        n_passes: int = 4,
-        return_probability: float | None = None,
-        sweep_evaluations: int = 100_000,
-        steps_per_generation: int = 1_000,
-        max_ties: int = 1_000,
+        initial_temperature: Positive = 0.2,
+        final_temperature: Positive = 0.002,
+        n_weights: Count | None = None,
+        n_passes: Count = 4,
+        return_probability: Probability | None = None,
+        sweep_evaluations: Annotated[int, Field(ge=1)] = 100_000,
+        steps_per_generation: Count = 1_000,
+        max_ties: MaxTies = 1_000,
         sampling: Iterable[TrailPlan] | ObjectArray | None = None,
         **options: Any,
     ) -> None:
         super().__init__(max_ties=max_ties, sampling=sampling, **options)
-        if schedule not in SCHEDULES:
-            raise ValueError(f"Expected schedule to be 'cooled' or 'journal', got {schedule!r}.")
+        if final_temperature > initial_temperature:
+            expected = f"final_temperature <= initial_temperature = {initial_temperature}"
+            message = f"Expected {expected}, got {final_temperature}."
+            raise ParameterError(message, "final_temperature")
         self.schedule = schedule
-        self.initial_temperature = check_number("initial_temperature", initial_temperature, above=0)
-        self.final_temperature = check_number(
-            "final_temperature", final_temperature, above=0, at_most=self.initial_temperature
-        )
-        self.n_weights = None if n_weights is None else _count("n_weights", n_weights)
-        self.n_passes = _count("n_passes", n_passes)
-        self.return_probability = (
-            None
-            if return_probability is None
-            else check_number("return_probability", return_probability, at_least=0, at_most=1)
-        )
-        self.sweep_evaluations = check_integer("sweep_evaluations", sweep_evaluations, at_least=1)
-        self.steps_per_generation = _count("steps_per_generation", steps_per_generation)
+        self.initial_temperature = initial_temperature
+        self.final_temperature = final_temperature
+        self.n_weights = n_weights
+        self.n_passes = n_passes
+        self.return_probability = return_probability
+        self.sweep_evaluations = sweep_evaluations
+        self.steps_per_generation = steps_per_generation
 
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
         super()._setup(problem)
@@ -309,7 +306,3 @@ def _batch(trails: IntArray, lengths: OffsetArray) -> PlanBatch:
 
 def _copy(source: tuple[IntArray, OffsetArray], target: tuple[IntArray, OffsetArray]) -> None:
     target[0][...], target[1][...] = source
-
-
-def _count(name: str, value: Any) -> int:
-    return check_integer(name, value, at_least=1, at_most=1_000_000)

@@ -10,17 +10,24 @@ from typing import Any
 
 from pymoo.algorithms.base.genetic import GeneticAlgorithm
 
-from botohe_moo._plugins import named
-from botohe_moo.algorithms.population import PopulationAlgorithm, even_weights, genetic_sizes
+from botohe_moo._plugins.checks import checked
+from botohe_moo._plugins.factories import named
+from botohe_moo._plugins.ranges import Count
+from botohe_moo.algorithms.population import (
+    PopulationAlgorithm,
+    PopulationSize,
+    even_weights,
+    genetic_sizes,
+)
 
 __all__ = ["never_ends", "wired"]
 
-# What the wiring gives to every class of pymoo's, or who runs it does.
+# What the wiring, or whoever runs the algorithm, gives to every class of pymoo's.
 _TAKEN_CARE_OF = frozenset(
     {"sampling", "crossover", "mutation", "repair", "eliminate_duplicates", "output", "mating"}
     | {"pop_size", "n_offsprings"}
 )
-# Objects that belong to the algorithm: handed over as pymoo has them, not for users to state.
+# Objects that belong to the algorithm: passed on as pymoo has them, not for users to give.
 _INNER = frozenset({"selection", "survival"})
 
 # Classes that cannot keep what is promised of all, by the module they stand in.
@@ -47,9 +54,9 @@ _DOCSTRING = """{0} of pymoo's, with operators for trail plans.
 Parameters
 ----------
 pop_size
-    Plans in the population, from 2 to 1 000 000; where there are ``ref_dirs``, their number.
+    Plans in the population; where there are ``ref_dirs``, their number.
 n_offsprings
-    Plans that a generation adds, from 1 to 1 000 000; default: as pymoo has it.
+    Plans that a generation adds; default: as pymoo has it.
 ref_dirs
     Directions, shape (n, 2); default: ``pop_size`` of them, spread evenly.
 """
@@ -60,18 +67,11 @@ def wired(path: str, found: Callable[..., Any]) -> Callable[..., Any]:
 
     Classes of other packages know what they solve.
 
-    Parameters
-    ----------
-    path
-        Where it is.
-    found
-        What has been found there.
-
     Raises
     ------
     ValueError
-        If it is a class of pymoo's that is not population-based, or cannot be wired, or derives
-        from one that never ends.
+        If what was found at the path is a class of pymoo's that is not population-based, or cannot
+        be wired, or derives from one that never ends.
     """
     if isinstance(found, type) and (reason := never_ends(found)):
         raise ValueError(f"Algorithm {path!r}: cannot be used; {reason}.")
@@ -89,18 +89,7 @@ def wired(path: str, found: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def never_ends(kind: type) -> str | None:
-    """Say why algorithms of a class, or of one derived from it, would never end.
-
-    Parameters
-    ----------
-    kind
-        The class.
-
-    Returns
-    -------
-    str or None
-        None for all that is well.
-    """
+    """Say why algorithms of a class, or of one derived from it, never end; None if they do."""
     names = (f"{base.__module__}:{base.__qualname__}" for base in kind.__mro__)
     return next((_ENDLESS[name] for name in names if name in _ENDLESS), None)
 
@@ -120,11 +109,12 @@ def _wire(path: str, wrapped: type[GeneticAlgorithm]) -> type[PopulationAlgorith
     if directed:
         own["ref_dirs"] = own["ref_dirs"].replace(default=None)
 
+    @checked
     def __init__(  # noqa: N807
         self: PopulationAlgorithm,
         *,
-        pop_size: int = 100,
-        n_offsprings: int | None = None,
+        pop_size: PopulationSize = 100,
+        n_offsprings: Count | None = None,
         **parameters: Any,
     ) -> None:
         sizes = genetic_sizes(pop_size, n_offsprings)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from botohe_moo._plugins import Parameter
+    from botohe_moo._plugins.stated import Parameter
     from botohe_moo.mission.model import Mission
 
 __all__ = ["brief", "describe", "listing", "paragraph", "parameter_example", "parameter_text"]
@@ -58,7 +58,7 @@ def parameter_text(parameter: Parameter) -> str:
         kind = "  (from Python only)"
     elif not parameter.required:
         headline += f" = {_default(parameter)}"
-    lines = [f"  {headline}{kind}"]
+    lines = [paragraph(f"{headline}{kind}", first="  ", indent=" " * 6)]
     if parameter.description:
         lines.append(paragraph(parameter.description, first=" " * 6, indent=" " * 6))
     return "\n".join(lines)

@@ -8,13 +8,15 @@ has no reward.
 from __future__ import annotations
 
 import math
-from numbers import Real
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 import networkx as nx
 import numpy as np
+from pydantic import Field
 
-from botohe_moo._base.checks import check_integer
+from botohe_moo._base.checks import ParameterError
+from botohe_moo._plugins.checks import checked
+from botohe_moo._plugins.ranges import Robots
 from botohe_moo.mission.formats.benchmark import near_pairs, spanning_pairs
 from botohe_moo.mission.memory import check_memory
 from botohe_moo.mission.model import Mission
@@ -28,6 +30,9 @@ if TYPE_CHECKING:
 
 __all__ = ["complete", "random", "terrain", "two_communities"]
 
+Nodes: TypeAlias = Annotated[int, Field(ge=2)]
+Seed: TypeAlias = Annotated[int, Field(ge=0)]
+
 _DIGITS = 4
 _DRAWS = 1000
 
@@ -36,8 +41,9 @@ _DRAWS = 1000
 _REACH = 1.51
 
 
-def two_communities(*, seed: int = 0, robots: int = 2) -> Mission:
-    """Draw a poor community of 12 nodes and a rich one of 8, hardly connected, beside the base.
+@checked
+def two_communities(*, seed: Seed = 0, robots: Robots = 2) -> Mission:
+    """A poor community of 12 nodes and a rich one of 8, hardly connected, beside the base.
 
     Passages have probability 0.4 and 0.3 within the communities, and 0.025 between them. Rewards
     are normal(1, 0.5) and normal(5, 2), truncated to at least 0; survivals, the same both ways, are
@@ -48,26 +54,21 @@ def two_communities(*, seed: int = 0, robots: int = 2) -> Mission:
     Parameters
     ----------
     seed
-        Seed of the random numbers, at least 0.
+        Seed of the random numbers.
     robots
-        Team size, at least 1.
+        Team size.
 
     Returns
     -------
     Mission
         21 nodes, about 82 arcs; the node attribute ``zone`` tells the communities.
 
-    Raises
-    ------
-    ValueError
-        If a parameter is out of its range.
-
     References
     ----------
     The third case of Simon, Richley, Overbey and Perez-Lavin, "Bi-objective trail-planning for a
     robot team orienteering in a hazardous environment", 2025: a stochastic block model.
     """
-    rng, robots = _rng(seed), check_integer("robots", robots, at_least=1)
+    rng = np.random.default_rng(seed)
     poor, rich = 12, 8
     block = np.repeat([0, 1, 2], [1, poor, rich])
     probability = np.array([[0, 0, 0], [0, 0.4, 0.025], [0, 0.025, 0.3]])[block[:, None], block]
@@ -88,23 +89,28 @@ def two_communities(*, seed: int = 0, robots: int = 2) -> Mission:
     )
 
 
+@checked
 def random(
-    *, nodes: int = 20, arc_probability: float = 0.3, robots: int = 3, seed: int = 0
+    *,
+    nodes: Nodes = 20,
+    arc_probability: Annotated[float, Field(gt=0, le=1)] = 0.3,
+    robots: Robots = 3,
+    seed: Seed = 0,
 ) -> Mission:
-    """Draw an Erdős–Rényi graph, again until it is connected.
+    """An Erdős–Rényi graph, drawn again until it is connected.
 
     Survivals are uniform in (0, 1), each way its own, and rewards 0.1 + uniform in [0, 1).
 
     Parameters
     ----------
     nodes
-        Number of nodes, at least 2.
+        Number of nodes.
     arc_probability
-        Probability, in (0, 1], that there is a passage between two nodes.
+        Probability that there is a passage between two nodes.
     robots
-        Team size, at least 1.
+        Team size.
     seed
-        Seed of the random numbers, at least 0.
+        Seed of the random numbers.
 
     Raises
     ------
@@ -112,12 +118,7 @@ def random(
         If a parameter is out of its range, or ``arc_probability`` so small that none of 1000 graphs
         is connected.
     """
-    rng, robots = _rng(seed), check_integer("robots", robots, at_least=1)
-    nodes = check_integer("nodes", nodes, at_least=2)
-    if isinstance(arc_probability, bool) or not isinstance(arc_probability, Real):
-        raise ValueError(f"Expected arc_probability to be a number, got {arc_probability!r}.")
-    if not 0 < arc_probability <= 1:
-        raise ValueError(f"Expected arc_probability in (0, 1], got {arc_probability}.")
+    rng = np.random.default_rng(seed)
     check_memory(
         "nodes",
         nodes,
@@ -126,12 +127,14 @@ def random(
         pairs=nodes**2,
         remedy="nodes or arc_probability",
     )
-    pairs = _connected_pairs(rng, np.full((nodes, nodes), float(arc_probability)))
+    pairs = _connected_pairs(rng, np.full((nodes, nodes), arc_probability))
     if not len(pairs):
-        raise ValueError(
-            f"Expected an arc_probability that connects {nodes} nodes, got {arc_probability}: none "
-            f"of {_DRAWS} graphs was connected; most are above {1.5 * math.log(nodes) / nodes:.2g}."
+        usual = 1.5 * math.log(nodes) / nodes
+        message = (
+            f"Expected an arc_probability that connects {nodes} nodes, got {arc_probability}: "
+            f"none of {_DRAWS} graphs was connected; most are above {usual:.2g}."
         )
+        raise ParameterError(message, "arc_probability")
     steps = 10**_DIGITS
     return _mission(
         "random",
@@ -144,8 +147,9 @@ def random(
     )
 
 
-def complete(*, nodes: int = 25, robots: int = 2, seed: int = 0) -> Mission:
-    """Draw rewards and survivals for a graph with all arcs.
+@checked
+def complete(*, nodes: Nodes = 25, robots: Robots = 2, seed: Seed = 0) -> Mission:
+    """A graph with all arcs, its rewards and survivals drawn at random.
 
     Rewards are normal(1, 1), truncated to at least 0, and survivals, each way its own,
     normal(0.75, 0.2), truncated to (0, 1]; what is out of range is drawn again.
@@ -153,19 +157,13 @@ def complete(*, nodes: int = 25, robots: int = 2, seed: int = 0) -> Mission:
     Parameters
     ----------
     nodes
-        Number of nodes, at least 2.
+        Number of nodes.
     robots
-        Team size, at least 1.
+        Team size.
     seed
-        Seed of the random numbers, at least 0.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of its range.
+        Seed of the random numbers.
     """
-    rng, robots = _rng(seed), check_integer("robots", robots, at_least=1)
-    nodes = check_integer("nodes", nodes, at_least=2)
+    rng = np.random.default_rng(seed)
     check_memory("nodes", nodes, nodes=nodes, arcs=nodes**2)
     pairs = np.column_stack(np.triu_indices(nodes, 1))
     return _mission(
@@ -179,8 +177,9 @@ def complete(*, nodes: int = 25, robots: int = 2, seed: int = 0) -> Mission:
     )
 
 
-def terrain(*, nodes: int = 200, robots: int = 5, seed: int = 0) -> Mission:
-    """Draw waypoints in the unit square, with passages between near ones, like ``terrain_200``.
+@checked
+def terrain(*, nodes: Nodes = 200, robots: Robots = 5, seed: Seed = 0) -> Mission:
+    """Waypoints in the unit square, with passages between near ones, like ``terrain_200``.
 
     A random geometric graph whose waypoints have about 6.7 neighbours, whatever their number; where
     it falls apart, passages between the nearest waypoints of its parts join them. Survivals are
@@ -190,19 +189,13 @@ def terrain(*, nodes: int = 200, robots: int = 5, seed: int = 0) -> Mission:
     Parameters
     ----------
     nodes
-        Number of waypoints, at least 2.
+        Number of waypoints.
     robots
-        Team size, at least 1.
+        Team size.
     seed
-        Seed of the random numbers, at least 0.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of its range.
+        Seed of the random numbers.
     """
-    rng, robots = _rng(seed), check_integer("robots", robots, at_least=1)
-    nodes = check_integer("nodes", nodes, at_least=2)
+    rng = np.random.default_rng(seed)
     check_memory("nodes", nodes, nodes=nodes, arcs=36 * nodes // 5)
     positions = np.round(rng.random((nodes, 2)), 6)
     # The spanning tree's long edges are the ones that join the parts, shortest first.
@@ -218,10 +211,6 @@ def terrain(*, nodes: int = 200, robots: int = 5, seed: int = 0) -> Mission:
         np.round(0.9 + 0.095 * rng.random((len(pairs), 2)), _DIGITS),
         base=int(((positions - 0.5) ** 2).sum(axis=1).argmin()),
     )
-
-
-def _rng(seed: int) -> np.random.Generator:
-    return np.random.default_rng(check_integer("seed", seed, at_least=0))
 
 
 def _connected_pairs(rng: np.random.Generator, probability: FloatArray) -> OffsetArray:

@@ -8,17 +8,13 @@ from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any
 
-from botohe_moo._plugins import (
-    Fault,
-    Parameter,
-    accepted_parameters,
-    call_factory,
-    check_values,
-    declared_factory,
-    docstring_of,
-    raised_fault,
-)
+from botohe_moo._base.checks import mapping_of
+from botohe_moo._plugins.checks import Fault, call_factory, check_values, checked, raised_fault
+from botohe_moo._plugins.docstrings import summary_of
 from botohe_moo._plugins.entry_points import PluginError, PluginGroup
+from botohe_moo._plugins.factories import declared_factory
+from botohe_moo._plugins.ranges import Robots
+from botohe_moo._plugins.stated import Parameter, accepted_parameters
 from botohe_moo.mission.formats.files import SUFFIXES, read_mission
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.validation import MissionError
@@ -38,13 +34,9 @@ __all__ = [
 _PLUGINS = PluginGroup("botohe_moo.missions", "mission")
 
 
-def art_museum(*, robots: int | None = None) -> Mission:
-    """Give the San Diego Museum of Art: 27 rooms, 74 arcs, 3 robots.
-
-    Parameters
-    ----------
-    robots
-        Team size; default: the mission's own.
+@checked
+def art_museum(*, robots: Robots | None = None) -> Mission:
+    """The San Diego Museum of Art: 27 rooms, 74 arcs, 3 robots.
 
     References
     ----------
@@ -54,13 +46,9 @@ def art_museum(*, robots: int | None = None) -> Mission:
     return _packaged("art_museum", robots)
 
 
-def power_plant(*, robots: int | None = None) -> Mission:
-    """Give the Satsop nuclear power plant, a tree of 73 zones and 144 arcs, 2 robots.
-
-    Parameters
-    ----------
-    robots
-        Team size; default: the mission's own.
+@checked
+def power_plant(*, robots: Robots | None = None) -> Mission:
+    """The Satsop nuclear power plant: a tree of 73 zones, 144 arcs, 2 robots.
 
     References
     ----------
@@ -71,25 +59,15 @@ def power_plant(*, robots: int | None = None) -> Mission:
     return _packaged("power_plant", robots)
 
 
-def terrain_200(*, robots: int | None = None) -> Mission:
-    """Give a rolling terrain: 200 waypoints, 1348 arcs between near ones, 5 robots.
-
-    Parameters
-    ----------
-    robots
-        Team size; default: the mission's own.
-    """
+@checked
+def terrain_200(*, robots: Robots | None = None) -> Mission:
+    """A rolling terrain: 200 waypoints, 1348 arcs between near ones, 5 robots."""
     return _packaged("terrain_200", robots)
 
 
-def toy(*, robots: int | None = None) -> Mission:
-    """Give a mission to reckon by hand: 5 nodes, 12 arcs, 2 robots.
-
-    Parameters
-    ----------
-    robots
-        Team size; default: the mission's own.
-    """
+@checked
+def toy(*, robots: Robots | None = None) -> Mission:
+    """A mission small enough to compute by hand: 5 nodes, 12 arcs, 2 robots."""
     return _packaged("toy", robots)
 
 
@@ -108,10 +86,10 @@ def load_mission(
     ----------
     name_or_path
         One of `mission_names`, or the path of a file that `read_mission` reads: what ends like one,
-        holds a path separator, is an ``os.PathLike``, or exists as a file and is no mission's name.
-        ``module:function`` names a mission that nobody has registered: a function whose annotation
-        says that it returns a `Mission`, or a class derived from it. Nothing else is called, but
-        importing the module runs it.
+        holds a path separator, is an ``os.PathLike``, or exists as a file and is not the name of a
+        mission. ``module:function`` names a mission that is not registered: a function whose
+        annotation says that it returns a `Mission`, or a class derived from it. Nothing else is
+        called, but importing the module runs it.
     robots
         Team size; default: the mission's own.
     parameters
@@ -141,7 +119,7 @@ def load_mission(
     function = _factory(name_or_path)
     if function is None:
         return read_mission(name_or_path, robots=robots, **parameters)
-    return _make(function, _source(name_or_path), robots, parameters)
+    return _make(function, _PLUGINS.source(name_or_path), robots, parameters)
 
 
 def check_mission(
@@ -152,31 +130,17 @@ def check_mission(
 ) -> list[Fault]:
     """Say everything that keeps `load_mission` from giving a mission.
 
-    Where names and types are right the mission is made, to hear what its function says.
-
-    Parameters
-    ----------
-    name_or_path
-        As for `load_mission`.
-    parameters
-        Its parameters by name, ``robots`` among them.
-    plain
-        Whether they are from a text file: what only Python objects can be is refused.
-
-    Returns
-    -------
-    list
-        Pairs of a parameter's name, None for the whole, and what is wrong; empty if nothing is.
+    Gives pairs of a parameter's name, None for the whole, and what is wrong. Where all parameters
+    are of their types, the mission is made, to hear what its function says; ``robots`` is among
+    them. With ``plain`` they are from a text file: what can only be a Python object is refused.
 
     Examples
     --------
     >>> check_mission("terrain", {"nodes": "50", "robots": 3})
-    [('nodes', "Expected nodes to be an integer, got '50'.")]
+    [('nodes', "Expected nodes to be an integer >= 2, got '50'.")]
     """
-    given = {} if parameters is None else parameters
-    if not isinstance(given, Mapping):
-        return [(None, f"Expected parameters to be a mapping from names to values, got {given!r}.")]
     try:
+        given = mapping_of(parameters)
         function = _factory(name_or_path)
         if function is not None:
             accepted = accepted_parameters(function)
@@ -188,7 +152,7 @@ def check_mission(
     except OSError as error:
         return [(None, f"{error.filename}: {error.strerror}.")]
     except (Exception, SystemExit) as error:  # whatever another package's code may raise
-        return [raised_fault(error, given, source=_source(name_or_path))]
+        return [raised_fault(error, parameters, source=_PLUGINS.source(name_or_path))]
     return []
 
 
@@ -202,17 +166,9 @@ def mission_names() -> tuple[str, ...]:
 
 
 def mission_origin(name_or_path: str | os.PathLike[str]) -> dict[str, str | None]:
-    """Say which package registers a mission.
+    """Say which ``package`` in which ``version`` registers a mission.
 
-    Parameters
-    ----------
-    name_or_path
-        As for `load_mission`.
-
-    Returns
-    -------
-    dict
-        ``package`` and ``version``; None for files, and for what nobody has registered.
+    Both are None for files, and for missions that are not registered.
 
     Raises
     ------
@@ -224,7 +180,7 @@ def mission_origin(name_or_path: str | os.PathLike[str]) -> dict[str, str | None
         try:
             owner = _PLUGINS.entry(name_or_path).dist
         except PluginError as error:
-            raise MissionError(str(error), _source(name_or_path)) from error
+            raise MissionError(str(error), _PLUGINS.source(name_or_path)) from error
     return {
         "package": owner.name if owner else None,
         "version": owner.version if owner else None,
@@ -245,13 +201,8 @@ def mission_parameters(name_or_path: str | os.PathLike[str]) -> tuple[Parameter,
 
 
 def describe_mission(name: str) -> str:
-    """Give the first line of what a named mission says of itself."""
-    return docstring_of(_PLUGINS.load(name)).partition("\n")[0]
-
-
-def _source(name: object) -> str:
-    """Say in a message whom it is about."""
-    return f"Mission {name!r}"
+    """Give the summary that a named mission's docstring begins with; may be empty."""
+    return summary_of(_PLUGINS.load(name))
 
 
 def _factory(name: str | os.PathLike[str]) -> Callable[..., Any] | None:
@@ -274,7 +225,7 @@ def _factory(name: str | os.PathLike[str]) -> Callable[..., Any] | None:
         hint = (
             "" if known or ":" in name else f"; mission files end in one of {', '.join(SUFFIXES)}"
         )
-        raise MissionError(f"{error}{hint}", _source(name)) from error
+        raise MissionError(f"{error}{hint}", _PLUGINS.source(name)) from error
 
 
 def _make(

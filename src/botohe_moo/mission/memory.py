@@ -5,7 +5,7 @@ The limit is one for all machines, so that a study file is valid on each of them
 
 from __future__ import annotations
 
-import reprlib
+from botohe_moo._base.checks import ParameterError, quoted
 
 __all__ = ["MAX_FILE_BYTES", "MAX_ROBOTS", "check_memory", "in_gib", "needed_bytes", "team_bytes"]
 
@@ -38,29 +38,17 @@ def needed_bytes(nodes: int, arcs: int, pairs: int = 0) -> int:
 def check_memory(
     name: str, value: int, *, nodes: int, arcs: int, pairs: int = 0, remedy: str = ""
 ) -> None:
-    """Refuse a parameter with which a mission would take more memory than there should be.
+    """Refuse a parameter with which a mission would take more memory than the limit.
 
-    Parameters
-    ----------
-    name, value
-        The parameter.
-    nodes, arcs
-        How many the mission will have, about.
-    pairs
-        Pairs of nodes that arrays hold while it is made.
-    remedy
-        What to lower; default: the parameter.
-
-    Raises
-    ------
-    ValueError
-        With the estimate and the limit.
+    The mission has about that many nodes and arcs, and arrays hold ``pairs`` of nodes while it is
+    made. The message says to lower ``remedy``, by default the parameter.
     """
     needed = needed_bytes(nodes, arcs, pairs)
     if needed > _LIMIT:
-        raise ValueError(
+        raise ParameterError(
             f"Expected {name} of a mission that takes at most {in_gib(_LIMIT)} of memory, got "
-            f"{reprlib.repr(value)}, which takes about {in_gib(needed)}; lower {remedy or name}."
+            f"{quoted(value)}, which takes about {in_gib(needed)}; lower {remedy or name}.",
+            name,
         )
 
 

@@ -5,24 +5,20 @@ from __future__ import annotations
 import math
 from numbers import Real
 from operator import index
-from reprlib import Repr
 from typing import TYPE_CHECKING, Any
 
 import networkx as nx
 import numpy as np
 
+from botohe_moo._base.checks import quoted
 from botohe_moo.mission.memory import MAX_ROBOTS, in_gib, team_bytes
 
 if TYPE_CHECKING:
     from collections.abc import Hashable, Iterator
 
-__all__ = ["MissionError", "brief", "mission_faults", "team_size_fault"]
+__all__ = ["MissionError", "mission_faults", "team_size_fault"]
 
 _MAX_SHOWN = 100  # a file may have a million faults
-
-_REPR = Repr()
-_REPR.maxlevel, _REPR.maxstring, _REPR.maxother = 2, 60, 60
-brief = _REPR.repr  # what was found may be as long as a file
 
 
 class MissionError(ValueError):
@@ -33,7 +29,7 @@ class MissionError(ValueError):
     faults
         Everything that is wrong, each naming a node or an arc and the value found.
     source
-        What is spoken of, to begin the message with.
+        What the message is about; it begins with this.
 
     Attributes
     ----------
@@ -83,7 +79,7 @@ def mission_faults(graph: Any, base: Hashable, robots: object, *, ways: bool = T
     if base is None:
         faults.append("expected the label of the base, found no graph attribute 'base'")
     elif base not in graph:
-        faults.append(f"base {brief(base)}: there is no such node")
+        faults.append(f"base {quoted(base)}: there is no such node")
     elif ways:
         faults += _way_faults(graph, base)
     return faults
@@ -95,11 +91,11 @@ def team_size_fault(robots: object) -> str | None:
         if isinstance(robots, bool | np.bool_) or index(robots) < 1:  # type: ignore[arg-type]
             raise TypeError
     except TypeError:
-        return f"expected robots to be an integer >= 1, got {brief(robots)}"
+        return f"expected robots to be an integer >= 1, got {quoted(robots)}"
     if (team := index(robots)) > MAX_ROBOTS:  # type: ignore[arg-type]
         return (
             f"expected robots <= {MAX_ROBOTS}, of which a thousand plans take "
-            f"{in_gib(team_bytes(MAX_ROBOTS))} of memory, got {brief(robots)}, of which they take "
+            f"{in_gib(team_bytes(MAX_ROBOTS))} of memory, got {quoted(robots)}, of which they take "
             f"about {in_gib(team_bytes(team))}; lower robots"
         )
     return None
@@ -114,7 +110,7 @@ def _not_a_digraph(graph: Any) -> str:
             f"expected directed arcs (nx.DiGraph), got a {found}; "
             "graph.to_directed() makes every edge passable both ways"
         )
-    return f"expected an nx.DiGraph, got {brief(graph)}"
+    return f"expected an nx.DiGraph, got {quoted(graph)}"
 
 
 def _number(value: object) -> float:
@@ -128,7 +124,7 @@ def _number(value: object) -> float:
 
 
 def _found(attributes: dict[str, Any], key: str) -> str:
-    return f"got {brief(attributes[key])}" if key in attributes else f"found no attribute {key!r}"
+    return f"got {quoted(attributes[key])}" if key in attributes else f"found no attribute {key!r}"
 
 
 def _reward_faults(graph: nx.DiGraph[Any]) -> Iterator[str]:

@@ -17,13 +17,7 @@ Part = TypeVar("Part")
 
 
 def check_repair(repair: PlanRepair | None) -> PlanRepair:
-    """Give the repair of an operator's children, by default a new :class:`SafestPathRepair`.
-
-    Raises
-    ------
-    TypeError
-        If it is no :class:`PlanRepair`.
-    """
+    """Give the repair of an operator's children, by default a new :class:`SafestPathRepair`."""
     if repair is None:
         return SafestPathRepair()
     if not isinstance(repair, PlanRepair):
@@ -34,21 +28,8 @@ def check_repair(repair: PlanRepair | None) -> PlanRepair:
 class Mixture(Generic[Part]):
     """Several operators, of which each plan gets one, drawn with their weights.
 
-    Parameters
-    ----------
-    what
-        What they are called in messages.
-    kind
-        The class that each has to be of.
-    parts
-        The operators, or a mapping from them to their weights, which are finite and above 0.
-
-    Raises
-    ------
-    TypeError
-        If something is no such operator.
-    ValueError
-        If there is none, or a weight is out of its range.
+    ``parts`` are operators of the class ``kind``, or a mapping from them to their weights, which
+    are finite and above 0; messages call each of them a ``what``.
     """
 
     def __init__(

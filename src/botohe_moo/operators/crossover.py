@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import Field
 from pymoo.core.crossover import Crossover
 
-from botohe_moo._base.checks import check_integer, check_number
 from botohe_moo._base.types import ObjectArray, OffsetArray
+from botohe_moo._plugins.checks import checked
+from botohe_moo._plugins.ranges import Probability
 from botohe_moo.kernels.plans.vary import EXCHANGE, SPLICE, cross
 from botohe_moo.kernels.rng import draw_state
 from botohe_moo.operators.base import check_repair
@@ -25,26 +27,22 @@ class PlanCrossover(Crossover):
     Parameters
     ----------
     prob
-        Probability of crossing a pair of parents, in [0, 1]; otherwise the children are copies of
+        Probability of crossing a pair of parents; otherwise the children are copies of
         their parents.
     n_offsprings
-        Children of each pair, 1 or 2.
+        Children of each pair.
     repair
         Makes valid plans of the children; default: :class:`SafestPathRepair`.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of its range.
-    TypeError
-        If ``repair`` is no :class:`PlanRepair`.
     """
 
+    @checked
     def __init__(
-        self, *, prob: float = 0.9, n_offsprings: int = 2, repair: PlanRepair | None = None
+        self,
+        *,
+        prob: Probability = 0.9,
+        n_offsprings: Annotated[int, Field(ge=1, le=2)] = 2,
+        repair: PlanRepair | None = None,
     ) -> None:
-        prob = check_number("prob", prob, at_least=0, at_most=1)
-        n_offsprings = check_integer("n_offsprings", n_offsprings, at_least=1, at_most=2)
         super().__init__(2, n_offsprings, prob=prob)
         self.plan_repair = check_repair(repair)
 
@@ -116,28 +114,22 @@ class MixedCrossover(PlanCrossover):
     Parameters
     ----------
     prob_splice
-        Probability of a splice rather than an exchange, in [0, 1].
+        Probability of a splice rather than an exchange.
     prob, n_offsprings, repair
         As for :class:`PlanCrossover`.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of its range.
-    TypeError
-        If ``repair`` is no :class:`PlanRepair`.
     """
 
+    @checked
     def __init__(
         self,
         *,
-        prob_splice: float = 0.5,
-        prob: float = 0.9,
-        n_offsprings: int = 2,
+        prob_splice: Probability = 0.5,
+        prob: Probability = 0.9,
+        n_offsprings: Annotated[int, Field(ge=1, le=2)] = 2,
         repair: PlanRepair | None = None,
     ) -> None:
-        self.prob_splice = check_number("prob_splice", prob_splice, at_least=0, at_most=1)
         super().__init__(prob=prob, n_offsprings=n_offsprings, repair=repair)
+        self.prob_splice = prob_splice
 
     def _kinds(self, n_pairs: int, random_state: np.random.Generator) -> OffsetArray:
         splice = random_state.random(n_pairs) < self.prob_splice

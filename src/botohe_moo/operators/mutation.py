@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import Field
 from pymoo.core.mutation import Mutation
 
-from botohe_moo._base.checks import check_flag, check_integer, check_number, nearest_first
+from botohe_moo._base.checks import ParameterError, check_weights, quoted
 from botohe_moo._base.types import ObjectArray
+from botohe_moo._plugins.checks import checked
+from botohe_moo._plugins.ranges import Count, Probability
 from botohe_moo.kernels.plans import vary as kernels
 from botohe_moo.kernels.plans.moves import change_plans
 from botohe_moo.kernels.rng import draw_state
@@ -35,21 +38,15 @@ class PlanMutation(Mutation):
     Parameters
     ----------
     prob
-        Probability of changing a plan at all, in [0, 1].
+        Probability of changing a plan at all.
     repair
         Makes valid plans of the children; default: :class:`SafestPathRepair`.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of its range.
-    TypeError
-        If ``repair`` is no :class:`PlanRepair`.
     """
 
-    def __init__(self, *, prob: float = 1.0, repair: PlanRepair | None = None) -> None:
-        # The base class applies prob; whoever applied it again in _do would mutate at prob².
-        super().__init__(prob=check_number("prob", prob, at_least=0, at_most=1))
+    @checked
+    def __init__(self, *, prob: Probability = 1.0, repair: PlanRepair | None = None) -> None:
+        # The base class applies prob: to apply it again in _do would mutate at prob².
+        super().__init__(prob=prob)
         self.plan_repair = check_repair(repair)
 
     def mutate_batch(
@@ -124,54 +121,40 @@ class TrailMoves(PlanMutation):
     weights
         How likely each move is to be drawn, relative: a mapping from ``insert``, ``delete``,
         ``substitute``, ``swap``, ``grab``, ``delete-segment`` and ``reverse`` to numbers of at
-        least 0, those not named 0. By default the first six are equally likely, and the last a
-        tenth as likely as each of them.
+        least 0; a move that is not named is not drawn. By default the first six are equally
+        likely, and the last a tenth as likely as each of them.
     every_robot
         Whether every robot's trail is changed, rather than that of one drawn at random.
     max_tries
-        How often a move is drawn before detours are tried, from 1 to 1 000 000.
+        How often a move is drawn before detours are tried.
     prob, repair
         As for :class:`PlanMutation`.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of its range, or a move unknown.
-    TypeError
-        If ``repair`` is no :class:`PlanRepair`.
 
     Notes
     -----
     Simon, Richley, Overbey and Perez-Lavin, PeerJ Computer Science, 2025.
     """
 
+    @checked
     def __init__(
         self,
         *,
         weights: Mapping[str, float] | None = None,
         every_robot: bool = False,
-        max_tries: int = 100,
-        prob: float = 1.0,
+        max_tries: Count = 100,
+        prob: Probability = 1.0,
         repair: PlanRepair | None = None,
     ) -> None:
         super().__init__(prob=prob, repair=repair)
-        self.every_robot = check_flag("every_robot", every_robot)
-        self.max_tries = check_integer("max_tries", max_tries, at_least=1, at_most=1_000_000)
-        given = dict.fromkeys(MOVES, 1.0) | {"reverse": 0.1} if weights is None else weights
-        if not isinstance(given, Mapping):
-            raise ValueError(f"Expected weights to be a mapping from moves, got {weights!r}.")
-        for name in given:
-            if name not in MOVES:
-                known = ", ".join(nearest_first(str(name), MOVES))
-                raise ValueError(f"Expected moves among {known}, got {name!r}.")
-        self.weights = np.array(
-            [
-                check_number(f"weight of {name!r}", given.get(name, 0.0), at_least=0)
-                for name in MOVES
-            ]
-        )
+        self.every_robot = every_robot
+        self.max_tries = max_tries
+        usual = dict.fromkeys(MOVES, 1.0) | {"reverse": 0.1}
+        given = usual if weights is None else weights
+        given = check_weights("weights", given, MOVES, what="moves")
+        self.weights = np.array([given.get(name, 0.0) for name in MOVES])
         if not self.weights.any():
-            raise ValueError(f"Expected a move of weight above 0, got {weights!r}.")
+            message = f"Expected a move of weight above 0, got {quoted(weights)}."
+            raise ParameterError(message, "weights")
 
     def _draft(
         self, mission: Mission, plans: PlanBatch, random_state: np.random.Generator
@@ -211,16 +194,9 @@ class RuinRecreate(PlanMutation):
     Parameters
     ----------
     max_via
-        How many nodes are put in at most, from 0 to 100.
+        How many nodes are put in at most.
     prob, repair
         As for :class:`PlanMutation`.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of its range.
-    TypeError
-        If ``repair`` is no :class:`PlanRepair`.
 
     Notes
     -----
@@ -229,11 +205,16 @@ class RuinRecreate(PlanMutation):
     159(2), 2000.
     """
 
+    @checked
     def __init__(
-        self, *, max_via: int = 2, prob: float = 1.0, repair: PlanRepair | None = None
+        self,
+        *,
+        max_via: Annotated[int, Field(ge=0, le=100)] = 2,
+        prob: Probability = 1.0,
+        repair: PlanRepair | None = None,
     ) -> None:
         super().__init__(prob=prob, repair=repair)
-        self.max_via = check_integer("max_via", max_via, at_least=0, at_most=100)
+        self.max_via = max_via
 
     def _draft(
         self, mission: Mission, plans: PlanBatch, random_state: np.random.Generator
@@ -281,23 +262,21 @@ class ShareTrails(PlanMutation):
     Parameters
     ----------
     prob_copy
-        Probability of taking over rather than swapping, in [0, 1].
+        Probability of taking over rather than swapping.
     prob, repair
         As for :class:`PlanMutation`.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of its range.
-    TypeError
-        If ``repair`` is no :class:`PlanRepair`.
     """
 
+    @checked
     def __init__(
-        self, *, prob_copy: float = 0.5, prob: float = 1.0, repair: PlanRepair | None = None
+        self,
+        *,
+        prob_copy: Probability = 0.5,
+        prob: Probability = 1.0,
+        repair: PlanRepair | None = None,
     ) -> None:
         super().__init__(prob=prob, repair=repair)
-        self.prob_copy = check_number("prob_copy", prob_copy, at_least=0, at_most=1)
+        self.prob_copy = prob_copy
 
     def _draft(
         self,
@@ -329,21 +308,14 @@ class MixedMutation(PlanMutation):
         What is drawn from: mutations, or a mapping from them to their weights (above 0). Each
         repairs its own children; their own ``prob`` does not matter.
     prob
-        Probability of changing a plan at all, in [0, 1].
-
-    Raises
-    ------
-    ValueError
-        If there is no mutation, or a weight or ``prob`` is out of its range.
-    TypeError
-        If something is no :class:`PlanMutation`.
+        Probability of changing a plan at all.
     """
 
     def __init__(
         self,
         mutations: Sequence[PlanMutation] | Mapping[PlanMutation, float],
         *,
-        prob: float = 1.0,
+        prob: Probability = 1.0,
     ) -> None:
         super().__init__(prob=prob)
         self.mixture = Mixture("mutation", PlanMutation, mutations)

@@ -50,8 +50,6 @@ class PlanSampling(Sampling):
 
         Raises
         ------
-        ValueError
-            If ``n_samples`` is out of its range.
         PlanError
             If a given plan is not valid.
         """
@@ -132,11 +130,6 @@ class CornerSampling(PlanSampling):
     ----------
     rest
         Gives the other plans that are wanted; default: :class:`GuidedTrailSampling`.
-
-    Raises
-    ------
-    TypeError
-        If ``rest`` is no :class:`PlanSampling`.
     """
 
     def __init__(self, rest: PlanSampling | None = None) -> None:
@@ -187,8 +180,6 @@ class GivenSampling(PlanSampling):
 
     Raises
     ------
-    TypeError
-        If ``plans`` holds something else than plans, or ``rest`` is no :class:`PlanSampling`.
     PlanError
         When sampling, if a given plan is not valid; names the plan, robot, position and arc.
     """
@@ -219,13 +210,6 @@ class MixedSampling(PlanSampling):
     samplings
         Where they come from: samplings, or a mapping from them to their weights (above 0), by
         which each plan's sampling is drawn.
-
-    Raises
-    ------
-    ValueError
-        If there is no sampling, or a weight is out of its range.
-    TypeError
-        If something is no :class:`PlanSampling`.
     """
 
     def __init__(self, samplings: Sequence[PlanSampling] | Mapping[PlanSampling, float]) -> None:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, TypeAlias
 
 from pymoo.core.crossover import Crossover
 from pymoo.core.mutation import Mutation
 from pymoo.core.sampling import Sampling
 
-from botohe_moo._base.checks import check_flag, check_number, nearest_first
+from botohe_moo._base.checks import ParameterError, check_choice, check_weights, quoted
 from botohe_moo.operators.crossover import MixedCrossover, TrailExchange, TrailSplice
 from botohe_moo.operators.mutation import (
     MixedMutation,
@@ -48,8 +48,6 @@ __all__ = [
     "make_sampling",
 ]
 
-Made = TypeVar("Made")
-
 # One operator's name, or several with their weights.
 Weights: TypeAlias = str | Mapping[str, float]
 
@@ -74,61 +72,33 @@ REPAIRS: dict[str, Callable[[], PlanRepair]] = {
 }
 
 
-def _named(what: str, name: Any, known: Mapping[str, Made]) -> Made:
-    if not isinstance(name, str) or name not in known:
-        among = ", ".join(nearest_first(str(name), known))
-        raise ValueError(f"Expected {what} among {among}, got {name!r}.")
-    return known[name]
-
-
 def _weights(what: str, given: Any, known: Mapping[str, Any]) -> dict[str, float]:
     """Read one name, or a mapping from names to weights; those of weight 0 are left out."""
     if isinstance(given, str):
-        given = {given: 1.0}
+        check_choice(what, given, known)
+        return {given: 1.0}
     if not isinstance(given, Mapping):
-        names = ", ".join(known)
-        raise ValueError(
-            f"Expected {what} to be one of {names}, a mapping from them to weights, or a pymoo "
-            f"operator, got {given!r}."
-        )
-    weights = {}
-    for name, weight in given.items():
-        _named(what, name, known)
-        if weight := check_number(f"weight of {what} {name!r}", weight, at_least=0):
-            weights[name] = weight
-    return weights
+        expected = f"{what} to be one of {', '.join(known)}, a mapping from them to weights"
+        message = f"Expected {expected}, or a pymoo operator, got {quoted(given)}."
+        raise ParameterError(message, what)
+    weights = check_weights(what, given, known)
+    return {name: weight for name, weight in weights.items() if weight}
 
 
 def make_repair(given: str | PlanRepair) -> PlanRepair:
-    """Make the repair of that name: ``safest-path``, ``truncate`` or ``penalty``.
-
-    Raises
-    ------
-    ValueError
-        If there is none; names those there are.
-    """
-    return given if isinstance(given, PlanRepair) else _named("repair", given, REPAIRS)()
+    """Make the repair of that name: ``safest-path``, ``truncate`` or ``penalty``."""
+    if isinstance(given, PlanRepair):
+        return given
+    check_choice("repair", given, REPAIRS)
+    return REPAIRS[given]()
 
 
 def make_sampling(given: Weights | Sampling | Any, *, corners: bool = True) -> Sampling:
-    """Make a sampling of ``guided`` and ``random``.
+    """Make a sampling of ``guided`` and ``random``, given one name or several with their weights.
 
-    Parameters
-    ----------
-    given
-        A name, a mapping from names to weights, a pymoo sampling, which is given back, or trail
-        plans, to which others are added where they are too few.
-    corners
-        Whether the corners of the front are among the plans.
-
-    Raises
-    ------
-    ValueError
-        If a name is unknown, or a weight out of its range.
-    TypeError
-        If something given is no trail plan.
+    A pymoo sampling is given back; to trail plans others are added where they are too few. With
+    ``corners`` the corners of the front are among the plans.
     """
-    corners = check_flag("corners", corners)
     if isinstance(given, Sampling):
         return given
     if not isinstance(given, str | Mapping):
@@ -136,7 +106,7 @@ def make_sampling(given: Weights | Sampling | Any, *, corners: bool = True) -> S
         return GivenSampling(given, CornerSampling(rest) if corners else rest)
     weights = _weights("sampling", given, SAMPLINGS)
     if not weights:
-        raise ValueError(f"Expected a sampling of weight above 0, got {given!r}.")
+        raise ParameterError(f"Expected a sampling of weight above 0, got {given!r}.", "sampling")
     sampling = MixedSampling({SAMPLINGS[name](): weight for name, weight in weights.items()})
     return CornerSampling(sampling) if corners else sampling
 
@@ -148,25 +118,14 @@ def make_crossover(
     repair: PlanRepair,
     n_offsprings: int = 2,
 ) -> Crossover:
-    """Make a crossover of ``exchange`` and ``splice``.
+    """Make a crossover of ``exchange`` and ``splice``; a pymoo crossover is given back.
 
-    Parameters
-    ----------
-    given
-        A name, a mapping from names to weights, or a pymoo crossover, which is given back.
-    prob, repair, n_offsprings
-        As for :class:`PlanCrossover`; no weights are those of probability 0.
-
-    Raises
-    ------
-    ValueError
-        If a name is unknown, or a weight or ``prob`` is out of its range.
+    Without any weight above 0, no pair is crossed.
     """
     if isinstance(given, Crossover):
         return given
     weights = _weights("crossover", given, CROSSOVERS)
     total = sum(weights.values())
-    prob = check_number("prob_crossover", prob, at_least=0, at_most=1)
     return MixedCrossover(
         prob_splice=weights.get("splice", 0.0) / total if total else 0.0,
         prob=prob if total else 0.0,
@@ -176,25 +135,11 @@ def make_crossover(
 
 
 def make_mutation(given: Weights | Mutation, *, prob: float, repair: PlanRepair) -> Mutation:
-    """Make a mutation of ``home``, ``moves``, ``ruin`` and ``share``.
-
-    Parameters
-    ----------
-    given
-        A name, a mapping from names to weights, or a pymoo mutation, which is given back.
-    prob, repair
-        As for :class:`PlanMutation`.
-
-    Raises
-    ------
-    ValueError
-        If a name is unknown, or a weight or ``prob`` is out of its range.
-    """
+    """Make a mutation of ``home``, ``moves``, ``ruin`` and ``share``; a pymoo one is given back."""
     if isinstance(given, Mutation):
         return given
     weights = _weights("mutation", given, MUTATIONS)
     if not weights:
-        raise ValueError(f"Expected a mutation of weight above 0, got {given!r}.")
-    prob = check_number("prob_mutation", prob, at_least=0, at_most=1)
+        raise ParameterError(f"Expected a mutation of weight above 0, got {given!r}.", "mutation")
     made = {MUTATIONS[name](repair=repair): weight for name, weight in weights.items()}
     return MixedMutation(made, prob=prob)

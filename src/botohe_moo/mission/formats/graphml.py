@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from xml.etree import ElementTree as ET
 from xml.parsers import expat
 
+from botohe_moo._base.checks import quoted
 from botohe_moo.mission.formats.nodelink import graph_from
-from botohe_moo.mission.validation import MissionError, brief
+from botohe_moo.mission.validation import MissionError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -126,10 +127,10 @@ def _values(
     for data in element.findall("{*}data"):
         name = data.get("key", "")
         if name not in keys:
-            faults.append(f"the {scope} data {brief(name)}: there is no key of that id")
+            faults.append(f"the {scope} data {quoted(name)}: there is no key of that id")
         elif (key := keys[name]) is not None:
             if key.name in given:
-                faults.append(f"the {scope} data {brief(key.name)}: is there more than once")
+                faults.append(f"the {scope} data {quoted(key.name)}: is there more than once")
             given.add(key.name)
             values[key.name] = _value(key, data.text or "")
     return {name: value for name, value in values.items() if name not in _BOOKKEEPING}
@@ -164,7 +165,7 @@ def _entry(
     )
     position = [entry.get("x"), entry.get("y")]
     if scope == "node" and "pos" in entry:
-        owner = f"node {brief(entry.get('id'))}"
+        owner = f"node {quoted(entry.get('id'))}"
         faults.append(f"{owner}: expected its place as the numbers x and y, found the data 'pos'")
     elif scope == "node" and all(type(p) in (int, float) for p in position):
         del entry["x"], entry["y"]

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 import networkx as nx
 import numpy as np
 
-from botohe_moo.mission.validation import MissionError, brief
+from botohe_moo._base.checks import quoted
+from botohe_moo.mission.validation import MissionError
 
 if TYPE_CHECKING:
     from collections.abc import Hashable, Iterator
@@ -53,7 +54,7 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     if len(content) < len(pairs):
         (twice, _), *_ = Counter(key for key, _ in pairs).most_common(1)
         raise MissionError(
-            f"expected each key once in an object, found {brief(twice)} again in {brief(content)}"
+            f"expected each key once in an object, found {quoted(twice)} again in {quoted(content)}"
         )
     return content
 
@@ -92,7 +93,7 @@ def graph_from(content: object) -> tuple[nx.Graph[Any], list[str]]:
         If a key is missing or of a wrong type.
     """
     if not isinstance(content, dict):
-        raise MissionError(f"expected node-link data, a JSON object, got {brief(content)}")
+        raise MissionError(f"expected node-link data, a JSON object, got {quoted(content)}")
     content = {"directed": False, "multigraph": False, "graph": {}, **content}
     if faults := _key_faults(content):
         raise MissionError(faults)
@@ -102,7 +103,7 @@ def graph_from(content: object) -> tuple[nx.Graph[Any], list[str]]:
     graph.graph.update(content["graph"])
     faults += _value_faults("the graph", "the graph", content["graph"])
     faults += [
-        f"the graph: expected {key} to be text, got {brief(content['graph'][key])}"
+        f"the graph: expected {key} to be text, got {quoted(content['graph'][key])}"
         for key in ("name", "title")
         if isinstance(content["graph"].get(key), dict | list)
     ]
@@ -131,7 +132,7 @@ def _key_faults(content: dict[str, Any]) -> list[str]:
                 hint = ', but "links": nx.node_link_data(graph, edges="edges") writes "edges"'
             faults.append(f'expected the key "{key}", {words}; found no such key{hint}')
         elif not isinstance(content[key], kind):
-            faults.append(f'expected the key "{key}" to hold {words}, got {brief(content[key])}')
+            faults.append(f'expected the key "{key}" to hold {words}, got {quoted(content[key])}')
     return faults
 
 
@@ -139,7 +140,7 @@ def _label(value: object) -> Hashable:
     """Give the node label that a JSON value stands for."""
     if value is None or isinstance(value, dict) or value != value:
         expected = "a string, a number, a boolean or a list of them"
-        raise ValueError(f"expected a label, {expected}, got {brief(value)}")
+        raise ValueError(f"expected a label, {expected}, got {quoted(value)}")
     plain = _plain(value)
     return _tuples(plain) if isinstance(plain, list) else plain
 
@@ -156,7 +157,7 @@ def _value_faults(kind: str, owner: str, attributes: dict[str, Any]) -> Iterator
                 _encodable(key)
                 _plain(value)
             except ValueError as error:
-                yield f"{owner}: attribute {brief(key)}, {brief(value)}: {error}"
+                yield f"{owner}: attribute {quoted(key)}, {quoted(value)}: {error}"
 
 
 def _add_node(graph: nx.DiGraph[Any], where: str, entry: object) -> list[str]:
@@ -189,9 +190,9 @@ def _add_arc(graph: nx.DiGraph[Any], where: str, entry: object) -> list[str]:
 def _labels(entry: object, *keys: str) -> tuple[list[Hashable], dict[str, Any]]:
     """Split an entry into the labels that ``keys`` hold and its attributes."""
     if not isinstance(entry, dict):
-        raise ValueError(f"expected an object, got {brief(entry)}")
+        raise ValueError(f"expected an object, got {quoted(entry)}")
     if missing := [key for key in keys if key not in entry]:
-        raise ValueError(f'found no key "{missing[0]}" in {brief(entry)}')
+        raise ValueError(f'found no key "{missing[0]}" in {quoted(entry)}')
     labels = []
     for key in keys:
         try:
@@ -246,7 +247,7 @@ def _plain_label(label: Hashable) -> object:
         plain = _plain(label)
         if label == _label(plain):
             return plain
-        reason = f"it would come back as {brief(plain)}"
+        reason = f"it would come back as {quoted(plain)}"
     except ValueError as error:
         reason = str(error)
     raise ValueError(f"Node {label!r} cannot be saved under its label: {reason}.")
@@ -262,7 +263,7 @@ def _attributes(owner: str, attributes: dict[Any, Any], *reserved: str) -> dict[
             plain[key] = _plain(value)
         except ValueError as error:
             raise ValueError(
-                f"{owner}: attribute {key!r}, {brief(value)}, cannot be saved: {error}."
+                f"{owner}: attribute {key!r}, {quoted(value)}, cannot be saved: {error}."
             ) from None
     return plain
 

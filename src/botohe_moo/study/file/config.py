@@ -252,7 +252,12 @@ def _is_list_of_names(value: Any) -> bool:
 
 def study_schema() -> str:
     """Give the JSON Schema of study files, for editors that check while one types."""
+    # Algorithms load numba and pymoo, for which nobody who only reads a study file should wait.
+    from botohe_moo.study.file.parameter_schema import algorithm_rules, mission_rules
+
     schema = StudyFile.model_json_schema()
+    for entry, rules in (("AlgorithmEntry", algorithm_rules()), ("MissionEntry", mission_rules())):
+        schema["$defs"][entry]["anyOf"][-1]["allOf"] = rules
     names = {"type": "array", "items": {"type": "string"}, "minItems": 1}
     for key in ("missions", "algorithms"):
         whole = schema["properties"][key]

@@ -12,7 +12,7 @@ from typing import Annotated, Any, TypeAlias, get_args
 from pydantic import BaseModel, ValidationError
 
 from botohe_moo._base.checks import nearest_first, quoted
-from botohe_moo._plugins import wrong_value
+from botohe_moo._plugins.messages import wrong_value
 from botohe_moo.study.file.config import NAME_PATTERN, StudyFile
 
 __all__ = ["MAX_FAULTS", "Faults", "Place", "file_faults", "misspelt", "printable"]
