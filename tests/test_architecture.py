@@ -16,7 +16,7 @@ import networkx as nx
 import pytest
 
 import botohe_moo
-from botohe_moo import algorithms, study
+from botohe_moo import algorithms, plots, study
 
 PACKAGE = Path(botohe_moo.__file__).parent
 SOURCES = sorted(PACKAGE.rglob("*.py"))
@@ -359,7 +359,7 @@ class TestInitialisers:
         assert sorted(names - {"TYPE_CHECKING", "lazy_names"}) == sorted(exported_by(tree))
 
 
-LAZY_PACKAGES = [botohe_moo, algorithms, study]
+LAZY_PACKAGES = [botohe_moo, algorithms, plots, study]
 PUBLIC = [(package, name) for package in LAZY_PACKAGES for name in package.__all__]
 
 

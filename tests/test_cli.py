@@ -1006,5 +1006,5 @@ class TestHelp:
         assert done.returncode == 0
         loaded = set(done.stderr.split())
         assert {"typer", "botohe_moo"} <= loaded
-        slow = {"numpy", "numba", "pandas", "pymoo", "matplotlib", "networkx", "seaborn", "yaml"}
+        slow = {"numpy", "numba", "pandas", "pymoo", "matplotlib", "networkx", "yaml"}
         assert not loaded & slow

@@ -16,7 +16,7 @@ from pymoo.core.population import Population
 
 from botohe_moo import BOACO, BOTOHE, Mission, area_indicator, load_mission, make_algorithm, plots
 from botohe_moo._base.interrupts import hold_interrupt
-from botohe_moo.plots.draw import canvas
+from botohe_moo.plots.draw import places
 from botohe_moo.solution import PictureError, Solution, check_folder, check_picture
 from botohe_moo.solve import RefusalError, search
 
@@ -426,7 +426,7 @@ class TestPictures:
             check_picture(mission)
 
     def test_nodes_without_a_place_are_not_laid_out_twice(self, monkeypatch):
-        monkeypatch.setattr(canvas, "node_positions", None)
+        monkeypatch.setattr(places, "node_positions", None)
         check_picture(pair("a", "b", pos=[0, 1]))
 
     @pytest.mark.parametrize("name", ["toy", "art_museum"])

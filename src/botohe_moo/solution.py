@@ -251,7 +251,7 @@ def check_picture(mission: Mission) -> None:
 
 def place_fault(mission: Mission) -> str | None:
     """Say which node's ``pos`` is no place; None where places are right, or have to be found."""
-    from botohe_moo.plots.draw.canvas import node_positions
+    from botohe_moo.plots.draw.places import node_positions
 
     if any(place is None for _, place in mission.graph.nodes(data="pos")):
         return None  # they will be laid out, which takes its time
