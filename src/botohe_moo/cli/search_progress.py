@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from botohe_moo.solve import Progress
+    from botohe_moo.solving import Progress
 
 __all__ = ["progress_bar"]
 

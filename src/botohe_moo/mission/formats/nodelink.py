@@ -19,7 +19,14 @@ if TYPE_CHECKING:
 
     from botohe_moo.mission.model import Mission
 
-__all__ = ["decode", "graph_from", "mission_content", "read_node_link", "write_node_link"]
+__all__ = [
+    "decode",
+    "graph_from",
+    "mission_content",
+    "read_label",
+    "read_node_link",
+    "write_node_link",
+]
 
 _MAX_DEPTH = 50
 # Whoever reads a mission's graph checks these anyway, and says what they have to be.
@@ -108,7 +115,7 @@ def graph_from(content: object) -> tuple[nx.Graph[Any], list[str]]:
     ]
     if "base" in graph.graph:
         with contextlib.suppress(ValueError):  # no label: then there is no such node either
-            graph.graph["base"] = _label(graph.graph["base"])
+            graph.graph["base"] = read_label(graph.graph["base"])
     for position, entry in enumerate(content["nodes"]):
         faults += _add_node(graph, f"nodes[{position}]", entry)
     for position, entry in enumerate(content["edges"]):
@@ -135,7 +142,7 @@ def _key_faults(content: dict[str, Any]) -> list[str]:
     return faults
 
 
-def _label(value: object) -> Hashable:
+def read_label(value: object) -> Hashable:
     """Give the node label that a JSON value stands for."""
     if value is None or isinstance(value, dict) or value != value:
         expected = "a string, a number, a boolean or a list of them"
@@ -145,7 +152,7 @@ def _label(value: object) -> Hashable:
 
 
 def _tuples(items: list[Any]) -> tuple[Hashable, ...]:
-    return tuple(None if item is None else _label(item) for item in items)
+    return tuple(None if item is None else read_label(item) for item in items)
 
 
 def _value_faults(kind: str, owner: str, attributes: dict[str, Any]) -> Iterator[str]:
@@ -195,7 +202,7 @@ def _labels(entry: object, *keys: str) -> tuple[list[Hashable], dict[str, Any]]:
     labels = []
     for key in keys:
         try:
-            labels.append(_label(entry[key]))
+            labels.append(read_label(entry[key]))
         except ValueError as error:
             raise ValueError(f'"{key}": {error}') from None
     return labels, {key: value for key, value in entry.items() if key not in keys}
@@ -244,7 +251,7 @@ def _plain_label(label: Hashable) -> object:
     """Give the JSON value that is read as a label equal to ``label``."""
     try:
         plain = _plain(label)
-        if label == _label(plain):
+        if label == read_label(plain):
             return plain
         reason = f"it would come back as {brief(plain)}"
     except ValueError as error:
