@@ -22,7 +22,6 @@ from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.library import load_mission
 from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE
-from botohe_moo.search.exact import TooLargeError
 from botohe_moo.solution import Solution
 from botohe_moo.trails import TrailPlan
 
@@ -158,7 +157,11 @@ def search(
         while going_on:  # at least once, so that something is found however soon it is stopped
             try:
                 algorithm.next()
-            except TooLargeError as error:
+            except ValueError as error:
+                from botohe_moo.search.exact import TooLargeError  # loads kernels
+
+                if not isinstance(error, TooLargeError):
+                    raise
                 raise RefusalError(f"Algorithm {name!r}: {error}") from error
             startup = startup or {
                 "startup_seconds": time.perf_counter() - started,

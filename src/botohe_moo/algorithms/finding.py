@@ -11,7 +11,6 @@ from pymoo.core.algorithm import Algorithm
 
 from botohe_moo._plugins import Accepted, accepted_parameters, declared_factory
 from botohe_moo._plugins.entry_points import PluginError, PluginGroup
-from botohe_moo.algorithms.wired import wired
 
 __all__ = ["PLUGINS", "accepted_by", "find_algorithm", "is_path", "source_of"]
 
@@ -42,6 +41,8 @@ def find_algorithm(name: str) -> Callable[..., Any]:
         raise ValueError(f"Expected the name of an algorithm, got {name!r}.")
     try:
         if is_path(name):
+            from botohe_moo.algorithms.wired import wired  # loads all operators
+
             return wired(name, declared_factory(name, PLUGINS, Algorithm))
         return PLUGINS.load(name)
     except PluginError as error:

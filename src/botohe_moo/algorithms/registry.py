@@ -16,9 +16,9 @@ from botohe_moo._plugins import (
     docstring_of,
     raised_fault,
 )
+from botohe_moo.algorithms.endless import never_ends
 from botohe_moo.algorithms.finding import PLUGINS, accepted_by, find_algorithm, source_of
 from botohe_moo.algorithms.origin import algorithm_origin
-from botohe_moo.algorithms.wired import never_ends
 
 __all__ = [
     "AlgorithmParameter",

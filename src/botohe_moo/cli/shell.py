@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import gc
 import logging
 import os
 import sys
@@ -39,6 +40,7 @@ def run(app: typer.Typer) -> NoReturn:
     The exit status is 0, or 1 where there is no result, 2 for bad input, 130 after Ctrl-C.
     """
     end_on_interrupt()
+    gc.set_threshold(100_000)  # what libraries make while they load stays, a million objects
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")  # no λ or odd path shall end a run
