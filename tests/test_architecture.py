@@ -279,7 +279,7 @@ class TestImports:
             ("botohe_moo.trails", "import numpy, botohe_moo_extras"),
             ("botohe_moo.trails", "from botohe_moo._base.checks import check_integer"),
             ("botohe_moo.mission.formats.files", "from botohe_moo.mission.model import Mission"),
-            ("botohe_moo.cli.app", "def f():\n from botohe_moo import solve"),
+            ("botohe_moo.cli.app", "def f():\n from botohe_moo import solving"),
         ],
     )
     def test_the_rule_allows(self, module, line):

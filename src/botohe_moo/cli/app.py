@@ -97,8 +97,8 @@ def botohe(
     """Plan trails for robot teams in hazardous environments: reward against survival."""
 
 
-@app.command()
-def solve(
+@app.command("solve")
+def solve_mission(
     mission: MissionArgument,
     algorithm: Annotated[
         str, typer.Option("--algorithm", "-a", help="One of `botohe algorithms`.")

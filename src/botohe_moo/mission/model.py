@@ -12,6 +12,7 @@ import numpy as np
 
 from botohe_moo.kernels.plans import evaluate as kernels
 from botohe_moo.mission.arrays import MissionArrays
+from botohe_moo.mission.plan_faults import PlanError, fault_text, trail_indices
 from botohe_moo.mission.validation import MissionError, mission_faults, team_size_fault
 from botohe_moo.mission.walk import WalkGraph
 from botohe_moo.trails import PlanBatch, TrailPlan
@@ -20,10 +21,6 @@ if TYPE_CHECKING:
     from botohe_moo._base.types import FloatArray, ObjectArray
 
 __all__ = ["Mission", "PlanError"]
-
-
-class PlanError(ValueError):
-    """A trail plan that the mission does not allow; names the robot, the position and the arc."""
 
 
 class Mission:
@@ -155,7 +152,9 @@ class Mission:
             begin and end at base, uses a missing arc, or uses an arc twice. Robots and positions
             count from 0.
         """
-        indices = [self._trail_indices(robot, trail) for robot, trail in enumerate(trails)]
+        indices = [
+            trail_indices(self.name, self._index, *numbered) for numbered in enumerate(trails)
+        ]
         if len(indices) != self.robots:
             raise PlanError(
                 f"Expected {self.robots} trails for the {self.robots} robots of mission "
@@ -164,22 +163,6 @@ class Mission:
         plan = TrailPlan(indices)
         self.evaluate([plan])
         return plan
-
-    def _trail_indices(self, robot: int, trail: Sequence[Hashable]) -> list[int]:
-        if isinstance(trail, str | bytes) or not isinstance(trail, Sequence | np.ndarray):
-            raise PlanError(f"Robot {robot}: expected a sequence of node labels, got {trail!r}.")
-        if len(trail) == 0:
-            raise PlanError(f"Robot {robot}: {_FAULTS[kernels.EMPTY_TRAIL]}.")
-        indices = []
-        for position, label in enumerate(trail):
-            try:
-                indices.append(self._index[label])
-            except (KeyError, TypeError):
-                raise PlanError(
-                    f"Robot {robot}, position {position}: mission {self.name!r} has no node "
-                    f"{label!r}."
-                ) from None
-        return indices
 
     def labels(self, plan: TrailPlan) -> tuple[tuple[Any, ...], ...]:
         """Give the trails of a plan as node labels, robot by robot.
@@ -245,7 +228,7 @@ class Mission:
             objectives,
         )
         if fault[0] != kernels.VALID:
-            raise PlanError(self._describe(batch, *fault))
+            raise PlanError(fault_text(self.name, self.nodes, self.base, batch, fault))
         return objectives
 
     def robot_survival(self, plans: PlanBatch | Iterable[TrailPlan] | ObjectArray) -> FloatArray:
@@ -347,22 +330,6 @@ class Mission:
         except ValueError as error:
             raise PlanError(f"{error} Mission {self.name!r} has {self.robots} robots.") from None
 
-    def _describe(self, batch: PlanBatch, kind: int, plan: int, robot: int, position: int) -> str:
-        where = f"Robot {robot}" if len(batch) == 1 else f"Plan {plan}, robot {robot}"
-        if kind in (kernels.EMPTY_TRAIL, kernels.BAD_OFFSETS):
-            return f"{where}: {_FAULTS[kind]}."
-        start = batch.offsets[plan * batch.n_robots + robot]
-        node = int(batch.nodes[start + position])
-        where = f"{where}, position {position}"
-        if kind == kernels.UNKNOWN_NODE:
-            known = f"{len(self.nodes)} nodes"
-            return f"{where}: node index {node} is unknown, mission {self.name!r} has {known}."
-        label = self.nodes[node]
-        if kind in (kernels.NOT_FROM_BASE, kernels.NOT_BACK_AT_BASE):
-            return f"{where}: {_FAULTS[kind]} {self.base!r}, got {label!r}."
-        tail = self.nodes[int(batch.nodes[start + position - 1])]
-        return f"{where}: arc {tail!r} -> {label!r} {_FAULTS[kind]} mission {self.name!r}."
-
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Mission):
             return NotImplemented
@@ -391,13 +358,3 @@ class Mission:
             f"<Mission {self.name!r}: {len(self.nodes)} nodes, {self.arrays.n_arcs} arcs, "
             f"{self.robots} robots at base {self.base!r}, total reward {self.total_reward:g}>"
         )
-
-
-_FAULTS = {
-    kernels.BAD_OFFSETS: "expected the batch's offsets to cut its nodes into trails",
-    kernels.EMPTY_TRAIL: "expected a trail of at least one node, the base, got an empty one",
-    kernels.NOT_FROM_BASE: "expected the trail to begin at base",
-    kernels.NOT_BACK_AT_BASE: "expected the trail to end at base",
-    kernels.MISSING_ARC: "is missing in",
-    kernels.ARC_USED_TWICE: "is used twice in this trail; a trail uses an arc at most once, in",
-}
