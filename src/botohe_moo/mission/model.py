@@ -1,4 +1,4 @@
-"""The mission: a graph of dangers and rewards, a base, and a team of robots."""
+"""The mission: a graph with rewards and survivals, a base, and a team of robots."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ class Mission:
     Raises
     ------
     MissionError
-        If survivals, rewards, team size or base are out of their ranges, if a node has an arc to
-        itself, or is not on a way out from the base and back. Every fault is listed.
+        If survivals, rewards, team size or base are out of their ranges, or a node has an arc to
+        itself or no way from or to the base. Every fault is listed.
 
     Examples
     --------
@@ -85,12 +85,12 @@ class Mission:
 
     @property
     def title(self) -> str:
-        """What the mission is, in words; its name where the graph says nothing."""
+        """The graph's attribute ``title``; default: the name."""
         return str(self.graph.graph.get("title") or self.name)
 
     @property
     def total_reward(self) -> float:
-        """Sum of the rewards of all nodes, the largest team reward there can be."""
+        """Sum of the rewards of all nodes, the upper bound of the team reward."""
         return float(self.arrays.reward.sum())
 
     @property
@@ -104,7 +104,7 @@ class Mission:
         return WalkGraph.of(self.arrays)
 
     def with_robots(self, robots: int) -> Mission:
-        """Give the same mission for a team of another size.
+        """Return the same mission for a team of another size.
 
         Parameters
         ----------
@@ -114,7 +114,7 @@ class Mission:
         Raises
         ------
         MissionError
-            If ``robots`` is no integer of at least 1.
+            If ``robots`` is not an integer of at least 1.
         """
         if fault := team_size_fault(robots):
             raise MissionError(fault, f"Mission {self.name!r}")
@@ -123,7 +123,7 @@ class Mission:
         return other
 
     def index(self, label: Hashable) -> int:
-        """Give the index by which kernels know a node.
+        """Return the index of a node, by which kernels know it.
 
         Parameters
         ----------
@@ -138,12 +138,13 @@ class Mission:
         return self._index[label]
 
     def plan(self, trails: Iterable[Sequence[Hashable]]) -> TrailPlan:
-        """Make a validated plan from the node labels of one trail per robot.
+        """Make a validated plan from one trail of node labels per robot.
 
         Parameters
         ----------
         trails
-            For every robot the nodes it visits, from the base to the base; ``[base]`` stays there.
+            For every robot the nodes that it visits, from the base to the base; ``[base]`` for a robot
+            that stays there.
 
         Raises
         ------
@@ -165,7 +166,7 @@ class Mission:
         return plan
 
     def labels(self, plan: TrailPlan) -> tuple[tuple[Any, ...], ...]:
-        """Give the trails of a plan as node labels, robot by robot.
+        """Return the trails of a plan as node labels, robot by robot.
 
         Parameters
         ----------
@@ -184,7 +185,7 @@ class Mission:
         return tuple(tuple(self.nodes[i] for i in trail) for trail in plan.trails)
 
     def evaluate(self, plans: PlanBatch | Iterable[TrailPlan] | ObjectArray) -> FloatArray:
-        """Compute what plans are expected to bring.
+        """Compute the objectives of plans.
 
         Parameters
         ----------
@@ -204,7 +205,7 @@ class Mission:
             If a plan has another number of trails than the team has robots, or a trail is not
             valid: names the plan, robot, position and arc (all counted from 0).
         TypeError
-            If something in ``plans`` is no TrailPlan.
+            If something in ``plans`` is not a TrailPlan.
 
         Notes
         -----
@@ -232,7 +233,7 @@ class Mission:
         return objectives
 
     def robot_survival(self, plans: PlanBatch | Iterable[TrailPlan] | ObjectArray) -> FloatArray:
-        """Compute with what probability each robot survives.
+        """Compute the probability that each robot survives.
 
         Parameters
         ----------
@@ -255,10 +256,9 @@ class Mission:
     def evaluate_drafts(
         self, plans: PlanBatch | Iterable[TrailPlan] | ObjectArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Compute what plans are expected to bring that need not be valid.
+        """Compute the objectives of plans that need not be valid.
 
-        A robot walks its trail up to the first fault, where it is lost: a missing arc is one that
-        nobody survives.
+        A robot walks its trail up to the first fault, where it is lost.
 
         Parameters
         ----------
@@ -268,9 +268,9 @@ class Mission:
         Returns
         -------
         tuple of numpy.ndarray
-            E[R] and E[S] as from ``evaluate``, and the same for valid plans (n_plans, 2), and the
-            number of faults of each plan (n_plans,): trails that do not begin or do not end at
-            base, missing arcs, arcs used again.
+            E[R] and E[S] (n_plans, 2), which are those of ``evaluate`` for valid plans, and the number
+            of faults of each plan (n_plans,): trails that do not begin or do not end at base,
+            missing arcs, arcs used again.
 
         Raises
         ------
@@ -308,15 +308,15 @@ class Mission:
         Parameters
         ----------
         plans
-            Trail plans: any iterable of them, or an array such as ``result.X``; a batch is given
-            back.
+            Trail plans: any iterable of them, or an array such as ``result.X``; a batch is returned
+            as it is.
 
         Raises
         ------
         PlanError
             If a plan has another number of trails than the team has robots.
         TypeError
-            If something in ``plans`` is no TrailPlan.
+            If something in ``plans`` is not a TrailPlan.
         """
         if isinstance(plans, PlanBatch):
             if plans.n_robots != self.robots:

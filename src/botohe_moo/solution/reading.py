@@ -11,10 +11,10 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, NonNegativeInt, ValidationError
 
 from botohe_moo._base.checks import quoted
-from botohe_moo._base.files import read_bytes
-from botohe_moo.mission.formats.files import read_mission
-from botohe_moo.mission.formats.nodelink import read_label
+from botohe_moo.mission.formats.files import file_content, read_mission
+from botohe_moo.mission.formats.nodelink import decode, read_label
 from botohe_moo.mission.model import Mission
+from botohe_moo.mission.validation import MissionError
 from botohe_moo.solution.model import COLUMNS, Solution
 from botohe_moo.trails import TrailPlan
 
@@ -124,10 +124,6 @@ def _check_front(path: Path, rows: list[tuple[int, float, float]]) -> None:
 
 def _text(path: Path) -> str:
     try:
-        return read_bytes(path).decode()
-    except FileNotFoundError:
-        raise ValueError(f"{path}: there is no such file.") from None
-    except UnicodeDecodeError:
-        raise ValueError(f"{path}: expected text in UTF-8.") from None
-    except OSError as error:
-        raise ValueError(f"{path}: the file cannot be read: {error.strerror}.") from None
+        return decode(file_content(path))
+    except MissionError as error:
+        raise ValueError(f"{path}: {error.faults[0]}.") from None

@@ -1,4 +1,4 @@
-"""Node-link JSON, the mission format; GraphML goes through its nodes and edges too."""
+"""Node-link JSON, the mission format; GraphML is converted to and from its data."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ __all__ = [
 ]
 
 _MAX_DEPTH = 50
-# Whoever reads a mission's graph checks these anyway, and says what they have to be.
+# Checked by the validation of the mission.
 _CHECKED = {"the graph": ("base", "robots"), "node": ("reward",), "arc": ("survival",)}
 
 
@@ -39,8 +39,7 @@ def read_node_link(data: bytes, /) -> tuple[nx.Graph[Any], list[str]]:
     Raises
     ------
     MissionError
-        If ``data`` is not UTF-8 or not JSON, names a key twice in one object, or has not the form
-        of node-link data.
+        If ``data`` is not UTF-8, not JSON or not node-link data, or an object has a key twice.
     """
     text = decode(data)
     try:
@@ -66,13 +65,7 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def decode(data: bytes) -> str:
-    """Decode UTF-8, with or without a byte order mark.
-
-    Raises
-    ------
-    MissionError
-        If ``data`` is something else.
-    """
+    """Decode UTF-8, with or without a byte order mark; raises MissionError."""
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -83,15 +76,11 @@ def decode(data: bytes) -> str:
 def graph_from(content: object) -> tuple[nx.Graph[Any], list[str]]:
     """Make a graph from node-link data.
 
-    networkx' own ``node_link_graph`` would make up nodes that only arcs name, let the last of
-    several equal nodes or arcs win, and let the base's label stay a list.
+    networkx' own ``node_link_graph`` would add nodes that only arcs name, let the last of several
+    equal nodes or arcs win, and keep the base's label as a list.
 
-    Returns
-    -------
-    graph
-        Directed and simple only where ``content`` says so, and otherwise empty.
-    faults
-        The nodes and arcs that had to be left out, and the attributes that no file can hold.
+    Returns the graph, which is empty if ``content`` is not of a directed simple graph, and the
+    faults: nodes and arcs that had to be left out, and attributes that no file can hold.
 
     Raises
     ------
@@ -114,7 +103,7 @@ def graph_from(content: object) -> tuple[nx.Graph[Any], list[str]]:
         if isinstance(content["graph"].get(key), dict | list)
     ]
     if "base" in graph.graph:
-        with contextlib.suppress(ValueError):  # no label: then there is no such node either
+        with contextlib.suppress(ValueError):  # not a label, hence not a node either
             graph.graph["base"] = read_label(graph.graph["base"])
     for position, entry in enumerate(content["nodes"]):
         faults += _add_node(graph, f"nodes[{position}]", entry)
@@ -143,7 +132,7 @@ def _key_faults(content: dict[str, Any]) -> list[str]:
 
 
 def read_label(value: object) -> Hashable:
-    """Give the node label that a JSON value stands for."""
+    """Convert a JSON value to a node label; raises ValueError if it cannot be one."""
     if value is None or isinstance(value, dict) or value != value:
         expected = "a string, a number, a boolean or a list of them"
         raise ValueError(f"expected a label, {expected}, got {brief(value)}")
@@ -156,7 +145,7 @@ def _tuples(items: list[Any]) -> tuple[Hashable, ...]:
 
 
 def _value_faults(kind: str, owner: str, attributes: dict[str, Any]) -> Iterator[str]:
-    """Name the attributes that could not be written again."""
+    """List the attributes that could not be written again."""
     for key, value in attributes.items():
         if key not in _CHECKED[kind]:
             try:
@@ -194,7 +183,7 @@ def _add_arc(graph: nx.DiGraph[Any], where: str, entry: object) -> list[str]:
 
 
 def _labels(entry: object, *keys: str) -> tuple[list[Hashable], dict[str, Any]]:
-    """Split an entry into the labels that ``keys`` hold and its attributes."""
+    """Split an entry into the labels under ``keys`` and its attributes."""
     if not isinstance(entry, dict):
         raise ValueError(f"expected an object, got {brief(entry)}")
     if missing := [key for key in keys if key not in entry]:
@@ -209,12 +198,12 @@ def _labels(entry: object, *keys: str) -> tuple[list[Hashable], dict[str, Any]]:
 
 
 def mission_content(mission: Mission) -> dict[str, Any]:
-    """Give the node-link data of ``mission``, of nothing but JSON's own types.
+    """Convert a mission to node-link data of JSON's own types.
 
     Raises
     ------
     ValueError
-        If JSON cannot hold a label or an attribute, or would change the label.
+        If JSON cannot hold a label or an attribute, or would change a label.
     """
     graph = mission.graph
     own = {"name": None, **graph.graph, "base": None}
@@ -233,7 +222,7 @@ def mission_content(mission: Mission) -> dict[str, Any]:
 
 
 def write_node_link(content: dict[str, Any]) -> bytes:
-    """Write node-link data as JSON, a node or an arc a line."""
+    """Write node-link data as JSON, one line for each node and arc."""
     lines = [
         f" {json.dumps(key)}: {json.dumps(content[key], ensure_ascii=False, allow_nan=False)}"
         for key in ("directed", "multigraph", "graph")
@@ -248,7 +237,7 @@ def write_node_link(content: dict[str, Any]) -> bytes:
 
 
 def _plain_label(label: Hashable) -> object:
-    """Give the JSON value that is read as a label equal to ``label``."""
+    """Convert a label to a JSON value from which an equal label is read."""
     try:
         plain = _plain(label)
         if label == read_label(plain):
@@ -275,7 +264,7 @@ def _attributes(owner: str, attributes: dict[Any, Any], *reserved: str) -> dict[
 
 
 def _plain(value: Any, depth: int = 0) -> Any:
-    """Give ``value`` in JSON's own types."""
+    """Convert ``value`` to JSON's own types; raises ValueError."""
     if depth > _MAX_DEPTH:
         raise ValueError(f"it is nested too deeply, more than {_MAX_DEPTH} times")
     if isinstance(value, np.generic | np.ndarray):
@@ -301,5 +290,5 @@ def _encodable(text: str) -> str:
     try:
         text.encode()
     except UnicodeEncodeError:
-        raise ValueError(f"{text!r} is no valid Unicode text") from None
+        raise ValueError(f"{text!r} is not valid Unicode text") from None
     return text
