@@ -143,8 +143,8 @@ class Mission:
         Parameters
         ----------
         trails
-            For every robot the nodes that it visits, from the base to the base; ``[base]`` for a robot
-            that stays there.
+            For every robot the nodes that it visits, from the base to the base; ``[base]`` if it
+            stays there.
 
         Raises
         ------
@@ -268,9 +268,9 @@ class Mission:
         Returns
         -------
         tuple of numpy.ndarray
-            E[R] and E[S] (n_plans, 2), which are those of ``evaluate`` for valid plans, and the number
-            of faults of each plan (n_plans,): trails that do not begin or do not end at base,
-            missing arcs, arcs used again.
+            E[R] and E[S] (n_plans, 2), for valid plans those of ``evaluate``, and the number of
+            faults of each plan (n_plans,): trails that do not begin or do not end at base, missing
+            arcs, arcs used again.
 
         Raises
         ------

@@ -31,8 +31,8 @@ def read_benchmark(
     """Read a team-orienteering instance as a nearest-neighbours mission.
 
     The file has the lines ``n N``, ``m M`` and ``tmax T``, and then N lines ``x y score``;
-    separators are spaces, tabs and semicolons. Its points become the nodes 0 to N − 1, point 0 the base, M the
-    number of robots, and scores rewards. Arcs lead both ways between each point and the
+    separators are spaces, tabs and semicolons. Its points become the nodes 0 to N − 1, point 0 the
+    base, M the number of robots, and scores rewards. Arcs lead both ways between each point and the
     ``neighbours`` (at least 1) nearest ones, of equally distant ones the first, and along the edges
     of a Euclidean minimum spanning tree, so that the base reaches all points. An arc's survival is
     exp(−distance / ``scale``), with tmax as the default scale (> 0).
