@@ -21,7 +21,7 @@ def lazy_names(
     homes
         Public names by the module that has them, such as ``.trails``.
     moved
-        Names that were public once; they can still be imported, but are not listed.
+        Names that can still be imported from the package, but are not listed.
 
     Examples
     --------

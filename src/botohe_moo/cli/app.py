@@ -72,7 +72,7 @@ app.add_typer(study_app, name="study")
 
 def main() -> None:
     """Run the command line and end the process."""
-    # module:Class may stand in the current folder; last, so that it shadows nothing.
+    # module:Class may be in the current folder; last, so that it shadows nothing.
     sys.path.append(str(Path.cwd()))
     run(app)
 
@@ -172,7 +172,7 @@ def _search_and_write(
             found = f"{solution.algorithm} found no plan in {solution.evaluations} evaluations"
             fail(f"{found}; nothing is written.", INTERRUPTED if stop.is_set() else FAILED)
         with hold_interrupt() as late, failing(FAILED):
-            paths = solution.write_tables(folder)  # first of all: printing may fail, too
+            paths = solution.write_tables(folder)  # before printing, which may fail, too
             tell(solution.describe())
             try:
                 paths += solution.draw_pictures(folder)
@@ -185,7 +185,7 @@ def _search_and_write(
 
 
 def _check_plain(algorithm: str, parameters: dict[str, Any]) -> None:
-    """Refuse values for what takes Python objects, such as the plans to start from."""
+    """Refuse values of parameters that take Python objects, such as plans to start from."""
     from botohe_moo.algorithms.registry import algorithm_parameters
 
     for parameter in algorithm_parameters(algorithm):
@@ -229,7 +229,7 @@ def show_mission(
         typer.Option("--picture", help="Also draw the mission to this file: PNG, PDF or SVG."),
     ] = None,
 ) -> None:
-    """Say what a mission is like; on request, draw it."""
+    """Describe a mission; on request, draw it."""
     with failing():
         source = mission_source(mission, robots, mission_parameter)
         from botohe_moo.mission.library import load_mission, mission_parameters

@@ -20,7 +20,7 @@ __all__ = ["Followed", "States", "TooManyOutcomesError", "follow", "join_robots"
 class Followed(NamedTuple):
     """The trails of a valid plan, and for each position what the kernel ``follow`` computes.
 
-    ``alive`` is the probability to reach it; ``pays`` is its node's reward, 0 after the first visit.
+    ``alive`` is the probability to reach it; ``pays`` its node's reward, 0 after the first visit.
     """
 
     nodes: IntArray

@@ -213,8 +213,8 @@ def simulate(
     -------
     pandas.DataFrame
         One row per mission: ``reward`` (team reward), ``survivors`` (number of robots), and for
-        robot k, from 0 in the order of the plan, ``hops_k``: the arcs it survived, all those of
-        its trail where it returned for good.
+        robot k, from 0 in the order of the plan, ``hops_k``: the number of arcs it
+        survived, which is that of its trail if it returned.
 
     Raises
     ------
