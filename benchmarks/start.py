@@ -36,13 +36,12 @@ class Cost(NamedTuple):
 def run(folder: Path, before: Path | None = None) -> bool:
     """Print and write the table, for this checkout and for another."""
     checkouts = {"now": HERE} if before is None else {"before": before, "now": HERE}
+    rows = []
     with tempfile.TemporaryDirectory(prefix="botohe-start-") as made:
         copies = {name: Copy(root, Path(made, name)) for name, root in checkouts.items()}
-        found = {(f"cold {name}", copy): cost for name, copy, cost in cold(copies)}
-        found |= {(name, copy): cost for name, copy, cost in warm(copies)}
-    table = pd.DataFrame(
-        [{"start": name, "checkout": c, **cost._asdict()} for (name, c), cost in found.items()]
-    ).round(2)
+        for start, checkout, cost in (*cold(copies), *warm(copies)):
+            rows.append({"start": start, "checkout": checkout, **cost._asdict()})
+    table = pd.DataFrame(rows).round(2)
     print(table.to_string(index=False))
     table.to_csv(folder / "start.csv", index=False)
     return True
@@ -105,7 +104,9 @@ def cold(copies: Mapping[str, Copy]) -> Iterator[tuple[str, str, Cost]]:
     for algorithm in ALGORITHMS:
         for name, copy in copies.items():
             copy.forget()
-            yield algorithm, name, copy.solve(algorithm)
+            cost = copy.solve(algorithm)
+            print(f"{name}: cold {algorithm}, {cost.cpu:.1f} CPU s", flush=True)
+            yield f"cold {algorithm}", name, cost
 
 
 def warm(copies: Mapping[str, Copy]) -> Iterator[tuple[str, str, Cost]]:

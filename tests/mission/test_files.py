@@ -541,8 +541,8 @@ class TestGraphML:
     @pytest.mark.parametrize(
         ("attributes", "message"),
         [
-            ({"tags": ["a"]}, r"node 'a': attribute 'tags', \['a'\], is no number"),
-            ({"tags": None}, r"node 'a': attribute 'tags', None, is no number"),
+            ({"tags": ["a"]}, r"node 'a': attribute 'tags', \['a'\], is not a number"),
+            ({"tags": None}, r"node 'a': attribute 'tags', None, is not a number"),
             ({"pos": [1, 2, 3]}, r"node 'a': expected pos to be \[x, y\]"),
             ({"pos": [1, 2], "x": 1}, r"node 'a': expected pos to be \[x, y\]"),
             ({"note": "a\rb"}, r"node 'a': attribute 'note': XML has no character '\\r'"),
