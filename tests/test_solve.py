@@ -432,10 +432,18 @@ class TestWriting:
         (tmp_path / "mission.json").write_text("of an earlier search")
         label = frozenset({3})
         found = solution_of(pair("base", label), [[["base", label, "base"]]])
-        assert found.write_tables(tmp_path) == [tmp_path / "front.csv", tmp_path / "plans.json"]
-        assert names_in(tmp_path) == ["front.csv", "plans.json"]
+        names = sorted({*FILES} - {"mission.json"})
+        assert sorted(found.write(tmp_path)) == [tmp_path / name for name in names]
+        assert names_in(tmp_path) == names
         with pytest.raises(ValueError, match=r"mission\.json: there is no such file"):
             read_solution(tmp_path)
+
+    def test_tables_are_there_before_pictures_are_drawn(self, solution, tmp_path):
+        seen = []
+        (tmp_path / "front.png").write_text("of an earlier search")
+        solution.write(tmp_path, before_pictures=lambda: seen.extend(names_in(tmp_path)))
+        assert seen == ["front.csv", "mission.json", "plans.json"]
+        assert names_in(tmp_path) == FILES
 
     def test_what_cannot_be_written_leaves_all_as_it_was(self, solution, tmp_path, monkeypatch):
         monkeypatch.setattr(Solution, "to_json", lambda self: 1 / 0)
@@ -461,7 +469,7 @@ def parts(solution):
 
 class TestReading:
     def test_what_was_written(self, solution, tmp_path):
-        solution.write_tables(tmp_path)
+        solution._write_tables(tmp_path)
         again = read_solution(str(tmp_path))
         assert parts(again) == parts(solution)
         assert again.table.equals(solution.table)
@@ -488,7 +496,7 @@ class TestReading:
             min_survival=floor,
         )
         with tempfile.TemporaryDirectory() as folder:
-            written.write_tables(folder)
+            written._write_tables(Path(folder))
             assert parts(read_solution(folder)) == parts(written)
 
     def test_labels_of_every_kind(self, tmp_path):
@@ -499,11 +507,11 @@ class TestReading:
             graph.add_edge(tail, head, survival=0.9)
         mission = Mission(graph, base="dock", robots=1, name="pier")
         written = solution_of(mission, [[[*labels, "dock"]], [["dock"]]])
-        written.write_tables(tmp_path)
+        written._write_tables(tmp_path)
         assert parts(read_solution(tmp_path)) == parts(written)
 
     def test_a_folder_without_its_mission(self, toy, solution, tmp_path):
-        solution.write_tables(tmp_path)
+        solution._write_tables(tmp_path)
         (tmp_path / "mission.json").unlink()
         with pytest.raises(MissionError, match=r"mission\.json: there is no such file"):
             read_solution(tmp_path)
@@ -560,7 +568,7 @@ class TestReading:
         ],
     )
     def test_damage_is_named(self, solution, tmp_path, name, damage, fault):
-        solution.write_tables(tmp_path)
+        solution._write_tables(tmp_path)
         path = tmp_path / name
         if damage is None:
             path.unlink()
@@ -577,7 +585,7 @@ class TestReading:
         assert str(caught.value).startswith(str(path))
 
     def test_a_source_that_names_code_is_not_run(self, solution, tmp_path):
-        solution.write_tables(tmp_path)
+        solution._write_tables(tmp_path)
         path = tmp_path / "plans.json"
         content = json.loads(path.read_text()) | {
             "mission_source": {"name_or_path": "antigravity:x"}

@@ -65,32 +65,17 @@ _HOMES = {
         "make_algorithm",
     ),
     ".indicators": ("area_indicator",),
-    ".mission": (
-        "Mission",
-        "MissionError",
-        "load_mission",
-        "mission_names",
-        "save_mission",
-    ),
+    ".mission": ("Mission", "MissionError", "load_mission", "mission_names", "save_mission"),
     ".outcomes": ("plan_outcomes",),
-    ".plots": (
-        "plot_front",
-        "plot_mission",
-    ),
+    ".plots": ("plot_front", "plot_mission"),
     ".problem": ("BOTOHE",),
-    ".solution": (
-        "Solution",
-        "read_solution",
-    ),
+    ".solution": ("Solution", "read_solution"),
     ".solving": ("solve",),
     ".trails": ("TrailPlan",),
 }
 # Names that were here once and now belong to the modules that have them.
 _MOVED = {
-    ".mission": (
-        "PlanError",
-        "read_mission",
-    ),
+    ".mission": ("PlanError", "read_mission"),
     ".outcomes": (
         "Distribution",
         "Outcomes",
@@ -99,10 +84,7 @@ _MOVED = {
         "survivors_distribution",
     ),
     ".problem": ("FrontOutput",),
-    ".search.exact": (
-        "TooLargeError",
-        "exact_front",
-    ),
+    ".search.exact": ("TooLargeError", "exact_front"),
     ".search.sequential": ("plan_sequentially",),
     ".trails": ("PlanBatch",),
 }

@@ -172,10 +172,8 @@ def _search_and_write(
             found = f"{solution.algorithm} found no plan in {solution.evaluations} evaluations"
             fail(f"{found}; nothing is written.", INTERRUPTED if stop.is_set() else FAILED)
         with hold_interrupt() as late, failing(FAILED):
-            paths = solution.write_tables(folder)  # before printing, which may fail, too
-            tell(solution.describe())
             try:
-                paths += solution.draw_pictures(folder)
+                paths = solution.write(folder, before_pictures=lambda: tell(solution.describe()))
             except PictureError as error:
                 fail(f"{error} The tables are in {folder}.", FAILED)
     for path in paths:

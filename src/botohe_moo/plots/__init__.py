@@ -42,15 +42,8 @@ __all__ = [
 ]
 
 _HOMES = {
-    ".draw.algorithms": (
-        "AlgorithmStyle",
-        "algorithm_styles",
-    ),
-    ".draw.style": (
-        "save_figure",
-        "save_plot",
-        "theme",
-    ),
+    ".draw.algorithms": ("AlgorithmStyle", "algorithm_styles"),
+    ".draw.style": ("save_figure", "save_plot", "theme"),
     ".front": ("plot_front",),
     ".mission": ("plot_mission",),
     ".pheromone": ("plot_pheromone",),

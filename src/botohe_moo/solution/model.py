@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import io
 import json
@@ -27,10 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = ["COLUMNS", "FILES", "PictureError", "Solution"]
 
-_TABLES = ("front.csv", "plans.json", "mission.json")
-_PICTURES = ("front.png", "mission.png")
-FILES = _TABLES + _PICTURES
-
+FILES = ("front.csv", "plans.json", "mission.json", "front.png", "mission.png")
 COLUMNS = ("plan_id", "reward", "survivors")
 _ROWS_SHOWN = 40
 _LONG_START = 0.5  # seconds; with everything loaded and compiled, a search starts in milliseconds
@@ -163,7 +161,12 @@ class Solution:
         }
         return json.dumps(content, indent=1, default=_plain) + "\n"
 
-    def write(self, folder: str | os.PathLike[str]) -> list[Path]:
+    def write(
+        self,
+        folder: str | os.PathLike[str],
+        *,
+        before_pictures: Callable[[], object] | None = None,
+    ) -> list[Path]:
         """Write ``front.csv``, ``plans.json``, ``mission.json``, ``front.png`` and ``mission.png``.
 
         Each file appears complete, or not at all. If a picture fails, the tables are there: they
@@ -173,6 +176,8 @@ class Solution:
         ----------
         folder
             Folder to write to; made if it does not exist.
+        before_pictures
+            Called when the tables are written, before pictures are drawn.
 
         Returns
         -------
@@ -186,65 +191,32 @@ class Solution:
         PictureError
             If a picture cannot be drawn.
         """
-        return self.write_tables(folder) + self.draw_pictures(folder)
-
-    def write_tables(self, folder: str | os.PathLike[str]) -> list[Path]:
-        """Write the tables only, and remove the pictures of an earlier search.
-
-        Parameters
-        ----------
-        folder
-            Folder to write to; made if it does not exist.
-
-        Raises
-        ------
-        OSError
-            If the folder cannot be written to.
-        """
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=".botohe-", dir=folder) as made:
-            drafts = [Path(made, name) for name in _TABLES]
-            for draft, data in zip(drafts, self._tables(), strict=True):
-                if data is not None:
-                    draft.write_bytes(data)
-            for name in FILES:
-                if Path(made, name).exists():
-                    Path(made, name).replace(folder / name)
-                else:  # of an earlier search
-                    (folder / name).unlink(missing_ok=True)
-        return [folder / name for name in _TABLES if (folder / name).exists()]
-
-    def _tables(self) -> tuple[bytes, bytes, bytes | None]:
-        front = io.StringIO()
-        csv.writer(front, lineterminator="\n").writerows([COLUMNS, *self.rows()])
-        try:
-            mission = write_node_link(mission_content(self.mission))
-        except (ValueError, RecursionError):
-            mission = None
-        return front.getvalue().encode(), self.to_json().encode(), mission
-
-    def draw_pictures(self, folder: str | os.PathLike[str]) -> list[Path]:
-        """Draw ``front.png`` and ``mission.png``.
-
-        Parameters
-        ----------
-        folder
-            Folder to write to, which exists.
-
-        Raises
-        ------
-        OSError
-            If the folder cannot be written to.
-        PictureError
-            If a picture cannot be drawn.
-        """
+        self._write_tables(folder)
+        if before_pictures is not None:
+            before_pictures()
         from botohe_moo.plots import plot_front, plot_mission
 
-        paths = [Path(folder, name) for name in _PICTURES]
-        _draw(paths[0], plot_front, self.objectives, self.mission)
-        _draw(paths[1], plot_mission, self.mission)
-        return paths
+        _draw(folder / "front.png", plot_front, self.objectives, self.mission)
+        _draw(folder / "mission.png", plot_mission, self.mission)
+        return [folder / name for name in FILES if (folder / name).exists()]
+
+    def _write_tables(self, folder: Path) -> None:
+        """Write the tables, and remove the other files of an earlier search."""
+        front = io.StringIO()
+        csv.writer(front, lineterminator="\n").writerows([COLUMNS, *self.rows()])
+        tables = {"front.csv": front.getvalue().encode(), "plans.json": self.to_json().encode()}
+        with contextlib.suppress(ValueError, RecursionError):
+            tables["mission.json"] = write_node_link(mission_content(self.mission))
+        with tempfile.TemporaryDirectory(prefix=".botohe-", dir=folder) as drafts:
+            for name, data in tables.items():
+                Path(drafts, name).write_bytes(data)
+            for name in FILES:
+                if name in tables:
+                    Path(drafts, name).replace(folder / name)
+                else:
+                    (folder / name).unlink(missing_ok=True)
 
 
 def _draw(path: Path, plot: Callable[..., Axes], *shown: Any) -> None:
