@@ -61,6 +61,7 @@ def run(app: typer.Typer) -> NoReturn:
     except MemoryError as error:
         say(f"there is not enough memory. {error}")
         status = FAILED
+    gc.freeze()  # or the interpreter, when it ends, would search every object for cycles
     sys.exit(status)
 
 
