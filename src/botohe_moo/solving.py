@@ -87,10 +87,10 @@ def solve(
     >>> solution = solve("toy", "greedy", evaluations=100)
     >>> solution.table.round(2).tail(2)
        plan_id  reward  survivors
-    5        5     3.6       1.81
-    6        6     0.0       2.00
-    >>> solution.mission.labels(solution.plans[5])
-    ((1, 2, 1), (1,))
+    2        2    4.14       1.66
+    3        3    0.00       2.00
+    >>> solution.mission.labels(solution.plans[3])
+    ((1,), (1,))
     """
     source: dict[str, Any] = {}
     if not isinstance(mission, Mission):

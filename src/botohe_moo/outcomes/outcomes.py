@@ -165,6 +165,7 @@ def reward_distribution(
 
     Examples
     --------
+    >>> import networkx as nx
     >>> graph = nx.DiGraph(base="dock", robots=2)
     >>> graph.add_nodes_from([("dock", {"reward": 1}), ("reef", {"reward": 5})])
     >>> graph.add_edge("dock", "reef", survival=0.5)
@@ -227,6 +228,7 @@ def simulate(
 
     Examples
     --------
+    >>> import networkx as nx
     >>> graph = nx.DiGraph([("dock", "reef"), ("reef", "dock")], base="dock", robots=2)
     >>> nx.set_node_attributes(graph, {"dock": 0, "reef": 5}, "reward")
     >>> nx.set_edge_attributes(graph, 0.5, "survival")
