@@ -1,11 +1,14 @@
-"""Run the benchmarks, by default all: ``python -m benchmarks [NAME ...]``.
+"""Run the benchmarks, by default all: ``python -m benchmarks [NAME ...] [--before PATH]``.
 
 The names are curves, speed, growth, colonies (results/bo-aco/), operators, annealing
-(results/operators/), studies (results/studies/), search, ideas (results/local-search/), fronts and
-large (results/growth/). The exit status is 1 if a curve is not the published one, or an area or a
-ratio of times misses its bound; times themselves are never judged, machines differ.
+(results/operators/), studies (results/studies/), search, ideas (results/local-search/), fronts,
+large (results/growth/), start (results/start/) and house (results/house/). ``--before`` names
+another checkout, which start and house measure beside this one. The exit status is 1 if a curve is
+not the published one, or an area or a ratio of times misses its bound; times themselves are never
+judged, machines differ.
 """
 
+import argparse
 import sys
 from pathlib import Path
 
@@ -17,11 +20,13 @@ from benchmarks import (
     curves,
     fronts,
     growth,
+    house,
     ideas,
     large,
     operators,
     search,
     speed,
+    start,
     studies,
 )
 
@@ -38,13 +43,23 @@ BENCHMARKS = {
     "ideas": (ideas.run, "local-search"),
     "fronts": (fronts.run, "growth"),
     "large": (large.run, "growth"),
+    "house": (house.run, "house"),
+    "start": (start.run, "start"),
 }
+BESIDE = ("house", "start")  # which measure another checkout, too
 
 
 def main() -> int:
-    wanted = sys.argv[1:] or list(BENCHMARKS)
+    parser = argparse.ArgumentParser(prog="python -m benchmarks")
+    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(BENCHMARKS))
+    parser.add_argument("--before", type=Path, help="another checkout, for start and house")
+    given = parser.parse_args()
+    wanted = given.names or list(BENCHMARKS)
     if unknown := set(wanted) - set(BENCHMARKS):
         print(f"Unknown benchmark {', '.join(unknown)}; known are {', '.join(BENCHMARKS)}.")
+        return 2
+    if given.before is not None and not (given.before / "src" / "botohe_moo").is_dir():
+        print(f"Expected a checkout of this repository, got {given.before}.")
         return 2
     failed = False
     with pd.option_context("display.width", 200, "display.max_columns", 30):
@@ -52,7 +67,8 @@ def main() -> int:
             print(f"\n== {name} " + "=" * (70 - len(name)), flush=True)
             run, folder = BENCHMARKS[name]
             (RESULTS / folder).mkdir(parents=True, exist_ok=True)
-            failed |= not run(RESULTS / folder)
+            options = {"before": given.before} if name in BESIDE else {}
+            failed |= not run(RESULTS / folder, **options)
     return int(failed)
 
 

@@ -21,7 +21,7 @@ import pytest
 from botohe_moo import load_mission
 
 BOTOHE = Path(sys.executable).parent / "botohe"
-FILES = ["front.csv", "front.png", "mission.png", "plans.json"]
+FILES = ["front.csv", "front.png", "mission.json", "mission.png", "plans.json"]
 
 # Runs command lines, each in a process of its own that is forked where everything is imported
 # already: a start costs seconds, a fork none. Code, if any, runs before the command.
@@ -29,7 +29,8 @@ SERVER = """
 import gc, json, os, pydantic, signal, sys, tempfile, traceback, yaml
 signal.signal(signal.SIGINT, signal.default_int_handler)  # shells may start us with it ignored
 os.environ.pop("COLUMNS", None)  # which pytest's readline sets for those that it starts
-import botohe_moo.cli.app, botohe_moo.solve, botohe_moo.algorithms, botohe_moo.plots
+import botohe_moo.cli, botohe_moo.solving, botohe_moo.algorithms.pareto_local_search
+import botohe_moo.plots.front, botohe_moo.plots.mission
 gc.freeze()
 for line in sys.stdin:
     given = json.loads(line)
@@ -173,7 +174,8 @@ class TestSolve:
         assert ended.err == ""
         assert names_in(folder) == FILES
         assert [line for line in ended.out.splitlines() if line.startswith("wrote ")] == [
-            f"wrote out/{name}" for name in ("front.csv", "plans.json", "front.png", "mission.png")
+            f"wrote out/{name}"
+            for name in ("front.csv", "plans.json", "mission.json", "front.png", "mission.png")
         ]
         assert "5 nodes, 12 arcs, 2 robots, total reward 10" in ended.out
         assert "spent 250 evaluations" in ended.out
@@ -208,7 +210,7 @@ class TestSolve:
         for name in FILES:
             same = (folder / name).read_bytes()
             assert (tmp_path / "seed3" / name).read_bytes() == same
-            assert name == "mission.png" or (tmp_path / "seed4" / name).read_bytes() != same
+            assert name.startswith("mission.") or (tmp_path / "seed4" / name).read_bytes() != same
 
     @pytest.mark.parametrize(("algorithm", "n"), [("random", 101), ("bo-aco", 1)])
     def test_the_budget_is_exact(self, botohe, tmp_path, algorithm, n):
@@ -306,6 +308,25 @@ class TestSolve:
     def test_a_mission_that_is_only_a_base(self, botohe, pier, tmp_path):
         assert botohe("solve", pier([("a", 0)], []), "-n", 5, "-o", "out").status == 0
         assert front_in(tmp_path / "out") == [(0, 0.0, 2.0)]
+
+    def test_the_front_is_printed_before_pictures_are_drawn(self, botohe, tmp_path):
+        code = """
+            import botohe_moo.plots
+
+            def plot_front(*args):
+                print("drawing", flush=True)
+                raise RuntimeError("No such glyph.")
+
+            botohe_moo.plots.plot_front = plot_front
+        """
+        ended = botohe("solve", "toy", "-n", 9, "-o", "out", code=code)
+        assert ended.status == 1
+        assert re.search(r"area 0\.\d{4}, \d+ plans on the front\ndrawing\n$", ended.out)
+        assert ended.err == (
+            "botohe: front.png cannot be drawn (RuntimeError: No such glyph.). "
+            "The tables are in out.\n"
+        )
+        assert names_in(tmp_path / "out") == ["front.csv", "mission.json", "plans.json"]
 
     def test_output_that_holds_odd_characters(self, botohe, pier, tmp_path):
         code = "import sys; sys.stdout.reconfigure(encoding='latin-1', errors='strict')"
@@ -449,7 +470,7 @@ class TestSignals:
         code = """
             import ctypes, os, signal, sys
             signal.signal(signal.SIGINT, signal.default_int_handler)
-            import botohe_moo.cli.app, botohe_moo.algorithms
+            import botohe_moo.cli, botohe_moo.algorithms
             read = ctypes.CDLL(None).read  # takes no lock, like a kernel; nor do signals end it
             signal.siginterrupt(signal.SIGINT, False)
 
@@ -487,7 +508,7 @@ class TestSignals:
         assert plans_in(tmp_path / "out")["interrupted"] is True
 
     def test_before_the_first_iteration(self, botohe, tmp_path):
-        code = when_called("botohe_moo.solve", "search")
+        code = when_called("botohe_moo.solving", "search")
         ended = botohe("solve", "toy", "-a", "bo-aco", "-n", 10**6, "-o", "out", code=code)
         assert (ended.status, ended.err) == (130, STOPPING)
         assert plans_in(tmp_path / "out")["evaluations"] == 100
@@ -501,7 +522,7 @@ class TestSignals:
         assert plans_in(tmp_path / "out")["interrupted"] is False
 
     def test_once_while_searching_and_once_while_writing(self, botohe, tmp_path):
-        code = when_called("botohe_moo.solve", "search")
+        code = when_called("botohe_moo.solving", "search")
         code += when_called("botohe_moo.plots", "plot_mission")
         ended = botohe("solve", "toy", "-a", "bo-aco", "-n", 10**6, "-o", "out", code=code)
         assert (ended.status, ended.err) == (130, STOPPING)
@@ -512,7 +533,12 @@ class TestSignals:
         code = when_called("botohe_moo.plots", "plot_mission", times=2)
         ended = botohe("solve", "toy", "-n", 9, "-o", "out", code=code)
         assert (ended.status, ended.err) == (130, STOPPING)
-        assert names_in(tmp_path / "out") == ["front.csv", "front.png", "plans.json"]
+        assert names_in(tmp_path / "out") == [
+            "front.csv",
+            "front.png",
+            "mission.json",
+            "plans.json",
+        ]
 
     def test_twice_while_searching(self, botohe, tmp_path):
         code = when_called("botohe_moo.cli.search_progress", "progress_bar", times=2)
@@ -521,7 +547,7 @@ class TestSignals:
         assert names_in(tmp_path) == []
 
     def test_sigterm_does_what_it_usually_does(self, botohe):
-        code = when_called("botohe_moo.solve", "search", sent="SIGTERM")
+        code = when_called("botohe_moo.solving", "search", sent="SIGTERM")
         assert botohe("solve", "toy", "-o", "out", code=code).status == -signal.SIGTERM
 
 
@@ -740,12 +766,12 @@ class TestBadOptions:
 
     def test_too_much_for_the_memory(self, botohe, tmp_path):
         code = """
-            import botohe_moo.solve
+            import botohe_moo.solving
 
             def search(*args, **kwargs):
                 raise MemoryError("Unable to allocate 7.1 PiB.")
 
-            botohe_moo.solve.search = search
+            botohe_moo.solving.search = search
         """
         ended = botohe("solve", "toy", "--out", "out", code=code)
         assert ended.status == 1
@@ -1006,5 +1032,5 @@ class TestHelp:
         assert done.returncode == 0
         loaded = set(done.stderr.split())
         assert {"typer", "botohe_moo"} <= loaded
-        slow = {"numpy", "numba", "pandas", "pymoo", "matplotlib", "networkx", "seaborn", "yaml"}
+        slow = {"numpy", "numba", "pandas", "pymoo", "matplotlib", "networkx", "yaml"}
         assert not loaded & slow

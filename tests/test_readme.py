@@ -22,7 +22,8 @@ def printed_by(code):
     return printed.getvalue()
 
 
-def test_the_library_use_prints_what_is_shown():
+def test_the_library_use_prints_what_is_shown(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     (code,) = blocks(ROOT / "README.md", "python")
     assert len(code.strip().splitlines()) == 10
     shown = blocks(ROOT / "README.md", "")[1]
@@ -36,6 +37,7 @@ def test_the_library_use_prints_what_is_shown():
         "survivors",
     ]
     assert len(printed.splitlines()) == len(shown.splitlines())
+    assert (tmp_path / "results" / "museum" / "plans.json").exists()
 
 
 def test_the_two_commands_and_pictures_are_there():

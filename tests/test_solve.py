@@ -3,24 +3,42 @@
 import csv
 import json
 import signal
+import sys
+import tempfile
 import threading
+from itertools import pairwise
 from pathlib import Path
 
 import networkx as nx
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from pymoo.core.algorithm import Algorithm
 from pymoo.core.individual import Individual
 from pymoo.core.population import Population
 
-from botohe_moo import BOACO, BOTOHE, Mission, area_indicator, load_mission, make_algorithm, plots
+from botohe_moo import (
+    BOACO,
+    BOTOHE,
+    Mission,
+    MissionError,
+    area_indicator,
+    load_mission,
+    plots,
+    read_solution,
+    save_mission,
+    solve,
+)
 from botohe_moo._base.interrupts import hold_interrupt
-from botohe_moo.plots.draw import canvas
-from botohe_moo.solution import PictureError, Solution, check_folder, check_picture
-from botohe_moo.solve import RefusalError, search
+from botohe_moo.cli import checks
+from botohe_moo.cli.checks import check_folder, check_picture
+from botohe_moo.solution import PictureError, Solution
+from botohe_moo.solving import RefusalError
+from tests.strategies import missions_with_plans
 
-FILES = ["front.csv", "front.png", "mission.png", "plans.json"]
+FILES = ["front.csv", "front.png", "mission.json", "mission.png", "plans.json"]
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +48,7 @@ def toy():
 
 @pytest.fixture(scope="module")
 def solution(toy):
-    return search(toy, make_algorithm("bo-aco"), evaluations=250, seed=3, name="bo-aco")
+    return solve(toy, "bo-aco", evaluations=250, seed=3)
 
 
 @pytest.fixture
@@ -95,7 +113,7 @@ class TestSearch:
         assert solution.seconds > 0
         assert not solution.interrupted
         assert solution.area == area_indicator(solution.objectives, toy) > 0.5
-        assert search(toy, BOACO(), evaluations=1).algorithm == "BOACO"
+        assert solve(toy, BOACO(), evaluations=1).algorithm == "BOACO"
 
     @pytest.mark.parametrize("evaluations", [1, 99, 100, 101, 250])
     def test_the_budget_is_exact(self, toy, evaluations, monkeypatch):
@@ -104,14 +122,12 @@ class TestSearch:
         monkeypatch.setattr(
             BOTOHE, "evaluate_batch", lambda self, b: counted.append(len(b)) or evaluate(self, b)
         )
-        found = search(toy, BOACO(), evaluations=evaluations)
+        found = solve(toy, BOACO(), evaluations=evaluations)
         assert found.evaluations == sum(counted) == evaluations
         assert not found.interrupted
 
     def test_the_seed_decides(self, toy, solution):
-        again, other = (
-            search(toy, make_algorithm("bo-aco"), evaluations=250, seed=seed) for seed in (3, 4)
-        )
+        again, other = (solve(toy, "bo-aco", evaluations=250, seed=seed) for seed in (3, 4))
         assert [p.trails for p in again.plans] == [p.trails for p in solution.plans]
         assert again.objectives.tobytes() == solution.objectives.tobytes()
         assert set(other.plans) != set(solution.plans)
@@ -120,9 +136,7 @@ class TestSearch:
         handler = signal.getsignal(signal.SIGINT)
         found = []
         thread = threading.Thread(
-            target=lambda: found.append(
-                search(toy, make_algorithm("bo-aco"), evaluations=250, seed=3)
-            )
+            target=lambda: found.append(solve(toy, "bo-aco", evaluations=250, seed=3))
         )
         thread.start()
         thread.join()
@@ -131,7 +145,7 @@ class TestSearch:
 
     def test_nothing_is_printed_where_there_is_no_terminal(self, toy, capfd, monkeypatch):
         monkeypatch.setenv("FORCE_COLOR", "1")
-        search(toy, BOACO(), evaluations=100)
+        solve(toy, BOACO(), evaluations=100)
         assert capfd.readouterr() == ("", "")
 
     @pytest.mark.parametrize(
@@ -145,21 +159,54 @@ class TestSearch:
     )
     def test_bad_options(self, toy, options, message):
         with pytest.raises(ValueError, match=message):
-            search(toy, BOACO(), **options)
+            solve(toy, BOACO(), **options)
 
     def test_an_algorithm_runs_once(self, toy):
         algorithm = BOACO()
-        search(toy, algorithm, evaluations=100)
+        solve(toy, algorithm, evaluations=100)
         with pytest.raises(ValueError, match="has not run yet, got 'BOACO' after a run"):
-            search(toy, algorithm, evaluations=100)
+            solve(toy, algorithm, evaluations=100)
+
+    def test_by_names(self, toy):
+        found = solve("toy", "bo-aco", evaluations=60, seed=2, n_ants=20, min_survival=0.5)
+        assert found.mission == toy
+        assert (found.algorithm, found.parameters) == ("bo-aco", {"n_ants": 20})
+        assert (found.source, found.min_survival) == ({"name_or_path": "toy"}, 0.5)
+        assert toy.robot_survival(found.plans).min() >= 0.5
+
+    def test_of_a_file(self, toy, tmp_path):
+        save_mission(toy, tmp_path / "site.json")
+        found = solve(tmp_path / "site.json", "greedy", evaluations=10)
+        assert found.mission == toy
+        assert found.source == {"name_or_path": str(tmp_path / "site.json")}
+
+    def test_names_that_are_unknown(self, toy):
+        with pytest.raises(
+            ValueError, match="'bo-ac': there is no such algorithm; known are bo-aco"
+        ):
+            solve(toy, "bo-ac")
+        with pytest.raises(ValueError, match="there is no parameter 'n_ant'"):
+            solve(toy, "bo-aco", n_ant=3)
+        with pytest.raises(MissionError, match="there is no such mission; known are toy"):
+            solve("toi")
+        with pytest.raises(ValueError, match="given by its name, got n_ants for BOACO"):
+            solve(toy, BOACO(), n_ants=3)
+
+    def test_progress(self, toy):
+        shown = []
+        found = solve(
+            toy, "bo-aco", evaluations=250, progress=lambda n, area: shown.append((n, area()))
+        )
+        assert [n for n, _ in shown] == [100, 200, 250]
+        assert shown[-1][1] == found.area
 
     def test_an_algorithm_may_refuse_the_mission(self, toy):
         class Picky(BOACO):
             def _setup(self, problem, **_):
                 raise ValueError("Expected at most 3 nodes, got 5.")
 
-        with pytest.raises(RefusalError, match=r"^Algorithm 'picky': Expected at most 3 nodes"):
-            search(toy, Picky(), name="picky")
+        with pytest.raises(RefusalError, match=r"^Algorithm 'Picky': Expected at most 3 nodes"):
+            solve(toy, Picky())
 
 
 class Given(Algorithm):
@@ -191,7 +238,7 @@ class TestWhatOtherAlgorithmsFind:
             individuals.append(Individual(X=x, F=-objectives, CV=np.array([fault])))
         population = Population.create(*individuals)
         assert population.get("feas").tolist() == [True, True, True, False, True]
-        found = search(toy, Given(population), evaluations=14)
+        found = solve(toy, Given(population), evaluations=14)
         # Two bring the same, [1, 2, 1] brings nothing and costs robots, [1, 2, 4, 3, 1] is faulty.
         assert found.plans == (plans[2], plans[4], plans[1])
         assert found.objectives.tolist() == toy.evaluate(found.plans).tolist()
@@ -199,7 +246,7 @@ class TestWhatOtherAlgorithmsFind:
 
     @pytest.mark.parametrize("opt", [None, Population.empty()])
     def test_nothing(self, toy, opt, tmp_path):
-        found = search(toy, Given(opt), evaluations=20)
+        found = solve(toy, Given(opt), evaluations=20)
         assert found.evaluations == 21  # an overdrawn budget is not hidden
         assert found.plans == ()
         assert found.objectives.shape == (0, 2)
@@ -209,12 +256,13 @@ class TestWhatOtherAlgorithmsFind:
         assert json.loads(found.to_json())["plans"] == []
         assert sorted(path.name for path in found.write(tmp_path)) == FILES
         assert (tmp_path / "front.csv").read_text() == "plan_id,reward,survivors\n"
+        assert parts(read_solution(tmp_path)) == parts(found)
 
 
 @pytest.mark.usefixtures("interruptible")
 class TestInterrupt:
     def test_the_search_stops_after_its_iteration(self, toy):
-        found = search(toy, BOACO(n_ants=10, callback=pressing(3)), evaluations=10**4)
+        found = solve(toy, BOACO(n_ants=10, callback=pressing(3)), evaluations=10**4)
         assert found.interrupted
         assert found.evaluations == 30
         assert found.plans
@@ -222,7 +270,7 @@ class TestInterrupt:
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
     def test_at_the_end_it_comes_too_late(self, toy):
-        found = search(toy, BOACO(n_ants=10, callback=pressing(3)), evaluations=30)
+        found = solve(toy, BOACO(n_ants=10, callback=pressing(3)), evaluations=30)
         assert not found.interrupted
         assert "spent 30 evaluations" in found.describe()
 
@@ -232,7 +280,7 @@ class TestInterrupt:
             signal.raise_signal(signal.SIGINT)
 
         with pytest.raises(KeyboardInterrupt):
-            search(toy, BOACO(callback=press_twice))
+            solve(toy, BOACO(callback=press_twice))
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
     @pytest.mark.parametrize("when", [0, 3])
@@ -241,7 +289,7 @@ class TestInterrupt:
         if when == 0:
             stop.set()
         callback = lambda algorithm: algorithm.n_iter == when and stop.set()  # noqa: E731
-        found = search(toy, BOACO(n_ants=10, callback=callback), stop=stop)
+        found = solve(toy, BOACO(n_ants=10, callback=callback), stop=stop)
         assert found.interrupted
         assert found.evaluations == max(when, 1) * 10
         assert found.plans
@@ -277,6 +325,13 @@ class TestDescription:
         ]
         assert "by hand, seed 1: spent 2 evaluations in 0.5 s (4 a second)" in text
         assert text.endswith("area 0.2683, 2 plans on the front")  # 3.24 · 1.6561 / 20
+        slow = {"evaluations": 500, "seconds": 9.0, "startup_seconds": 8.0}
+        text = solution_of(toy, [[[1], [1]]], **slow, startup_evaluations=100).describe()
+        assert (
+            "spent 500 evaluations in 1.0 s (400 a second), after 8.0 s to compile and st" in text
+        )
+        text = solution_of(toy, [[[1], [1]]], **slow, startup_evaluations=500).describe()
+        assert "spent 500 evaluations in 1.0 s, after 8.0 s to compile and start" in text
         assert solution_of(toy, [[[1], [1]]]).describe().endswith("1 plan on the front")
 
     def test_of_a_long_front(self, toy):
@@ -343,7 +398,10 @@ class TestWriting:
         before = {name: (tmp_path / name).read_bytes() for name in FILES}
         solution_of(toy, [[[1], [1]]]).write(str(tmp_path))
         after = {name: (tmp_path / name).read_bytes() for name in FILES}
-        assert [name for name in FILES if before[name] == after[name]] == ["mission.png"]
+        assert [name for name in FILES if before[name] == after[name]] == [
+            "mission.json",
+            "mission.png",
+        ]
         assert names_in(tmp_path) == sorted([*FILES, "notes.txt"])
 
     @pytest.mark.parametrize("error", [RuntimeError("\nNo such glyph.\nMore."), OSError("full")])
@@ -366,9 +424,26 @@ class TestWriting:
             assert caught.value.__cause__ is error
         else:
             assert caught.value is error
-        assert names_in(tmp_path) == ["front.csv", "front.png", "plans.json"]
+        assert names_in(tmp_path) == ["front.csv", "front.png", "mission.json", "plans.json"]
         assert (tmp_path / "plans.json").read_text() == solution.to_json()
         assert (tmp_path / "front.png").read_bytes().startswith(b"\x89PNG")
+
+    def test_a_mission_that_json_cannot_hold_is_left_out(self, tmp_path):
+        (tmp_path / "mission.json").write_text("of an earlier search")
+        label = frozenset({3})
+        found = solution_of(pair("base", label), [[["base", label, "base"]]])
+        names = sorted({*FILES} - {"mission.json"})
+        assert sorted(found.write(tmp_path)) == [tmp_path / name for name in names]
+        assert names_in(tmp_path) == names
+        with pytest.raises(ValueError, match=r"mission\.json: there is no such file"):
+            read_solution(tmp_path)
+
+    def test_tables_are_there_before_pictures_are_drawn(self, solution, tmp_path):
+        seen = []
+        (tmp_path / "front.png").write_text("of an earlier search")
+        solution.write(tmp_path, before_pictures=lambda: seen.extend(names_in(tmp_path)))
+        assert seen == ["front.csv", "mission.json", "plans.json"]
+        assert names_in(tmp_path) == FILES
 
     def test_what_cannot_be_written_leaves_all_as_it_was(self, solution, tmp_path, monkeypatch):
         monkeypatch.setattr(Solution, "to_json", lambda self: 1 / 0)
@@ -377,6 +452,147 @@ class TestWriting:
             solution.write(tmp_path)
         assert names_in(tmp_path) == ["front.csv"]
         assert (tmp_path / "front.csv").read_text() == "of an earlier search"
+
+
+def parts(solution):
+    """All that is written of a solution, to be compared."""
+    return (
+        solution.mission,
+        solution.mission.name,
+        solution.plans,
+        [plan.trails for plan in solution.plans],
+        solution.objectives.tolist(),
+        *(solution.algorithm, solution.parameters, solution.seed, solution.evaluations),
+        *(solution.interrupted, solution.source, solution.min_survival),
+    )
+
+
+class TestReading:
+    def test_what_was_written(self, solution, tmp_path):
+        solution._write_tables(tmp_path)
+        again = read_solution(str(tmp_path))
+        assert parts(again) == parts(solution)
+        assert again.table.equals(solution.table)
+        assert again.to_json() == solution.to_json()
+        assert again.seconds is None
+        assert "bo-aco, seed 3: spent 250 evaluations\narea" in again.describe()
+
+    @settings(max_examples=40, deadline=None)
+    @given(missions_with_plans(), st.integers(0, 10**30), st.floats(0, 1), st.booleans())
+    def test_whatever_was_written(self, drawn, seed, floor, stopped):
+        mission, plan = drawn
+        plans = (plan,)
+        written = Solution(
+            mission=mission,
+            plans=plans,
+            objectives=mission.evaluate(plans),
+            algorithm="by hand",
+            parameters={"n": 3, "λ": [0.1, None, "x"]},
+            seed=seed,
+            evaluations=len(plans),
+            seconds=1.5,
+            interrupted=stopped,
+            source={"name_or_path": "somewhere", "robots": mission.robots},
+            min_survival=floor,
+        )
+        with tempfile.TemporaryDirectory() as folder:
+            written._write_tables(Path(folder))
+            assert parts(read_solution(folder)) == parts(written)
+
+    def test_labels_of_every_kind(self, tmp_path):
+        labels = ["dock", ("floor", 2, None), 1.5, 7, "漢字"]
+        graph = nx.DiGraph()
+        graph.add_nodes_from(labels, reward=1)
+        for tail, head in [*pairwise(labels), (labels[-1], labels[0])]:
+            graph.add_edge(tail, head, survival=0.9)
+        mission = Mission(graph, base="dock", robots=1, name="pier")
+        written = solution_of(mission, [[[*labels, "dock"]], [["dock"]]])
+        written._write_tables(tmp_path)
+        assert parts(read_solution(tmp_path)) == parts(written)
+
+    def test_a_folder_without_its_mission(self, toy, solution, tmp_path):
+        solution._write_tables(tmp_path)
+        (tmp_path / "mission.json").unlink()
+        with pytest.raises(MissionError, match=r"mission\.json: there is no such file"):
+            read_solution(tmp_path)
+        assert parts(read_solution(tmp_path, mission=toy)) == parts(solution)
+        with pytest.raises(ValueError, match=r"plans\.json: plan 0: Expected 3 trails"):
+            read_solution(tmp_path, mission=toy.with_robots(3))
+
+    @pytest.mark.parametrize(
+        ("name", "damage", "fault"),
+        [
+            ("plans.json", "{", r"line 1, column 2: expected JSON"),
+            ("plans.json", "[]", r"content: Input should be .*, got \[\]"),
+            ("plans.json", "[" * 100_000, r"nested too deeply"),
+            ("plans.json", b"\xff", r"expected text in UTF-8"),
+            ("plans.json", None, r"there is no such file"),
+            (
+                "plans.json",
+                ('"seed": 3', '"seed": -3'),
+                r"seed: .*greater than or equal to 0, got -3",
+            ),
+            ("plans.json", ('"seed": 3', '"sea": 3'), r"seed: Field required"),
+            ("plans.json", ('"interrupted": false', '"interrupted": 0'), r"interrupted: .*, got 0"),
+            (
+                "plans.json",
+                ('"reward": ', '"reward": NaN, "x": '),
+                r"plans\.0\.reward: .*, got nan",
+            ),
+            (
+                "plans.json",
+                ('"reward": ', '"reward": 9, "x": '),
+                r"plan 0: expected the objectives",
+            ),
+            (
+                "plans.json",
+                ('"plan_id": 0', '"plan_id": 1'),
+                r"plan 0: expected the plan_id 0, got 1",
+            ),
+            ("plans.json", ("     1,", "     77,"), r"plan 0: Robot 0, position 0: .* no node 77"),
+            ("plans.json", ("     1,", "     {},"), r"plan 0: expected a label, .*got {}"),
+            ("mission.json", "{}", r'expected the key "nodes"'),
+            (
+                "mission.json",
+                ('"survival": ', '"survival": 7, "x": '),
+                r"survival in \(0, 1\], got 7",
+            ),
+            ("front.csv", None, r"there is no such file"),
+            ("front.csv", "plan_id,reward,survivors\n", r"expected \d+ lines, got 1"),
+            ("front.csv", ("reward", "price"), r"line 1: expected 'plan_id,reward,survivors'"),
+            (
+                "front.csv",
+                ("\n0,", "\n0,1"),
+                r"line 2: expected '0,.*' as in plans\.json, got '0,1",
+            ),
+        ],
+    )
+    def test_damage_is_named(self, solution, tmp_path, name, damage, fault):
+        solution._write_tables(tmp_path)
+        path = tmp_path / name
+        if damage is None:
+            path.unlink()
+        elif isinstance(damage, bytes):
+            path.write_bytes(damage)
+        elif isinstance(damage, str):
+            path.write_text(damage)
+        else:
+            text = path.read_text()
+            assert damage[0] in text
+            path.write_text(text.replace(*damage, 1))
+        with pytest.raises(ValueError, match=fault) as caught:
+            read_solution(tmp_path)
+        assert str(caught.value).startswith(str(path))
+
+    def test_a_source_that_names_code_is_not_run(self, solution, tmp_path):
+        solution._write_tables(tmp_path)
+        path = tmp_path / "plans.json"
+        content = json.loads(path.read_text()) | {
+            "mission_source": {"name_or_path": "antigravity:x"}
+        }
+        path.write_text(json.dumps(content))
+        read_solution(tmp_path)
+        assert "antigravity" not in sys.modules
 
 
 class TestFolders:
@@ -426,7 +642,7 @@ class TestPictures:
             check_picture(mission)
 
     def test_nodes_without_a_place_are_not_laid_out_twice(self, monkeypatch):
-        monkeypatch.setattr(canvas, "node_positions", None)
+        monkeypatch.setattr(checks, "node_positions", None)
         check_picture(pair("a", "b", pos=[0, 1]))
 
     @pytest.mark.parametrize("name", ["toy", "art_museum"])

@@ -20,61 +20,37 @@ if TYPE_CHECKING:
         make_algorithm,
     )
     from botohe_moo.indicators import area_indicator
-    from botohe_moo.mission import (
-        Mission,
-        MissionError,
-        PlanError,
-        load_mission,
-        mission_names,
-        read_mission,
-        save_mission,
-    )
-    from botohe_moo.outcomes.distribution import Distribution
-    from botohe_moo.outcomes.outcomes import (
-        Outcomes,
-        plan_outcomes,
-        reward_distribution,
-        simulate,
-        survivors_distribution,
-    )
+    from botohe_moo.mission import Mission, MissionError, load_mission, mission_names, save_mission
+    from botohe_moo.outcomes import plan_outcomes
     from botohe_moo.plots import plot_front, plot_mission
-    from botohe_moo.problem import BOTOHE, FrontOutput
-    from botohe_moo.search.exact import TooLargeError, exact_front
-    from botohe_moo.search.sequential import plan_sequentially
-    from botohe_moo.trails import PlanBatch, TrailPlan
+    from botohe_moo.problem import BOTOHE
+    from botohe_moo.solution import Solution, read_solution
+    from botohe_moo.solving import solve
+    from botohe_moo.trails import TrailPlan
 
 __all__ = [
     "BOACO",
     "BOTOHE",
-    "Distribution",
     "Exact",
-    "FrontOutput",
     "Greedy",
     "Mission",
     "MissionError",
-    "Outcomes",
     "ParetoLocalSearch",
-    "PlanBatch",
-    "PlanError",
     "RandomTrails",
     "SimulatedAnnealing",
-    "TooLargeError",
+    "Solution",
     "TrailPlan",
     "algorithm_names",
     "area_indicator",
-    "exact_front",
     "load_mission",
     "make_algorithm",
     "mission_names",
     "plan_outcomes",
-    "plan_sequentially",
     "plot_front",
     "plot_mission",
-    "read_mission",
-    "reward_distribution",
+    "read_solution",
     "save_mission",
-    "simulate",
-    "survivors_distribution",
+    "solve",
 ]
 
 _HOMES = {
@@ -88,28 +64,28 @@ _HOMES = {
         "algorithm_names",
         "make_algorithm",
     ),
-    ".outcomes.distribution": ("Distribution",),
-    ".search.exact": ("TooLargeError", "exact_front"),
     ".indicators": ("area_indicator",),
-    ".mission": (
-        "Mission",
-        "MissionError",
-        "PlanError",
-        "load_mission",
-        "mission_names",
-        "read_mission",
-        "save_mission",
-    ),
-    ".outcomes.outcomes": (
+    ".mission": ("Mission", "MissionError", "load_mission", "mission_names", "save_mission"),
+    ".outcomes": ("plan_outcomes",),
+    ".plots": ("plot_front", "plot_mission"),
+    ".problem": ("BOTOHE",),
+    ".solution": ("Solution", "read_solution"),
+    ".solving": ("solve",),
+    ".trails": ("TrailPlan",),
+}
+# Names that were here once and now belong to the modules that have them.
+_MOVED = {
+    ".mission": ("PlanError", "read_mission"),
+    ".outcomes": (
+        "Distribution",
         "Outcomes",
-        "plan_outcomes",
         "reward_distribution",
         "simulate",
         "survivors_distribution",
     ),
-    ".plots": ("plot_front", "plot_mission"),
-    ".problem": ("BOTOHE", "FrontOutput"),
+    ".problem": ("FrontOutput",),
+    ".search.exact": ("TooLargeError", "exact_front"),
     ".search.sequential": ("plan_sequentially",),
-    ".trails": ("PlanBatch", "TrailPlan"),
+    ".trails": ("PlanBatch",),
 }
-__getattr__, __dir__ = lazy_names(__name__, _HOMES)
+__getattr__, __dir__ = lazy_names(__name__, _HOMES, _MOVED)

@@ -1,4 +1,4 @@
-"""Quality of a front as one number."""
+"""Quality of a front as one number: area, IGD+ and additive epsilon."""
 
 from __future__ import annotations
 
@@ -11,30 +11,29 @@ from botohe_moo.mission.model import Mission
 
 __all__ = ["TIE", "area_indicator", "epsilon_indicator", "igd_plus_indicator"]
 
-# What differs less comes from the order in which sums were rounded, not from better plans; ranks
-# would make as much of it as of anything else. Indicators are shares of what a mission offers.
+# Indicators that differ by less are equal: such differences come from the order of sums.
 TIE = 1e-12
 _ROUNDING = 1e-9
 
 
 def area_indicator(objectives: ArrayLike, mission: Mission) -> float:
-    """Give the share of the objective space that a front dominates.
+    """Compute the share of the objective space that a front dominates.
 
-    The hypervolume with the origin as reference, divided by (total reward × robots): both bounds
+    The hypervolume with the origin as reference, divided by (total reward × robots). Both bounds
     belong to the mission, so that areas compare across runs and studies.
 
     Parameters
     ----------
     objectives
         Shape (n, 2): E[R] and E[S] of each plan, both to be maximised (``-result.F``); dominated
-        plans add nothing, no plans give 0.
+        plans add nothing.
     mission
-        The mission the plans are for.
+        The mission of the plans.
 
     Returns
     -------
     float
-        In [0, 1]; 0 where the mission offers no reward at all.
+        In [0, 1]; 0 if there are no plans, or the mission has no reward.
 
     Raises
     ------
@@ -58,72 +57,27 @@ def area_indicator(objectives: ArrayLike, mission: Mission) -> float:
 
 
 def igd_plus_indicator(objectives: ArrayLike, reference: ArrayLike, mission: Mission) -> float:
-    """Give how far a front is from a reference front on average: its IGD+.
+    """Compute the IGD+ of a front: how far it is from a reference front on average.
 
-    For each point of the reference, the distance to the nearest plan, of which only what the plan
-    lacks counts. E[R] and E[S] have different units: E[R] is divided by the mission's total
-    reward, E[S] by its robots, before distances are taken.
+    For each point of ``reference`` (m, 2), the distance to the nearest of ``objectives`` (n, 2), of
+    which only what the plan lacks counts; E[R] is divided by the total reward before and E[S] by
+    the number of robots. 0 if every point is matched or exceeded. Without plans, (0, 0) is scored.
+    Raises ValueError like :func:`area_indicator`, and if ``reference`` is empty.
 
-    Parameters
-    ----------
-    objectives
-        Shape (n, 2): E[R] and E[S] of each plan, both to be maximised (``-result.F``). No plans
-        are scored as the one that brings nothing back, (0, 0), and never as perfect.
-    reference
-        Shape (m, 2): E[R] and E[S] of the reference front, at least one point.
-    mission
-        The mission the plans are for. Where it offers no reward at all, E[R] does not count.
-
-    Returns
-    -------
-    float
-        At least 0; 0 where some plan matches or exceeds each point of the reference.
-
-    Raises
-    ------
-    ValueError
-        If ``objectives`` or ``reference`` is not of shape (n, 2), holds NaN or infinity, or is
-        ``result.F``, which holds the negatives; if ``reference`` is empty.
-
-    Notes
-    -----
-    Ishibuchi, Masuda, Tanigaki and Nojima, "Modified distance calculation in generational
-    distance and inverted generational distance", EMO 2015; computed by moocore.
+    Ishibuchi, Masuda, Tanigaki and Nojima, "Modified distance calculation in generational distance
+    and inverted generational distance", EMO 2015; computed by moocore.
     """
     points, targets = _normalised(objectives, reference, mission)
     return float(moocore.igd_plus(points, ref=targets, maximise=True))
 
 
 def epsilon_indicator(objectives: ArrayLike, reference: ArrayLike, mission: Mission) -> float:
-    """Give by how much a front has to be moved to cover a reference front: its additive epsilon.
+    """Compute the additive epsilon of a front with respect to a reference front.
 
-    E[R] and E[S] have different units: E[R] is divided by the mission's total reward, E[S] by its
-    robots, so that one step is the same share of what is possible in both.
+    The smallest number that, added to both normalised objectives of all plans, lets some plan match
+    each point of the reference; below 0 if the front is ahead of all of it. Arguments, errors and
+    normalisation are those of :func:`igd_plus_indicator`.
 
-    Parameters
-    ----------
-    objectives
-        Shape (n, 2): E[R] and E[S] of each plan, both to be maximised (``-result.F``). No plans
-        are scored as the one that brings nothing back, (0, 0).
-    reference
-        Shape (m, 2): E[R] and E[S] of the reference front, at least one point.
-    mission
-        The mission the plans are for. Where it offers no reward at all, E[R] does not count.
-
-    Returns
-    -------
-    float
-        The smallest number that, added to both normalised objectives of all plans, lets some plan
-        match each point of the reference; below 0 where the front is ahead of all of it.
-
-    Raises
-    ------
-    ValueError
-        If ``objectives`` or ``reference`` is not of shape (n, 2), holds NaN or infinity, or is
-        ``result.F``, which holds the negatives; if ``reference`` is empty.
-
-    Notes
-    -----
     Zitzler, Thiele, Laumanns, Fonseca and Grunert da Fonseca, "Performance assessment of
     multiobjective optimizers: an analysis and review", IEEE Transactions on Evolutionary
     Computation 7(2), 2003; computed by moocore.
@@ -133,7 +87,7 @@ def epsilon_indicator(objectives: ArrayLike, reference: ArrayLike, mission: Miss
 
 
 def _checked(name: str, given: ArrayLike) -> FloatArray:
-    """Give E[R] and E[S] as an array of shape (n, 2), n may be 0; minus infinity is let through."""
+    """Convert to an array (n, 2) of E[R] and E[S]; n may be 0, and minus infinity is accepted."""
     values = np.asarray(given, np.float64)
     if values.shape == (0,):
         return np.empty((0, 2))
@@ -152,7 +106,7 @@ def _checked(name: str, given: ArrayLike) -> FloatArray:
 def _normalised(
     objectives: ArrayLike, reference: ArrayLike, mission: Mission
 ) -> tuple[FloatArray, FloatArray]:
-    """Give both as shares of the total reward and of the robots."""
+    """Divide E[R] by the total reward and E[S] by the number of robots; a reward of 0 gives 0."""
     points = _checked("objectives", objectives)
     targets = _checked("reference", reference)
     if not len(targets):
@@ -161,7 +115,7 @@ def _normalised(
         if not np.isfinite(values).all():
             raise ValueError(f"Expected {name} without NaN and infinity, got {values}.")
     if not len(points):
-        points = np.zeros((1, 2))  # moocore would call nothing perfect
+        points = np.zeros((1, 2))  # moocore scores an empty set as perfect
     reward = mission.total_reward
     whole = np.array([reward if reward > 0 else np.inf, mission.robots])
     return points / whole, targets / whole

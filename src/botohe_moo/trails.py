@@ -1,4 +1,4 @@
-"""Trail plans as ragged arrays of node indices; they know no mission."""
+"""Trail plans as ragged arrays of node indices, independent of any mission."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class TrailPlan:
         If there is no trail, a trail is empty, or a node index is not an integer of at least 0;
         names the robot.
     TypeError
-        If ``trails`` is nothing that holds trails.
+        If ``trails`` is not iterable.
 
     Examples
     --------
@@ -68,13 +68,13 @@ class TrailPlan:
     def _adopt(self, nodes: IntArray, offsets: OffsetArray) -> None:
         nodes.setflags(write=False)
         offsets.setflags(write=False)
-        # Views of what is read-only: unlike owners of their data, they cannot be made writable.
+        # Views of read-only arrays cannot be made writable again.
         self._nodes, self._offsets = nodes.view(), offsets.view()
         self._key = self._hash = None
 
     @classmethod
     def _wrap(cls, nodes: IntArray, offsets: OffsetArray) -> Self:
-        """Take over arrays that are known to be well-formed."""
+        """Wrap arrays that are known to be well-formed, without a copy."""
         plan = cls.__new__(cls)
         plan._adopt(nodes, offsets)
         return plan
@@ -148,7 +148,7 @@ def _indices(trail: Sequence[int], robot: int) -> IntArray:
 
 
 def _integers(name: str, values: ArrayLike, dtype: type[np.integer[Any]]) -> NDArray[Any]:
-    """Convert to ``dtype`` what loses nothing by it."""
+    """Convert integers to ``dtype``; values that do not fit are refused."""
     found = np.asarray(values)
     limits = np.iinfo(dtype)
     if found.ndim != 1 or not (found.size == 0 or found.dtype.kind in "iu"):
@@ -166,8 +166,8 @@ class PlanBatch:
     Parameters
     ----------
     nodes
-        Node indices of all trails of all plans, one after another (int32). Whether a mission has
-        such nodes is found out when it evaluates the plans.
+        Node indices of all trails of all plans, one after another (int32). They are
+        checked against the mission when it evaluates the plans.
     offsets
         Where each trail begins in ``nodes``, and their length at the end
         (n_plans · n_robots + 1, int64).
@@ -177,7 +177,7 @@ class PlanBatch:
     Raises
     ------
     ValueError
-        If something is not of integers, or the offsets do not cut ``nodes`` into plans of
+        If an array does not hold integers, or the offsets do not cut ``nodes`` into plans of
         ``n_robots`` trails.
     """
 
@@ -209,7 +209,7 @@ class PlanBatch:
 
     @classmethod
     def _wrap(cls, nodes: IntArray, offsets: OffsetArray, n_robots: int) -> Self:
-        """Take over arrays that a kernel has just made; nothing is checked or copied."""
+        """Wrap arrays that a kernel has made, without checks and copies."""
         batch = cls.__new__(cls)
         batch._adopt(nodes, offsets, n_robots)
         return batch
@@ -223,14 +223,14 @@ class PlanBatch:
         plans
             Trail plans: any iterable, or an object array of shape (n,) or (n, 1).
         n_robots
-            Trails that every plan must have (known also when there are no plans).
+            Number of trails of every plan.
 
         Raises
         ------
         TypeError
-            If something in ``plans`` is no TrailPlan.
+            If something in ``plans`` is not a TrailPlan.
         ValueError
-            If a plan has another number of trails, or ``n_robots`` is no integer of at least 1.
+            If a plan has another number of trails, or ``n_robots`` is not an integer of at least 1.
         """
         n_robots = check_integer("n_robots", n_robots, at_least=1)
         if isinstance(plans, TrailPlan):
@@ -255,7 +255,7 @@ class PlanBatch:
 
     @classmethod
     def concatenate(cls, batches: Sequence[Self]) -> Self:
-        """Put batches of one team size one after another.
+        """Concatenate batches of one team size.
 
         Parameters
         ----------
@@ -302,7 +302,7 @@ class PlanBatch:
         return self.take(np.arange(len(self))[cut])
 
     def take(self, plans: ArrayLike) -> Self:
-        """Give some of the plans, as a batch.
+        """Return a batch of some of the plans.
 
         Parameters
         ----------
@@ -325,7 +325,7 @@ class PlanBatch:
         cuts = np.column_stack([starts, stops]) - starts[:, :1] if n_plans else starts
         nodes = self.nodes
         for start, stop, own in zip(starts[:, 0].tolist(), stops.tolist(), cuts, strict=True):
-            # Copies: a plan that is kept must not keep its whole batch.
+            # Copies, so that a plan does not keep its batch in memory.
             yield TrailPlan._wrap(nodes[start:stop].copy(), own.copy())
 
     def to_array(self) -> ObjectArray:
@@ -342,18 +342,12 @@ class PlanBatch:
 
 
 def listed_plans(plans: Iterable[TrailPlan] | ObjectArray) -> list[TrailPlan]:
-    """List plans to start from.
-
-    Parameters
-    ----------
-    plans
-        Trail plans: any iterable of them, an object array such as ``result.X``, or a pymoo
-        population.
+    """List plans to start from: any iterable of them, an array like ``result.X``, or a population.
 
     Raises
     ------
     TypeError
-        If something among them is no TrailPlan.
+        If something among them is not a TrailPlan.
     """
     held = plans.get("X") if hasattr(plans, "get") and not isinstance(plans, Mapping) else plans
     if isinstance(held, np.ndarray):

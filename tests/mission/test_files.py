@@ -307,8 +307,8 @@ class TestJSON:
             ("Infinity", "JSON has no infinite numbers and no NaN"),
             ("[0, NaN]", "JSON has no infinite numbers and no NaN"),
             ('{"a": 1e999}', "JSON has no infinite numbers and no NaN"),
-            (r'"\ud800"', r"'\ud800' is no valid Unicode text"),
-            (r'{"\udfff": 1}', r"'\udfff' is no valid Unicode text"),
+            (r'"\ud800"', r"'\ud800' is not valid Unicode text"),
+            (r'{"\udfff": 1}', r"'\udfff' is not valid Unicode text"),
             ("[" * 60 + "]" * 60, "it is nested too deeply, more than 50 times"),
         ],
     )
@@ -327,7 +327,7 @@ class TestJSON:
         data = content()
         data["nodes"][0]["\udfff"] = 1
         (fault,) = json_faults(data)
-        assert fault == r"node 'a': attribute '\udfff', 1: '\udfff' is no valid Unicode text"
+        assert fault == r"node 'a': attribute '\udfff', 1: '\udfff' is not valid Unicode text"
 
     @pytest.mark.parametrize("label", ["1e999", r'"\ud800"', r'[1, "\udfff"]', "[-Infinity]"])
     def test_labels_that_could_not_be_written_again(self, json_faults, label):
@@ -541,8 +541,8 @@ class TestGraphML:
     @pytest.mark.parametrize(
         ("attributes", "message"),
         [
-            ({"tags": ["a"]}, r"node 'a': attribute 'tags', \['a'\], is no number"),
-            ({"tags": None}, r"node 'a': attribute 'tags', None, is no number"),
+            ({"tags": ["a"]}, r"node 'a': attribute 'tags', \['a'\], is not a number"),
+            ({"tags": None}, r"node 'a': attribute 'tags', None, is not a number"),
             ({"pos": [1, 2, 3]}, r"node 'a': expected pos to be \[x, y\]"),
             ({"pos": [1, 2], "x": 1}, r"node 'a': expected pos to be \[x, y\]"),
             ({"note": "a\rb"}, r"node 'a': attribute 'note': XML has no character '\\r'"),

@@ -13,12 +13,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import botohe_moo.mission
 from botohe_moo.mission import MissionError, read_mission, save_mission
 from botohe_moo.mission.formats.nodelink import mission_content
 from botohe_moo.study.file.grid import mission_digest
 
 DATA = Path(__file__).parents[1] / "data"
-MISSIONS = Path(read_mission.__code__.co_filename).parent / "data"
+MISSIONS = Path(botohe_moo.mission.__file__).parent / "data"
 N_EXAMPLES = int(os.environ.get("BOTOHE_MUTATIONS", "150"))
 
 NODE_LINK = [json.loads((DATA / "pier.json").read_text(encoding="utf-8"))]

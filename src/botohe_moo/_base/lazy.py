@@ -8,7 +8,9 @@ __all__ = ["lazy_names"]
 
 
 def lazy_names(
-    package: str, homes: Mapping[str, Sequence[str]]
+    package: str,
+    homes: Mapping[str, Sequence[str]],
+    moved: Mapping[str, Sequence[str]] | None = None,
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
     """Make a package's ``__getattr__`` and ``__dir__`` (PEP 562).
 
@@ -18,6 +20,8 @@ def lazy_names(
         The package's ``__name__``.
     homes
         Public names by the module that has them, such as ``.trails``.
+    moved
+        Names that can still be imported from the package, but are not listed.
 
     Examples
     --------
@@ -25,11 +29,13 @@ def lazy_names(
     >>> get("TrailPlan").__module__, names()
     ('botohe_moo.trails', ['TrailPlan'])
     """
-    home_of = {name: home for home, names in homes.items() for name in names}
+    listed = sorted(name for names in homes.values() for name in names)
+    known = [*homes.items(), *(moved or {}).items()]
+    home_of = {name: home for home, names in known for name in names}
 
     def get(name: str) -> Any:
         if name not in home_of:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         return getattr(import_module(home_of[name], package), name)
 
-    return get, lambda: sorted(home_of)
+    return get, lambda: list(listed)

@@ -12,7 +12,6 @@ from pymoo.core.algorithm import Algorithm
 from botohe_moo._plugins.entry_points import PluginError, PluginGroup
 from botohe_moo._plugins.factories import declared_factory
 from botohe_moo._plugins.stated import Accepted, accepted_parameters
-from botohe_moo.algorithms.wired import wired
 
 __all__ = ["PLUGINS", "accepted_by", "find_algorithm", "is_path"]
 
@@ -38,6 +37,8 @@ def find_algorithm(name: str) -> Callable[..., Any]:
         raise ValueError(f"Expected the name of an algorithm, got {name!r}.")
     try:
         if is_path(name):
+            from botohe_moo.algorithms.wired import wired  # loads all operators
+
             return wired(name, declared_factory(name, PLUGINS, Algorithm))
         return PLUGINS.load(name)
     except PluginError as error:

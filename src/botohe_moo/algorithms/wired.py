@@ -13,6 +13,7 @@ from pymoo.algorithms.base.genetic import GeneticAlgorithm
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.factories import named
 from botohe_moo._plugins.ranges import Count
+from botohe_moo.algorithms.endless import never_ends
 from botohe_moo.algorithms.population import (
     PopulationAlgorithm,
     PopulationSize,
@@ -20,7 +21,7 @@ from botohe_moo.algorithms.population import (
     genetic_sizes,
 )
 
-__all__ = ["never_ends", "wired"]
+__all__ = ["wired"]
 
 # What the wiring, or whoever runs the algorithm, gives to every class of pymoo's.
 _TAKEN_CARE_OF = frozenset(
@@ -38,15 +39,6 @@ _REFUSED = {
     "pymoo.algorithms.moo.moead": "it is wired already, as 'moead'",
     "pymoo.algorithms.moo.omni": "it measures distances between real vectors",
     "pymoo.algorithms.moo.pinsga2": "it asks for answers at the keyboard",
-}
-
-# Classes that loop inside of one generation, where no budget ends them.
-_ENDLESS = {
-    "pymoo.algorithms.moo.ctaea:CTAEA": (
-        "pymoo's CTAEA never ends where there are fewer plans than directions, which is what "
-        "leaving out duplicates does: its diversity archive looks for plans in as many directions "
-        "as there are plans, until it has all of them"
-    ),
 }
 
 _DOCSTRING = """{0} of pymoo's, with operators for trail plans.
@@ -86,12 +78,6 @@ def wired(path: str, found: Callable[..., Any]) -> Callable[..., Any]:
         if f"{found.__module__}.".startswith(f"{module}."):
             raise ValueError(f"Algorithm {path!r}: cannot be wired; {reason}.")
     return _wire(path, found)
-
-
-def never_ends(kind: type) -> str | None:
-    """Say why algorithms of a class, or of one derived from it, never end; None if they do."""
-    names = (f"{base.__module__}:{base.__qualname__}" for base in kind.__mro__)
-    return next((_ENDLESS[name] for name in names if name in _ENDLESS), None)
 
 
 @functools.cache

@@ -6,7 +6,11 @@ answers at once.
 
 from __future__ import annotations
 
+import time
+
 from botohe_moo.cli.interrupt import ending_on_interrupt
+
+_STARTED = time.perf_counter()
 
 with ending_on_interrupt:
     import sys
@@ -51,6 +55,7 @@ if TYPE_CHECKING:
     from pymoo.core.algorithm import Algorithm
 
     from botohe_moo.mission.model import Mission
+    from botohe_moo.problem import BOTOHE
 
 _STOPPING = "stopping; what was found will be written. Press Ctrl-C again to break off."
 
@@ -67,7 +72,7 @@ app.add_typer(study_app, name="study")
 
 def main() -> None:
     """Run the command line and end the process."""
-    # module:Class may stand in the current folder; last, so that it shadows nothing.
+    # module:Class may be in the current folder; last, so that it shadows nothing.
     sys.path.append(str(Path.cwd()))
     run(app)
 
@@ -92,8 +97,8 @@ def botohe(
     """Plan trails for robot teams in hazardous environments: reward against survival."""
 
 
-@app.command()
-def solve(
+@app.command("solve")
+def solve_mission(
     mission: MissionArgument,
     algorithm: Annotated[
         str, typer.Option("--algorithm", "-a", help="One of `botohe algorithms`.")
@@ -113,8 +118,8 @@ def solve(
 ) -> None:
     """Search for the Pareto front of a mission; write it as tables and pictures.
 
-    Writes front.csv, plans.json, front.png and mission.png. In the folder that --out names they
-    replace those of an earlier search; without it, every search gets a new folder.
+    Writes front.csv, plans.json, mission.json, front.png and mission.png. In the folder that --out
+    names they replace those of an earlier search; without it, every search gets a new folder.
 
     Ctrl-C stops the search and writes what was found.
     """
@@ -122,57 +127,55 @@ def solve(
         source = mission_source(mission, robots, mission_parameter)
         parameters = read_parameters(parameter or [])
         from botohe_moo.algorithms import make_algorithm
+        from botohe_moo.cli.checks import check_picture
         from botohe_moo.mission import load_mission
-        from botohe_moo.solution import check_picture
+        from botohe_moo.problem import BOTOHE
 
         loaded = load_mission(**source)
         check_picture(loaded)
         _check_plain(algorithm, parameters)
         built = make_algorithm(algorithm, **parameters)
     _search_and_write(
-        loaded,
+        BOTOHE(loaded, min_survival=min_survival),
         built,
         out,
         default=Path("results", "solve", Path(mission).stem),
-        name=algorithm,
-        parameters=parameters,
-        source=source,
         evaluations=evaluations,
         seed=seed,
-        min_survival=min_survival,
+        record={"algorithm": algorithm, "parameters": parameters, "source": source},
     )
 
 
 def _search_and_write(
-    mission: Mission, algorithm: Algorithm, out: Path | None, *, default: Path, **how: Any
+    problem: BOTOHE, algorithm: Algorithm, out: Path | None, *, default: Path, **how: Any
 ) -> None:
     from botohe_moo._base.files import new_folder
     from botohe_moo._base.interrupts import hold_interrupt
+    from botohe_moo.cli.checks import check_folder
     from botohe_moo.cli.search_progress import progress_bar
-    from botohe_moo.solution import PictureError, check_folder
-    from botohe_moo.solve import RefusalError, search
+    from botohe_moo.solution import PictureError
+    from botohe_moo.solving import RefusalError, search
 
     with hold_interrupt(answer=_STOPPING) as stop, ExitStack() as stack:
         with failing():
             check_folder(default.parent if out is None else out)
             folder = stack.enter_context(new_folder(default)) if out is None else out
-        tell(f"{mission.title}: {brief(mission)}\n")
+        tell(f"{problem.mission.title}: {brief(problem.mission)}\n")
         try:
             with progress_bar(how["evaluations"]) as progress:
-                solution = search(mission, algorithm, stop=stop, progress=progress, **how)
+                solution = search(
+                    problem, algorithm, progress=progress, stop=stop, started=_STARTED, **how
+                )
         except RefusalError as error:
             fail(error)
         if not solution.plans:
             found = f"{solution.algorithm} found no plan in {solution.evaluations} evaluations"
             fail(f"{found}; nothing is written.", INTERRUPTED if stop.is_set() else FAILED)
-        with hold_interrupt() as late:
-            with failing(FAILED):
-                try:
-                    paths = solution.write(folder)  # first of all: printing may fail, too
-                except PictureError as error:
-                    tell(solution.describe())
-                    fail(f"{error} The tables are in {folder}.", FAILED)
-            tell(solution.describe())
+        with hold_interrupt() as late, failing(FAILED):
+            try:
+                paths = solution.write(folder, before_pictures=lambda: tell(solution.describe()))
+            except PictureError as error:
+                fail(f"{error} The tables are in {folder}.", FAILED)
     for path in paths:
         tell(f"wrote {path}")
     if stop.is_set() or late.is_set():
@@ -180,7 +183,7 @@ def _search_and_write(
 
 
 def _check_plain(algorithm: str, parameters: dict[str, Any]) -> None:
-    """Refuse values for what takes Python objects, such as the plans to start from."""
+    """Refuse values of parameters that take Python objects, such as plans to start from."""
     from botohe_moo.algorithms.registry import algorithm_parameters
 
     for parameter in algorithm_parameters(algorithm):
@@ -224,7 +227,7 @@ def show_mission(
         typer.Option("--picture", help="Also draw the mission to this file: PNG, PDF or SVG."),
     ] = None,
 ) -> None:
-    """Say what a mission is like; on request, draw it."""
+    """Describe a mission; on request, draw it."""
     with failing():
         source = mission_source(mission, robots, mission_parameter)
         from botohe_moo.mission.library import load_mission, mission_parameters
@@ -240,8 +243,8 @@ def show_mission(
 
 
 def _draw(mission: Mission, picture: Path) -> None:
+    from botohe_moo.cli.checks import check_picture
     from botohe_moo.plots import plot_mission, save_plot
-    from botohe_moo.solution import check_picture
 
     if not picture.parent.is_dir():
         raise ValueError(f"{picture.parent}: there is no such folder.")
@@ -254,8 +257,8 @@ def check_missions(
     files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Mission files.")],
 ) -> None:
     """Check mission files; name everything that is wrong with them."""
+    from botohe_moo.cli.checks import place_fault
     from botohe_moo.mission import read_mission
-    from botohe_moo.solution import place_fault
 
     failed = False
     for path in files:

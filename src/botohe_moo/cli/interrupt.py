@@ -1,6 +1,6 @@
-"""Ctrl-C where nothing is lost by ending at once, as while libraries load: a word, no traceback.
+"""Ctrl-C while libraries load: the process ends at once with a message, without a traceback.
 
-It imports nothing that takes time, for it has to be there before what does.
+Imported before everything else, so it imports nothing that takes time.
 """
 
 import os
@@ -12,9 +12,9 @@ INTERRUPTED = 130
 
 
 def end_on_interrupt() -> None:
-    """Let Ctrl-C end the process, where it is what raises KeyboardInterrupt.
+    """Let Ctrl-C end the process instead of raising KeyboardInterrupt.
 
-    An exception would not do: imports make tracebacks of it, and some libraries swallow it.
+    Imports would print its traceback, and some libraries swallow it.
     """
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _end)
@@ -25,7 +25,7 @@ class _EndingOnInterrupt:
         try:
             end_on_interrupt()
         except ValueError:
-            return  # another thread imports; only the main one may handle signals
+            return  # only the main thread may handle signals
 
     def __exit__(self, *_: object) -> None:
         if signal.getsignal(signal.SIGINT) is _end:
@@ -33,7 +33,7 @@ class _EndingOnInterrupt:
 
 
 ending_on_interrupt = _EndingOnInterrupt()
-"""Lets Ctrl-C end the process for a while."""
+"""Lets Ctrl-C end the process within a ``with`` block."""
 
 
 def _end(*_: object) -> None:

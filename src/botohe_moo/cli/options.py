@@ -1,4 +1,4 @@
-"""What commands are told: the arguments and options that several of them take."""
+"""Arguments and options that several commands take."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ __all__ = [
 
 
 def integer(*, at_least: int) -> Callable[[str], int]:
-    """Give the parser of an option that is an integer; typer's own says not what it found."""
+    """Make a parser of integers whose message says what was found, unlike typer's own."""
 
     def parse(text: str) -> int:
         try:
@@ -104,10 +104,7 @@ SeedOption = Annotated[
 
 
 def read_parameters(pairs: Iterable[str]) -> dict[str, Any]:
-    """Read NAME=VALUE pairs.
-
-    Numbers are read as in Python and everything else as in YAML: 3, 1e-2, true and text mean what
-    they say.
+    """Read NAME=VALUE pairs; numbers as in Python, everything else as in YAML.
 
     Raises
     ------
@@ -142,7 +139,7 @@ def _value(name: str, text: str) -> Any:
 
 
 def mission_source(mission: str, robots: int | None, pairs: list[str] | None) -> dict[str, Any]:
-    """Give the arguments with which `load_mission` makes the mission."""
+    """Collect the arguments of `load_mission`."""
     parameters = read_parameters(pairs or [])
     if "name_or_path" in parameters:
         raise ValueError(f"Mission {mission!r}: there is no parameter 'name_or_path'.")

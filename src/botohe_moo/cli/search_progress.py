@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from botohe_moo.solve import Progress
+    from botohe_moo.solving import Progress
 
 __all__ = ["progress_bar"]
 
@@ -21,18 +21,9 @@ _SECONDS_BETWEEN_UPDATES = 0.1
 def progress_bar(total: int) -> Iterator[Progress | None]:
     """Show evaluations, area and the time left on standard error, if that is a terminal.
 
-    Parameters
-    ----------
-    total
-        Evaluations that are planned.
-
-    Yields
-    ------
-    callable or None
-        Takes the number of evaluations so far, and a function that gives the area, which is called
-        when it is about to be shown; None where nothing is shown.
+    Yields the callable for ``solve``'s ``progress``; None if nothing is shown.
     """
-    # rich would also take FORCE_COLOR, which many set for logs, for a terminal.
+    # rich would also show it if FORCE_COLOR is set, as it often is for logs.
     if sys.stderr is None or not sys.stderr.isatty():
         yield None
         return

@@ -1,8 +1,9 @@
-"""How a command ends: what it says, with which exit status, and never by a traceback."""
+"""Messages and exit statuses of commands, which never end with a traceback."""
 
 from __future__ import annotations
 
 import errno
+import gc
 import logging
 import os
 import sys
@@ -29,7 +30,7 @@ __all__ = [
 FAILED = 1
 BAD_INPUT = 2
 
-# Every way of misusing a command line; typer has no name for it that all its releases share.
+# The class of all usage errors; typer has no name for it that all its releases share.
 _UsageError: Any = typer.BadParameter.__mro__[1]
 
 
@@ -39,12 +40,13 @@ def run(app: typer.Typer) -> NoReturn:
     The exit status is 0, or 1 where there is no result, 2 for bad input, 130 after Ctrl-C.
     """
     end_on_interrupt()
+    gc.set_threshold(100_000)  # what libraries make while they load stays, a million objects
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
-            stream.reconfigure(errors="backslashreplace")  # no λ or odd path shall end a run
+            stream.reconfigure(errors="backslashreplace")  # so that no character ends a run
     warnings.showwarning = _show_warning
-    os.environ["MPLBACKEND"] = "Agg"  # pictures go to files, whatever is set for windows
-    # Of fonts and their caches; that a font lacks a character is seen in the picture.
+    os.environ["MPLBACKEND"] = "Agg"  # pictures are only written to files
+    # Warnings about fonts; a missing character is seen in the picture.
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
     warnings.filterwarnings("ignore", "Glyph .* missing from")
     try:
@@ -53,40 +55,41 @@ def run(app: typer.Typer) -> NoReturn:
         message = error.format_message()
         if message and error.ctx is not None:
             message = f"{message} (`{error.ctx.command_path} --help` tells more.)"
-        if message:  # there is none where the help has been shown instead
+        if message:  # there is none if the help has been shown instead
             say(message)
         status = BAD_INPUT
     except MemoryError as error:
         say(f"there is not enough memory. {error}")
         status = FAILED
+    gc.freeze()  # or the interpreter, when it ends, would search every object for cycles
     sys.exit(status)
 
 
 def tell(message: object) -> None:
-    """Print something on standard output, for as long as somebody reads it."""
+    """Print something on standard output, if somebody reads it."""
     try:
         typer.echo(message)
     except OSError as error:
-        # Neither `| head` nor a terminal that was closed is a reason to lose a search.
+        # `| head` or a closed terminal must not lose a search.
         if error.errno not in (errno.EPIPE, errno.EIO):
             raise
 
 
 def say(message: object) -> None:
-    """Say something on standard error, if it is still there."""
+    """Print a message on standard error, if it is still open."""
     with suppress(OSError):
         typer.echo(f"botohe: {message}", err=True)
 
 
 def fail(message: object, status: int = BAD_INPUT) -> NoReturn:
-    """Say something on standard error and end the command."""
+    """Print a message on standard error and end the command."""
     say(message)
     raise typer.Exit(status)
 
 
 @contextmanager
 def failing(status: int = BAD_INPUT) -> Iterator[None]:
-    """Turn a ValueError or an OSError into a message, without traceback, and an exit status."""
+    """Turn a ValueError or an OSError into a message and an exit status."""
     try:
         yield
     except OSError as error:

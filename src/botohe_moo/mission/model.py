@@ -1,4 +1,4 @@
-"""The mission: a graph of dangers and rewards, a base, and a team of robots."""
+"""The mission: a graph with rewards and survivals, a base, and a team of robots."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from botohe_moo.kernels.plans import evaluate as kernels
 from botohe_moo.mission.arrays import as_arrays
+from botohe_moo.mission.plan_faults import PlanError, fault_text, trail_indices
 from botohe_moo.mission.validation import MissionError, mission_faults, team_size_fault
 from botohe_moo.trails import PlanBatch, TrailPlan
 
@@ -18,10 +19,6 @@ if TYPE_CHECKING:
     from botohe_moo._base.types import FloatArray, ObjectArray
 
 __all__ = ["Mission", "PlanError"]
-
-
-class PlanError(ValueError):
-    """A trail plan that the mission does not allow; names the robot, the position and the arc."""
 
 
 class Mission:
@@ -44,8 +41,8 @@ class Mission:
     Raises
     ------
     MissionError
-        If survivals, rewards, team size or base are out of their ranges, if a node has an arc to
-        itself, or is not on a way out from the base and back. Every fault is listed.
+        If survivals, rewards, team size or base are out of their ranges, or a node has an arc to
+        itself or no way from or to the base. Every fault is listed.
 
     Examples
     --------
@@ -86,12 +83,12 @@ class Mission:
 
     @property
     def title(self) -> str:
-        """What the mission is, in words; its name where the graph says nothing."""
+        """The graph's attribute ``title``; default: the name."""
         return str(self.graph.graph.get("title") or self.name)
 
     @property
     def total_reward(self) -> float:
-        """Sum of the rewards of all nodes, the largest team reward there can be."""
+        """Sum of the rewards of all nodes, the upper bound of the team reward."""
         return float(self.arrays.reward.sum())
 
     @property
@@ -100,7 +97,7 @@ class Mission:
         return self.arrays.balanced
 
     def with_robots(self, robots: int) -> Mission:
-        """Give the same mission for a team of another size.
+        """Return the same mission for a team of another size.
 
         Parameters
         ----------
@@ -110,7 +107,7 @@ class Mission:
         Raises
         ------
         MissionError
-            If ``robots`` is no integer of at least 1.
+            If ``robots`` is not an integer of at least 1.
         """
         if fault := team_size_fault(robots):
             raise MissionError(fault, f"Mission {self.name!r}")
@@ -119,7 +116,7 @@ class Mission:
         return other
 
     def index(self, label: Hashable) -> int:
-        """Give the index by which kernels know a node.
+        """Return the index of a node, by which kernels know it.
 
         Parameters
         ----------
@@ -134,12 +131,13 @@ class Mission:
         return self._index[label]
 
     def plan(self, trails: Iterable[Sequence[Hashable]]) -> TrailPlan:
-        """Make a validated plan from the node labels of one trail per robot.
+        """Make a validated plan from one trail of node labels per robot.
 
         Parameters
         ----------
         trails
-            For every robot the nodes it visits, from the base to the base; ``[base]`` stays there.
+            For every robot the nodes that it visits, from the base to the base; ``[base]`` if it
+            stays there.
 
         Raises
         ------
@@ -148,7 +146,9 @@ class Mission:
             begin and end at base, uses a missing arc, or uses an arc twice. Robots and positions
             count from 0.
         """
-        indices = [self._trail_indices(robot, trail) for robot, trail in enumerate(trails)]
+        indices = [
+            trail_indices(self.name, self._index, *numbered) for numbered in enumerate(trails)
+        ]
         if len(indices) != self.robots:
             raise PlanError(
                 f"Expected {self.robots} trails for the {self.robots} robots of mission "
@@ -158,24 +158,8 @@ class Mission:
         self.evaluate([plan])
         return plan
 
-    def _trail_indices(self, robot: int, trail: Sequence[Hashable]) -> list[int]:
-        if isinstance(trail, str | bytes) or not isinstance(trail, Sequence | np.ndarray):
-            raise PlanError(f"Robot {robot}: expected a sequence of node labels, got {trail!r}.")
-        if len(trail) == 0:
-            raise PlanError(f"Robot {robot}: {_FAULTS[kernels.EMPTY_TRAIL]}.")
-        indices = []
-        for position, label in enumerate(trail):
-            try:
-                indices.append(self._index[label])
-            except (KeyError, TypeError):
-                raise PlanError(
-                    f"Robot {robot}, position {position}: mission {self.name!r} has no node "
-                    f"{label!r}."
-                ) from None
-        return indices
-
     def labels(self, plan: TrailPlan) -> tuple[tuple[Any, ...], ...]:
-        """Give the trails of a plan as node labels, robot by robot.
+        """Return the trails of a plan as node labels, robot by robot.
 
         Parameters
         ----------
@@ -194,7 +178,7 @@ class Mission:
         return tuple(tuple(self.nodes[i] for i in trail) for trail in plan.trails)
 
     def evaluate(self, plans: PlanBatch | Iterable[TrailPlan] | ObjectArray) -> FloatArray:
-        """Compute what plans are expected to bring.
+        """Compute the objectives of plans.
 
         Parameters
         ----------
@@ -214,7 +198,7 @@ class Mission:
             If a plan has another number of trails than the team has robots, or a trail is not
             valid: names the plan, robot, position and arc (all counted from 0).
         TypeError
-            If something in ``plans`` is no TrailPlan.
+            If something in ``plans`` is not a TrailPlan.
 
         Notes
         -----
@@ -226,7 +210,7 @@ class Mission:
         return self._values(plans, strict=True).objectives
 
     def robot_survival(self, plans: PlanBatch | Iterable[TrailPlan] | ObjectArray) -> FloatArray:
-        """Compute with what probability each robot survives.
+        """Compute the probability that each robot survives.
 
         Parameters
         ----------
@@ -249,10 +233,9 @@ class Mission:
     def evaluate_drafts(
         self, plans: PlanBatch | Iterable[TrailPlan] | ObjectArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Compute what plans are expected to bring that need not be valid.
+        """Compute the objectives of plans that need not be valid.
 
-        A robot walks its trail up to the first fault, where it is lost: a missing arc is one that
-        nobody survives.
+        A robot walks its trail up to the first fault, where it is lost.
 
         Parameters
         ----------
@@ -262,9 +245,9 @@ class Mission:
         Returns
         -------
         tuple of numpy.ndarray
-            E[R] and E[S] as from ``evaluate``, and the same for valid plans (n_plans, 2), and the
-            number of faults of each plan (n_plans,): trails that do not begin or do not end at
-            base, missing arcs, arcs used again.
+            E[R] and E[S] (n_plans, 2), for valid plans those of ``evaluate``, and the number of
+            faults of each plan (n_plans,): trails that do not begin or do not end at base, missing
+            arcs, arcs used again.
 
         Raises
         ------
@@ -282,7 +265,7 @@ class Mission:
         values = kernels.Values(np.empty((n, 2)), np.empty(n), np.empty((n, n_robots)))
         fault = kernels.evaluate(self.arrays, batch.nodes, batch.offsets, n_robots, strict, values)
         if fault[0] != kernels.VALID:
-            raise PlanError(self._describe(batch, *fault))
+            raise PlanError(fault_text(self.name, self.nodes, self.base, batch, fault))
         return values
 
     def batch(self, plans: PlanBatch | Iterable[TrailPlan] | ObjectArray) -> PlanBatch:
@@ -291,15 +274,15 @@ class Mission:
         Parameters
         ----------
         plans
-            Trail plans: any iterable of them, or an array such as ``result.X``; a batch is given
-            back.
+            Trail plans: any iterable of them, or an array such as ``result.X``; a batch is returned
+            as it is.
 
         Raises
         ------
         PlanError
             If a plan has another number of trails than the team has robots.
         TypeError
-            If something in ``plans`` is no TrailPlan.
+            If something in ``plans`` is not a TrailPlan.
         """
         if isinstance(plans, PlanBatch):
             if plans.n_robots != self.robots:
@@ -312,22 +295,6 @@ class Mission:
             return PlanBatch.from_plans(plans, self.robots)
         except ValueError as error:
             raise PlanError(f"{error} Mission {self.name!r} has {self.robots} robots.") from None
-
-    def _describe(self, batch: PlanBatch, kind: int, plan: int, robot: int, position: int) -> str:
-        where = f"Robot {robot}" if len(batch) == 1 else f"Plan {plan}, robot {robot}"
-        if kind in (kernels.EMPTY_TRAIL, kernels.BAD_OFFSETS):
-            return f"{where}: {_FAULTS[kind]}."
-        start = batch.offsets[plan * batch.n_robots + robot]
-        node = int(batch.nodes[start + position])
-        where = f"{where}, position {position}"
-        if kind == kernels.UNKNOWN_NODE:
-            known = f"{len(self.nodes)} nodes"
-            return f"{where}: node index {node} is unknown, mission {self.name!r} has {known}."
-        label = self.nodes[node]
-        if kind in (kernels.NOT_FROM_BASE, kernels.NOT_BACK_AT_BASE):
-            return f"{where}: {_FAULTS[kind]} {self.base!r}, got {label!r}."
-        tail = self.nodes[int(batch.nodes[start + position - 1])]
-        return f"{where}: arc {tail!r} -> {label!r} {_FAULTS[kind]} mission {self.name!r}."
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Mission):
@@ -354,13 +321,3 @@ class Mission:
             f"<Mission {self.name!r}: {len(self.nodes)} nodes, {self.arrays.n_arcs} arcs, "
             f"{self.robots} robots at base {self.base!r}, total reward {self.total_reward:g}>"
         )
-
-
-_FAULTS = {
-    kernels.BAD_OFFSETS: "expected the batch's offsets to cut its nodes into trails",
-    kernels.EMPTY_TRAIL: "expected a trail of at least one node, the base, got an empty one",
-    kernels.NOT_FROM_BASE: "expected the trail to begin at base",
-    kernels.NOT_BACK_AT_BASE: "expected the trail to end at base",
-    kernels.MISSING_ARC: "is missing in",
-    kernels.ARC_USED_TWICE: "is used twice in this trail; a trail uses an arc at most once, in",
-}

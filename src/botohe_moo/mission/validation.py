@@ -1,4 +1,4 @@
-"""What a mission must satisfy, checked once, every fault named."""
+"""The validation of missions: once, with every fault named."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class MissionError(ValueError):
     faults
         Everything that is wrong, each naming a node or an arc and the value found.
     source
-        What the message is about; it begins with this.
+        The mission or file, to begin the message with.
 
     Attributes
     ----------
@@ -55,15 +55,10 @@ class MissionError(ValueError):
 
 
 def mission_faults(graph: Any, base: Hashable, robots: object, *, ways: bool = True) -> list[str]:
-    """List all that keeps ``graph`` from being a mission; empty if nothing does.
+    """List the faults of a mission; a base or team size of None was not given.
 
-    Parameters
-    ----------
-    graph, base, robots
-        What the mission is to be made of; None stands for a base or a team size that is not given.
-    ways
-        Whether to look for nodes without a way from or to the base; no use where arcs are known to
-        be missing, because a file could only be read in part.
+    Without ``ways`` it is not checked that every node has a way from and to the base, as when arcs
+    are missing because a file could only be read in part.
     """
     if not isinstance(graph, nx.DiGraph) or graph.is_multigraph():
         return [_not_a_digraph(graph)]
@@ -86,7 +81,7 @@ def mission_faults(graph: Any, base: Hashable, robots: object, *, ways: bool = T
 
 
 def team_size_fault(robots: object) -> str | None:
-    """Say what is wrong with a team size, or None."""
+    """Describe the fault of a team size, if it has one."""
     try:
         if isinstance(robots, bool | np.bool_) or index(robots) < 1:  # type: ignore[arg-type]
             raise TypeError
@@ -114,7 +109,7 @@ def _not_a_digraph(graph: Any) -> str:
 
 
 def _number(value: object) -> float:
-    """Give the number that kernels would compute with, NaN if ``value`` is none."""
+    """Convert a number to a float, and everything else to NaN."""
     if not isinstance(value, Real) or isinstance(value, bool | np.bool_):
         return math.nan
     try:

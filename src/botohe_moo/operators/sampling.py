@@ -120,7 +120,7 @@ def _walk(
         min_survival=problem.planning_floor,
         random_state=random_state,
     )
-    return colony.construct(n_samples)[0]
+    return colony.construct(n_samples)
 
 
 class CornerSampling(PlanSampling):

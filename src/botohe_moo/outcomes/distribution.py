@@ -1,17 +1,21 @@
-"""A discrete distribution, and what a risk-averse planner reads off it."""
+"""Discrete distributions of outcomes, with quantiles and conditional value at risk."""
+
+from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import overload
+from typing import TYPE_CHECKING, overload
 
 import numpy as np
-import pandas as pd
 
 from botohe_moo._base.types import FloatArray
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 __all__ = ["ROUNDING", "Distribution"]
 
-ROUNDING = 1e-12  # relative; values and shares closer than this are the same
+ROUNDING = 1e-12  # relative; values and probabilities that differ by less are equal
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -21,16 +25,16 @@ class Distribution:
     Attributes
     ----------
     values
-        What may come out, ascending (n_values, read-only): rewards or robots.
+        Possible outcomes, ascending (n_values, read-only): rewards or numbers of robots.
     probabilities
         Probability of each value, above 0 (n_values, read-only).
     n_samples
-        Number of simulated missions that the probabilities are shares of; None when they are exact.
+        Number of simulated missions whose shares the probabilities are; None if they are exact.
 
     Raises
     ------
     ValueError
-        If the values do not ascend, or the probabilities are not above 0 with the sum 1.
+        If the values do not ascend, or the probabilities are not above 0 or do not sum to 1.
 
     Examples
     --------
@@ -92,7 +96,7 @@ class Distribution:
     @overload
     def quantile(self, q: Sequence[float] | FloatArray) -> FloatArray: ...
     def quantile(self, q: float | Sequence[float] | FloatArray) -> float | FloatArray:
-        """Give the smallest value that is not exceeded with a probability of at least ``q``.
+        """Return the smallest value that is not exceeded with a probability of at least ``q``.
 
         Parameters
         ----------
@@ -109,7 +113,7 @@ class Distribution:
             raise ValueError(f"Expected q in [0, 1], got {q}.")
         cumulative = np.cumsum(self.probabilities)
         cumulative[-1] = 1.0
-        # At 1 no slack: the largest value is possible, however small its probability.
+        # No slack at 1: the largest value is possible, however small its probability.
         slack = np.where(wanted < 1, 1 - ROUNDING, 1)
         found = self.values[np.searchsorted(cumulative, wanted * slack)]
         return float(found) if wanted.ndim == 0 else found
@@ -119,13 +123,13 @@ class Distribution:
     @overload
     def at_least(self, x: Sequence[float] | FloatArray) -> FloatArray: ...
     def at_least(self, x: float | Sequence[float] | FloatArray) -> float | FloatArray:
-        """Give the probability that the outcome is ``x`` or more.
+        """Return the probability that the outcome is ``x`` or more.
 
         Parameters
         ----------
         x
-            Reward or number of robots, or any number of them. Values that fall short of it by
-            1e-12 of its size count as reaching it, since sums of rewards are rounded.
+            Reward or number of robots, or any number of them. A value reaches ``x`` if it falls
+            short by less than 1e-12 of it, because sums of rewards are rounded.
 
         Raises
         ------
@@ -142,9 +146,9 @@ class Distribution:
         return float(found) if wanted.ndim == 0 else found
 
     def cvar(self, alpha: float) -> float:
-        """Conditional value at risk: the mean of the worst (lowest) share ``alpha`` of outcomes.
+        """Return the conditional value at risk: the mean of the lowest share ``alpha`` of outcomes.
 
-        Where the share ends inside the probability of one value, only the part inside counts:
+        If the share ends within the probability of a value, only the part within counts:
         Rockafellar and Uryasev, "Conditional value-at-risk for general loss distributions",
         Journal of Banking & Finance 26, 2002; Acerbi and Tasche, "On the coherence of expected
         shortfall", same volume.
@@ -166,7 +170,9 @@ class Distribution:
         return float(inside @ self.values / inside.sum())
 
     def to_frame(self) -> pd.DataFrame:
-        """Give the distribution as a table with the columns ``value`` and ``probability``."""
+        """Return the distribution as a table with the columns ``value`` and ``probability``."""
+        import pandas as pd
+
         return pd.DataFrame({"value": self.values, "probability": self.probabilities})
 
     def __repr__(self) -> str:

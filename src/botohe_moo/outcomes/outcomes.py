@@ -1,20 +1,23 @@
-"""What may happen to a trail plan: distributions of reward and survivors, risk, simulation."""
+"""Outcomes of a trail plan: distributions of reward and survivors, and simulation."""
+
+from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import reduce
-from itertools import pairwise
-from typing import NamedTuple
+from typing import TYPE_CHECKING
 
-import networkx as nx
 import numpy as np
-import pandas as pd
 
 from botohe_moo._base.checks import check_integer
-from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
+from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.plans import simulate as kernels
 from botohe_moo.mission import Mission
-from botohe_moo.outcomes.distribution import ROUNDING, Distribution
+from botohe_moo.outcomes.distribution import Distribution
+from botohe_moo.outcomes.joining import TooManyOutcomesError, follow, join_robots, merged
 from botohe_moo.trails import TrailPlan
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 __all__ = [
     "Outcomes",
@@ -32,14 +35,14 @@ class Outcomes:
     Attributes
     ----------
     reward, survivors
-        Their distributions; what the two have in common is seen in ``simulate``.
+        Their distributions; ``simulate`` shows how the two depend on each other.
     """
 
     reward: Distribution
     survivors: Distribution
 
     def summary(self, alpha: float = 0.05) -> pd.DataFrame:
-        """Give a table with the rows ``reward`` and ``survivors``.
+        """Return a table with the rows ``reward`` and ``survivors``.
 
         Its columns are mean, std, q05, median, q95, cvar (mean of the worst share ``alpha``) and
         exact.
@@ -54,6 +57,8 @@ class Outcomes:
         ValueError
             If ``alpha`` is outside (0, 1].
         """
+        import pandas as pd
+
         rows = {}
         for name, found in (("reward", self.reward), ("survivors", self.survivors)):
             q05, median, q95 = found.quantile([0.05, 0.5, 0.95])
@@ -70,7 +75,7 @@ def plan_outcomes(
     n_samples: int = 100_000,
     random_state: int | np.random.Generator | None = None,
 ) -> Outcomes:
-    """Give the distributions of the team reward and of the number of survivors.
+    """Compute the distributions of the team reward and of the number of survivors.
 
     Parameters
     ----------
@@ -84,9 +89,9 @@ def plan_outcomes(
     PlanError
         If the mission does not allow the plan.
     TypeError
-        If ``plan`` is no TrailPlan.
+        If ``plan`` is not a TrailPlan.
     ValueError
-        If ``max_outcomes`` or ``n_samples`` is no integer of at least 1.
+        If ``max_outcomes`` or ``n_samples`` is not an integer of at least 1.
     """
     reward = reward_distribution(
         mission, plan, max_outcomes=max_outcomes, n_samples=n_samples, random_state=random_state
@@ -111,10 +116,10 @@ def survivors_distribution(mission: Mission, plan: TrailPlan) -> Distribution:
     PlanError
         If the mission does not allow the plan.
     TypeError
-        If ``plan`` is no TrailPlan.
+        If ``plan`` is not a TrailPlan.
     """
     mission.evaluate([plan])
-    returns = np.sort(_follow(mission, plan).alive[plan.offsets[1:] - 1])
+    returns = np.sort(follow(mission, plan).alive[plan.offsets[1:] - 1])
     shares = reduce(np.convolve, [np.array([1 - p, p]) for p in returns])
     values = np.arange(len(shares), dtype=float)
     return Distribution(values[shares > 0], shares[shares > 0])
@@ -128,17 +133,17 @@ def reward_distribution(
     n_samples: int = 100_000,
     random_state: int | np.random.Generator | None = None,
 ) -> Distribution:
-    """Compute the distribution of the team reward, or simulate it where that is too much work.
+    """Compute the distribution of the team reward, or simulate it if that takes too long.
 
     Parameters
     ----------
     mission, plan
         A mission and one of its plans.
     max_outcomes
-        Joint outcomes that the exact computation may look at in all its steps together, at least
-        1; a plan that needs more is simulated, and the distribution's ``exact`` is then False.
+        Joint outcomes that the exact computation may take in all its steps together, at least 1;
+        a plan that needs more is simulated, and the distribution's ``exact`` is then False.
     n_samples
-        Missions to simulate in that case, at least 1.
+        Number of missions to simulate then, at least 1.
     random_state
         Seed or generator of the simulation; None takes fresh entropy, as in numpy.
 
@@ -147,19 +152,20 @@ def reward_distribution(
     PlanError
         If the mission does not allow the plan.
     TypeError
-        If ``plan`` is no TrailPlan.
+        If ``plan`` is not a TrailPlan.
     ValueError
-        If ``max_outcomes`` or ``n_samples`` is no integer of at least 1.
+        If ``max_outcomes`` or ``n_samples`` is not an integer of at least 1.
 
     Notes
     -----
-    A robot's fate is how many of its rewarding nodes it reaches, in the order of its trail. Robots
-    join one after another; the outcomes so far that have the same reward (up to rounding) and
-    agree on the nodes that robots still to come may reach are one outcome. Robots that share no
-    node, also not through others, are joined apart, and their rewards convolved.
+    A robot's outcome is how many of its rewarding nodes it reaches, in the order of its trail. The
+    robots are joined one after another; outcomes with the same reward (up to rounding) that agree
+    on the nodes that later robots may reach are merged. Groups of robots without a common node are
+    joined separately, and their rewards convolved.
 
     Examples
     --------
+    >>> import networkx as nx
     >>> graph = nx.DiGraph(base="dock", robots=2)
     >>> graph.add_nodes_from([("dock", {"reward": 1}), ("reef", {"reward": 5})])
     >>> graph.add_edge("dock", "reef", survival=0.5)
@@ -174,13 +180,13 @@ def reward_distribution(
     max_outcomes = check_integer("max_outcomes", max_outcomes, at_least=1)
     n_samples = check_integer("n_samples", n_samples, at_least=1)
     mission.evaluate([plan])
-    # Robots are identical, so the order of their trails must not show in the result.
+    # Robots are identical, so the result must not depend on the order of their trails.
     ordered = TrailPlan(sorted(plan.trails))
     try:
-        found = _join_robots(mission.arrays.reward, _follow(mission, ordered), max_outcomes)
-    except _TooManyOutcomesError:
+        found = join_robots(mission.arrays.reward, follow(mission, ordered), max_outcomes)
+    except TooManyOutcomesError:
         rewards, _ = _play(mission, ordered, n_samples, random_state)
-        found = _merged(rewards, np.full(n_samples, 1 / n_samples))
+        found = merged(rewards, np.full(n_samples, 1 / n_samples))
         return Distribution(found.values, found.probabilities, n_samples)
     return Distribution(found.values, found.probabilities)
 
@@ -192,7 +198,7 @@ def simulate(
     *,
     random_state: int | np.random.Generator | None = None,
 ) -> pd.DataFrame:
-    """Play the mission many times.
+    """Simulate the mission many times.
 
     Parameters
     ----------
@@ -208,20 +214,21 @@ def simulate(
     -------
     pandas.DataFrame
         One row per mission: ``reward`` (team reward), ``survivors`` (number of robots), and for
-        robot k, from 0 in the order of the plan, ``hops_k``: the arcs it survived, all those of
-        its trail where it returned for good.
+        robot k, from 0 in the order of the plan, ``hops_k``: the number of arcs it
+        survived, which is that of its trail if it returned.
 
     Raises
     ------
     PlanError
         If the mission does not allow the plan.
     TypeError
-        If ``plan`` is no TrailPlan.
+        If ``plan`` is not a TrailPlan.
     ValueError
-        If ``n_missions`` is no integer of at least 1.
+        If ``n_missions`` is not an integer of at least 1.
 
     Examples
     --------
+    >>> import networkx as nx
     >>> graph = nx.DiGraph([("dock", "reef"), ("reef", "dock")], base="dock", robots=2)
     >>> nx.set_node_attributes(graph, {"dock": 0, "reef": 5}, "reward")
     >>> nx.set_edge_attributes(graph, 0.5, "survival")
@@ -232,6 +239,8 @@ def simulate(
     1     5.0          2       2       0
     2     5.0          1       1       0
     """
+    import pandas as pd
+
     n_missions = check_integer("n_missions", n_missions, at_least=1)
     mission.evaluate([plan])
     rewards, hops = _play(mission, plan, n_missions, random_state)
@@ -241,116 +250,15 @@ def simulate(
     return frame
 
 
-class _Followed(NamedTuple):
-    """A valid plan's trails, ragged, with what ``kernels.follow`` says of each position."""
-
-    nodes: IntArray
-    offsets: OffsetArray
-    alive: FloatArray
-    pays: FloatArray
-
-
-def _follow(mission: Mission, plan: TrailPlan) -> _Followed:
-    arrays, n_positions = mission.arrays, len(plan.nodes)
-    followed = _Followed(plan.nodes, plan.offsets, np.empty(n_positions), np.empty(n_positions))
-    kernels.follow(arrays.first, arrays.head, arrays.survival, arrays.reward, *followed)
-    return followed
-
-
 def _play(
     mission: Mission,
     plan: TrailPlan,
     n_missions: int,
     random_state: int | np.random.Generator | None,
 ) -> tuple[FloatArray, OffsetArray]:
-    """Give the reward (n_missions) and the hops of each robot (n_missions, n_robots)."""
-    nodes, offsets, alive, _ = _follow(mission, plan)
+    """Simulate rewards (n_missions) and the hops of each robot (n_missions, n_robots)."""
+    nodes, offsets, alive, _ = follow(mission, plan)
     draws = np.random.default_rng(random_state).random((n_missions, plan.n_robots))
     hops, rewards = np.empty(draws.shape, np.int64), np.empty(n_missions)
     kernels.play(mission.arrays.reward, nodes, offsets, alive, draws, hops, rewards)
     return rewards, hops
-
-
-class _TooManyOutcomesError(Exception):
-    """The exact computation would look at more outcomes than it may."""
-
-
-class _States(NamedTuple):
-    """Outcomes of some robots: reward, probability, and the nodes reached, as bits (n, n_words)."""
-
-    values: FloatArray
-    probabilities: FloatArray
-    reached: SeedArray
-
-
-def _merged(
-    values: FloatArray, probabilities: FloatArray, reached: SeedArray | None = None
-) -> _States:
-    """Make outcomes one that agree in reward, up to rounding, and in the nodes reached."""
-    if reached is None:
-        reached = np.empty((len(values), 0), np.uint64)
-    order = np.lexsort((values, *reached.T))
-    values, reached = values[order], reached[order]
-    differs = np.diff(values) > ROUNDING * values[1:]
-    differs |= (reached[1:] != reached[:-1]).any(axis=1)
-    starts = np.append(0, 1 + np.flatnonzero(differs))
-    probabilities = np.add.reduceat(probabilities[order], starts)
-    kept = probabilities > 0  # a product of many small ones may underflow
-    starts = starts[kept]
-    return _States(values[starts], probabilities[kept], reached[starts])
-
-
-def _join_robots(reward: FloatArray, followed: _Followed, max_outcomes: int) -> _States:
-    """Give the exact outcomes of all robots together."""
-    nodes, offsets, alive, pays = followed
-    certain = np.unique(nodes[(alive == 1) & (pays > 0)])
-    uncertain = (pays > 0) & (alive > 0) & ~np.isin(nodes, certain)
-    sharing: nx.Graph[int] = nx.Graph()
-    chains = []
-    for robot, (start, stop) in enumerate(pairwise(offsets.tolist())):
-        chains.append(start + np.flatnonzero(uncertain[start:stop]))
-        # Robots are the vertices from 0, nodes those below 0.
-        sharing.add_edges_from((robot, ~node) for node in nodes[chains[robot]].tolist())
-
-    parts = []
-    for component in nx.connected_components(sharing):
-        group = [chains[robot] for robot in sorted(component) if robot >= 0]
-        part, max_outcomes = _join_group(reward, followed, group, max_outcomes)
-        parts.append(part)
-    total = parts[0] if parts else _merged(np.zeros(1), np.ones(1))
-    for part in parts[1:]:
-        max_outcomes = _spend(max_outcomes, len(total.values) * len(part.values))
-        values = np.add.outer(total.values, part.values).ravel()
-        total = _merged(values, np.outer(total.probabilities, part.probabilities).ravel())
-    values, probabilities, _ = total
-    return _merged(values + reward[certain].sum(), probabilities)
-
-
-def _join_group(
-    reward: FloatArray, followed: _Followed, chains: list[OffsetArray], max_outcomes: int
-) -> tuple[_States, int]:
-    """Join robots that share nodes, given the positions on their trails that count for each.
-
-    The second result is what is left of ``max_outcomes``.
-    """
-    table = np.unique(followed.nodes[np.concatenate(chains)])
-    masks = np.zeros((len(chains) + 1, (len(table) + 63) // 64), np.uint64)
-    bits = [np.searchsorted(table, followed.nodes[chain]) for chain in chains]
-    for mask, bit in zip(masks, bits, strict=False):
-        np.bitwise_or.at(mask, bit // 64, np.uint64(1) << (bit % 64).astype(np.uint64))
-    later = np.bitwise_or.accumulate(masks[::-1])[::-1]
-
-    states = _States(np.zeros(1), np.ones(1), np.zeros((1, masks.shape[1]), np.uint64))
-    for robot, chain in enumerate(chains):
-        chances = -np.diff(np.concatenate([[1.0], followed.alive[chain], [0.0]]))
-        max_outcomes = _spend(max_outcomes, len(states.values) * int((chances > 0).sum()))
-        gains = reward[followed.nodes[chain]]
-        values, probabilities, reached = kernels.join(*states, bits[robot], gains, chances)
-        states = _merged(values, probabilities, reached & later[robot + 1])
-    return states, max_outcomes
-
-
-def _spend(max_outcomes: int, n_joint: int) -> int:
-    if n_joint > max_outcomes:
-        raise _TooManyOutcomesError
-    return max_outcomes - n_joint

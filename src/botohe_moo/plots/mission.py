@@ -16,11 +16,11 @@ from botohe_moo.plots.draw.canvas import (
     Canvas,
     add_colour_bar,
     bowed_arcs,
-    node_positions,
     open_axes,
 )
 from botohe_moo.plots.draw.fonts import drawable
 from botohe_moo.plots.draw.lanes import draw_trails
+from botohe_moo.plots.draw.places import node_positions
 from botohe_moo.plots.draw.style import (
     MUTED,
     Colour,

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
-from botohe_moo.plots.draw.canvas import Canvas, add_colour_bar, node_positions, open_axes
+from botohe_moo.plots.draw.canvas import Canvas, add_colour_bar, open_axes
 from botohe_moo.plots.draw.fonts import drawable
+from botohe_moo.plots.draw.places import node_positions
 from botohe_moo.plots.draw.style import colour_range, pheromone_palette, theme
 
 if TYPE_CHECKING:

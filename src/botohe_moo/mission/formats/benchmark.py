@@ -30,33 +30,20 @@ def read_benchmark(
 ) -> tuple[nx.DiGraph[Any], list[str]]:
     """Read a team-orienteering instance as a nearest-neighbours mission.
 
-    The file has the lines ``n N``, ``m M`` and ``tmax T``, and then N lines ``x y score``, parted
-    by spaces, tabs or semicolons. Its points become the nodes 0 to N − 1, point 0 the base, M the
-    number of robots and scores rewards. Each point has arcs to and from its nearest ones and its
-    neighbours in a Euclidean minimum spanning tree, by which the base reaches all.
+    The file has the lines ``n N``, ``m M`` and ``tmax T``, and then N lines ``x y score``;
+    separators are spaces, tabs and semicolons. Its points become the nodes 0 to N − 1, point 0 the
+    base, M the number of robots, and scores rewards. Arcs lead both ways between each point and the
+    ``neighbours`` (at least 1) nearest ones, of equally distant ones the first, and along the edges
+    of a Euclidean minimum spanning tree, so that the base reaches all points. An arc's survival is
+    exp(−distance / ``scale``), with tmax as the default scale (> 0).
 
-    Parameters
-    ----------
-    data
-        The file.
-    neighbours
-        Number of nearest points, at least 1; of several at the same distance, the first listed.
-    scale
-        Distance, above 0, over which a robot survives with probability 1/e: an arc's survival is
-        exp(−distance / scale). Default: the file's tmax.
-
-    Returns
-    -------
-    graph
-        The mission's graph, with its base and number of robots.
-    faults
-        Always empty.
+    Returns the graph and an empty list of faults.
 
     Raises
     ------
     MissionError
-        If a line is missing, too many or wrong, or if a distance is so long that its survival is 0
-        in floating-point numbers.
+        If a line is missing, superfluous or wrong, or an arc's survival is 0 in floating-point
+        numbers.
     ValueError
         If an option is out of its range.
 
@@ -103,7 +90,7 @@ def _add_arcs(graph: nx.DiGraph[Any], points: FloatArray, neighbours: int, scale
 
 
 def _parse(text: str) -> tuple[int, float, FloatArray, list[float]]:
-    """Give the number of robots, tmax, the points (n, 2) and their scores."""
+    """Return the number of robots, tmax, the points (n, 2) and their scores."""
     lines = (
         (i, re.sub(r"[\s;]+", " ", line).split()) for i, line in enumerate(text.splitlines(), 1)
     )
@@ -152,20 +139,11 @@ def _numbers(number: int, fields: list[str], faults: list[str]) -> tuple[float, 
 
 
 def spanning_pairs(points: FloatArray) -> list[tuple[int, int]]:
-    """Give the edges of a Euclidean minimum spanning tree, by Prim's method.
+    """Return the edges of a Euclidean minimum spanning tree of points (n, 2), by Prim's method.
 
-    It takes time in the square and memory in the number of points, gives the same tree everywhere,
-    also where distances are equal, and points may coincide.
-
-    Parameters
-    ----------
-    points
-        Coordinates (n, 2).
-
-    Returns
-    -------
-    list of tuple of int
-        n − 1 pairs of indices, the lower one first.
+    It takes time in the square and memory in the number of points, gives the same tree on every
+    platform, also for equal distances, and allows points that coincide. Edges are pairs of indices,
+    the lower one first.
     """
     outside = np.arange(1, len(points))
     squares = np.full(len(points) - 1, np.inf)
@@ -184,7 +162,7 @@ def spanning_pairs(points: FloatArray) -> list[tuple[int, int]]:
 
 
 def near_pairs(points: FloatArray, radius: float) -> list[tuple[int, int]]:
-    """Give all pairs of points (n, 2) at most ``radius`` apart, the lower index first, sorted."""
+    """Return all pairs of points (n, 2) at most ``radius`` apart, the lower index first, sorted."""
     pairs = []
     for i in range(len(points) - 1):
         near = np.flatnonzero(_squares(points[i + 1 :], points[i]) <= radius**2) + i + 1
@@ -198,13 +176,13 @@ def _nearest_pairs(points: FloatArray, neighbours: int) -> Iterator[tuple[int, i
         squares = _squares(points, points[i])
         squares[i] = np.inf
         near = np.flatnonzero(squares <= np.partition(squares, neighbours - 1)[neighbours - 1])
-        near = near[near != i]  # with coordinates so large that all squares are infinite
+        near = near[near != i]  # for coordinates so large that all squares are infinite
         for j in near[squares[near].argsort(kind="stable")][:neighbours].tolist():
             yield min(i, j), max(i, j)
 
 
 def _squares(points: FloatArray, origin: FloatArray) -> FloatArray:
-    """Squared distances: unlike their roots the same bits on every platform."""
+    """Squared distances: unlike their roots, the same bits on every platform."""
     with np.errstate(over="ignore"):
         x, y = (points - origin).T
         squares: FloatArray = x * x + y * y

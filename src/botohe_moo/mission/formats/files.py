@@ -20,14 +20,10 @@ from botohe_moo.mission.validation import MissionError, mission_faults
 if TYPE_CHECKING:
     import networkx as nx
 
-__all__ = [
-    "SUFFIXES",
-    "read_mission",
-    "save_mission",
-]
+__all__ = ["SUFFIXES", "file_content", "read_mission", "save_mission"]
 
-# A reader takes the file's bytes and its own keyword-only options; it gives the graph and the
-# faults for which parts of the file had to be left out of it.
+# A reader takes a file's bytes and keyword-only options; it returns the graph, and the faults of
+# those parts of the file that it had to leave out.
 _Reader = Callable[..., tuple[Any, list[str]]]
 _READERS: dict[str, _Reader] = {
     ".json": read_node_link,
@@ -42,7 +38,7 @@ SUFFIXES = tuple(_READERS)
 def read_mission(
     path: str | os.PathLike[str], *, robots: int | None = None, **options: Any
 ) -> Mission:
-    """Read a mission file; its suffix, in any case, says its format.
+    """Read a mission file, in the format of its suffix (in upper or lower case).
 
     Parameters
     ----------
@@ -51,11 +47,11 @@ def read_mission(
 
         - ``.json``: networkx node-link JSON (``nx.node_link_data(graph, edges="edges")``) in UTF-8,
           with the graph attributes ``base`` and ``robots``, optionally ``name`` and ``title``, the
-          node attribute ``reward`` and the arc attribute ``survival``. Lists that stand for labels
-          are read as tuples.
+          node attribute ``reward`` and the arc attribute ``survival``. Labels that are
+          lists are read as tuples.
         - ``.graphml``: the same attributes; node labels are strings, and the node attributes ``x``
           and ``y`` become ``pos`` [x, y].
-        - ``.txt``: the team-orienteering benchmark of Chao, Golden and Wasil, which becomes a
+        - ``.txt``: the team-orienteering benchmark of Chao, Golden and Wasil, made into a
           nearest-neighbours mission; see ``options``.
     robots
         Team size; default: the file's.
@@ -67,8 +63,8 @@ def read_mission(
     Raises
     ------
     MissionError
-        If there is no such file, it is not in its format, it does not hold a valid mission, or it
-        holds what `save_mission` could not write again; every fault is listed.
+        If there is no such file, it is not in its format, its mission is not valid, or it holds
+        something that `save_mission` could not write again; every fault is listed.
     ValueError
         If an option is unknown or out of its range.
     """
@@ -79,7 +75,7 @@ def read_mission(
     check_parameters(f"Mission file {path}", options, keyword_names(reader), also=("robots",))
     try:
         graph: nx.DiGraph[Any]
-        graph, faults = reader(_content(path), **options)
+        graph, faults = reader(file_content(path), **options)
         team = graph.graph.get("robots") if robots is None else robots
         if faults:
             faults += mission_faults(graph, graph.graph.get("base"), team, ways=False)
@@ -92,24 +88,23 @@ def read_mission(
 
 
 def save_mission(mission: Mission, path: str | os.PathLike[str]) -> None:
-    """Write a mission file from which `read_mission` gives an equal mission back.
+    """Write a mission file; `read_mission` reads an equal mission from it.
 
-    The file holds all that the mission's graph does, its node labels, and the attributes of graph,
-    nodes and arcs, with numpy's numbers as plain ones, and tuples and arrays among the attributes
-    as lists. It appears at ``path`` complete or not at all.
+    The file holds the node labels and all attributes of graph, nodes and arcs; numpy's numbers
+    become plain ones, tuples and arrays lists. It appears at ``path`` complete or not at all.
 
     Parameters
     ----------
     mission
-        What to write.
+        The mission.
     path
-        Ends in ``.json`` or ``.graphml``, in any case. GraphML holds strings as labels; numbers,
-        booleans and strings as attributes; and ``pos`` as ``x`` and ``y``.
+        Ends in ``.json`` or ``.graphml``. In GraphML labels are strings, attributes are numbers,
+        booleans and strings, and ``pos`` becomes ``x`` and ``y``.
 
     Raises
     ------
     ValueError
-        If the suffix is another, or the format cannot hold a label or an attribute: names it.
+        If the suffix is unknown, or the format cannot hold a label or an attribute: names it.
     OSError
         If the file cannot be written.
     """
@@ -132,11 +127,12 @@ def _unknown_suffix(path: Path, known: Mapping[str, object] | Iterable[str]) -> 
 
 
 def _text(stem: str) -> str:
-    """Give a file's name as text, also where the file system has bytes that are none."""
+    """Make valid Unicode of a file's name, which may hold any bytes."""
     return stem.encode(errors="backslashreplace").decode()
 
 
-def _content(path: Path) -> bytes:
+def file_content(path: Path) -> bytes:
+    """Read a file of at most 512 MiB; raises MissionError, which does not name the file."""
     try:
         status = path.stat()
         if not (stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode)):

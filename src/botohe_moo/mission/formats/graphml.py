@@ -29,7 +29,7 @@ _PARSERS: dict[str, Callable[[str], object]] = {
     "float": float,
     "double": float,
 }
-# What networkx' reader leaves behind; it means nothing any more.
+# Left in the graph's attributes by networkx' reader.
 _BOOKKEEPING = ("node_default", "edge_default")
 
 
@@ -43,9 +43,9 @@ class _Key(NamedTuple):
 def read_graphml(data: bytes, /) -> tuple[nx.Graph[Any], list[str]]:
     """Read GraphML; see `botohe_moo.mission.formats.nodelink.graph_from`.
 
-    Node labels are the nodes' ids, and the base is named by such an id, hence a string, whatever
-    type it is declared with. A value that is not of its declared type stays a string, so that the
-    mission's validation names its node or arc.
+    Node labels are the nodes' ids, hence strings, and so is the base, whatever its declared type. A
+    value that is not of its declared type stays a string, and the mission's validation names its
+    node or arc.
 
     Raises
     ------
@@ -104,7 +104,7 @@ def _refuse_document_type(name: str, *_: object) -> None:
 
 
 def _keys(root: ET.Element) -> dict[str, _Key | None]:
-    """Read which attributes there are; drawing instructions of yEd are None."""
+    """Read the declared attributes; None for drawing instructions of yEd."""
     keys: dict[str, _Key | None] = {}
     for element in root.findall("{*}key"):
         keys[element.get("id", "")] = None
@@ -147,7 +147,7 @@ def _value(key: _Key, text: str) -> Any:
 
 
 def _line_ends(text: str) -> str:
-    """Give line ends as XML's readers do, also those that were written as ``&#13;``."""
+    """Normalise line ends as XML's readers do, also those written as ``&#13;``."""
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
@@ -179,7 +179,7 @@ def write_graphml(content: dict[str, Any]) -> bytes:
     Raises
     ------
     ValueError
-        If a label is no string, or an attribute is no number, boolean or string.
+        If a label is not a string, or an attribute is not a number, boolean or string.
     """
     root = ET.Element("graphml", xmlns=_NAMESPACE)
     graph = ET.Element("graph", edgedefault="directed")
@@ -215,8 +215,8 @@ def _data(
             continue
         if type(value) not in _TYPES:
             raise ValueError(
-                f"{owner}: attribute {name!r}, {value!r}, is no number, boolean or string, and "
-                "GraphML has nothing else; a .json file can hold it."
+                f"{owner}: attribute {name!r}, {value!r}, is not a number, boolean or string, "
+                "and GraphML has nothing else; a .json file can hold it."
             )
         key = (scope, _text("an attribute's name", name), _TYPES[type(value)])
         text = str(value).lower() if isinstance(value, bool) else str(value)

@@ -1,4 +1,4 @@
-"""Node-link JSON, the mission format; GraphML goes through its nodes and edges too."""
+"""Node-link JSON, the mission format; GraphML is converted to and from its data."""
 
 from __future__ import annotations
 
@@ -20,10 +20,17 @@ if TYPE_CHECKING:
 
     from botohe_moo.mission.model import Mission
 
-__all__ = ["decode", "graph_from", "mission_content", "read_node_link", "write_node_link"]
+__all__ = [
+    "decode",
+    "graph_from",
+    "mission_content",
+    "read_label",
+    "read_node_link",
+    "write_node_link",
+]
 
 _MAX_DEPTH = 50
-# Whoever reads a mission's graph checks these anyway, and says what they have to be.
+# Checked by the validation of the mission.
 _CHECKED = {"the graph": ("base", "robots"), "node": ("reward",), "arc": ("survival",)}
 
 
@@ -33,8 +40,7 @@ def read_node_link(data: bytes, /) -> tuple[nx.Graph[Any], list[str]]:
     Raises
     ------
     MissionError
-        If ``data`` is not UTF-8 or not JSON, names a key twice in one object, or has not the form
-        of node-link data.
+        If ``data`` is not UTF-8, not JSON or not node-link data, or an object has a key twice.
     """
     text = decode(data)
     try:
@@ -60,13 +66,7 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def decode(data: bytes) -> str:
-    """Decode UTF-8, with or without a byte order mark.
-
-    Raises
-    ------
-    MissionError
-        If ``data`` is something else.
-    """
+    """Decode UTF-8, with or without a byte order mark; raises MissionError."""
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -77,15 +77,11 @@ def decode(data: bytes) -> str:
 def graph_from(content: object) -> tuple[nx.Graph[Any], list[str]]:
     """Make a graph from node-link data.
 
-    networkx' own ``node_link_graph`` would make up nodes that only arcs name, let the last of
-    several equal nodes or arcs win, and let the base's label stay a list.
+    networkx' own ``node_link_graph`` would add nodes that only arcs name, let the last of several
+    equal nodes or arcs win, and keep the base's label as a list.
 
-    Returns
-    -------
-    graph
-        Directed and simple only where ``content`` says so, and otherwise empty.
-    faults
-        The nodes and arcs that had to be left out, and the attributes that no file can hold.
+    Returns the graph, which is empty if ``content`` is not of a directed simple graph, and the
+    faults: nodes and arcs that had to be left out, and attributes that no file can hold.
 
     Raises
     ------
@@ -108,8 +104,8 @@ def graph_from(content: object) -> tuple[nx.Graph[Any], list[str]]:
         if isinstance(content["graph"].get(key), dict | list)
     ]
     if "base" in graph.graph:
-        with contextlib.suppress(ValueError):  # no label: then there is no such node either
-            graph.graph["base"] = _label(graph.graph["base"])
+        with contextlib.suppress(ValueError):  # not a label, hence not a node either
+            graph.graph["base"] = read_label(graph.graph["base"])
     for position, entry in enumerate(content["nodes"]):
         faults += _add_node(graph, f"nodes[{position}]", entry)
     for position, entry in enumerate(content["edges"]):
@@ -136,8 +132,8 @@ def _key_faults(content: dict[str, Any]) -> list[str]:
     return faults
 
 
-def _label(value: object) -> Hashable:
-    """Give the node label that a JSON value stands for."""
+def read_label(value: object) -> Hashable:
+    """Convert a JSON value to a node label; raises ValueError if it cannot be one."""
     if value is None or isinstance(value, dict) or value != value:
         expected = "a string, a number, a boolean or a list of them"
         raise ValueError(f"expected a label, {expected}, got {quoted(value)}")
@@ -146,11 +142,11 @@ def _label(value: object) -> Hashable:
 
 
 def _tuples(items: list[Any]) -> tuple[Hashable, ...]:
-    return tuple(None if item is None else _label(item) for item in items)
+    return tuple(None if item is None else read_label(item) for item in items)
 
 
 def _value_faults(kind: str, owner: str, attributes: dict[str, Any]) -> Iterator[str]:
-    """Name the attributes that could not be written again."""
+    """List the attributes that could not be written again."""
     for key, value in attributes.items():
         if key not in _CHECKED[kind]:
             try:
@@ -188,7 +184,7 @@ def _add_arc(graph: nx.DiGraph[Any], where: str, entry: object) -> list[str]:
 
 
 def _labels(entry: object, *keys: str) -> tuple[list[Hashable], dict[str, Any]]:
-    """Split an entry into the labels that ``keys`` hold and its attributes."""
+    """Split an entry into the labels under ``keys`` and its attributes."""
     if not isinstance(entry, dict):
         raise ValueError(f"expected an object, got {quoted(entry)}")
     if missing := [key for key in keys if key not in entry]:
@@ -196,19 +192,19 @@ def _labels(entry: object, *keys: str) -> tuple[list[Hashable], dict[str, Any]]:
     labels = []
     for key in keys:
         try:
-            labels.append(_label(entry[key]))
+            labels.append(read_label(entry[key]))
         except ValueError as error:
             raise ValueError(f'"{key}": {error}') from None
     return labels, {key: value for key, value in entry.items() if key not in keys}
 
 
 def mission_content(mission: Mission) -> dict[str, Any]:
-    """Give the node-link data of ``mission``, of nothing but JSON's own types.
+    """Convert a mission to node-link data of JSON's own types.
 
     Raises
     ------
     ValueError
-        If JSON cannot hold a label or an attribute, or would change the label.
+        If JSON cannot hold a label or an attribute, or would change a label.
     """
     graph = mission.graph
     own = {"name": None, **graph.graph, "base": None}
@@ -227,7 +223,7 @@ def mission_content(mission: Mission) -> dict[str, Any]:
 
 
 def write_node_link(content: dict[str, Any]) -> bytes:
-    """Write node-link data as JSON, a node or an arc a line."""
+    """Write node-link data as JSON, one line for each node and arc."""
     lines = [
         f" {json.dumps(key)}: {json.dumps(content[key], ensure_ascii=False, allow_nan=False)}"
         for key in ("directed", "multigraph", "graph")
@@ -242,10 +238,10 @@ def write_node_link(content: dict[str, Any]) -> bytes:
 
 
 def _plain_label(label: Hashable) -> object:
-    """Give the JSON value that is read as a label equal to ``label``."""
+    """Convert a label to a JSON value from which an equal label is read."""
     try:
         plain = _plain(label)
-        if label == _label(plain):
+        if label == read_label(plain):
             return plain
         reason = f"it would come back as {quoted(plain)}"
     except ValueError as error:
@@ -269,7 +265,7 @@ def _attributes(owner: str, attributes: dict[Any, Any], *reserved: str) -> dict[
 
 
 def _plain(value: Any, depth: int = 0) -> Any:
-    """Give ``value`` in JSON's own types."""
+    """Convert ``value`` to JSON's own types; raises ValueError."""
     if depth > _MAX_DEPTH:
         raise ValueError(f"it is nested too deeply, more than {_MAX_DEPTH} times")
     if isinstance(value, np.generic | np.ndarray):
@@ -295,5 +291,5 @@ def _encodable(text: str) -> str:
     try:
         text.encode()
     except UnicodeEncodeError:
-        raise ValueError(f"{text!r} is no valid Unicode text") from None
+        raise ValueError(f"{text!r} is not valid Unicode text") from None
     return text

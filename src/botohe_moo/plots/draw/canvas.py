@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import networkx as nx
 import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.path import Path
 from matplotlib.patheffects import withStroke
 from matplotlib.transforms import IdentityTransform
-from scipy.spatial import KDTree
 
 from botohe_moo.plots.draw.fonts import drawable
 from botohe_moo.plots.draw.style import INK, MUTED, new_axes, readable_on
@@ -27,40 +25,12 @@ if TYPE_CHECKING:
     from botohe_moo._base.types import FloatArray, IntArray
     from botohe_moo.mission import Mission
 
-__all__ = ["Canvas", "add_colour_bar", "bowed_arcs", "node_positions", "open_axes"]
+__all__ = ["Canvas", "add_colour_bar", "bowed_arcs", "open_axes"]
 
 _MAX_LABELLED = 40
-_MAX_KAMADA_KAWAI = 60  # its cost grows with the square of the nodes
+_FEW = 500  # nodes whose distances are all computed: sooner than scipy is imported
 _BEND = 0.07  # how far an arrow bows to its right, in parts of its length
 _STEPS = np.linspace(0, 1, 17)[None, :, None]
-
-
-def node_positions(mission: Mission) -> FloatArray:
-    """Give every node a place: its attribute ``pos``, or a reproducible layout if any lacks one.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (n_nodes, 2), in the order of ``mission.nodes``.
-
-    Raises
-    ------
-    ValueError
-        If a ``pos`` is not two finite numbers.
-    """
-    graph = mission.graph
-    places = dict(graph.nodes(data="pos"))
-    if any(place is None for place in places.values()):
-        ties: nx.Graph[Any] = nx.Graph(graph.edges)
-        ties.add_nodes_from(graph)
-        if len(ties) <= _MAX_KAMADA_KAWAI:
-            places = nx.kamada_kawai_layout(ties, weight=None)
-        else:
-            places = nx.spring_layout(ties, seed=0, weight=None)
-        xy = np.array([_point(node, places[node]) for node in mission.nodes])
-        # Pages are wider than high, and a layout has no up and down of its own.
-        return xy[:, ::-1] if np.ptp(xy[:, 1]) > np.ptp(xy[:, 0]) else xy
-    return np.array([_point(node, places[node]) for node in mission.nodes])
 
 
 def bowed_arcs(mission: Mission) -> NDArray[np.bool_]:
@@ -69,16 +39,6 @@ def bowed_arcs(mission: Mission) -> NDArray[np.bool_]:
     arcs = list(zip(arrays.tail.tolist(), arrays.head.tolist(), strict=True))
     survival = dict(zip(arcs, arrays.survival.tolist(), strict=True))
     return np.array([survival.get((v, u)) != survival[u, v] for u, v in arcs], dtype=bool)
-
-
-def _point(node: Any, place: Any) -> tuple[float, float]:
-    try:
-        x, y = (float(part) for part in place)
-    except (TypeError, ValueError):
-        x = y = np.nan
-    if not np.isfinite([x, y]).all():
-        raise ValueError(f"Node {node!r}: expected pos [x, y], two finite numbers, got {place!r}.")
-    return x, y
 
 
 def open_axes(xy: FloatArray, ax: Axes | None) -> Axes:
@@ -105,6 +65,17 @@ def add_colour_bar(ax: Axes, palette: Colormap, norm: Normalize, label: str, slo
     drawn = ax.figure.colorbar(ScalarMappable(norm, palette), cax=bar, label=label)
     drawn.outline.set_visible(False)
     bar.tick_params(length=2.5)
+
+
+def _nearest(xy: FloatArray) -> FloatArray:
+    """Distance from each point to the nearest other one (n,)."""
+    if len(xy) > _FEW:
+        from scipy.spatial import KDTree
+
+        return np.asarray(KDTree(xy).query(xy, k=2)[0][:, 1])
+    distances = np.hypot(*(xy[:, None] - xy).T)
+    np.fill_diagonal(distances, np.inf)
+    return np.asarray(distances.min(axis=0))
 
 
 @dataclass(frozen=True)
@@ -139,8 +110,7 @@ class Canvas:
         scale = ax.get_window_extent().width / root.dpi * 72 / (right - left)
         radius = 10.5
         if len(xy) > 1:
-            apart = KDTree(xy).query(xy, k=2)[0][:, 1]
-            crowded = float(np.percentile(apart, 20)) * scale
+            crowded = float(np.percentile(_nearest(xy), 20)) * scale
             radius = float(np.clip(0.36 * crowded, 3.8, 10.5))
         return cls(ax, xy, scale, radius)
 

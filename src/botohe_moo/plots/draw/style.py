@@ -5,12 +5,11 @@ from __future__ import annotations
 import tempfile
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
-import seaborn as sns
-from matplotlib.colors import Colormap, Normalize, to_rgb
+from matplotlib.colors import Colormap, LinearSegmentedColormap, Normalize, to_rgb
 
 from botohe_moo.plots.draw.fonts import families
 
@@ -53,35 +52,80 @@ _METADATA: Mapping[str, Mapping[str, str | None]] = {
     ".pdf": {"Creator": "botohe_moo", "Producer": None, "CreationDate": None},
     ".svg": {"Creator": "botohe_moo", "Date": None},
 }
+# Seaborn's palettes, without seaborn: importing it takes as long as everything else together.
+_CREST = (
+    "#a5cd90 #93c491 #81bc91 #70b390 #61aa90 #53a190 #48988f #3e8e8e #33858d #2a7c8c #21728b "
+    "#1c6889 #1e5e87 #225383 #26487e #2a3d77 #2c3172"
+)
+_FLARE = (
+    "#edb081 #eca077 #ea916e #e88165 #e5715e #e0615c #d9535d #cf4862 #c14168 #b33c6c #a4386f "
+    "#953470 #873171 #772d6f #682a6c #592767 #4b2362"
+)
+# Its palette "colorblind" in another order: the first few should differ the most.
+_COLOURBLIND = (
+    *("#0173b2", "#de8f05", "#029e73", "#cc78bc", "#d55e00"),
+    *("#56b4e9", "#ca9161", "#fbafe4", "#ece133", "#949494"),
+)
+_AS_BY_DEFAULT = (
+    *("axes.facecolor", "axes.grid", "figure.facecolor", "grid.linestyle"),
+    *("axes.spines.bottom", "axes.spines.left", "axes.spines.right", "axes.spines.top"),
+    *("lines.linewidth", "lines.markersize", "patch.linewidth"),
+    *("xtick.bottom", "xtick.direction", "xtick.top"),
+    *("ytick.direction", "ytick.left", "ytick.right"),
+)
+_TICKS: Mapping[str, Any] = {
+    "color": INK,
+    "labelsize": 9.9,
+    "major.size": 6.0,
+    "major.width": 1.25,
+    "minor.size": 4.0,
+    "minor.width": 1.0,
+}
+_SETTINGS: Mapping[str, Any] = {
+    "axes.axisbelow": True,
+    "axes.edgecolor": INK,
+    "axes.labelcolor": INK,
+    "axes.labelsize": 10.8,
+    "axes.linewidth": 1.25,
+    "axes.titlesize": 12,
+    "font.size": 10.8,
+    "grid.color": "0.8",
+    "grid.linewidth": 1.0,
+    "legend.fontsize": 9.5,
+    "legend.title_fontsize": 10.8,
+    "lines.solid_capstyle": "round",
+    "patch.edgecolor": "white",
+    "patch.force_edgecolor": True,
+    **{f"{axis}tick.{key}": value for axis in "xy" for key, value in _TICKS.items()},
+    "svg.hashsalt": "botohe_moo",  # or names within the file would differ every time
+    "text.color": INK,
+    "text.parse_math": False,  # a dollar sign in a label is a dollar sign
+}
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")  # so that fronts differ in a grey print too
 
 
 def reward_palette() -> Colormap:
     """Sequential green to blue: the darker, the more reward."""
-    return _palette("crest")
+    return _palette("crest", _CREST)
 
 
 def survival_palette() -> Colormap:
     """Sequential purple to orange: the darker, the more dangerous."""
-    return _palette("flare_r")
+    return _palette("flare", _FLARE).reversed()
 
 
 def pheromone_palette() -> Colormap:
     """Sequential cream to purple: the darker, the more pheromone."""
-    return _palette("flare")
+    return _palette("flare", _FLARE)
 
 
-def _palette(name: str) -> Colormap:
-    palette: Colormap = sns.color_palette(name, as_cmap=True)
-    return palette
+def _palette(name: str, colours: str) -> Colormap:
+    return LinearSegmentedColormap.from_list(name, colours.split())
 
 
 def colours(n: int) -> list[Colour]:
     """Give ``n`` colours that colour-blind readers can tell apart; after ten they repeat."""
-    # Seaborn puts two reddish colours side by side; the first few should differ the most.
-    palette = sns.color_palette("colorblind")
-    order = (0, 1, 2, 4, 3, 9, 5, 6, 8, 7)
-    return [tuple(palette[order[i % len(order)]]) for i in range(n)]
+    return [to_rgb(_COLOURBLIND[i % len(_COLOURBLIND)]) for i in range(n)]
 
 
 def tint(colour: Colour, strength: float) -> Colour:
@@ -109,17 +153,9 @@ def colour_range(values: FloatArray, *, low: float | None = None) -> Normalize:
 @contextmanager
 def theme() -> Iterator[None]:
     """Draw in the project's style; what matplotlib is set to outside stays as it is."""
-    settings = {
-        **sns.axes_style("ticks"),
-        **sns.plotting_context("notebook", font_scale=0.9),
-        "font.family": list(families()),
-        "axes.edgecolor": INK,
-        "axes.titlesize": 12,
-        "legend.fontsize": 9.5,
-        "text.color": INK,
-        "text.parse_math": False,  # a dollar sign in a label is a dollar sign
-        "svg.hashsalt": "botohe_moo",  # or names within the file would differ every time
-    }
+    defaults: Any = mpl.rcParamsDefault
+    settings: Any = {name: defaults[name] for name in _AS_BY_DEFAULT}
+    settings |= {**_SETTINGS, "font.family": list(families())}
     with mpl.rc_context(settings):
         yield
 

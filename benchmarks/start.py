@@ -1,0 +1,128 @@
+"""What a start costs: from a command to the printed front, cold and warm, and the parts of it.
+
+Everything runs in a process of its own, on a copy of a checkout's package whose caches are empty at
+first: a cold start compiles kernels and Python's bytecode. CPU seconds are those of the whole
+process tree.
+"""
+
+import os
+import resource
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import pandas as pd
+import psutil
+
+HERE = Path(__file__).parents[1]
+ALGORITHMS = ("pareto-local-search", "bo-aco", "nsga2", "exact")
+REPEATS = 5  # of what is warm
+
+
+class Cost(NamedTuple):
+    """CPU seconds and seconds until a process printed what was waited for, and until its end."""
+
+    cpu_to_front: float
+    seconds_to_front: float
+    cpu: float
+    seconds: float
+
+
+def run(folder: Path, before: Path | None = None) -> bool:
+    """Print and write the table, for this checkout and for another."""
+    checkouts = {"now": HERE} if before is None else {"before": before, "now": HERE}
+    rows = []
+    with tempfile.TemporaryDirectory(prefix="botohe-start-") as made:
+        copies = {name: Copy(root, Path(made, name)) for name, root in checkouts.items()}
+        for start, checkout, cost in (*cold(copies), *warm(copies)):
+            rows.append({"start": start, "checkout": checkout, **cost._asdict()})
+    table = pd.DataFrame(rows).round(2)
+    print(table.to_string(index=False))
+    table.to_csv(folder / "start.csv", index=False)
+    return True
+
+
+class Copy:
+    """A copy of a checkout's package, used in its own environment."""
+
+    def __init__(self, root: Path, folder: Path) -> None:
+        ignored = shutil.ignore_patterns("__pycache__")
+        shutil.copytree(root / "src" / "botohe_moo", folder / "src" / "botohe_moo", ignore=ignored)
+        own = root / ".venv" / "bin" / "python"
+        self.python = own if own.exists() else Path(sys.executable)
+        self.folder = folder
+        unset = ("NUMBA_CACHE_DIR", "PYTHONDONTWRITEBYTECODE", "PYTHONPYCACHEPREFIX")
+        self.environment: Mapping[str, str] = {
+            **{name: value for name, value in os.environ.items() if name not in unset},
+            "PYTHONPATH": str(folder / "src"),
+        }
+
+    def forget(self) -> None:
+        """Empty the caches of kernels and bytecode."""
+        for cache in list(self.folder.rglob("__pycache__")):
+            shutil.rmtree(cache)
+
+    def cost(self, *arguments: str, until: str = "") -> Cost:
+        """Run Python and wait for a line with a text, and for the end."""
+        usual = resource.getrusage(resource.RUSAGE_CHILDREN)
+        started = time.perf_counter()
+        command = [str(self.python), *arguments]
+        with subprocess.Popen(
+            command, cwd=self.folder, env=self.environment, stdout=subprocess.PIPE, text=True
+        ) as process:
+            front = None
+            for line in process.stdout or ():
+                if front is None and until and until in line:
+                    front = cpu_of_tree(process.pid), time.perf_counter() - started
+        if process.returncode:
+            raise subprocess.CalledProcessError(process.returncode, command)
+        used = resource.getrusage(resource.RUSAGE_CHILDREN)
+        cpu = used.ru_utime + used.ru_stime - usual.ru_utime - usual.ru_stime
+        end = cpu, time.perf_counter() - started
+        return Cost(*(front or end), *end)
+
+    def solve(self, algorithm: str, evaluations: int = 100) -> Cost:
+        """Run ``botohe solve toy`` and wait for its front."""
+        arguments = ("-m", "botohe_moo.cli", "solve", "toy", "-a", algorithm, "--out", "out")
+        return self.cost(*arguments, "-n", str(evaluations), until="plan_id")
+
+
+def cpu_of_tree(pid: int) -> float:
+    """CPU seconds so far of a process and of all that it started."""
+    process = psutil.Process(pid)
+    processes = [process, *process.children(recursive=True)]
+    return sum(sum(one.cpu_times()[:4]) for one in processes)  # ended children included
+
+
+def cold(copies: Mapping[str, Copy]) -> Iterator[tuple[str, str, Cost]]:
+    """Measure each algorithm with empty caches, one after another, copies in turn."""
+    for algorithm in ALGORITHMS:
+        for name, copy in copies.items():
+            copy.forget()
+            cost = copy.solve(algorithm)
+            print(f"{name}: cold {algorithm}, {cost.cpu:.1f} CPU s", flush=True)
+            yield f"cold {algorithm}", name, cost
+
+
+def warm(copies: Mapping[str, Copy]) -> Iterator[tuple[str, str, Cost]]:
+    """Measure what is warm: the median of several processes, copies in turn."""
+    commands = {
+        "warm solve toy -n 100": lambda copy: copy.solve("pareto-local-search"),
+        "warm botohe --help": lambda copy: copy.cost("-m", "botohe_moo.cli", "--help"),
+        "warm import botohe_moo": lambda copy: copy.cost("-c", "import botohe_moo"),
+        "warm python": lambda copy: copy.cost("-c", ""),
+    }
+    for command, measure in commands.items():
+        costs: dict[str, list[Cost]] = {name: [] for name in copies}
+        for repeat in range(REPEATS + 1):
+            for name, copy in copies.items():
+                cost = measure(copy)
+                if repeat:  # the first fills the caches
+                    costs[name].append(cost)
+        for name, measured in costs.items():
+            yield command, name, Cost(*pd.DataFrame(measured).median())

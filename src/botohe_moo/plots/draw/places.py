@@ -1,0 +1,54 @@
+"""Where nodes lie on paper; without matplotlib, so that places are checked before a search."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import networkx as nx
+import numpy as np
+
+if TYPE_CHECKING:
+    from botohe_moo._base.types import FloatArray
+    from botohe_moo.mission import Mission
+
+__all__ = ["node_positions"]
+
+_MAX_KAMADA_KAWAI = 60  # its cost grows with the square of the nodes
+
+
+def node_positions(mission: Mission) -> FloatArray:
+    """Give every node a place: its attribute ``pos``, or a reproducible layout if any lacks one.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (n_nodes, 2), in the order of ``mission.nodes``.
+
+    Raises
+    ------
+    ValueError
+        If a ``pos`` is not two finite numbers.
+    """
+    graph = mission.graph
+    places = dict(graph.nodes(data="pos"))
+    if any(place is None for place in places.values()):
+        ties: nx.Graph[Any] = nx.Graph(graph.edges)
+        ties.add_nodes_from(graph)
+        if len(ties) <= _MAX_KAMADA_KAWAI:
+            places = nx.kamada_kawai_layout(ties, weight=None)
+        else:
+            places = nx.spring_layout(ties, seed=0, weight=None)
+        xy = np.array([_point(node, places[node]) for node in mission.nodes])
+        # Pages are wider than high, and a layout has no up and down of its own.
+        return xy[:, ::-1] if np.ptp(xy[:, 1]) > np.ptp(xy[:, 0]) else xy
+    return np.array([_point(node, places[node]) for node in mission.nodes])
+
+
+def _point(node: Any, place: Any) -> tuple[float, float]:
+    try:
+        x, y = (float(part) for part in place)
+    except (TypeError, ValueError):
+        x = y = np.nan
+    if not np.isfinite([x, y]).all():
+        raise ValueError(f"Node {node!r}: expected pos [x, y], two finite numbers, got {place!r}.")
+    return x, y

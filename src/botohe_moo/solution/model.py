@@ -1,0 +1,236 @@
+"""What a search found: a front of plans, as a table, as JSON and as a folder of files."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import io
+import json
+import os
+import tempfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from botohe_moo._base.types import FloatArray
+from botohe_moo.indicators import area_indicator
+from botohe_moo.mission.formats.nodelink import mission_content, write_node_link
+from botohe_moo.mission.model import Mission
+from botohe_moo.trails import TrailPlan
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+__all__ = ["COLUMNS", "FILES", "PictureError", "Solution"]
+
+FILES = ("front.csv", "plans.json", "mission.json", "front.png", "mission.png")
+COLUMNS = ("plan_id", "reward", "survivors")
+_ROWS_SHOWN = 40
+_LONG_START = 0.5  # seconds; with everything loaded and compiled, a search starts in milliseconds
+
+
+class PictureError(RuntimeError):
+    """A picture cannot be drawn; names it and the reason."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """What a search found, and how.
+
+    Attributes
+    ----------
+    mission
+        The mission.
+    plans
+        The non-dominated plans, by descending expected reward.
+    objectives
+        Their E[R] and E[S] (n_plans, 2).
+    algorithm, parameters, seed
+        The algorithm's name, its parameters as given, and the seed.
+    evaluations
+        Number of trail plans that were evaluated.
+    seconds
+        How long the search took; None if the solution was read from files.
+    interrupted
+        Whether the search was stopped before its budget was spent.
+    startup_seconds, startup_evaluations
+        The part of both until the first iteration was done. On a new machine it includes the time
+        to compile kernels, and from the command line that to import libraries.
+    source
+        Arguments of :func:`load_mission` that make the mission, where they are known.
+    min_survival
+        The survival floor; 0 if there was none.
+    """
+
+    mission: Mission
+    plans: tuple[TrailPlan, ...]
+    objectives: FloatArray
+    algorithm: str
+    parameters: Mapping[str, Any]
+    seed: int
+    evaluations: int
+    seconds: float | None
+    interrupted: bool
+    startup_seconds: float = 0.0
+    startup_evaluations: int = 0
+    source: Mapping[str, Any] = field(default_factory=dict)
+    min_survival: float = 0.0
+
+    @property
+    def area(self) -> float:
+        """The front's area indicator, in [0, 1]."""
+        return area_indicator(self.objectives, self.mission)
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """The front: ``plan_id``, ``reward`` (E[R]) and ``survivors`` (E[S])."""
+        import pandas as pd
+
+        return pd.DataFrame(dict(zip(COLUMNS, self._columns(), strict=True)))
+
+    @property
+    def front(self) -> pd.DataFrame:
+        """The same as ``table``."""
+        return self.table
+
+    def _columns(self) -> tuple[Any, FloatArray, FloatArray]:
+        return np.arange(len(self.plans)), self.objectives[:, 0], self.objectives[:, 1]
+
+    def rows(self) -> list[tuple[int, float, float]]:
+        """Return the rows of ``table`` as plain numbers."""
+        return list(zip(*(column.tolist() for column in self._columns()), strict=True))
+
+    def describe(self) -> str:
+        """Describe the search and its front in words and a table."""
+        start = self.startup_seconds if self.startup_seconds >= _LONG_START else 0.0
+        took, started = "", ""
+        if self.seconds is not None:
+            seconds = self.seconds - start
+            evaluated = self.evaluations - (self.startup_evaluations if start else 0)
+            pace = f" ({evaluated / seconds:,.0f} a second)" if evaluated and seconds > 0 else ""
+            took = f" in {seconds:.1f} s{pace}"
+            started = f", after {start:.1f} s to compile and start" if start else ""
+        stopped = "stopped after" if self.interrupted else "spent"
+        n_plans = "1 plan" if len(self.plans) == 1 else f"{len(self.plans)} plans"
+        return (
+            f"{self._table_text() if self.plans else 'no plans'}\n\n"
+            f"{self.algorithm}, seed {self.seed}: {stopped} {self.evaluations:,} evaluations"
+            f"{took}{started}\n"
+            f"area {self.area:.4f}, {n_plans} on the front"
+        )
+
+    def _table_text(self) -> str:
+        rows = [(str(i), f"{reward:.4f}", f"{alive:.4f}") for i, reward, alive in self.rows()]
+        if len(rows) > _ROWS_SHOWN:
+            half = _ROWS_SHOWN // 2
+            rows[half:-half] = [("...", "...", "...")]
+        rows.insert(0, COLUMNS)
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        return "\n".join(
+            "  ".join(text.rjust(width) for text, width in zip(row, widths, strict=True))
+            for row in rows
+        )
+
+    def to_json(self) -> str:
+        """Write everything but mission and pictures: how it was found, and each plan's trails.
+
+        Trails are lists of node labels. What JSON cannot hold is written as its ``repr``.
+        """
+        content = {
+            "mission": self.mission.name,
+            "mission_source": self.source,
+            "robots": self.mission.robots,
+            "total_reward": self.mission.total_reward,
+            "algorithm": self.algorithm,
+            "parameters": self.parameters,
+            "seed": self.seed,
+            "min_survival": self.min_survival,
+            "evaluations": self.evaluations,
+            "interrupted": self.interrupted,
+            "area": self.area,
+            "version": version("botohe-moo"),
+            "plans": [
+                {**dict(zip(COLUMNS, row, strict=True)), "trails": self.mission.labels(plan)}
+                for row, plan in zip(self.rows(), self.plans, strict=True)
+            ],
+        }
+        return json.dumps(content, indent=1, default=_plain) + "\n"
+
+    def write(
+        self,
+        folder: str | os.PathLike[str],
+        *,
+        before_pictures: Callable[[], object] | None = None,
+    ) -> list[Path]:
+        """Write ``front.csv``, ``plans.json``, ``mission.json``, ``front.png`` and ``mission.png``.
+
+        Each file appears complete, or not at all. If a picture fails, the tables are there: they
+        may have cost hours. ``mission.json`` is left out if JSON cannot hold the mission.
+
+        Parameters
+        ----------
+        folder
+            Folder to write to; made if it does not exist.
+        before_pictures
+            Called when the tables are written, before pictures are drawn.
+
+        Returns
+        -------
+        list of Path
+            The files.
+
+        Raises
+        ------
+        OSError
+            If the folder cannot be written to.
+        PictureError
+            If a picture cannot be drawn.
+        """
+        folder = Path(folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        self._write_tables(folder)
+        if before_pictures is not None:
+            before_pictures()
+        from botohe_moo.plots import plot_front, plot_mission
+
+        _draw(folder / "front.png", plot_front, self.objectives, self.mission)
+        _draw(folder / "mission.png", plot_mission, self.mission)
+        return [folder / name for name in FILES if (folder / name).exists()]
+
+    def _write_tables(self, folder: Path) -> None:
+        """Write the tables, and remove the other files of an earlier search."""
+        front = io.StringIO()
+        csv.writer(front, lineterminator="\n").writerows([COLUMNS, *self.rows()])
+        tables = {"front.csv": front.getvalue().encode(), "plans.json": self.to_json().encode()}
+        with contextlib.suppress(ValueError, RecursionError):
+            tables["mission.json"] = write_node_link(mission_content(self.mission))
+        with tempfile.TemporaryDirectory(prefix=".botohe-", dir=folder) as drafts:
+            for name, data in tables.items():
+                Path(drafts, name).write_bytes(data)
+            for name in FILES:
+                if name in tables:
+                    Path(drafts, name).replace(folder / name)
+                else:
+                    (folder / name).unlink(missing_ok=True)
+
+
+def _draw(path: Path, plot: Callable[..., Axes], *shown: Any) -> None:
+    from botohe_moo.plots import save_plot
+
+    try:
+        save_plot(plot(*shown), path)
+    except OSError:
+        raise
+    except Exception as error:  # fonts may fail on what a mission's texts hold
+        reason = f"{type(error).__name__}: {str(error).strip()}".partition("\n")[0]
+        raise PictureError(f"{path.name} cannot be drawn ({reason}).") from error
+
+
+def _plain(value: object) -> object:
+    """Return what JSON can hold instead of ``value``."""
+    return value.item() if isinstance(value, np.generic) else repr(value)

@@ -1,0 +1,129 @@
+"""Reading the folder of a solution; nothing in it is executed or unpickled."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, NonNegativeInt, ValidationError
+
+from botohe_moo._base.checks import quoted
+from botohe_moo.mission.formats.files import file_content, read_mission
+from botohe_moo.mission.formats.nodelink import decode, read_label
+from botohe_moo.mission.model import Mission
+from botohe_moo.mission.validation import MissionError
+from botohe_moo.solution.model import COLUMNS, Solution
+from botohe_moo.trails import TrailPlan
+
+__all__ = ["read_solution"]
+
+
+class _Plan(BaseModel):
+    model_config = ConfigDict(strict=True)
+
+    plan_id: int
+    reward: FiniteFloat
+    survivors: FiniteFloat
+    trails: list[list[Any]]
+
+
+class _Record(BaseModel):
+    model_config = ConfigDict(strict=True)
+
+    algorithm: str
+    parameters: dict[str, Any]
+    seed: NonNegativeInt
+    min_survival: Annotated[float, Field(ge=0, le=1)]
+    evaluations: NonNegativeInt
+    interrupted: bool
+    mission_source: dict[str, Any]
+    plans: list[_Plan]
+
+
+def read_solution(folder: str | os.PathLike[str], *, mission: Mission | None = None) -> Solution:
+    """Read the solution that :meth:`Solution.write` wrote.
+
+    Parameters
+    ----------
+    folder
+        The folder, with ``front.csv``, ``plans.json`` and ``mission.json``.
+    mission
+        The mission, for a folder without ``mission.json``.
+
+    Raises
+    ------
+    ValueError
+        If a file is missing or is not what ``write`` wrote, a plan is not one of the mission's, or
+        the objectives are not those of the plans; names the file and the fault. Nothing in the
+        files is executed.
+    """
+    folder = Path(folder)
+    if mission is None:
+        mission = read_mission(folder / "mission.json")
+    path = folder / "plans.json"
+    record = _record(path)
+    objectives = np.array([(p.reward, p.survivors) for p in record.plans], float).reshape(-1, 2)
+    plans = tuple(_plan(path, i, plan, mission) for i, plan in enumerate(record.plans))
+    for i, (said, found) in enumerate(zip(objectives, mission.evaluate(plans), strict=True)):
+        if not np.allclose(said, found, rtol=1e-9, atol=1e-9):
+            raise ValueError(
+                f"{path}: plan {i}: expected the objectives {found.tolist()} of its trails, got "
+                f"{said.tolist()}."
+            )
+    solution = Solution(
+        mission=mission,
+        plans=plans,
+        objectives=objectives,
+        seconds=None,
+        source=record.mission_source,
+        **record.model_dump(exclude={"plans", "mission_source"}),
+    )
+    _check_front(folder / "front.csv", solution.rows())
+    return solution
+
+
+def _record(path: Path) -> _Record:
+    try:
+        return _Record.model_validate(json.loads(_text(path)))
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(map(str, first["loc"])) or "content"
+        found = "" if first["type"] == "missing" else f", got {quoted(first['input'])}"
+        raise ValueError(f"{path}: {where}: {first['msg']}{found}.") from None
+    except json.JSONDecodeError as error:
+        where = f"line {error.lineno}, column {error.colno}"
+        raise ValueError(f"{path}: {where}: expected JSON, found: {error.msg}.") from None
+    except RecursionError:
+        raise ValueError(f"{path}: expected a solution, found lists nested too deeply.") from None
+
+
+def _plan(path: Path, number: int, read: _Plan, mission: Mission) -> TrailPlan:
+    try:
+        if read.plan_id != number:
+            raise ValueError(f"expected the plan_id {number}, got {read.plan_id}.")
+        return mission.plan([[read_label(label) for label in trail] for trail in read.trails])
+    except ValueError as error:
+        raise ValueError(f"{path}: plan {number}: {error}") from None
+
+
+def _check_front(path: Path, rows: list[tuple[int, float, float]]) -> None:
+    lines = [",".join(COLUMNS), *(f"{i},{reward!r},{alive!r}" for i, reward, alive in rows)]
+    found = _text(path).splitlines()
+    if len(found) != len(lines):
+        raise ValueError(f"{path}: expected {len(lines)} lines, got {len(found)}.")
+    for number, (line, expected) in enumerate(zip(found, lines, strict=True), 1):
+        if line != expected:
+            raise ValueError(
+                f"{path}: line {number}: expected {expected!r} as in plans.json, got "
+                f"{quoted(line)}."
+            )
+
+
+def _text(path: Path) -> str:
+    try:
+        return decode(file_content(path))
+    except MissionError as error:
+        raise ValueError(f"{path}: {error.faults[0]}.") from None

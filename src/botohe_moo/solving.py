@@ -1,0 +1,203 @@
+"""From a mission and an algorithm to a front, in one call."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import threading
+import time
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+import moocore
+import numpy as np
+from pymoo.core.algorithm import Algorithm
+
+from botohe_moo._base.checks import check_integer
+from botohe_moo._base.interrupts import hold_interrupt
+from botohe_moo._base.types import FloatArray
+from botohe_moo.algorithms.registry import make_algorithm
+from botohe_moo.indicators import area_indicator
+from botohe_moo.mission.library import load_mission
+from botohe_moo.mission.model import Mission
+from botohe_moo.problem import BOTOHE
+from botohe_moo.solution import Solution
+from botohe_moo.trails import TrailPlan
+
+__all__ = ["Progress", "RefusalError", "search", "solve"]
+
+Progress = Callable[[int, Callable[[], float]], None]
+"""Takes the evaluations so far, and a function that gives the area of what was found."""
+
+
+class RefusalError(ValueError):
+    """The algorithm cannot search this mission; says why."""
+
+
+def solve(
+    mission: Mission | str | os.PathLike[str],
+    algorithm: str | Algorithm = "pareto-local-search",
+    *,
+    evaluations: int = 100_000,
+    seed: int = 1,
+    min_survival: float = 0.0,
+    progress: Progress | None = None,
+    stop: threading.Event | None = None,
+    **parameters: Any,
+) -> Solution:
+    """Search for the Pareto front of a mission until the budget is spent, or Ctrl-C is pressed.
+
+    Parameters
+    ----------
+    mission
+        A mission, or what :func:`load_mission` makes one from: a name or the path of a file.
+    algorithm
+        Name of an algorithm, as for :func:`make_algorithm`, or a pymoo algorithm for
+        :class:`BOTOHE` that has not run yet.
+    evaluations
+        Budget: trail plans to evaluate, at least 1.
+    seed
+        Seed of all random numbers, at least 0.
+    min_survival
+        Survival floor: every robot survives with at least this probability, in [0, 1].
+    progress
+        Called after each iteration with the evaluations so far, and a function that computes the
+        area of the front so far.
+    stop
+        Set it to end the search after the current iteration; default: an event that Ctrl-C sets.
+    **parameters
+        Parameters of the algorithm, if it is given by its name.
+
+    Returns
+    -------
+    Solution
+        The plans found, also if the search was stopped.
+
+    Raises
+    ------
+    MissionError
+        If there is no such mission, or it is not valid.
+    ValueError
+        If an argument is out of its range, the algorithm or a parameter is unknown, or the
+        algorithm has run before or cannot search this mission.
+
+    Examples
+    --------
+    >>> solution = solve("toy", "greedy", evaluations=100)
+    >>> solution.table.round(2).tail(2)
+       plan_id  reward  survivors
+    2        2    4.14       1.66
+    3        3    0.00       2.00
+    >>> solution.mission.labels(solution.plans[3])
+    ((1,), (1,))
+    """
+    source: dict[str, Any] = {}
+    if not isinstance(mission, Mission):
+        source = {"name_or_path": os.fspath(mission)}
+        mission = load_mission(mission)
+    name = algorithm if isinstance(algorithm, str) else None
+    if isinstance(algorithm, str):
+        algorithm = make_algorithm(algorithm, **parameters)
+    elif parameters:
+        raise ValueError(
+            f"Expected parameters only for an algorithm that is given by its name, got "
+            f"{', '.join(parameters)} for {type(algorithm).__name__}."
+        )
+    return search(
+        BOTOHE(mission, min_survival=min_survival),
+        algorithm,
+        evaluations=evaluations,
+        seed=seed,
+        record={"algorithm": name, "parameters": parameters, "source": source},
+        progress=progress,
+        stop=stop,
+    )
+
+
+def search(
+    problem: BOTOHE,
+    algorithm: Algorithm,
+    *,
+    evaluations: int,
+    seed: int,
+    record: Mapping[str, Any],
+    progress: Progress | None = None,
+    stop: threading.Event | None = None,
+    started: float | None = None,
+) -> Solution:
+    """Run an algorithm on a problem; see :func:`solve`.
+
+    ``record`` goes into the solution: the name of the algorithm, its parameters and the mission's
+    source. ``started`` is the time (``time.perf_counter()``) from which seconds are counted;
+    default: now.
+
+    Raises
+    ------
+    ValueError
+        If a number is out of its range, or the algorithm has run before.
+    RefusalError
+        If the algorithm cannot search this mission.
+    """
+    started = time.perf_counter() if started is None else started
+    evaluations = check_integer("evaluations", evaluations, at_least=1)
+    seed = check_integer("seed", seed, at_least=0)
+    name = record.get("algorithm") or type(algorithm).__name__
+    mission = problem.mission
+    if algorithm.is_initialized:
+        raise ValueError(f"Expected an algorithm that has not run yet, got {name!r} after a run.")
+    try:
+        algorithm.setup(problem, termination=("n_eval", evaluations), seed=seed)
+    except (AssertionError, TypeError, ValueError) as error:  # pymoo asserts what it demands
+        raise RefusalError(f"Algorithm {name!r}: {error}") from error
+    startup: dict[str, Any] = {}
+    with contextlib.ExitStack() as stack:
+        stop = stack.enter_context(hold_interrupt()) if stop is None else stop
+        going_on = True
+        while going_on:  # at least once, so that something is found however soon it is stopped
+            try:
+                algorithm.next()
+            except ValueError as error:
+                from botohe_moo.search.exact import TooLargeError  # loads kernels
+
+                if not isinstance(error, TooLargeError):
+                    raise
+                raise RefusalError(f"Algorithm {name!r}: {error}") from error
+            startup = startup or {
+                "startup_seconds": time.perf_counter() - started,
+                "startup_evaluations": algorithm.evaluator.n_eval,
+            }
+            going_on = algorithm.has_next() and not stop.is_set()
+            if progress is not None:
+                progress(algorithm.evaluator.n_eval, partial(_area, algorithm, mission))
+    seconds = time.perf_counter() - started
+    objectives, plans = _front(algorithm)
+    return Solution(
+        mission=mission,
+        plans=plans,
+        objectives=objectives,
+        seed=seed,
+        min_survival=problem.min_survival,
+        evaluations=algorithm.evaluator.n_eval,
+        seconds=seconds,
+        interrupted=algorithm.has_next(),
+        **{**record, "algorithm": name},
+        **startup,
+    )
+
+
+def _area(algorithm: Algorithm, mission: Mission) -> float:
+    return area_indicator(_front(algorithm)[0], mission)
+
+
+def _front(algorithm: Algorithm) -> tuple[FloatArray, tuple[TrailPlan, ...]]:
+    """Return the feasible, non-dominated plans an algorithm has found, by descending reward."""
+    opt = algorithm.opt
+    if opt is None or not len(opt) or not opt.get("feas").any():
+        return np.empty((0, 2)), ()
+    opt = opt[opt.get("feas")]
+    objectives = np.asarray(-opt.get("F"), np.float64)
+    kept = moocore.is_nondominated(objectives, maximise=True, keep_weakly=True)
+    opt, objectives = opt[kept], objectives[kept]
+    order = np.lexsort((objectives[:, 1], -objectives[:, 0]))
+    return objectives[order], tuple(opt[int(i)].X[0] for i in order)
