@@ -10,8 +10,10 @@ from pymoo.core.mutation import Mutation
 
 from botohe_moo._base.checks import check_flag, check_integer, check_number, nearest_first
 from botohe_moo._base.types import ObjectArray
-from botohe_moo.kernels.plans import vary as kernels
-from botohe_moo.kernels.plans.moves import change_plans
+from botohe_moo.kernels.plans.change import MoveRule, change_plans
+from botohe_moo.kernels.plans.marks import new_move_scratch
+from botohe_moo.kernels.plans.ragged import Trails, write_trails
+from botohe_moo.kernels.plans.vary import join_pieces, ruin, send_home, share, whole_trails
 from botohe_moo.kernels.rng import draw_state
 from botohe_moo.mission.model import Mission, PlanError
 from botohe_moo.operators.base import Mixture, check_repair
@@ -176,29 +178,26 @@ class TrailMoves(PlanMutation):
     def _draft(
         self, mission: Mission, plans: PlanBatch, random_state: np.random.Generator
     ) -> PlanBatch:
-        arrays = mission.arrays
         valid = mission.evaluate_drafts(plans)[1] == 0
-        movable = plans if valid.all() else plans.take(valid)
-        nodes, offsets = change_plans(
-            arrays.first,
-            arrays.head,
-            arrays.survival,
-            arrays.base,
-            0.0,
-            self.weights,
-            self.max_tries,
-            self.every_robot,
-            movable.nodes,
-            movable.offsets,
-            movable.n_robots,
-            draw_state(random_state),
-            0,
-        )
-        moved = PlanBatch._wrap(nodes, offsets, plans.n_robots)
         if valid.all():
-            return moved
+            return self._move(mission, plans, random_state)
+        moved = self._move(mission, plans.take(valid), random_state)
         order = np.argsort(np.concatenate([np.flatnonzero(valid), np.flatnonzero(~valid)]))
         return PlanBatch.concatenate([moved, plans.take(~valid)]).take(order)
+
+    def _move(
+        self, mission: Mission, plans: PlanBatch, random_state: np.random.Generator
+    ) -> PlanBatch:
+        graph, n_robots = mission.arrays, plans.n_robots
+        rule = MoveRule(self.weights, self.max_tries, self.every_robot, 0.0)
+        scratch, states = new_move_scratch(graph), draw_state(random_state)
+        given = Trails(plans.nodes, plans.offsets)
+        moved = write_trails(
+            len(plans.offsets) - 1,
+            2 * len(plans.nodes) + graph.n_arcs + 1,
+            lambda n, out: change_plans(graph, rule, scratch, given, n_robots, states, n, out),
+        )
+        return PlanBatch._wrap(*moved, n_robots)
 
 
 class RuinRecreate(PlanMutation):
@@ -238,19 +237,12 @@ class RuinRecreate(PlanMutation):
     def _draft(
         self, mission: Mission, plans: PlanBatch, random_state: np.random.Generator
     ) -> PlanBatch:
-        nodes = np.empty(len(plans.nodes) + (self.max_via + 1) * len(plans), np.int32)
-        offsets = np.empty_like(plans.offsets)
-        size = kernels.ruin(
-            plans.nodes,
-            plans.offsets,
-            plans.n_robots,
-            mission.arrays.n_nodes,
-            self.max_via,
-            draw_state(random_state),
-            nodes,
-            offsets,
-        )
-        return PlanBatch._wrap(nodes[:size], offsets, plans.n_robots)
+        pieces = whole_trails(plans.offsets)
+        via = np.empty((len(plans), self.max_via), np.int32)
+        trails, states = Trails(plans.nodes, plans.offsets), draw_state(random_state)
+        ruin(trails, plans.n_robots, mission.arrays.n_nodes, states, via, pieces)
+        nodes = np.concatenate([plans.nodes, via.ravel()])
+        return PlanBatch._wrap(*join_pieces(nodes, pieces), plans.n_robots)
 
 
 class SendHome(PlanMutation):
@@ -259,17 +251,11 @@ class SendHome(PlanMutation):
     def _draft(
         self, mission: Mission, plans: PlanBatch, random_state: np.random.Generator
     ) -> PlanBatch:
-        nodes, offsets = np.empty_like(plans.nodes), np.empty_like(plans.offsets)
-        size = kernels.send_home(
-            plans.nodes,
-            plans.offsets,
-            plans.n_robots,
-            mission.arrays.base,
-            draw_state(random_state),
-            nodes,
-            offsets,
-        )
-        return PlanBatch._wrap(nodes[:size], offsets, plans.n_robots)
+        pieces = whole_trails(plans.offsets)
+        trails, states = Trails(plans.nodes, plans.offsets), draw_state(random_state)
+        send_home(trails, plans.n_robots, states, pieces)
+        nodes = np.append(plans.nodes, np.int32(mission.arrays.base))
+        return PlanBatch._wrap(*join_pieces(nodes, pieces), plans.n_robots)
 
 
 class ShareTrails(PlanMutation):
@@ -305,19 +291,12 @@ class ShareTrails(PlanMutation):
         plans: PlanBatch,
         random_state: np.random.Generator,
     ) -> PlanBatch:
-        # A trail that another robot takes over, too, is at most as long as all trails together.
-        nodes, offsets = np.empty(2 * len(plans.nodes), np.int32), np.empty_like(plans.offsets)
-        size = kernels.share(
-            plans.nodes,
-            plans.offsets,
-            plans.n_robots,
-            mission.arrays.n_nodes,
-            self.prob_copy,
-            draw_state(random_state),
-            nodes,
-            offsets,
-        )
-        return PlanBatch._wrap(nodes[:size], offsets, plans.n_robots)
+        if plans.n_robots == 1:
+            return plans
+        pieces, counts = whole_trails(plans.offsets), np.zeros(mission.arrays.n_nodes, np.int64)
+        trails, states = Trails(plans.nodes, plans.offsets), draw_state(random_state)
+        share(trails, plans.n_robots, self.prob_copy, counts, states, pieces)
+        return PlanBatch._wrap(*join_pieces(plans.nodes, pieces), plans.n_robots)
 
 
 class MixedMutation(PlanMutation):

@@ -10,8 +10,9 @@ import numpy as np
 import pandas as pd
 
 from botohe_moo._base.checks import check_integer
-from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
+from botohe_moo._base.types import FloatArray, OffsetArray, SeedArray
 from botohe_moo.kernels.plans import simulate as kernels
+from botohe_moo.kernels.plans.ragged import Trails
 from botohe_moo.mission import Mission
 from botohe_moo.outcomes.distribution import ROUNDING, Distribution
 from botohe_moo.trails import TrailPlan
@@ -244,16 +245,15 @@ def simulate(
 class _Followed(NamedTuple):
     """A valid plan's trails, ragged, with what ``kernels.follow`` says of each position."""
 
-    nodes: IntArray
-    offsets: OffsetArray
+    trails: Trails
     alive: FloatArray
     pays: FloatArray
 
 
 def _follow(mission: Mission, plan: TrailPlan) -> _Followed:
-    arrays, n_positions = mission.arrays, len(plan.nodes)
-    followed = _Followed(plan.nodes, plan.offsets, np.empty(n_positions), np.empty(n_positions))
-    kernels.follow(arrays.first, arrays.head, arrays.survival, arrays.reward, *followed)
+    alive, pays = np.empty((2, len(plan.nodes)))
+    followed = _Followed(Trails(plan.nodes, plan.offsets), alive, pays)
+    kernels.follow(mission.arrays, *followed)
     return followed
 
 
@@ -264,10 +264,10 @@ def _play(
     random_state: int | np.random.Generator | None,
 ) -> tuple[FloatArray, OffsetArray]:
     """Give the reward (n_missions) and the hops of each robot (n_missions, n_robots)."""
-    nodes, offsets, alive, _ = _follow(mission, plan)
+    trails, alive, _ = _follow(mission, plan)
     draws = np.random.default_rng(random_state).random((n_missions, plan.n_robots))
     hops, rewards = np.empty(draws.shape, np.int64), np.empty(n_missions)
-    kernels.play(mission.arrays.reward, nodes, offsets, alive, draws, hops, rewards)
+    kernels.play(mission.arrays.reward, trails, alive, draws, hops, rewards)
     return rewards, hops
 
 
@@ -302,7 +302,7 @@ def _merged(
 
 def _join_robots(reward: FloatArray, followed: _Followed, max_outcomes: int) -> _States:
     """Give the exact outcomes of all robots together."""
-    nodes, offsets, alive, pays = followed
+    (nodes, offsets), alive, pays = followed
     certain = np.unique(nodes[(alive == 1) & (pays > 0)])
     uncertain = (pays > 0) & (alive > 0) & ~np.isin(nodes, certain)
     sharing: nx.Graph[int] = nx.Graph()
@@ -333,9 +333,9 @@ def _join_group(
 
     The second result is what is left of ``max_outcomes``.
     """
-    table = np.unique(followed.nodes[np.concatenate(chains)])
+    table = np.unique(followed.trails.nodes[np.concatenate(chains)])
     masks = np.zeros((len(chains) + 1, (len(table) + 63) // 64), np.uint64)
-    bits = [np.searchsorted(table, followed.nodes[chain]) for chain in chains]
+    bits = [np.searchsorted(table, followed.trails.nodes[chain]) for chain in chains]
     for mask, bit in zip(masks, bits, strict=False):
         np.bitwise_or.at(mask, bit // 64, np.uint64(1) << (bit % 64).astype(np.uint64))
     later = np.bitwise_or.accumulate(masks[::-1])[::-1]
@@ -344,7 +344,7 @@ def _join_group(
     for robot, chain in enumerate(chains):
         chances = -np.diff(np.concatenate([[1.0], followed.alive[chain], [0.0]]))
         max_outcomes = _spend(max_outcomes, len(states.values) * int((chances > 0).sum()))
-        gains = reward[followed.nodes[chain]]
+        gains = reward[followed.trails.nodes[chain]]
         values, probabilities, reached = kernels.join(*states, bits[robot], gains, chances)
         states = _merged(values, probabilities, reached & later[robot + 1])
     return states, max_outcomes
