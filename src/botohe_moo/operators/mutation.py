@@ -11,8 +11,7 @@ from pymoo.core.mutation import Mutation
 from botohe_moo._base.checks import check_flag, check_integer, check_number, nearest_first
 from botohe_moo._base.types import ObjectArray
 from botohe_moo.kernels.plans.change import MoveRule, change_plans
-from botohe_moo.kernels.plans.marks import new_move_scratch
-from botohe_moo.kernels.plans.ragged import Trails, write_trails
+from botohe_moo.kernels.plans.ragged import Trails
 from botohe_moo.kernels.plans.vary import join_pieces, ruin, send_home, share, whole_trails
 from botohe_moo.kernels.rng import draw_state
 from botohe_moo.mission.model import Mission, PlanError
@@ -179,25 +178,15 @@ class TrailMoves(PlanMutation):
         self, mission: Mission, plans: PlanBatch, random_state: np.random.Generator
     ) -> PlanBatch:
         valid = mission.evaluate_drafts(plans)[1] == 0
+        movable = plans if valid.all() else plans.take(valid)
+        rule = MoveRule(self.weights, self.max_tries, self.every_robot, min_survival=0.0)
+        given, states = Trails(movable.nodes, movable.offsets), draw_state(random_state)
+        trails = change_plans(mission.arrays, rule, given, plans.n_robots, states)
+        moved = PlanBatch._wrap(*trails, plans.n_robots)
         if valid.all():
-            return self._move(mission, plans, random_state)
-        moved = self._move(mission, plans.take(valid), random_state)
+            return moved
         order = np.argsort(np.concatenate([np.flatnonzero(valid), np.flatnonzero(~valid)]))
         return PlanBatch.concatenate([moved, plans.take(~valid)]).take(order)
-
-    def _move(
-        self, mission: Mission, plans: PlanBatch, random_state: np.random.Generator
-    ) -> PlanBatch:
-        graph, n_robots = mission.arrays, plans.n_robots
-        rule = MoveRule(self.weights, self.max_tries, self.every_robot, 0.0)
-        scratch, states = new_move_scratch(graph), draw_state(random_state)
-        given = Trails(plans.nodes, plans.offsets)
-        moved = write_trails(
-            len(plans.offsets) - 1,
-            2 * len(plans.nodes) + graph.n_arcs + 1,
-            lambda n, out: change_plans(graph, rule, scratch, given, n_robots, states, n, out),
-        )
-        return PlanBatch._wrap(*moved, n_robots)
 
 
 class RuinRecreate(PlanMutation):

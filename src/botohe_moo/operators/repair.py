@@ -10,8 +10,8 @@ import numpy as np
 from pymoo.core.repair import Repair
 
 from botohe_moo._base.types import ObjectArray, OffsetArray
-from botohe_moo.kernels.plans.ragged import Trails, write_trails
-from botohe_moo.kernels.plans.repair import SAFEST_PATH, TRUNCATE, new_repair_scratch, repair
+from botohe_moo.kernels.plans.ragged import Trails
+from botohe_moo.kernels.plans.repair import SAFEST_PATH, TRUNCATE, repair
 from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import PlanBatch
@@ -97,18 +97,9 @@ class PlanRepair(Repair):
     def _repair(self, mission: Mission, drafts: PlanBatch) -> tuple[PlanBatch, OffsetArray]:
         if self._kind is None:
             return drafts, np.zeros(len(drafts.offsets) - 1, np.int64)
-        kind, graph = self._kind, mission.arrays
-        given, changes = (
-            Trails(drafts.nodes, drafts.offsets),
-            np.empty(len(drafts.offsets) - 1, int),
-        )
-        scratch = new_repair_scratch(graph)
-        repaired = write_trails(
-            len(changes),
-            2 * len(drafts.nodes) + graph.n_arcs + 1,
-            lambda n, out: repair(graph, kind, scratch, given, n, out, changes),
-        )
-        return PlanBatch._wrap(*repaired, drafts.n_robots), changes
+        given = Trails(drafts.nodes, drafts.offsets)
+        trails, changes = repair(mission.arrays, self._kind, given)
+        return PlanBatch._wrap(*trails, drafts.n_robots), changes
 
     def _do(self, problem: BOTOHE, X: ObjectArray, **_: Any) -> ObjectArray:
         return self.repair_batch(problem.mission, problem.mission.batch(X)).to_array()

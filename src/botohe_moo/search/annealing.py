@@ -12,7 +12,8 @@ import numpy as np
 from botohe_moo._base.types import FloatArray
 from botohe_moo.kernels.anneal.schedule import anneal, score
 from botohe_moo.kernels.anneal.state import AnnealRule, AnnealState, new_records, new_state
-from botohe_moo.kernels.plans.change import MoveRule
+from botohe_moo.kernels.plans.change import MoveRule, needs_detours
+from botohe_moo.kernels.plans.marks import new_move_scratch
 from botohe_moo.kernels.rng import seed_states
 from botohe_moo.mission.model import Mission
 from botohe_moo.search.archive import PlanArchive
@@ -82,14 +83,15 @@ class Annealing:
         random_state: np.random.Generator,
     ) -> None:
         self.mission, self.schedule = mission, schedule
-        self.state: AnnealState = new_state(
-            mission.arrays, mission.robots, seed_states(random_state, 1)
-        )
+        graph, random = mission.arrays, seed_states(random_state, 1)
+        # Without one-way arcs detours are hardly ever needed, and compile when they are.
+        detours = needs_detours(graph) or min_survival > 0.0
+        self.state: AnnealState = new_state(graph, mission.robots, random, detours=detours)
         self._records = new_records(mission.robots, _RECORDS, _RECORDS * _NODES_EACH)
         self._sweep = (0, 1, 0)  # its steps, weights, and passes through them
         self._turn = self.steps_left = 0  # how many turns have begun, and what is left of this
         self.weight = 0.0
-        rewards = mission.arrays.reward / (mission.total_reward or 1.0)
+        rewards = graph.reward / (mission.total_reward or 1.0)
         self._share = float(rewards @ rewards) or 1.0
         returning = schedule.return_probability
         if returning is None:
@@ -149,7 +151,7 @@ class Annealing:
             state.temperature[0] = _PUBLISHED_TEMPERATURE
             cooling = _PUBLISHED_COOLING
         else:
-            state.best.score[0] = self._scores(state.best.objectives)
+            state.best.score[:] = self.scores(state.best.objectives[np.newaxis])
             state.temperature[0] = schedule.initial_temperature * self._share
             fall = schedule.final_temperature / schedule.initial_temperature
             cooling = fall ** (1.0 / self.steps_left)
@@ -183,17 +185,14 @@ class Annealing:
         steps = n_steps * (self._turn + 1) // n_turns - n_steps * self._turn // n_turns
         return place / (n_weights - 1) if n_weights > 1 else 0.5, steps
 
-    def _scores(self, objectives: FloatArray) -> FloatArray:
-        scores: FloatArray = score(
-            self._rule, self.mission.robots, objectives[..., 0], objectives[..., 1]
-        )
-        return scores
+    def scores(self, objectives: FloatArray) -> FloatArray:
+        """Give the scores of plans for the weight, from their E[R] and E[S] (n, 2)."""
+        return score(self._rule, self.mission.robots, objectives[:, 0], objectives[:, 1])
 
     def start_from(self, archive: PlanArchive) -> None:
         """Put the archive's best plan for the weight in the best one's place, if it is better."""
         best, objectives = self.state.best, archive.objectives
-        scores = self._scores(np.vstack([best.objectives, objectives]))
-        row = int(np.argmax(scores)) - 1
+        row = int(np.argmax(self.scores(np.vstack([best.objectives, objectives])))) - 1
         if row < 0:
             return
         plan = archive.plans[row]
@@ -217,19 +216,26 @@ class Annealing:
             that the plans at hand did not dominate; with the journal's schedule the best plan when
             the turn ends.
         """
+        graph = self.mission.arrays
         self.steps_left -= n_steps
         batches, objectives = [], []
         while n_steps > 0:
             records = self._records
             records.n_plans[0] = 0
-            n_steps -= anneal(self.mission.arrays, self._rule, self.state, records, n_steps)
+            n_made = anneal(graph, self._rule, self.state, records, n_steps)
+            if n_made < 0:
+                n_made = -1 - n_made
+                moves = new_move_scratch(graph, detours=True)
+                self.state = self.state._replace(moves=moves)
+            elif n_made < n_steps:
+                nodes = np.empty(2 * len(records.nodes), np.int32)
+                self._records = records._replace(nodes=nodes)
+            n_steps -= n_made
             n_plans = records.n_plans[0]
             offsets = records.offsets[: n_plans * self.mission.robots + 1].copy()
             nodes = records.nodes[: offsets[-1]].copy()
             batches.append(PlanBatch._wrap(nodes, offsets, self.mission.robots))
             objectives.append(records.objectives[:n_plans].copy())
-            if n_steps > 0:
-                self._records = records._replace(nodes=np.empty(2 * len(records.nodes), np.int32))
         if self.schedule.journal and self.steps_left == 0:
             return self.best()
         return PlanBatch.concatenate(batches), np.concatenate(objectives)

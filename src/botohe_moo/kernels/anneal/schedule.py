@@ -1,122 +1,144 @@
 """Simulated annealing of one trail plan: moves, evaluation and acceptance in one loop."""
 
 import math
+from typing import TypeVar
 
-from botohe_moo._base.types import FloatArray
-from botohe_moo.kernels.anneal.state import AnnealRule, AnnealState, Records
-from botohe_moo.kernels.compile import helper, inlined, kernel
+from botohe_moo._base.types import FloatArray, OffsetArray, SeedArray
+from botohe_moo.kernels.anneal.state import (
+    AnnealRule,
+    AnnealState,
+    Best,
+    Records,
+    TeamScratch,
+    Walked,
+)
+from botohe_moo.kernels.compile import helper, kernel
 from botohe_moo.kernels.graph.arcs import find_arc
 from botohe_moo.kernels.graph.graph import Graph
-from botohe_moo.kernels.plans.change import change_trail
+from botohe_moo.kernels.plans.change import MoveRule, change_trail
 from botohe_moo.kernels.plans.evaluate import either
-from botohe_moo.kernels.plans.moves import CANNOT
+from botohe_moo.kernels.plans.marks import CANNOT, NO_PATHS, MoveScratch
 from botohe_moo.kernels.plans.order import precedes
 from botohe_moo.kernels.rng import uniform
 
+Number = TypeVar("Number", float, FloatArray)
+
 
 @helper
-def _walk(graph: Graph, state: AnnealState, slot: int) -> None:
+def _walk(graph: Graph, walked: Walked, team: TeamScratch, slot: int) -> None:
     """List the nodes of a trail by first visit, with the chance to reach each, and to survive."""
-    walked, visited = state.walked, state.team.visited
+    nodes, met, reach, visited = walked.nodes, walked.met, walked.reach, team.visited
     start = slot * (graph.head.shape[0] + 1)
-    state.team.n_walks[0] += 1
-    walk = state.team.n_walks[0]
+    team.n_walks[0] += 1
+    walk = team.n_walks[0]
     alive = 1.0
-    here = walked.nodes[start]
+    here = nodes[start]
     visited[here] = walk
-    walked.met[slot, 0], walked.reach[slot, 0] = here, 1.0
+    met[slot, 0], reach[slot, 0] = here, 1.0
     n = 1
     for i in range(start + 1, start + walked.lengths[slot]):
-        there = walked.nodes[i]
+        there = nodes[i]
         alive *= graph.survival[find_arc(graph, here, there)]
         if visited[there] != walk:
             visited[there] = walk
-            walked.met[slot, n], walked.reach[slot, n] = there, alive
+            met[slot, n], reach[slot, n] = there, alive
             n += 1
         here = there
     walked.n_met[slot], walked.alive[slot] = n, alive
 
 
-@inlined
-def _go_to_best(graph: Graph, state: AnnealState) -> None:
+@helper
+def _change(
+    graph: Graph,
+    rule: MoveRule,
+    moves: MoveScratch,
+    walked: Walked,
+    team: TeamScratch,
+    slot: int,
+    states: SeedArray,
+) -> int:
+    """Change a trail by one move; give the slot of the new one, or its own where none was made.
+
+    ``NO_PATHS`` where a detour was drawn for which there is no scratch.
+    """
+    nodes, width = walked.nodes, graph.head.shape[0] + 1
+    length, other = walked.lengths[slot], slot ^ 1
+    start, source = other * width, slot * width
+    for i in range(length):
+        nodes[start + i] = nodes[source + i]
+    changed = change_trail(graph, rule, moves, nodes[start : start + width], length, states)
+    if changed == CANNOT:
+        return slot
+    if changed == NO_PATHS:
+        return NO_PATHS
+    walked.lengths[other] = changed
+    _walk(graph, walked, team, other)
+    return other
+
+
+@helper
+def _go_to_best(
+    graph: Graph, best: Best, here: OffsetArray, walked: Walked, team: TeamScratch
+) -> None:
     """Make the best plan the one the search is at."""
-    width, best = graph.head.shape[0] + 1, state.best
-    for k in range(state.here.shape[0]):
-        slot = state.here[k]
-        state.walked.lengths[slot] = best.lengths[k]
-        for i in range(best.lengths[k]):
-            state.walked.nodes[slot * width + i] = best.nodes[k, i]
-        _walk(graph, state, slot)
-    state.objectives[0], state.objectives[1] = best.objectives[0], best.objectives[1]
-
-
-@inlined
-def _try_plan(graph: Graph, rule: AnnealRule, state: AnnealState) -> None:
-    """Change one robot's trail, or each robot's, by one move."""
-    n_robots, width, walked = state.here.shape[0], graph.head.shape[0] + 1, state.walked
-    low, high = 0, n_robots
-    if not rule.moves.every_robot and n_robots > 1:
-        low = int(uniform(state.random, 0) * n_robots)
-        high = low + 1
-    for k in range(n_robots):
-        state.tried[k] = state.here[k]
-    for k in range(low, high):
-        slot = state.here[k]
-        other = slot ^ 1
-        start, length = other * width, walked.lengths[slot]
+    nodes, best_nodes = walked.nodes, best.nodes
+    for k in range(here.shape[0]):
+        slot, length = here[k], best.lengths[k]
+        start = slot * best_nodes.shape[1]
+        walked.lengths[slot] = length
         for i in range(length):
-            walked.nodes[start + i] = walked.nodes[slot * width + i]
-        nodes = walked.nodes[start : start + width]
-        changed = change_trail(graph, rule.moves, state.moves, nodes, length, state.random)
-        if changed != CANNOT:
-            walked.lengths[other] = changed
-            _walk(graph, state, other)
-            state.tried[k] = other
+            nodes[start + i] = best_nodes[k, i]
+        _walk(graph, walked, team, slot)
 
 
-@inlined
-def _appraise(graph: Graph, state: AnnealState) -> tuple[float, float]:
-    """Give E[R] and E[S] of the plan that is tried: the arithmetic, and the bits, of ``evaluate``.
+@helper
+def _evaluate(
+    reward: FloatArray, slots: OffsetArray, walked: Walked, team: TeamScratch
+) -> tuple[float, float]:
+    """Give E[R] and E[S] of a plan: the arithmetic, and the bits, of ``evaluate``.
 
     Its trails have been walked, which is most of the work.
     """
-    walked, team, width = state.walked, state.team, graph.head.shape[0] + 1
-    order, touched, reached = team.order, team.touched, team.reached
-    for k in range(order.shape[0]):
-        slot, place = state.tried[k], k
+    n_robots, width = slots.shape[0], walked.nodes.shape[0] // walked.lengths.shape[0]
+    nodes, lengths = walked.nodes, walked.lengths
+    met, n_met, reach = walked.met, walked.n_met, walked.reach
+    order, touched, touched_by, reached = team.order, team.touched, team.touched_by, team.reached
+    for k in range(n_robots):
+        slot, place = slots[k], k
         start = slot * width
         while place > 0:
             before = order[place - 1]
             other = before * width
-            stop, other_stop = start + walked.lengths[slot], other + walked.lengths[before]
-            if not precedes(walked.nodes, start, stop, other, other_stop):
+            stop, other_stop = start + lengths[slot], other + lengths[before]
+            if not precedes(nodes, start, stop, other, other_stop):
                 break
             order[place] = before
             place -= 1
         order[place] = slot
     team.n_plans[0] += 1
+    plan = team.n_plans[0]
     n = 0
     survivors = 0.0
-    for k in range(order.shape[0]):
+    for k in range(n_robots):
         slot = order[k]
-        for j in range(walked.n_met[slot]):
-            node = walked.met[slot, j]
-            if team.touched_by[node] != team.n_plans[0]:
-                team.touched_by[node] = team.n_plans[0]
-                reached[node] = walked.reach[slot, j]
+        for j in range(n_met[slot]):
+            node = met[slot, j]
+            if touched_by[node] != plan:
+                touched_by[node] = plan
+                reached[node] = reach[slot, j]
                 touched[n] = node
                 n += 1
             else:
-                reached[node] = either(reached[node], walked.reach[slot, j])
+                reached[node] = either(reached[node], reach[slot, j])
         survivors += walked.alive[slot]
     expected_reward = 0.0
     for i in range(n):
-        expected_reward += graph.reward[touched[i]] * reached[touched[i]]
+        expected_reward += reward[touched[i]] * reached[touched[i]]
     return expected_reward, survivors
 
 
 @helper
-def score(rule: AnnealRule, n_robots: int, reward: float, survivors: float) -> float:
+def score(rule: AnnealRule, n_robots: int, reward: Number, survivors: Number) -> Number:
     """Give the weighted sum of the shares of all rewards and of all robots."""
     share = reward / rule.total_reward
     return rule.weight * share + (1.0 - rule.weight) * (survivors / n_robots)
@@ -129,46 +151,49 @@ def _dominates(objectives: FloatArray, reward: float, survivors: float) -> bool:
     return bool((better and objectives[1] >= survivors) or (safer and objectives[0] >= reward))
 
 
-@inlined
-def _has_room(graph: Graph, rule: AnnealRule, state: AnnealState, records: Records) -> bool:
-    """Tell whether the plan of the next step, whatever it is, can be recorded."""
-    n_robots, n = state.here.shape[0], records.n_plans[0]
+@helper
+def _has_room(records: Records, here: OffsetArray, lengths: OffsetArray, n_more: int) -> bool:
+    """Tell whether a plan of ``n_more`` nodes more than the one at hand can be recorded."""
+    n_robots, n = here.shape[0], records.n_plans[0]
     if n == records.objectives.shape[0]:
         return False
-    size = records.offsets[n * n_robots]
+    size = records.offsets[n * n_robots] + n_more
     for k in range(n_robots):
-        size += state.walked.lengths[state.here[k]]
-    n_changed = n_robots if rule.moves.every_robot else 1
-    return bool(size + n_changed * (graph.head.shape[0] + 1) <= records.nodes.shape[0])
+        size += lengths[here[k]]
+    return bool(size <= records.nodes.shape[0])
 
 
-@inlined
+@helper
 def _record(
-    graph: Graph, state: AnnealState, records: Records, reward: float, survivors: float
+    records: Records, slots: OffsetArray, walked: Walked, reward: float, survivors: float
 ) -> None:
-    """Write the plan that is tried behind those recorded before."""
-    n_robots, n, width = state.here.shape[0], records.n_plans[0], graph.head.shape[0] + 1
-    size = records.offsets[n * n_robots]
+    """Write a plan behind those recorded before."""
+    nodes, offsets, source, lengths = records.nodes, records.offsets, walked.nodes, walked.lengths
+    n_robots, n, width = slots.shape[0], records.n_plans[0], source.shape[0] // lengths.shape[0]
+    size = offsets[n * n_robots]
     for k in range(n_robots):
-        slot = state.tried[k]
-        for i in range(state.walked.lengths[slot]):
-            records.nodes[size + i] = state.walked.nodes[slot * width + i]
-        size += state.walked.lengths[slot]
-        records.offsets[n * n_robots + k + 1] = size
+        start, length = slots[k] * width, lengths[slots[k]]
+        for i in range(length):
+            nodes[size + i] = source[start + i]
+        size += length
+        offsets[n * n_robots + k + 1] = size
     records.objectives[n, 0], records.objectives[n, 1] = reward, survivors
     records.n_plans[0] += 1
 
 
-@inlined
-def _remember(graph: Graph, state: AnnealState, reward: float, survivors: float) -> None:
-    """Let the plan that is tried be the best one."""
-    best, width = state.best, graph.head.shape[0] + 1
+@helper
+def _remember(
+    best: Best, slots: OffsetArray, walked: Walked, reward: float, survivors: float
+) -> None:
+    """Let a plan be the best one."""
+    best_nodes, nodes = best.nodes, walked.nodes
     best.objectives[0], best.objectives[1] = reward, survivors
-    for k in range(state.here.shape[0]):
-        slot = state.tried[k]
-        best.lengths[k] = state.walked.lengths[slot]
-        for i in range(best.lengths[k]):
-            best.nodes[k, i] = state.walked.nodes[slot * width + i]
+    for k in range(slots.shape[0]):
+        slot = slots[k]
+        start, length = slot * best_nodes.shape[1], walked.lengths[slot]
+        best.lengths[k] = length
+        for i in range(length):
+            best_nodes[k, i] = nodes[start + i]
 
 
 @kernel
@@ -197,31 +222,45 @@ def anneal(
     Returns
     -------
     int
-        How many steps were made: fewer where there may be no room to record another plan.
+        How many steps were made: fewer where there may be no room to record another plan; −1 less
+        that where the next step needs scratch for detours.
     """
-    n_robots, here, best = state.here.shape[0], state.objectives, state.best
-    if state.to_best[0]:
-        _go_to_best(graph, state)
-        state.to_best[0] = 0
+    best, walked, team, states = state.best, state.walked, state.team, state.random
+    here, tried, at, temperature = state.here, state.tried, state.objectives, state.temperature
+    n_robots, width, every_robot = here.shape[0], graph.head.shape[0] + 1, rule.moves.every_robot
     for step in range(n_steps):
-        if rule.record and not _has_room(graph, rule, state, records):
+        if state.to_best[0]:
+            _go_to_best(graph, best, here, walked, team)
+            at[0], at[1], state.to_best[0] = best.objectives[0], best.objectives[1], 0
+        n_more = width * n_robots if every_robot else width
+        if rule.record and not _has_room(records, here, walked.lengths, n_more):
             return step
-        _try_plan(graph, rule, state)
-        reward, survivors = _appraise(graph, state)
+        low, high = states[0, 0], states[0, 1]
+        chosen = 0
+        if not every_robot and n_robots > 1:
+            chosen = int(uniform(states, 0) * n_robots)
+        for k in range(n_robots):
+            tried[k] = here[k]
+            if every_robot or k == chosen:
+                tried[k] = _change(graph, rule.moves, state.moves, walked, team, here[k], states)
+                if tried[k] == NO_PATHS:
+                    states[0, 0], states[0, 1] = low, high
+                    return -1 - step
+        reward, survivors = _evaluate(graph.reward, tried, walked, team)
         if rule.record and not (
-            _dominates(here, reward, survivors) or _dominates(best.objectives, reward, survivors)
+            _dominates(at, reward, survivors) or _dominates(best.objectives, reward, survivors)
         ):
-            _record(graph, state, records, reward, survivors)
+            _record(records, tried, walked, reward, survivors)
         new_score = score(rule, n_robots, reward, survivors)
         if new_score > best.score[0]:
             best.score[0] = new_score
-            _remember(graph, state, reward, survivors)
-        change = new_score - score(rule, n_robots, here[0], here[1])
-        if change >= 0.0 or uniform(state.random, 0) < math.exp(change / state.temperature[0]):
+            _remember(best, tried, walked, reward, survivors)
+        change = new_score - score(rule, n_robots, at[0], at[1])
+        if change >= 0.0 or uniform(states, 0) < math.exp(change / temperature[0]):
             for k in range(n_robots):
-                state.here[k] = state.tried[k]
-            here[0], here[1] = reward, survivors
-        elif rule.return_probability > 0.0 and uniform(state.random, 0) < rule.return_probability:
-            _go_to_best(graph, state)
-        state.temperature[0] *= rule.cooling
+                here[k] = tried[k]
+            at[0], at[1] = reward, survivors
+        elif rule.return_probability > 0.0 and uniform(states, 0) < rule.return_probability:
+            state.to_best[0] = 1
+        temperature[0] *= rule.cooling
     return n_steps

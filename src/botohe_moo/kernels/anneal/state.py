@@ -161,7 +161,7 @@ class Records(NamedTuple):
     n_plans: OffsetArray
 
 
-def new_state(graph: Graph, n_robots: int, random: SeedArray) -> AnnealState:
+def new_state(graph: Graph, n_robots: int, random: SeedArray, *, detours: bool) -> AnnealState:
     """Begin a search with all robots at base."""
     n_nodes, width, n_slots = graph.n_nodes, graph.n_arcs + 1, 2 * n_robots
     return AnnealState(
@@ -194,7 +194,7 @@ def new_state(graph: Graph, n_robots: int, random: SeedArray) -> AnnealState:
             reached=np.zeros(n_nodes),
             order=np.zeros(n_robots, np.int64),
         ),
-        moves=new_move_scratch(graph),
+        moves=new_move_scratch(graph, detours=detours),
     )
 
 

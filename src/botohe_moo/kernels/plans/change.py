@@ -8,9 +8,15 @@ from botohe_moo._base.types import FloatArray, OffsetArray, SeedArray
 from botohe_moo.kernels.compile import helper, kernel
 from botohe_moo.kernels.graph.arcs import find_arc
 from botohe_moo.kernels.graph.graph import Graph
-from botohe_moo.kernels.plans.marks import MoveScratch, mark_trail
-from botohe_moo.kernels.plans.moves import CANNOT, DETOUR, move_trail
-from botohe_moo.kernels.plans.ragged import Trails
+from botohe_moo.kernels.plans.marks import (
+    CANNOT,
+    NO_PATHS,
+    MoveScratch,
+    mark_trail,
+    new_move_scratch,
+)
+from botohe_moo.kernels.plans.moves import DETOUR, move_trail
+from botohe_moo.kernels.plans.ragged import Trails, write_trails
 from botohe_moo.kernels.rng import uniform
 
 # How many detours are tried where none of the moves drawn could be made.
@@ -81,7 +87,8 @@ def change_trail(
     Returns
     -------
     int
-        The trail's new length; ``CANNOT`` where no draw could be made, and nothing has changed.
+        The trail's new length; ``CANNOT`` where no draw could be made, ``NO_PATHS`` where a detour
+        was drawn for which there is no scratch: nothing has changed.
     """
     mark_trail(graph, scratch, nodes, length)
     for attempt in range(rule.max_tries + _LAST_TRIES):
@@ -94,6 +101,8 @@ def change_trail(
         changed = move_trail(graph, scratch, nodes, length, kind, states)
         if changed == CANNOT:
             continue
+        if changed == NO_PATHS:
+            return NO_PATHS
         if rule.min_survival <= 0.0 or survive_trail(graph, nodes, changed) >= rule.min_survival:
             return changed
         for i in range(length):
@@ -102,7 +111,7 @@ def change_trail(
 
 
 @kernel
-def change_plans(
+def _change_plans(
     graph: Graph,
     rule: MoveRule,
     scratch: MoveScratch,
@@ -130,7 +139,8 @@ def change_plans(
     Returns
     -------
     int
-        How many trails have been written.
+        How many trails have been written; −1 less that where the next plan needs scratch for
+        detours.
     """
     n_trails, room = plans.offsets.shape[0] - 1, graph.head.shape[0] + 1
     trail_nodes = np.empty(room, np.int64)
@@ -140,6 +150,7 @@ def change_plans(
         needed += room * n_robots if rule.every_robot else room
         if size + needed > out.nodes.shape[0]:
             return first
+        low, high = states[0, 0], states[0, 1]
         chosen = -1 if rule.every_robot else first + int(uniform(states, 0) * n_robots)
         for trail in range(first, first + n_robots):
             start = plans.offsets[trail]
@@ -148,9 +159,38 @@ def change_plans(
                 trail_nodes[i] = plans.nodes[start + i]
             if rule.every_robot or trail == chosen:
                 changed = change_trail(graph, rule, scratch, trail_nodes, length, states)
+                if changed == NO_PATHS:
+                    states[0, 0], states[0, 1] = low, high
+                    return -1 - first
                 length = length if changed == CANNOT else changed
             for i in range(length):
                 out.nodes[size + i] = trail_nodes[i]
             size += length
             out.offsets[trail + 1] = size
     return n_trails
+
+
+def needs_detours(graph: Graph) -> bool:
+    """Tell whether there are arcs without a reverse, which the other moves can hardly use."""
+    return bool((graph.reverse < 0).any())
+
+
+def change_plans(
+    graph: Graph, rule: MoveRule, plans: Trails, n_robots: int, states: SeedArray
+) -> Trails:
+    """Change one trail, or every trail, of valid plans by one move; parameters as above.
+
+    Where arcs lead both ways detours are hardly ever needed: they compile when they are.
+    """
+    scratch = new_move_scratch(graph, detours=needs_detours(graph))
+
+    def write(n_done: int, out: Trails) -> int:
+        nonlocal scratch
+        n_done = _change_plans(graph, rule, scratch, plans, n_robots, states, n_done, out)
+        if n_done >= 0:
+            return n_done
+        scratch = new_move_scratch(graph, detours=True)
+        return _change_plans(graph, rule, scratch, plans, n_robots, states, -1 - n_done, out)
+
+    room = 2 * len(plans.nodes) + graph.n_arcs + 1
+    return write_trails(len(plans.offsets) - 1, room, write)

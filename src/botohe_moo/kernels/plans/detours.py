@@ -8,20 +8,22 @@ from botohe_moo._base.types import OffsetArray, SeedArray
 from botohe_moo.kernels.compile import helper
 from botohe_moo.kernels.graph.arcs import find_arc
 from botohe_moo.kernels.graph.graph import Graph
-from botohe_moo.kernels.graph.paths import safest_path
-from botohe_moo.kernels.plans.marks import MoveScratch
+from botohe_moo.kernels.graph.paths import Paths, safest_path
+from botohe_moo.kernels.plans.marks import CANNOT, NO_PATHS, MoveScratch
 from botohe_moo.kernels.rng import uniform
 
 
 @helper
-def _add_path(graph: Graph, scratch: MoveScratch, n: int, source: int, target: int) -> int:
+def _add_path(
+    graph: Graph, scratch: MoveScratch, paths: Paths, n: int, source: int, target: int
+) -> int:
     """Add the safest path over arcs that are not marked to a way of ``n`` arcs.
 
     Gives the new number of arcs, −1 where there is no path.
     """
-    n_added = safest_path(graph, scratch.paths, scratch.used, scratch.mark[0], source, target)
+    n_added = safest_path(graph, paths, scratch.used, scratch.mark[0], source, target)
     for i in range(n_added):
-        scratch.way[n + i] = scratch.paths.path[i]
+        scratch.way[n + i] = paths.path[i]
     return n + n_added if n_added >= 0 else -1
 
 
@@ -29,14 +31,14 @@ def _add_path(graph: Graph, scratch: MoveScratch, n: int, source: int, target: i
 def _replace(
     graph: Graph, way: OffsetArray, n: int, nodes: OffsetArray, length: int, start: int, stop: int
 ) -> int:
-    """Put ``n`` arcs in the place of a segment; give the new length, −1 if they are the segment."""
+    """Put ``n`` arcs in the place of a segment; ``CANNOT`` if they are the same."""
     shift = n - (stop - start)
     if shift == 0:
         i = 0
         while i < n and graph.head[way[i]] == nodes[start + 1 + i]:
             i += 1
         if i == n:
-            return -1
+            return CANNOT
     if shift > 0:
         for i in range(length - 1, stop, -1):
             nodes[i + shift] = nodes[i]
@@ -49,8 +51,13 @@ def _replace(
 
 
 @helper
-def take_detour(
-    graph: Graph, scratch: MoveScratch, nodes: OffsetArray, length: int, states: SeedArray
+def _go_another_way(
+    graph: Graph,
+    scratch: MoveScratch,
+    paths: Paths,
+    nodes: OffsetArray,
+    length: int,
+    states: SeedArray,
 ) -> int:
     """Go another way from a position of a trail to the same or a later one, in place.
 
@@ -60,8 +67,7 @@ def take_detour(
     long ones (evenly in their logarithms), the node among all: with the base, or a node at one of
     the positions, the safest path is taken at once.
 
-    Parameters and result are those of ``move_trail``; −1 where there is no path, or no other one
-    than the trail takes.
+    ``CANNOT`` where there is no path, or no other one than the trail takes.
     """
     used, mark, way = scratch.used, scratch.mark[0], scratch.way
     start = int(uniform(states, 0) * length)
@@ -76,15 +82,34 @@ def take_detour(
         way[0] = find_arc(graph, here, via)
         n_out = 1
         if way[0] < 0 or used[way[0]] == mark:
-            n_out = _add_path(graph, scratch, 0, here, via)
+            n_out = _add_path(graph, scratch, paths, 0, here, via)
         for i in range(n_out):
             used[way[i]] = mark
         here = via
     n = n_out
     if here != target and n_out >= 0:
-        n = _add_path(graph, scratch, n_out, here, target)
+        n = _add_path(graph, scratch, paths, n_out, here, target)
     for i in range(n_out):
         used[way[i]] = -1
     for i in range(start, stop):
         used[find_arc(graph, nodes[i], nodes[i + 1])] = mark
-    return -1 if n < 0 else _replace(graph, way, n, nodes, length, start, stop)
+    return CANNOT if n < 0 else _replace(graph, way, n, nodes, length, start, stop)
+
+
+@helper
+def take_detour(
+    graph: Graph,
+    scratch: MoveScratch,
+    paths: Paths | None,
+    nodes: OffsetArray,
+    length: int,
+    states: SeedArray,
+) -> int:
+    """Go another way, in place; parameters and result are those of ``move_trail``.
+
+    ``paths`` are those of ``scratch``: for an argument that is None numba compiles the branch for
+    None alone.
+    """
+    if paths is None:
+        return NO_PATHS
+    return _go_another_way(graph, scratch, paths, nodes, length, states)

@@ -10,6 +10,11 @@ from botohe_moo.kernels.graph.arcs import find_arc
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.graph.paths import Paths, new_paths
 
+# Instead of a length: the move cannot be made, or is a detour without scratch for paths. The trail
+# is as it was.
+CANNOT = -1
+NO_PATHS = -2
+
 
 class MoveScratch(NamedTuple):
     """Scratch of moves.
@@ -26,24 +31,24 @@ class MoveScratch(NamedTuple):
     way
         Arcs of a detour (2 · n_nodes).
     paths
-        Scratch of searches for paths.
+        Scratch of searches for paths; None leaves out detours, which then are not compiled.
     """
 
     mark: OffsetArray
     used: OffsetArray
     spare: OffsetArray
     way: OffsetArray
-    paths: Paths
+    paths: Paths | None
 
 
-def new_move_scratch(graph: Graph) -> MoveScratch:
+def new_move_scratch(graph: Graph, *, detours: bool) -> MoveScratch:
     """Make room for moves of trails of a graph."""
     return MoveScratch(
         mark=np.zeros(1, np.int64),
         used=np.zeros(graph.n_arcs, np.int64),
         spare=np.zeros(graph.n_arcs + 1, np.int64),
         way=np.zeros(2 * graph.n_nodes, np.int64),
-        paths=new_paths(graph),
+        paths=new_paths(graph) if detours else None,
     )
 
 

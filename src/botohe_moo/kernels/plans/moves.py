@@ -11,7 +11,7 @@ from botohe_moo.kernels.compile import helper
 from botohe_moo.kernels.graph.arcs import find_arc
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.plans.detours import take_detour
-from botohe_moo.kernels.plans.marks import MoveScratch
+from botohe_moo.kernels.plans.marks import CANNOT, MoveScratch
 from botohe_moo.kernels.rng import uniform
 
 # The kinds of moves, as indices into their weights.
@@ -26,9 +26,6 @@ N_PUBLISHED = 7
 DELETE_LOOP = 7  # ours
 DETOUR = 8
 N_KINDS = 9
-
-# Instead of a length: the move cannot be made, and the trail is as it was.
-CANNOT = -1
 
 
 @helper
@@ -208,10 +205,11 @@ def move_trail(
     Returns
     -------
     int
-        The trail's new length; ``CANNOT`` where the move cannot be made, and nothing has changed.
+        The trail's new length; ``CANNOT`` where the move cannot be made, ``NO_PATHS`` where it is a
+        detour for which there is no scratch: nothing has changed.
     """
     if kind == DETOUR:
-        return take_detour(graph, scratch, nodes, length, states)
+        return take_detour(graph, scratch, scratch.paths, nodes, length, states)
     if kind in (INSERT, GRAB, SUBSTITUTE):
         return _add_node(graph, scratch, nodes, length, kind, states)
     n_inner = length - 2

@@ -9,7 +9,7 @@ from botohe_moo.kernels.compile import helper, kernel
 from botohe_moo.kernels.graph.arcs import find_arc
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.graph.paths import Paths, leads_home, new_paths, safest_path, way_home
-from botohe_moo.kernels.plans.ragged import Trails
+from botohe_moo.kernels.plans.ragged import Trails, write_trails
 
 # The kinds of repairs.
 SAFEST_PATH = 0
@@ -30,12 +30,6 @@ class RepairScratch(NamedTuple):
     used: OffsetArray
     drafted: OffsetArray
     paths: Paths
-
-
-def new_repair_scratch(graph: Graph) -> RepairScratch:
-    """Make room for repairs of plans for a graph; for one call of ``repair``, or several."""
-    used = np.full(graph.n_arcs, -1, np.int64)
-    return RepairScratch(used, used.copy(), new_paths(graph))
 
 
 @helper
@@ -139,7 +133,7 @@ def _count_changes(
 
 
 @kernel
-def repair(
+def _repair(
     graph: Graph,
     kind: int,
     scratch: RepairScratch,
@@ -155,15 +149,9 @@ def repair(
     graph
         Where the trails have to lead.
     kind
-        ``SAFEST_PATH`` bridges every gap by the safest path over arcs that the trail has not used
-        yet. Nodes are taken in the order of the draft. A hop along an arc that the trail has used
-        already cuts off the loop in between. A node is left out that cannot be reached over unused
-        arcs, or from which, once the safest path leads there, none would lead home.
-        ``TRUNCATE`` keeps the longest valid prefix of each draft. Valid is what begins at base,
-        takes arcs that there are, each once, and leaves a way home over arcs it has not taken.
-        In the end either takes the safest way home.
+        Which repair.
     scratch
-        New, or used for drafts with smaller numbers.
+        New, or used for the drafts before.
     drafts
         Sequences of any integers.
     n_done
@@ -193,3 +181,28 @@ def repair(
         out.offsets[trail + 1] = _take_path(graph, scratch, n, out, size)
         changes[trail] = _count_changes(graph, scratch.drafted, drafts, trail, out)
     return int(changes.shape[0])
+
+
+def repair(graph: Graph, kind: int, drafts: Trails) -> tuple[Trails, OffsetArray]:
+    """Make valid trails out of drafts.
+
+    With ``SAFEST_PATH`` every gap is bridged by the safest path over arcs that the trail has not
+    used yet. Nodes are taken in the order of the draft. A hop along an arc that the trail has used
+    already cuts off the loop in between. A node is left out that cannot be reached over unused
+    arcs, or from which, once the safest path leads there, none would lead home.
+
+    With ``TRUNCATE`` the longest valid prefix of each draft is kept. Valid is what begins at base,
+    takes arcs that there are, each once, and leaves a way home over arcs it has not taken.
+
+    In the end either takes the safest way home. The second result is the number of arcs added and
+    hops dropped for each trail.
+    """
+    used, n_trails = np.full(graph.n_arcs, -1, np.int64), len(drafts.offsets) - 1
+    scratch = RepairScratch(used, used.copy(), new_paths(graph))
+    changes = np.empty(n_trails, np.int64)
+    trails = write_trails(
+        n_trails,
+        2 * len(drafts.nodes) + graph.n_arcs + 1,
+        lambda n_done, out: _repair(graph, kind, scratch, drafts, n_done, out, changes),
+    )
+    return trails, changes
