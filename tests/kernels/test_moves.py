@@ -15,7 +15,7 @@ from botohe_moo.kernels.plans import change as changes
 from botohe_moo.kernels.plans import moves
 from botohe_moo.kernels.plans.change import MoveRule, change_plans
 from botohe_moo.kernels.plans.marks import mark_trail, new_move_scratch
-from botohe_moo.kernels.plans.ragged import Trails
+from botohe_moo.kernels.plans.ragged import read_trails
 from botohe_moo.kernels.rng import seed_states
 from botohe_moo.mission import Mission, load_mission
 from botohe_moo.trails import PlanBatch
@@ -246,7 +246,10 @@ def change(mission, batch, *, weights=PUBLISHED, every_robot=True, floor=0.0, se
     states = seed_states(np.random.default_rng(seed), 1)
     for array in (batch.nodes, batch.offsets):
         array.setflags(write=False)
-    rule, given = MoveRule(weights, tries, every_robot, floor), Trails(batch.nodes, batch.offsets)
+    rule, given = (
+        MoveRule(weights, tries, every_robot, floor),
+        read_trails(batch.nodes, batch.offsets),
+    )
     return change_plans(mission.arrays, rule, given, batch.n_robots, states)
 
 

@@ -9,7 +9,7 @@ from pymoo.core.crossover import Crossover
 
 from botohe_moo._base.checks import check_integer, check_number
 from botohe_moo._base.types import ObjectArray, OffsetArray
-from botohe_moo.kernels.plans.ragged import Trails
+from botohe_moo.kernels.plans.ragged import read_trails
 from botohe_moo.kernels.plans.vary import EXCHANGE, N_PIECES, SPLICE, cross, join_pieces
 from botohe_moo.kernels.rng import draw_state
 from botohe_moo.operators.base import check_repair
@@ -67,7 +67,7 @@ class PlanCrossover(Crossover):
             kinds[:] = SPLICE  # there are no whole trails to share out
         pieces = np.zeros((2 * n_pairs * n_robots, N_PIECES, 2), np.int64)
         cross(
-            Trails(parents.nodes, parents.offsets),
+            read_trails(parents.nodes, parents.offsets),
             kinds,
             np.tile(np.arange(n_robots), (2, 1)),
             np.zeros(mission.arrays.n_nodes, np.int64),

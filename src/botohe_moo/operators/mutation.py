@@ -11,7 +11,7 @@ from pymoo.core.mutation import Mutation
 from botohe_moo._base.checks import check_flag, check_integer, check_number, nearest_first
 from botohe_moo._base.types import ObjectArray
 from botohe_moo.kernels.plans.change import MoveRule, change_plans
-from botohe_moo.kernels.plans.ragged import Trails
+from botohe_moo.kernels.plans.ragged import read_trails
 from botohe_moo.kernels.plans.vary import join_pieces, ruin, send_home, share, whole_trails
 from botohe_moo.kernels.rng import draw_state
 from botohe_moo.mission.model import Mission, PlanError
@@ -180,7 +180,7 @@ class TrailMoves(PlanMutation):
         valid = mission.evaluate_drafts(plans)[1] == 0
         movable = plans if valid.all() else plans.take(valid)
         rule = MoveRule(self.weights, self.max_tries, self.every_robot, min_survival=0.0)
-        given, states = Trails(movable.nodes, movable.offsets), draw_state(random_state)
+        given, states = read_trails(movable.nodes, movable.offsets), draw_state(random_state)
         trails = change_plans(mission.arrays, rule, given, plans.n_robots, states)
         moved = PlanBatch._wrap(*trails, plans.n_robots)
         if valid.all():
@@ -228,7 +228,7 @@ class RuinRecreate(PlanMutation):
     ) -> PlanBatch:
         pieces = whole_trails(plans.offsets)
         via = np.empty((len(plans), self.max_via), np.int32)
-        trails, states = Trails(plans.nodes, plans.offsets), draw_state(random_state)
+        trails, states = read_trails(plans.nodes, plans.offsets), draw_state(random_state)
         ruin(trails, plans.n_robots, mission.arrays.n_nodes, states, via, pieces)
         nodes = np.concatenate([plans.nodes, via.ravel()])
         return PlanBatch._wrap(*join_pieces(nodes, pieces), plans.n_robots)
@@ -241,7 +241,7 @@ class SendHome(PlanMutation):
         self, mission: Mission, plans: PlanBatch, random_state: np.random.Generator
     ) -> PlanBatch:
         pieces = whole_trails(plans.offsets)
-        trails, states = Trails(plans.nodes, plans.offsets), draw_state(random_state)
+        trails, states = read_trails(plans.nodes, plans.offsets), draw_state(random_state)
         send_home(trails, plans.n_robots, states, pieces)
         nodes = np.append(plans.nodes, np.int32(mission.arrays.base))
         return PlanBatch._wrap(*join_pieces(nodes, pieces), plans.n_robots)
@@ -283,7 +283,7 @@ class ShareTrails(PlanMutation):
         if plans.n_robots == 1:
             return plans
         pieces, counts = whole_trails(plans.offsets), np.zeros(mission.arrays.n_nodes, np.int64)
-        trails, states = Trails(plans.nodes, plans.offsets), draw_state(random_state)
+        trails, states = read_trails(plans.nodes, plans.offsets), draw_state(random_state)
         share(trails, plans.n_robots, self.prob_copy, counts, states, pieces)
         return PlanBatch._wrap(*join_pieces(plans.nodes, pieces), plans.n_robots)
 

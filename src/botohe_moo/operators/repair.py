@@ -10,7 +10,7 @@ import numpy as np
 from pymoo.core.repair import Repair
 
 from botohe_moo._base.types import ObjectArray, OffsetArray
-from botohe_moo.kernels.plans.ragged import Trails
+from botohe_moo.kernels.plans.ragged import read_trails
 from botohe_moo.kernels.plans.repair import SAFEST_PATH, TRUNCATE, repair
 from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE
@@ -97,9 +97,9 @@ class PlanRepair(Repair):
     def _repair(self, mission: Mission, drafts: PlanBatch) -> tuple[PlanBatch, OffsetArray]:
         if self._kind is None:
             return drafts, np.zeros(len(drafts.offsets) - 1, np.int64)
-        given = Trails(drafts.nodes, drafts.offsets)
-        trails, changes = repair(mission.arrays, self._kind, given)
-        return PlanBatch._wrap(*trails, drafts.n_robots), changes
+        given = read_trails(drafts.nodes, drafts.offsets)
+        nodes, offsets, changes = repair(mission.arrays, self._kind, given)
+        return PlanBatch._wrap(nodes, offsets, drafts.n_robots), changes
 
     def _do(self, problem: BOTOHE, X: ObjectArray, **_: Any) -> ObjectArray:
         return self.repair_batch(problem.mission, problem.mission.batch(X)).to_array()

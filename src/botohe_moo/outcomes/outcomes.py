@@ -12,7 +12,7 @@ import pandas as pd
 from botohe_moo._base.checks import check_integer
 from botohe_moo._base.types import FloatArray, OffsetArray, SeedArray
 from botohe_moo.kernels.plans import simulate as kernels
-from botohe_moo.kernels.plans.ragged import Trails
+from botohe_moo.kernels.plans.ragged import Trails, read_trails
 from botohe_moo.mission import Mission
 from botohe_moo.outcomes.distribution import ROUNDING, Distribution
 from botohe_moo.trails import TrailPlan
@@ -252,7 +252,7 @@ class _Followed(NamedTuple):
 
 def _follow(mission: Mission, plan: TrailPlan) -> _Followed:
     alive, pays = np.empty((2, len(plan.nodes)))
-    followed = _Followed(Trails(plan.nodes, plan.offsets), alive, pays)
+    followed = _Followed(read_trails(plan.nodes, plan.offsets), alive, pays)
     kernels.follow(mission.arrays, *followed)
     return followed
 

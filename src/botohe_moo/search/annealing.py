@@ -228,8 +228,8 @@ class Annealing:
                 moves = new_move_scratch(graph, detours=True)
                 self.state = self.state._replace(moves=moves)
             elif n_made < n_steps:
-                nodes = np.empty(2 * len(records.nodes), np.int32)
-                self._records = records._replace(nodes=nodes)
+                larger = np.empty(2 * len(records.nodes), np.int32)
+                self._records = records._replace(nodes=larger)
             n_steps -= n_made
             n_plans = records.n_plans[0]
             offsets = records.offsets[: n_plans * self.mission.robots + 1].copy()

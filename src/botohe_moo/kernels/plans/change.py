@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, OffsetArray, SeedArray
+from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
 from botohe_moo.kernels.compile import helper, kernel
 from botohe_moo.kernels.graph.arcs import find_arc
 from botohe_moo.kernels.graph.graph import Graph
@@ -167,7 +167,7 @@ def _change_plans(
                 out.nodes[size + i] = trail_nodes[i]
             size += length
             out.offsets[trail + 1] = size
-    return n_trails
+    return int(n_trails)
 
 
 def needs_detours(graph: Graph) -> bool:
@@ -177,7 +177,7 @@ def needs_detours(graph: Graph) -> bool:
 
 def change_plans(
     graph: Graph, rule: MoveRule, plans: Trails, n_robots: int, states: SeedArray
-) -> Trails:
+) -> tuple[IntArray, OffsetArray]:
     """Change one trail, or every trail, of valid plans by one move; parameters as above.
 
     Where arcs lead both ways detours are hardly ever needed: they compile when they are.
@@ -190,7 +190,7 @@ def change_plans(
         if n_done >= 0:
             return n_done
         scratch = new_move_scratch(graph, detours=True)
-        return _change_plans(graph, rule, scratch, plans, n_robots, states, -1 - n_done, out)
+        return int(_change_plans(graph, rule, scratch, plans, n_robots, states, -1 - n_done, out))
 
     room = 2 * len(plans.nodes) + graph.n_arcs + 1
     return write_trails(len(plans.offsets) - 1, room, write)

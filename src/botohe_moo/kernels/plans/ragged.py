@@ -14,16 +14,24 @@ class Trails(NamedTuple):
     Attributes
     ----------
     nodes
-        Indices of nodes; where kernels write, there may be room for more.
+        Indices of nodes, 64-bit as everywhere in kernels; where kernels write, there may be room
+        for more.
     offsets
         Where each trail begins, and the end of the last one (n_trails + 1).
     """
 
-    nodes: IntArray
+    nodes: OffsetArray
     offsets: OffsetArray
 
 
-def write_trails(n_trails: int, n_nodes: int, write: Callable[[int, Trails], int]) -> Trails:
+def read_trails(nodes: IntArray, offsets: OffsetArray) -> Trails:
+    """Hand trails to a kernel."""
+    return Trails(nodes.astype(np.int64), offsets)
+
+
+def write_trails(
+    n_trails: int, n_nodes: int, write: Callable[[int, Trails], int]
+) -> tuple[IntArray, OffsetArray]:
     """Let a kernel write trails whose lengths are not known before.
 
     Parameters
@@ -36,9 +44,9 @@ def write_trails(n_trails: int, n_nodes: int, write: Callable[[int, Trails], int
         Is given how many trails it has written, and where to write; writes on while there is room,
         and gives how many it has written then.
     """
-    nodes, offsets = np.empty(n_nodes, np.int32), np.zeros(n_trails + 1, np.int64)
+    nodes, offsets = np.empty(n_nodes, np.int64), np.zeros(n_trails + 1, np.int64)
     n_done = write(0, Trails(nodes, offsets))
     while n_done < n_trails:
         nodes = np.concatenate([nodes, np.empty_like(nodes)])
         n_done = write(n_done, Trails(nodes, offsets))
-    return Trails(nodes[: offsets[-1]].copy(), offsets)
+    return nodes[: offsets[-1]].astype(np.int32), offsets

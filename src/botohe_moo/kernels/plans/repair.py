@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from botohe_moo._base.types import OffsetArray
+from botohe_moo._base.types import IntArray, OffsetArray
 from botohe_moo.kernels.compile import helper, kernel
 from botohe_moo.kernels.graph.arcs import find_arc
 from botohe_moo.kernels.graph.graph import Graph
@@ -43,7 +43,7 @@ def _take_path(graph: Graph, scratch: RepairScratch, n: int, out: Trails, size: 
 @helper
 def _take_back(graph: Graph, scratch: RepairScratch, out: Trails, size: int) -> int:
     """Take the last hop off a trail; give the new size."""
-    tail, head = np.int64(out.nodes[size - 2]), np.int64(out.nodes[size - 1])
+    tail, head = out.nodes[size - 2], out.nodes[size - 1]
     scratch.used[find_arc(graph, tail, head)] = -1
     return size - 1
 
@@ -56,7 +56,7 @@ def _bridge_gaps(
     used, paths, nodes = scratch.used, scratch.paths, out.nodes
     here = graph.base
     for i in range(drafts.offsets[trail], drafts.offsets[trail + 1]):
-        there = np.int64(drafts.nodes[i])
+        there = drafts.nodes[i]
         if there == here or there < 0 or there >= graph.reward.shape[0]:
             continue
         arc = find_arc(graph, here, there)
@@ -93,7 +93,7 @@ def _keep_prefix(
         return size
     here, homely = graph.base, size
     for i in range(start + 1, stop):
-        there = np.int64(drafts.nodes[i])
+        there = drafts.nodes[i]
         known = 0 <= there < graph.reward.shape[0]
         arc = find_arc(graph, here, there) if known else -1
         if arc < 0 or used[arc] == trail:
@@ -117,16 +117,16 @@ def _count_changes(
     start, stop = drafts.offsets[trail], drafts.offsets[trail + 1]
     begin, end = out.offsets[trail], out.offsets[trail + 1]
     for i in range(start, stop - 1):
-        tail, head = np.int64(draft[i]), np.int64(draft[i + 1])
+        tail, head = draft[i], draft[i + 1]
         if 0 <= tail < n_nodes and 0 <= head < n_nodes:
             arc = find_arc(graph, tail, head)
             if arc >= 0:
                 drafted[arc] = trail
     kept = 0
     for i in range(begin, end - 1):
-        arc = find_arc(graph, np.int64(nodes[i]), np.int64(nodes[i + 1]))
+        arc = find_arc(graph, nodes[i], nodes[i + 1])
         kept += drafted[arc] == trail
-    changes = max(0, stop - start - 1) - kept + (end - begin - 1) - kept
+    changes = int(max(0, stop - start - 1) - kept + (end - begin - 1) - kept)
     if changes == 0 and (stop == start or draft[start] != nodes[begin]):
         return 1  # a single node that is not the base, or none
     return changes
@@ -176,15 +176,15 @@ def _repair(
             size = _bridge_gaps(graph, scratch, drafts, trail, out, size + 1)
         else:
             size = _keep_prefix(graph, scratch, drafts, trail, out, size + 1)
-        here = np.int64(out.nodes[size - 1])
+        here = out.nodes[size - 1]
         n = way_home(graph, scratch.paths, scratch.used, trail, here)
         out.offsets[trail + 1] = _take_path(graph, scratch, n, out, size)
         changes[trail] = _count_changes(graph, scratch.drafted, drafts, trail, out)
     return int(changes.shape[0])
 
 
-def repair(graph: Graph, kind: int, drafts: Trails) -> tuple[Trails, OffsetArray]:
-    """Make valid trails out of drafts.
+def repair(graph: Graph, kind: int, drafts: Trails) -> tuple[IntArray, OffsetArray, OffsetArray]:
+    """Make valid trails out of drafts; give their nodes and offsets, and the changes of each.
 
     With ``SAFEST_PATH`` every gap is bridged by the safest path over arcs that the trail has not
     used yet. Nodes are taken in the order of the draft. A hop along an arc that the trail has used
@@ -194,15 +194,14 @@ def repair(graph: Graph, kind: int, drafts: Trails) -> tuple[Trails, OffsetArray
     With ``TRUNCATE`` the longest valid prefix of each draft is kept. Valid is what begins at base,
     takes arcs that there are, each once, and leaves a way home over arcs it has not taken.
 
-    In the end either takes the safest way home. The second result is the number of arcs added and
-    hops dropped for each trail.
+    In the end either takes the safest way home. Changes are arcs added and hops dropped.
     """
     used, n_trails = np.full(graph.n_arcs, -1, np.int64), len(drafts.offsets) - 1
     scratch = RepairScratch(used, used.copy(), new_paths(graph))
     changes = np.empty(n_trails, np.int64)
-    trails = write_trails(
+    nodes, offsets = write_trails(
         n_trails,
         2 * len(drafts.nodes) + graph.n_arcs + 1,
         lambda n_done, out: _repair(graph, kind, scratch, drafts, n_done, out, changes),
     )
-    return trails, changes
+    return nodes, offsets, changes

@@ -27,10 +27,10 @@ def follow(graph: Graph, trails: Trails, alive: FloatArray, pays: FloatArray) ->
     for trail in range(offsets.shape[0] - 1):
         start = offsets[trail]
         for i in range(start, offsets[trail + 1]):
-            node = np.int64(nodes[i])
+            node = nodes[i]
             alive[i] = 1.0
             if i > start:
-                arc = find_arc(graph, np.int64(nodes[i - 1]), node)
+                arc = find_arc(graph, nodes[i - 1], node)
                 alive[i] = alive[i - 1] * graph.survival[arc]
             pays[i] = 0.0
             if visited_by[node] != trail:
