@@ -18,13 +18,13 @@ from botohe_moo import (
     BOTOHE,
     Mission,
     RandomTrails,
-    TrailPlan,
     area_indicator,
     exact_front,
     load_mission,
 )
 from botohe_moo.algorithms.simulated_annealing import SimulatedAnnealing
 from botohe_moo.kernels.plans import moves
+from botohe_moo.search.annealing import Annealing
 from tests.strategies import missions
 
 schedules = pytest.mark.parametrize("schedule", ["cooled", "journal"])
@@ -42,7 +42,7 @@ class EveryGeneration(Callback):
 
     def notify(self, algorithm):
         self.evaluations.append(algorithm.evaluator.n_eval)
-        self.weights.append(algorithm._weight)
+        self.weights.append(algorithm._search.weight)
 
 
 def solve(mission, n_eval, *, seed=1, callback=None, **parameters):
@@ -137,14 +137,14 @@ class TestContract:
         algorithm = SimulatedAnnealing(schedule=schedule, sampling=good.X)
         algorithm.setup(BOTOHE(museum), termination=("n_eval", 100_000), seed=1)
         algorithm.next()
-        algorithm._weight = 0.6
-        algorithm._best_from_archive()
+        search = algorithm._search
+        search._rule = search._rule._replace(weight=0.6)
+        search.start_from(algorithm.archive)
         rewards, survivors = -good.F[:, 0] / museum.total_reward, -good.F[:, 1] / museum.robots
         best = np.argmax(0.6 * rewards + 0.4 * survivors)
-        assert algorithm._figures[2:4].tolist() == (-good.F[best]).tolist()
-        trails, lengths = algorithm._best
-        found = [row[:n].tolist() for row, n in zip(trails, lengths, strict=True)]
-        assert TrailPlan(found) == good.X[best, 0]
+        found, objectives = search.best()
+        assert objectives.tolist() == (-good.F[[best]]).tolist()
+        assert found[0] == good.X[best, 0]
 
     def test_plans_below_the_floor_are_nothing_to_start_from(self, schedule, museum):
         daring = museum.plan([[1, 2, 21, 27, 25, 27, 21, 2, 1]] * 3)
@@ -229,8 +229,8 @@ class TestJournal:
         best = []
         while algorithm.has_next():
             algorithm.next()
-            if algorithm._steps_left == 0:
-                best.append(tuple(-algorithm._figures[2:4]))
+            if algorithm._search.steps_left == 0:
+                best.append(tuple(-algorithm._search.best()[1][0]))
         assert len(best) == 20
         fronts = {f for f in best if not dominated(np.array(f), np.array(best))}
         assert set(map(tuple, algorithm.result().F)) == fronts
@@ -240,7 +240,8 @@ class TestJournal:
         algorithm.setup(BOTOHE(museum), termination=("n_eval", 100), seed=3)
         for steps in (4, 8, 10, 4, 8, 10):
             algorithm.next()
-            assert algorithm._figures[5] == pytest.approx(0.2 * 0.95**steps)
+            temperature = algorithm._search.state.temperature[0]
+            assert temperature == pytest.approx(0.2 * 0.95**steps)
 
     @pytest.mark.parametrize(
         ("budget", "published", "deviation"), [(10_000, 0.4141, 0.0179), (99_856, 0.4728, 0.0053)]
@@ -259,8 +260,9 @@ class TestCooled:
         algorithm.setup(BOTOHE(museum), termination=("n_eval", 1_001), seed=3)
         for _ in range(7):  # each a weight's 25 steps
             algorithm.next()
-            assert algorithm._steps_left == 0
-            assert algorithm._figures[5] == pytest.approx(0.01 * share)
+            assert algorithm._search.steps_left == 0
+            temperature = algorithm._search.state.temperature[0]
+            assert temperature == pytest.approx(0.01 * share)
 
     def test_weights_go_up_and_down(self, museum):
         callback = EveryGeneration()
@@ -279,7 +281,8 @@ class TestCooled:
         seen = set()
         while algorithm.has_next():
             algorithm.next()
-            seen |= {tuple(-algorithm._figures[:2]), tuple(-algorithm._figures[2:4])}
+            state = algorithm._search.state
+            seen |= {tuple(-state.objectives), tuple(-state.best.objectives)}
         found = algorithm.result().F
         assert len(seen) > 200
         assert all(((found <= np.array(f)).all(axis=1)).any() for f in seen)
@@ -361,7 +364,7 @@ def test_detours_are_for_one_way_arcs(monkeypatch, schedule, name):
     """Where every arc has a reverse none is drawn: published runs stay as they were published."""
     mission = load_mission(name)
     usual = solve(mission, 3_000, schedule=schedule)
-    kinds = usual.algorithm._kinds
+    kinds = usual.algorithm._search.kinds_of_moves()
     assert len(kinds) <= moves.DETOUR
-    monkeypatch.setattr(SimulatedAnnealing, "_kinds_of_moves", lambda _: np.append(kinds, 1.0))
+    monkeypatch.setattr(Annealing, "kinds_of_moves", lambda _: np.append(kinds, 1.0))
     assert not same(solve(mission, 3_000, schedule=schedule), usual)

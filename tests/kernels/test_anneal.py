@@ -9,7 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from botohe_moo.kernels.anneal import schedule as kernels
+from botohe_moo.kernels.anneal.schedule import anneal
+from botohe_moo.kernels.anneal.state import AnnealRule, new_records, new_state
+from botohe_moo.kernels.plans.change import MoveRule
+from botohe_moo.kernels.plans.marks import new_move_scratch
 from botohe_moo.kernels.rng import seed_states
 from botohe_moo.mission import load_mission
 from botohe_moo.trails import PlanBatch, TrailPlan
@@ -24,7 +27,6 @@ class Search:
     """The kernel with its arrays; starts with everybody at base, or from given trails."""
 
     def __init__(self, mission, *, seed=0, temperature=0.02, weight=0.7, **options):
-        arrays, robots = mission.arrays, mission.robots
         self.mission, self.weight = mission, weight
         self.options = {
             "floor": 0.0,
@@ -33,23 +35,26 @@ class Search:
             "cooling": 1.0,
             "returning": 0.0,
             "record": True,
+            "detours": True,
             **options,
         }
-        self.current = np.full((robots, arrays.n_arcs + 1), arrays.base, np.int32)
-        self.best = self.current.copy()
-        self.lengths, self.best_lengths = np.ones(robots, np.int64), np.ones(robots, np.int64)
-        self.figures = np.zeros(kernels.N_FIGURES)
-        self.figures[:4] = [arrays.reward[arrays.base], robots] * 2
-        self.figures[kernels.BEST_SCORE] = self.score(self.figures[:2])
-        self.figures[kernels.TEMPERATURE] = temperature
-        self.states = seed_states(np.random.default_rng(seed), 1)
+        random = seed_states(np.random.default_rng(seed), 1)
+        detours = self.options["detours"]
+        self.state = new_state(mission.arrays, mission.robots, random, detours=detours)
+        self.state.temperature[0] = temperature
+        self.best.score[0] = self.score(self.best.objectives)
+        self.records = new_records(mission.robots, 2_000, 100_000)
+
+    @property
+    def best(self):
+        return self.state.best
 
     def start(self, trails):
         for robot, trail in enumerate(trails):
-            for rows, lengths in ((self.current, self.lengths), (self.best, self.best_lengths)):
-                rows[robot, : len(trail)], lengths[robot] = trail, len(trail)
-        self.figures[:4] = self.mission.evaluate([TrailPlan(trails)]).tolist()[0] * 2
-        self.figures[kernels.BEST_SCORE] = self.score(self.figures[:2])
+            self.best.nodes[robot, : len(trail)], self.best.lengths[robot] = trail, len(trail)
+        self.best.objectives[:] = self.mission.evaluate([TrailPlan(trails)])[0]
+        self.best.score[0] = self.score(self.best.objectives)
+        self.state.to_best[0] = 1
 
     def score(self, objectives):
         mission, weight = self.mission, self.weight
@@ -57,40 +62,46 @@ class Search:
         total = mission.total_reward or 1.0
         return weight * (reward / total) + (1 - weight) * (survivors / mission.robots)
 
-    def run(self, n_steps):
-        arrays, options = self.mission.arrays, self.options
-        nodes, offsets, objectives = kernels.anneal(
-            arrays.first,
-            arrays.head,
-            arrays.survival,
-            arrays.reward,
-            arrays.base,
-            options["floor"],
-            options["kinds"],
-            200,
-            options["every_robot"],
-            self.mission.total_reward or 1.0,
-            self.weight,
-            options["cooling"],
-            options["returning"],
-            n_steps,
-            options["record"],
-            self.current,
-            self.lengths,
-            self.best,
-            self.best_lengths,
-            self.figures,
-            self.states,
+    def steps(self, n_steps):
+        """Let the kernel make steps; gives what it gives."""
+        options = self.options
+        rule = AnnealRule(
+            moves=MoveRule(options["kinds"], 200, options["every_robot"], options["floor"]),
+            record=options["record"],
+            total_reward=self.mission.total_reward or 1.0,
+            weight=self.weight,
+            cooling=options["cooling"],
+            return_probability=options["returning"],
         )
-        return PlanBatch(nodes, offsets, self.mission.robots), objectives
+        return anneal(self.mission.arrays, rule, self.state, self.records, n_steps)
+
+    def recorded(self):
+        """Give the plans recorded so far, and forget them."""
+        robots, n = self.mission.robots, int(self.records.n_plans[0])
+        self.records.n_plans[0] = 0
+        offsets = self.records.offsets[: n * robots + 1].copy()
+        nodes = self.records.nodes[: offsets[-1]].copy()
+        return PlanBatch(nodes, offsets, robots), self.records.objectives[:n].copy()
+
+    def run(self, n_steps):
+        assert self.steps(n_steps) == n_steps
+        return self.recorded()
+
+    @property
+    def objectives(self):
+        return (self.best if self.state.to_best[0] else self.state).objectives
 
     @property
     def trails(self):
-        return as_trails(self.current, self.lengths)
+        if self.state.to_best[0]:
+            return self.best_trails
+        walked, width = self.state.walked, self.mission.arrays.n_arcs + 1
+        rows = walked.nodes.reshape(-1, width)[self.state.here]
+        return as_trails(rows, walked.lengths[self.state.here])
 
     @property
     def best_trails(self):
-        return as_trails(self.best, self.best_lengths)
+        return as_trails(self.best.nodes, self.best.lengths)
 
 
 def as_trails(rows, lengths):
@@ -166,7 +177,7 @@ def test_searches_end_with_the_chances_of_the_twin(every_robot, cooling, returni
     counted = Counter()
     for _ in range(N_TIMES):
         search.start(START)
-        search.figures[kernels.TEMPERATURE] = rule["temperature"]
+        search.state.temperature[0] = rule["temperature"]
         search.run(N_STEPS)
         counted[alike(search.trails, search.best_trails)] += 1
     agree(counted, chances_after(rule), N_TIMES)
@@ -199,7 +210,7 @@ def test_the_twin_tells_rules_apart(change):
 def test_cooling():
     search = Search(load_mission("art_museum"), temperature=0.2, cooling=0.95)
     search.run(40)
-    assert search.figures[kernels.TEMPERATURE] == pytest.approx(0.2 * 0.95**40, rel=1e-12)
+    assert search.state.temperature[0] == pytest.approx(0.2 * 0.95**40, rel=1e-12)
 
 
 def test_a_cold_search_climbs():
@@ -207,8 +218,8 @@ def test_a_cold_search_climbs():
     scores = []
     for _ in range(200):
         search.run(5)
-        scores.append(search.score(search.figures[:2]))
-        assert search.figures[kernels.BEST_SCORE] == pytest.approx(scores[-1], abs=1e-9)
+        scores.append(search.score(search.objectives))
+        assert search.best.score[0] == pytest.approx(scores[-1], abs=1e-9)
     assert scores == sorted(scores)
     assert scores[-1] > scores[0]
 
@@ -216,7 +227,7 @@ def test_a_cold_search_climbs():
 def test_a_hot_search_roams_and_remembers_its_best():
     search = Search(load_mission("art_museum"), temperature=10.0, weight=0.6)
     search.run(2_000)
-    assert search.score(search.figures[:2]) < search.figures[kernels.BEST_SCORE] - 0.05
+    assert search.score(search.objectives) < search.best.score[0] - 0.05
 
 
 @settings(max_examples=120)
@@ -244,7 +255,8 @@ def test_figures_and_records_are_those_of_evaluate(mission, every_robot, weight,
         at_hand = PlanBatch.from_plans(
             [mission.plan(search.trails), mission.plan(search.best_trails)], mission.robots
         )
-        assert search.figures[:4].tolist() == mission.evaluate(at_hand).ravel().tolist()
+        found = [search.objectives.tolist(), search.best.objectives.tolist()]
+        assert found == mission.evaluate(at_hand).tolist()
 
 
 @pytest.mark.parametrize("returning", [0.0, 0.05])
@@ -257,7 +269,9 @@ def test_steps_in_parts_are_the_same_steps(returning):
     parts = [searches[1].run(n) for n in (1,) * 20 + (7,) * 40]
     assert batch.nodes.tolist() == np.concatenate([part.nodes for part, _ in parts]).tolist()
     assert objectives.tolist() == np.concatenate([found for _, found in parts]).tolist()
-    assert searches[0].figures.tolist() == searches[1].figures.tolist()
+    assert searches[0].objectives.tolist() == searches[1].objectives.tolist()
+    assert searches[0].best.score == searches[1].best.score
+    assert searches[0].state.temperature == searches[1].state.temperature
     assert searches[0].trails == searches[1].trails
     assert searches[0].best_trails == searches[1].best_trails
 
@@ -272,7 +286,7 @@ def test_records_leave_out_only_what_is_dominated():
         _, objectives = search.run(1)
         recorded |= set(map(tuple, objectives.tolist()))
         n_recorded += len(objectives)
-        for pair in (search.figures[:2], search.figures[2:4]):
+        for pair in (search.objectives, search.best.objectives):
             assert any(r >= pair[0] and s >= pair[1] for r, s in recorded)
     assert 20 < n_recorded < 400
     searches = [
@@ -288,7 +302,7 @@ def test_rejected_plans_are_recorded_too():
     mission = load_mission("art_museum")
     search = Search(mission, seed=1, temperature=1e-12, weight=0.6)
     search.start([[0, 1, 20, 26, 25, 26, 20, 1, 0], [0], [0, 1, 2, 1, 0]])
-    score = search.score(search.figures[:2])
+    score = search.score(search.objectives)
     _, objectives = search.run(50)
     assert min(map(search.score, objectives)) < score - 0.001
 
@@ -305,7 +319,50 @@ def test_no_plan_leaves_the_floor(mission, floor, seed):
 
 def test_the_first_plan_evaluated_is_the_best_where_there_was_none():
     search = Search(load_mission("art_museum"), weight=0.0, kinds=PUBLISHED, every_robot=True)
-    search.figures[kernels.BEST_SCORE] = -np.inf
+    search.best.score[0] = -np.inf
     search.run(1)
     assert search.best_trails != ((0,),) * 3
-    assert search.figures[kernels.BEST_SURVIVORS] < 3
+    assert search.best.objectives[1] < 3
+
+
+@pytest.mark.parametrize("every_robot", [False, True])
+def test_a_search_that_comes_upon_a_detour_goes_on_with_scratch_for_it(every_robot):
+    """No step is lost or made twice, and no random number."""
+    mission = load_mission("toy")
+    kinds = np.array([1.0, 0, 0, 0, 0, 0, 0, 0, 0.02])
+    whole, lazy = (
+        Search(mission, seed=4, kinds=kinds, detours=detours, every_robot=every_robot)
+        for detours in (True, False)
+    )
+    batch, objectives = whole.run(200)
+    made = -1 - lazy.steps(200)
+    assert 0 < made < 200
+    moves = new_move_scratch(mission.arrays, detours=True)
+    lazy.state = lazy.state._replace(moves=moves)
+    assert lazy.steps(200 - made) == 200 - made
+    again, found = lazy.recorded()
+    assert again.nodes.tolist() == batch.nodes.tolist()
+    assert found.tolist() == objectives.tolist()
+    assert lazy.trails == whole.trails
+
+
+def test_a_search_stops_where_no_plan_can_be_recorded():
+    mission = load_mission("art_museum")
+    whole, parts = (
+        Search(mission, seed=2, temperature=0.01),
+        Search(mission, seed=2, temperature=0.01),
+    )
+    batch, objectives = whole.run(300)
+    parts.records = new_records(mission.robots, 3, 2_000)
+    n_steps, batches, found = 300, [], []
+    while n_steps:
+        made = parts.steps(n_steps)
+        assert 0 < made <= n_steps
+        n_steps -= made
+        recorded, values = parts.recorded()
+        assert len(recorded) <= 3
+        batches.append(recorded)
+        found += values.tolist()
+    assert len(batches) > 3
+    assert PlanBatch.concatenate(batches).nodes.tolist() == batch.nodes.tolist()
+    assert found == objectives.tolist()

@@ -10,7 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from botohe_moo.kernels.compile import kernel
+from botohe_moo.kernels.plans import change as changes
 from botohe_moo.kernels.plans import moves
+from botohe_moo.kernels.plans.change import MoveRule, change_plans
+from botohe_moo.kernels.plans.marks import mark_trail, new_move_scratch
+from botohe_moo.kernels.plans.ragged import read_trails
 from botohe_moo.kernels.rng import seed_states
 from botohe_moo.mission import Mission, load_mission
 from botohe_moo.trails import PlanBatch
@@ -183,7 +188,7 @@ TRAILS = [
 
 
 def buffer(mission, trail):
-    nodes = np.full(mission.arrays.n_arcs + 1, -7, np.int32)
+    nodes = np.full(mission.arrays.n_arcs + 1, -7)
     nodes[: len(trail)] = trail
     return nodes
 
@@ -195,39 +200,33 @@ def agree(counted, expected, n_times):
         assert abs(counted[outcome] - n_times * chance) <= 5 * spread + 3, outcome
 
 
+@kernel
+def move(graph, scratch, nodes, length, kind, states):
+    return moves.move_trail(graph, scratch, nodes, length, kind, states)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_one_move_has_the_outcomes_of_the_twin(kind):
     mission = crossroads()
-    arrays, n_times = mission.arrays, 3_000
+    graph, n_times = mission.arrays, 3_000
     states = seed_states(np.random.default_rng(1), 1)
-    used = np.full(arrays.n_arcs, -1, np.int64)
+    scratch = new_move_scratch(graph, detours=True)
     makeable = 0
-    for mark, trail in enumerate(TRAILS):
+    for trail in TRAILS:
         expected = Moves(mission).outcomes(kind, trail)
         assert sum(expected.values()) == pytest.approx(1)
         makeable += set(expected) != {None}
         counted = Counter()
-        moves.mark_trail(arrays.first, arrays.head, buffer(mission, trail), len(trail), used, mark)
-        marked = used == mark
+        mark_trail(graph, scratch, buffer(mission, trail), len(trail))
+        marked = scratch.used == scratch.mark
+        assert marked.sum() == len(trail) - 1
         for _ in range(n_times):
             nodes = buffer(mission, trail)
-            length = moves.move_trail(
-                arrays.first,
-                arrays.head,
-                arrays.survival,
-                arrays.base,
-                nodes,
-                len(trail),
-                KINDS[kind],
-                used,
-                mark,
-                states,
-                0,
-            )
+            length = move(graph, scratch, nodes, len(trail), KINDS[kind], states)
             if length == moves.CANNOT:
                 assert nodes.tolist() == buffer(mission, trail).tolist()
             counted[None if length == moves.CANNOT else tuple(nodes[:length].tolist())] += 1
-        assert np.array_equal(used == mark, marked)
+        assert np.array_equal(scratch.used == scratch.mark, marked)
         agree(counted, expected, n_times)
     assert makeable >= 2
 
@@ -244,28 +243,14 @@ def test_moves_are_drawn_again_until_one_can_be_made(trail, weights):
 
 
 def change(mission, batch, *, weights=PUBLISHED, every_robot=True, floor=0.0, seed=0, tries=1_000):
-    arrays = mission.arrays
-    states = seed_states(np.random.default_rng(seed), 2)
-    other = states[0].tolist()
+    states = seed_states(np.random.default_rng(seed), 1)
     for array in (batch.nodes, batch.offsets):
         array.setflags(write=False)
-    changed = moves.change_plans(
-        arrays.first,
-        arrays.head,
-        arrays.survival,
-        arrays.base,
-        floor,
-        weights,
-        tries,
-        every_robot,
-        batch.nodes,
-        batch.offsets,
-        batch.n_robots,
-        states,
-        1,
+    rule, given = (
+        MoveRule(weights, tries, every_robot, floor),
+        read_trails(batch.nodes, batch.offsets),
     )
-    assert states[0].tolist() == other
-    return changed
+    return change_plans(mission.arrays, rule, given, batch.n_robots, states)
 
 
 @settings(max_examples=150)
@@ -379,3 +364,24 @@ def test_no_plans():
     nodes, offsets = change(mission, mission.batch([]))
     assert nodes.tolist() == []
     assert offsets.tolist() == [0]
+
+
+@pytest.mark.parametrize("every_robot", [False, True])
+def test_plans_that_come_upon_a_detour_are_changed_as_they_would_be(monkeypatch, every_robot):
+    mission = load_mission("art_museum")
+    batch = mission.batch([mission.plan([[1, 2, 1], [1], [1, 2, 8, 2, 1]])] * 100)
+    weights = np.array([1, 0, 0, 0, 0, 0, 0, 0, 0.02])
+    made = []
+
+    def scratch(graph, *, detours):
+        made.append(detours)
+        return new_move_scratch(graph, detours=detours)
+
+    monkeypatch.setattr(changes, "new_move_scratch", scratch)
+    lazy = change(mission, batch, weights=weights, every_robot=every_robot)
+    assert made == [False, True]
+    monkeypatch.setattr(changes, "needs_detours", lambda _: True)
+    usual = change(mission, batch, weights=weights, every_robot=every_robot)
+    assert made == [False, True, True]
+    for one, other in zip(lazy, usual, strict=True):
+        assert one.tolist() == other.tolist()

@@ -136,10 +136,10 @@ class TestBudgets:
         # As plain Python, where somebody can watch the kernel.
         code = f"""
 from botohe_moo import Mission
-from botohe_moo.kernels.anneal.schedule import anneal
+from botohe_moo.kernels.anneal import schedule as anneal
 from tests.study.test_perform import make_task, performed
 
-n, appraise, evaluate = [0], anneal._appraise, Mission.evaluate
+n, appraise, evaluate = [0], anneal._evaluate, Mission.evaluate
 def watched(*arguments):
     n[0] += 1
     return appraise(*arguments)
@@ -147,7 +147,7 @@ def evaluated(mission, plans):
     F = evaluate(mission, plans)
     n[0] += len(F)
     return F
-anneal._appraise, Mission.evaluate = watched, evaluated
+anneal._evaluate, Mission.evaluate = watched, evaluated
 for budget in (1, 97, 331):
     n[0] = 0
     schedule = {{"schedule": {schedule!r}}}

@@ -2,38 +2,24 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from collections.abc import Iterable
-from itertools import pairwise
 from typing import Annotated, Any, Literal
 
-import numpy as np
 from pydantic import Field
 
 from botohe_moo._base.checks import ParameterError
-from botohe_moo._base.types import FloatArray, IntArray, ObjectArray, OffsetArray
+from botohe_moo._base.types import ObjectArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.ranges import Count, Positive, Probability
 from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies, generation_limit
-from botohe_moo.kernels.anneal import schedule as kernels
-from botohe_moo.kernels.rng import seed_states
 from botohe_moo.problem import BOTOHE
-from botohe_moo.trails import PlanBatch, TrailPlan
+from botohe_moo.search.annealing import Annealing, AnnealingSchedule
+from botohe_moo.trails import TrailPlan
 
 __all__ = ["SimulatedAnnealing"]
 
-# How likely each kind of move is to be drawn: the published ones, and our deletion of loops;
-# ``_kinds_of_moves`` adds detours.
-_PUBLISHED_KINDS = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.1, 0.0)
-_COOLED_KINDS = (*_PUBLISHED_KINDS[:-1], 0.1)
-_MAX_TRIES = 100  # draws, before a few detours are tried
-_WEIGHTS_A_PASS = 10  # at least, where generations are few
-_PUBLISHED_TEMPERATURE = 0.2
-_PUBLISHED_COOLING = 0.95
-# Where a kernel's figures hold E[R] and E[S] of the plan the search is at, and of the best one.
-HERE = slice(kernels.REWARD, kernels.SURVIVORS + 1)
-BEST = slice(kernels.BEST_REWARD, kernels.BEST_SURVIVORS + 1)
+SCHEDULES = ("cooled", "journal")
 
 
 class SimulatedAnnealing(ArchiveAlgorithm):
@@ -148,161 +134,40 @@ class SimulatedAnnealing(ArchiveAlgorithm):
 
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
         super()._setup(problem)
-        mission, arrays = problem.mission, problem.mission.arrays
-        shape = (mission.robots, arrays.n_arcs + 1)
-        # The plan the search is at, and the best one: trails in rows, and their lengths.
-        self._current: tuple[IntArray, OffsetArray] = (
-            np.full(shape, arrays.base, np.int32),
-            np.ones(mission.robots, np.int64),
+        schedule = AnnealingSchedule(
+            schedule=self.schedule,
+            initial_temperature=self.initial_temperature,
+            final_temperature=self.final_temperature,
+            n_weights=self.n_weights,
+            n_passes=self.n_passes,
+            return_probability=self.return_probability,
+            sweep_evaluations=self.sweep_evaluations,
+            steps_per_generation=self.steps_per_generation,
         )
-        self._best = (self._current[0].copy(), self._current[1].copy())
-        self._figures: FloatArray = np.zeros(kernels.N_FIGURES)
-        self._figures[BEST] = self._figures[HERE] = arrays.reward[arrays.base], mission.robots
-        self._states = seed_states(self.random_state, 1)
-        self._sweep = (0, 1, 0)  # its steps, weights, and passes through them
-        self._leg = self._steps_left = 0  # how often a weight has begun, and what is left of this
-        self._weight, self._cooling = 0.0, 1.0
-        shares = arrays.reward / (mission.total_reward or 1.0)
-        self._share = float(shares @ shares) or 1.0
-        self._kinds = self._kinds_of_moves()
-
-    def _kinds_of_moves(self) -> FloatArray:
-        """Detours are as likely as there are one-way arcs, which the other moves can hardly use."""
-        kinds = _PUBLISHED_KINDS if self.schedule == "journal" else _COOLED_KINDS
-        graph = self.problem.mission.graph
-        n_one_way = sum(not graph.has_edge(head, tail) for tail, head in graph.edges)
-        return np.array([*kinds, n_one_way / len(graph.edges)] if n_one_way else kinds)
+        self._search = Annealing(
+            problem.mission,
+            schedule,
+            min_survival=problem.planning_floor,
+            random_state=self.random_state,
+        )
 
     def _advance(self, **_: Any) -> None:
-        journal = self.schedule == "journal"
+        search, journal = self._search, self.schedule == "journal"
         if not journal and len(self.archive) == 0:
-            self._take_in(_batch(*self._best)[: self._n_left()])
+            self._take_in(search.best()[0][: self._n_left()])
         n_left = self._n_left()
         if n_left == 0:
             return
-        if self._steps_left == 0:
-            self._begin_weight(n_left)
-        n_steps = min(n_left, self._steps_left, self.steps_per_generation)
-        batch, objectives = self._anneal(n_steps)
+        if search.steps_left == 0:
+            search.begin_turn(
+                self.archive if not journal or self.sampling else None,
+                n_left if n_left < sys.maxsize else None,
+                generation_limit(self.termination),
+            )
+        n_steps = min(n_left, search.steps_left, self.steps_per_generation)
+        self.archive.absorb(*search.run(n_steps))
         self.evaluator.n_eval += n_steps
-        self._steps_left -= n_steps
-        if not journal:
-            self.archive.absorb(batch, objectives)
-        elif self._steps_left == 0:
-            self._archive_best()
 
     def _finalize(self) -> None:
-        if self.schedule == "journal" and self._steps_left > 0:  # ended by something else
-            self._archive_best()
-
-    def _archive_best(self) -> None:
-        self.archive.absorb(_batch(*self._best), self._figures[np.newaxis, BEST].copy())
-
-    def _begin_weight(self, n_left: int) -> None:
-        journal = self.schedule == "journal"
-        if self._leg == self._sweep[1] * self._sweep[2]:
-            self._plan_sweep(n_left)
-        self._weight, self._steps_left = self._plan_leg()
-        self._leg += 1
-        figures = self._figures
-        if not journal or self.sampling:
-            self._best_from_archive()
-        _copy(self._best, self._current)
-        figures[HERE] = figures[BEST]
-        if journal:
-            figures[kernels.BEST_SCORE] = -np.inf
-            figures[kernels.TEMPERATURE] = _PUBLISHED_TEMPERATURE
-            self._cooling = _PUBLISHED_COOLING
-            return
-        figures[kernels.BEST_SCORE] = self._scores(figures[np.newaxis, BEST])[0]
-        figures[kernels.TEMPERATURE] = self.initial_temperature * self._share
-        fall = self.final_temperature / self.initial_temperature
-        self._cooling = fall ** (1.0 / self._steps_left)
-
-    def _plan_sweep(self, n_left: int) -> None:
-        journal = self.schedule == "journal"
-        n_passes = 1 if journal else self.n_passes
-        generations = generation_limit(self.termination)
-        if n_left == sys.maxsize and generations < math.inf:
-            # A generation for each turn of a weight, as many as there will be.
-            n_generations = max(1, int(generations))
-            n_steps = n_generations * self.steps_per_generation
-            n_passes = min(n_passes, max(1, n_generations // _WEIGHTS_A_PASS))
-            usual = max(1, n_generations // n_passes)
-        else:
-            n_steps = n_left if n_left < sys.maxsize else self.sweep_evaluations
-            usual = math.isqrt(n_steps) if journal else max(1, round(n_steps ** (1 / 3)))
-        n_weights = min(self.n_weights or usual, n_steps)
-        n_passes = min(n_passes, n_steps // n_weights)
-        self._sweep = (n_steps, n_weights, n_passes)
-        self._leg = 0
-
-    def _plan_leg(self) -> tuple[float, int]:
-        """Give the weight whose turn it is, and its steps: they differ by one at most."""
-        n_steps, n_weights, n_passes = self._sweep
-        n_legs = n_weights * n_passes
-        downward, place = divmod(self._leg, n_weights)
-        if downward % 2:
-            place = n_weights - 1 - place
-        steps = n_steps * (self._leg + 1) // n_legs - n_steps * self._leg // n_legs
-        return place / (n_weights - 1) if n_weights > 1 else 0.5, steps
-
-    def _scores(self, objectives: FloatArray) -> FloatArray:
-        mission = self.problem.mission
-        rewards = objectives[:, 0] / (mission.total_reward or 1.0)
-        survivors = objectives[:, 1] / mission.robots
-        scores: FloatArray = self._weight * rewards + (1.0 - self._weight) * survivors
-        return scores
-
-    def _best_from_archive(self) -> None:
-        """Put the archive's best plan for the weight in the best one's place, if it is better."""
-        objectives = self.archive.objectives
-        scores = self._scores(np.vstack([self._figures[np.newaxis, BEST], objectives]))
-        row = int(np.argmax(scores)) - 1
-        if row < 0:
-            return
-        trails, lengths = self._best
-        plan = self.archive.plans[row]
-        for robot, (start, stop) in enumerate(pairwise(plan.offsets.tolist())):
-            lengths[robot] = stop - start
-            trails[robot, : stop - start] = plan.nodes[start:stop]
-        self._figures[BEST] = objectives[row]
-
-    def _anneal(self, n_steps: int) -> tuple[PlanBatch, FloatArray]:
-        mission, arrays = self.problem.mission, self.problem.mission.arrays
-        journal = self.schedule == "journal"
-        returning = 0.0 if journal else 0.003
-        if self.return_probability is not None:
-            returning = self.return_probability
-        nodes, offsets, objectives = kernels.anneal(
-            arrays.first,
-            arrays.head,
-            arrays.survival,
-            arrays.reward,
-            arrays.base,
-            self.problem.planning_floor,
-            self._kinds,
-            _MAX_TRIES,
-            journal,
-            mission.total_reward or 1.0,
-            self._weight,
-            self._cooling,
-            returning,
-            n_steps,
-            not journal,
-            *self._current,
-            *self._best,
-            self._figures,
-            self._states,
-        )
-        return PlanBatch._wrap(nodes, offsets, mission.robots), objectives
-
-
-def _batch(trails: IntArray, lengths: OffsetArray) -> PlanBatch:
-    nodes = np.concatenate([trail[:n] for trail, n in zip(trails, lengths, strict=True)])
-    offsets = np.concatenate([[0], np.cumsum(lengths)])
-    return PlanBatch._wrap(nodes, offsets, len(lengths))
-
-
-def _copy(source: tuple[IntArray, OffsetArray], target: tuple[IntArray, OffsetArray]) -> None:
-    target[0][...], target[1][...] = source
+        if self.schedule == "journal" and self._search.steps_left > 0:  # ended by something else
+            self.archive.absorb(*self._search.best())

@@ -11,7 +11,8 @@ from pymoo.core.crossover import Crossover
 from botohe_moo._base.types import ObjectArray, OffsetArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.ranges import Probability
-from botohe_moo.kernels.plans.vary import EXCHANGE, SPLICE, cross
+from botohe_moo.kernels.plans.ragged import read_trails
+from botohe_moo.kernels.plans.vary import EXCHANGE, N_PIECES, SPLICE, cross, join_pieces
 from botohe_moo.kernels.rng import draw_state
 from botohe_moo.operators.base import check_repair
 from botohe_moo.operators.repair import PlanRepair
@@ -58,26 +59,20 @@ class PlanCrossover(Crossover):
         **__: Any,
     ) -> ObjectArray:
         mission = problem.mission
-        parents, others = mission.batch(X[0]), mission.batch(X[1])
-        n_pairs, n_robots = len(parents), mission.robots
+        parents, n_pairs, n_robots = mission.batch(X), X.shape[1], mission.robots
         kinds = self._kinds(n_pairs, random_state)
         if n_robots == 1:
             kinds[:] = SPLICE  # there are no whole trails to share out
-        nodes = np.empty(len(parents.nodes) + len(others.nodes), np.int32)
-        offsets = np.empty(2 * n_pairs * n_robots + 1, np.int64)
+        pieces = np.zeros((2 * n_pairs * n_robots, N_PIECES, 2), np.int64)
         cross(
-            parents.nodes,
-            parents.offsets,
-            others.nodes,
-            others.offsets,
-            n_robots,
-            mission.arrays.n_nodes,
+            read_trails(parents.nodes, parents.offsets),
             kinds,
+            np.tile(np.arange(n_robots), (2, 1)),
+            np.zeros(mission.arrays.n_nodes, np.int64),
             draw_state(random_state),
-            nodes,
-            offsets,
+            pieces,
         )
-        drafts = PlanBatch._wrap(nodes, offsets, n_robots)
+        drafts = PlanBatch._wrap(*join_pieces(parents.nodes, pieces), n_robots)
         if self.n_offsprings == 1:
             drafts = drafts[::2]
         children = self.plan_repair.repair_batch(mission, drafts).to_array()

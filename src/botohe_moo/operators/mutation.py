@@ -13,8 +13,9 @@ from botohe_moo._base.checks import ParameterError, check_weights, quoted
 from botohe_moo._base.types import ObjectArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.ranges import Count, Probability
-from botohe_moo.kernels.plans import vary as kernels
-from botohe_moo.kernels.plans.moves import change_plans
+from botohe_moo.kernels.plans.change import MoveRule, change_plans
+from botohe_moo.kernels.plans.ragged import read_trails
+from botohe_moo.kernels.plans.vary import join_pieces, ruin, send_home, share, whole_trails
 from botohe_moo.kernels.rng import draw_state
 from botohe_moo.mission.model import Mission, PlanError
 from botohe_moo.operators.base import Mixture, check_repair
@@ -159,25 +160,12 @@ class TrailMoves(PlanMutation):
     def _draft(
         self, mission: Mission, plans: PlanBatch, random_state: np.random.Generator
     ) -> PlanBatch:
-        arrays = mission.arrays
         valid = mission.evaluate_drafts(plans)[1] == 0
         movable = plans if valid.all() else plans.take(valid)
-        nodes, offsets = change_plans(
-            arrays.first,
-            arrays.head,
-            arrays.survival,
-            arrays.base,
-            0.0,
-            self.weights,
-            self.max_tries,
-            self.every_robot,
-            movable.nodes,
-            movable.offsets,
-            movable.n_robots,
-            draw_state(random_state),
-            0,
-        )
-        moved = PlanBatch._wrap(nodes, offsets, plans.n_robots)
+        rule = MoveRule(self.weights, self.max_tries, self.every_robot, min_survival=0.0)
+        given, states = read_trails(movable.nodes, movable.offsets), draw_state(random_state)
+        trails = change_plans(mission.arrays, rule, given, plans.n_robots, states)
+        moved = PlanBatch._wrap(*trails, plans.n_robots)
         if valid.all():
             return moved
         order = np.argsort(np.concatenate([np.flatnonzero(valid), np.flatnonzero(~valid)]))
@@ -219,19 +207,12 @@ class RuinRecreate(PlanMutation):
     def _draft(
         self, mission: Mission, plans: PlanBatch, random_state: np.random.Generator
     ) -> PlanBatch:
-        nodes = np.empty(len(plans.nodes) + (self.max_via + 1) * len(plans), np.int32)
-        offsets = np.empty_like(plans.offsets)
-        size = kernels.ruin(
-            plans.nodes,
-            plans.offsets,
-            plans.n_robots,
-            mission.arrays.n_nodes,
-            self.max_via,
-            draw_state(random_state),
-            nodes,
-            offsets,
-        )
-        return PlanBatch._wrap(nodes[:size], offsets, plans.n_robots)
+        pieces = whole_trails(plans.offsets)
+        via = np.empty((len(plans), self.max_via), np.int32)
+        trails, states = read_trails(plans.nodes, plans.offsets), draw_state(random_state)
+        ruin(trails, plans.n_robots, mission.arrays.n_nodes, states, via, pieces)
+        nodes = np.concatenate([plans.nodes, via.ravel()])
+        return PlanBatch._wrap(*join_pieces(nodes, pieces), plans.n_robots)
 
 
 class SendHome(PlanMutation):
@@ -240,17 +221,11 @@ class SendHome(PlanMutation):
     def _draft(
         self, mission: Mission, plans: PlanBatch, random_state: np.random.Generator
     ) -> PlanBatch:
-        nodes, offsets = np.empty_like(plans.nodes), np.empty_like(plans.offsets)
-        size = kernels.send_home(
-            plans.nodes,
-            plans.offsets,
-            plans.n_robots,
-            mission.arrays.base,
-            draw_state(random_state),
-            nodes,
-            offsets,
-        )
-        return PlanBatch._wrap(nodes[:size], offsets, plans.n_robots)
+        pieces = whole_trails(plans.offsets)
+        trails, states = read_trails(plans.nodes, plans.offsets), draw_state(random_state)
+        send_home(trails, plans.n_robots, states, pieces)
+        nodes = np.append(plans.nodes, np.int32(mission.arrays.base))
+        return PlanBatch._wrap(*join_pieces(nodes, pieces), plans.n_robots)
 
 
 class ShareTrails(PlanMutation):
@@ -284,19 +259,12 @@ class ShareTrails(PlanMutation):
         plans: PlanBatch,
         random_state: np.random.Generator,
     ) -> PlanBatch:
-        # A trail that another robot takes over, too, is at most as long as all trails together.
-        nodes, offsets = np.empty(2 * len(plans.nodes), np.int32), np.empty_like(plans.offsets)
-        size = kernels.share(
-            plans.nodes,
-            plans.offsets,
-            plans.n_robots,
-            mission.arrays.n_nodes,
-            self.prob_copy,
-            draw_state(random_state),
-            nodes,
-            offsets,
-        )
-        return PlanBatch._wrap(nodes[:size], offsets, plans.n_robots)
+        if plans.n_robots == 1:
+            return plans
+        pieces, counts = whole_trails(plans.offsets), np.zeros(mission.arrays.n_nodes, np.int64)
+        trails, states = read_trails(plans.nodes, plans.offsets), draw_state(random_state)
+        share(trails, plans.n_robots, self.prob_copy, counts, states, pieces)
+        return PlanBatch._wrap(*join_pieces(plans.nodes, pieces), plans.n_robots)
 
 
 class MixedMutation(PlanMutation):

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 from pymoo.core.repair import Repair
 
-from botohe_moo._base.types import IntArray, ObjectArray, OffsetArray
-from botohe_moo.kernels.plans import repair as kernels
+from botohe_moo._base.types import ObjectArray, OffsetArray
+from botohe_moo.kernels.plans.ragged import read_trails
+from botohe_moo.kernels.plans.repair import SAFEST_PATH, TRUNCATE, repair
 from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import PlanBatch
@@ -58,7 +58,7 @@ class PlanRepair(Repair):
         What it has done so far; after a run to be read from ``result.algorithm.repair.counts``.
     """
 
-    _kernel: ClassVar[Callable[..., tuple[IntArray, int]] | None] = None
+    _kind: ClassVar[int | None] = None
 
     def __init__(self) -> None:
         super().__init__()
@@ -95,26 +95,11 @@ class PlanRepair(Repair):
         return repaired
 
     def _repair(self, mission: Mission, drafts: PlanBatch) -> tuple[PlanBatch, OffsetArray]:
-        if self._kernel is None:
+        if self._kind is None:
             return drafts, np.zeros(len(drafts.offsets) - 1, np.int64)
-        walk = mission.walk
-        offsets = np.empty(len(drafts.offsets), np.int64)
-        changes = np.empty(len(drafts.offsets) - 1, np.int64)
-        nodes, size = type(self)._kernel(  # type: ignore[misc]
-            walk.first,
-            walk.tail,
-            walk.head,
-            walk.cost,
-            walk.homeward,
-            walk.base,
-            walk.balanced,
-            drafts.nodes,
-            drafts.offsets,
-            np.empty(2 * len(drafts.nodes), np.int32),
-            offsets,
-            changes,
-        )
-        return PlanBatch._wrap(nodes[:size].copy(), offsets, drafts.n_robots), changes
+        given = read_trails(drafts.nodes, drafts.offsets)
+        nodes, offsets, changes = repair(mission.arrays, self._kind, given)
+        return PlanBatch._wrap(nodes, offsets, drafts.n_robots), changes
 
     def _do(self, problem: BOTOHE, X: ObjectArray, **_: Any) -> ObjectArray:
         return self.repair_batch(problem.mission, problem.mission.batch(X)).to_array()
@@ -137,7 +122,7 @@ class SafestPathRepair(PlanRepair):
     TrailPlan([[0, 1, 3, 4, 3, 1, 0], [0, 1, 0]])
     """
 
-    _kernel = staticmethod(kernels.repair_safest)
+    _kind = SAFEST_PATH
 
 
 class TruncateRepair(PlanRepair):
@@ -147,7 +132,7 @@ class TruncateRepair(PlanRepair):
     arcs it has not taken.
     """
 
-    _kernel = staticmethod(kernels.repair_truncate)
+    _kind = TRUNCATE
 
 
 class PenaltyOnly(PlanRepair):

@@ -8,8 +8,9 @@ from typing import NamedTuple
 import networkx as nx
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
+from botohe_moo._base.types import FloatArray, OffsetArray, SeedArray
 from botohe_moo.kernels.plans import simulate as kernels
+from botohe_moo.kernels.plans.ragged import Trails, read_trails
 from botohe_moo.mission import Mission
 from botohe_moo.outcomes.distribution import ROUNDING
 from botohe_moo.trails import TrailPlan
@@ -23,17 +24,16 @@ class Followed(NamedTuple):
     ``alive`` is the probability to reach it; ``pays`` its node's reward, 0 after the first visit.
     """
 
-    nodes: IntArray
-    offsets: OffsetArray
+    trails: Trails
     alive: FloatArray
     pays: FloatArray
 
 
 def follow(mission: Mission, plan: TrailPlan) -> Followed:
     """Follow the trails of a valid plan."""
-    arrays, n_positions = mission.arrays, len(plan.nodes)
-    followed = Followed(plan.nodes, plan.offsets, np.empty(n_positions), np.empty(n_positions))
-    kernels.follow(arrays.first, arrays.head, arrays.survival, arrays.reward, *followed)
+    alive, pays = np.empty((2, len(plan.nodes)))
+    followed = Followed(read_trails(plan.nodes, plan.offsets), alive, pays)
+    kernels.follow(mission.arrays, *followed)
     return followed
 
 
@@ -68,7 +68,7 @@ def merged(
 
 def join_robots(reward: FloatArray, followed: Followed, max_outcomes: int) -> States:
     """Compute the outcomes of all robots exactly; see ``reward_distribution``."""
-    nodes, offsets, alive, pays = followed
+    (nodes, offsets), alive, pays = followed
     certain = np.unique(nodes[(alive == 1) & (pays > 0)])
     uncertain = (pays > 0) & (alive > 0) & ~np.isin(nodes, certain)
     sharing: nx.Graph[int] = nx.Graph()
@@ -99,9 +99,9 @@ def _join_group(
 
     Also returns what is left of ``max_outcomes``.
     """
-    table = np.unique(followed.nodes[np.concatenate(chains)])
+    table = np.unique(followed.trails.nodes[np.concatenate(chains)])
     masks = np.zeros((len(chains) + 1, (len(table) + 63) // 64), np.uint64)
-    bits = [np.searchsorted(table, followed.nodes[chain]) for chain in chains]
+    bits = [np.searchsorted(table, followed.trails.nodes[chain]) for chain in chains]
     for mask, bit in zip(masks, bits, strict=False):
         np.bitwise_or.at(mask, bit // 64, np.uint64(1) << (bit % 64).astype(np.uint64))
     later = np.bitwise_or.accumulate(masks[::-1])[::-1]
@@ -110,7 +110,7 @@ def _join_group(
     for robot, chain in enumerate(chains):
         chances = -np.diff(np.concatenate([[1.0], followed.alive[chain], [0.0]]))
         max_outcomes = _spend(max_outcomes, len(states.values) * int((chances > 0).sum()))
-        gains = reward[followed.nodes[chain]]
+        gains = reward[followed.trails.nodes[chain]]
         values, probabilities, reached = kernels.join(*states, bits[robot], gains, chances)
         states = merged(values, probabilities, reached & later[robot + 1])
     return states, max_outcomes

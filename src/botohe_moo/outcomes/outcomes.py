@@ -260,5 +260,5 @@ def _play(
     nodes, offsets, alive, _ = follow(mission, plan)
     draws = np.random.default_rng(random_state).random((n_missions, plan.n_robots))
     hops, rewards = np.empty(draws.shape, np.int64), np.empty(n_missions)
-    kernels.play(mission.arrays.reward, nodes, offsets, alive, draws, hops, rewards)
+    kernels.play(mission.arrays.reward, trails, alive, draws, hops, rewards)
     return rewards, hops

@@ -1,271 +1,207 @@
-"""Valid closed trails out of arbitrary sequences of nodes."""
+"""Valid closed trails out of drafts: arbitrary sequences of integers."""
+
+from typing import NamedTuple
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
-from botohe_moo.kernels.colony.construct import leads_home
-from botohe_moo.kernels.compile import kernel
-from botohe_moo.kernels.graph.old_paths import safest_path, way_home
-from botohe_moo.kernels.plans.evaluate import find_arc
+from botohe_moo._base.types import IntArray, OffsetArray
+from botohe_moo.kernels.compile import helper, kernel
+from botohe_moo.kernels.graph.arcs import find_arc
+from botohe_moo.kernels.graph.graph import Graph
+from botohe_moo.kernels.graph.paths import Paths, leads_home, new_paths, safest_path, way_home
+from botohe_moo.kernels.plans.ragged import Trails, write_trails
+
+# The kinds of repairs.
+SAFEST_PATH = 0
+TRUNCATE = 1
 
 
-@kernel
-def _grown(array: IntArray, size: int) -> IntArray:
-    larger = np.empty(max(size, 2 * array.shape[0]), np.int32)
-    larger[: array.shape[0]] = array
-    return larger
+class RepairScratch(NamedTuple):
+    """Scratch of repairs.
+
+    Attributes
+    ----------
+    used, drafted
+        The last trail that used each arc, and the last draft that did (n_arcs).
+    paths
+        Scratch of searches for paths.
+    """
+
+    used: OffsetArray
+    drafted: OffsetArray
+    paths: Paths
 
 
-@kernel
-def _count_changes(
-    first: OffsetArray,
-    head: IntArray,
-    draft: IntArray,
-    start: int,
-    stop: int,
-    nodes: IntArray,
-    begin: int,
-    end: int,
-    drafted: OffsetArray,
-    trail: int,
+@helper
+def _take_path(graph: Graph, scratch: RepairScratch, n: int, out: Trails, size: int) -> int:
+    """Append the first ``n`` arcs of ``paths.path`` to a trail; give the new size."""
+    for i in range(n):
+        out.nodes[size + i] = graph.head[scratch.paths.path[i]]
+    return size + n
+
+
+@helper
+def _take_back(graph: Graph, scratch: RepairScratch, out: Trails, size: int) -> int:
+    """Take the last hop off a trail; give the new size."""
+    tail, head = out.nodes[size - 2], out.nodes[size - 1]
+    scratch.used[find_arc(graph, tail, head)] = -1
+    return size - 1
+
+
+@helper
+def _bridge_gaps(
+    graph: Graph, scratch: RepairScratch, drafts: Trails, trail: int, out: Trails, size: int
 ) -> int:
-    """Count the arcs that a repair added and the hops it dropped."""
-    n_nodes = first.shape[0] - 1
+    """Visit a draft's nodes in order, by safest paths where arcs are missing; give the new size."""
+    used, paths, nodes = scratch.used, scratch.paths, out.nodes
+    here = graph.base
+    for i in range(drafts.offsets[trail], drafts.offsets[trail + 1]):
+        there = drafts.nodes[i]
+        if there == here or there < 0 or there >= graph.reward.shape[0]:
+            continue
+        arc = find_arc(graph, here, there)
+        if arc >= 0 and used[arc] == trail:
+            while nodes[size - 1] != there or nodes[size - 2] != here:
+                size = _take_back(graph, scratch, out, size)
+            here = there
+            continue
+        n = 1
+        paths.path[0] = arc
+        if arc < 0:
+            n = safest_path(graph, paths, used, trail, here, there)
+        for j in range(n):
+            used[paths.path[j]] = trail
+        if n < 0:
+            continue
+        if not graph.balanced and not leads_home(graph, paths, used, trail, there):
+            for j in range(n):
+                used[paths.path[j]] = -1
+            continue
+        size = _take_path(graph, scratch, n, out, size)
+        here = there
+    return size
+
+
+@helper
+def _keep_prefix(
+    graph: Graph, scratch: RepairScratch, drafts: Trails, trail: int, out: Trails, size: int
+) -> int:
+    """Take the longest valid prefix of a draft from which a way leads home; give the new size."""
+    used, nodes = scratch.used, out.nodes
+    start, stop = drafts.offsets[trail], drafts.offsets[trail + 1]
+    if start == stop or drafts.nodes[start] != graph.base:
+        return size
+    here, homely = graph.base, size
+    for i in range(start + 1, stop):
+        there = drafts.nodes[i]
+        known = 0 <= there < graph.reward.shape[0]
+        arc = find_arc(graph, here, there) if known else -1
+        if arc < 0 or used[arc] == trail:
+            break
+        used[arc] = trail
+        nodes[size] = here = there
+        size += 1
+        if graph.balanced or leads_home(graph, scratch.paths, used, trail, here):
+            homely = size
+    while size > homely:
+        size = _take_back(graph, scratch, out, size)
+    return size
+
+
+@helper
+def _count_changes(
+    graph: Graph, drafted: OffsetArray, drafts: Trails, trail: int, out: Trails
+) -> int:
+    """Count the arcs that a repair added and the hops that it dropped."""
+    draft, nodes, n_nodes = drafts.nodes, out.nodes, graph.reward.shape[0]
+    start, stop = drafts.offsets[trail], drafts.offsets[trail + 1]
+    begin, end = out.offsets[trail], out.offsets[trail + 1]
     for i in range(start, stop - 1):
-        if 0 <= draft[i] < n_nodes and 0 <= draft[i + 1] < n_nodes:
-            arc = find_arc(first, head, draft[i], draft[i + 1])
+        tail, head = draft[i], draft[i + 1]
+        if 0 <= tail < n_nodes and 0 <= head < n_nodes:
+            arc = find_arc(graph, tail, head)
             if arc >= 0:
                 drafted[arc] = trail
     kept = 0
     for i in range(begin, end - 1):
-        kept += drafted[find_arc(first, head, nodes[i], nodes[i + 1])] == trail
-    hops = max(0, stop - start - 1)
-    changes = hops - kept + (end - begin - 1) - kept
+        arc = find_arc(graph, nodes[i], nodes[i + 1])
+        kept += drafted[arc] == trail
+    changes = int(max(0, stop - start - 1) - kept + (end - begin - 1) - kept)
     if changes == 0 and (stop == start or draft[start] != nodes[begin]):
         return 1  # a single node that is not the base, or none
     return changes
 
 
 @kernel
-def repair_safest(
-    first: OffsetArray,
-    tail: IntArray,
-    head: IntArray,
-    cost: FloatArray,
-    homeward: IntArray,
-    base: int,
-    balanced: bool,
-    draft: IntArray,
-    draft_offsets: OffsetArray,
-    nodes: IntArray,
-    offsets: OffsetArray,
+def _repair(
+    graph: Graph,
+    kind: int,
+    scratch: RepairScratch,
+    drafts: Trails,
+    n_done: int,
+    out: Trails,
     changes: OffsetArray,
-) -> tuple[IntArray, int]:
-    """Bridge every gap by the safest path over arcs that the trail has not used yet.
-
-    Nodes are taken in the order of the draft. A hop along an arc that the trail has used already
-    cuts off the loop in between. A node is left out that cannot be reached over unused arcs, or
-    from which, once the safest path leads there, none would lead home. At the end the trail takes
-    the safest way home.
+) -> int:
+    """Make valid trails out of drafts, as long as there is room to write them.
 
     Parameters
     ----------
-    first, tail, head, cost, homeward, base, balanced
-        The walk graph (see ``WalkGraph``).
-    draft, draft_offsets
-        Sequences of any integers, ragged.
-    nodes
-        Where to write; a larger array takes its place when it is full.
-    offsets
-        Output: where each trail begins in ``nodes``, and their length at the end.
+    graph
+        Where the trails have to lead.
+    kind
+        Which repair.
+    scratch
+        New, or used for the drafts before.
+    drafts
+        Sequences of any integers.
+    n_done
+        How many of them have been repaired before, into ``out``.
+    out
+        Output; as many offsets as ``drafts`` has, the first one 0.
     changes
         Output (n_trails): arcs added and hops dropped.
 
     Returns
     -------
-    tuple
-        The nodes of the trails one after another, and how many there are; the array may be longer.
+    int
+        How many have been repaired: fewer than all where the next trail, of up to n_arcs + 1
+        nodes, may find no room in ``out.nodes``.
     """
-    n_nodes, n_arcs = first.shape[0] - 1, head.shape[0]
-    used = np.full(n_arcs, -1, np.int64)
-    drafted = np.full(n_arcs, -1, np.int64)
-    met, distance = np.full(n_nodes, -1, np.int64), np.empty(n_nodes)
-    entry, path = np.empty(n_nodes, np.int32), np.empty(n_nodes, np.int32)
-    keys, held = np.empty(n_arcs + 1), np.empty(n_arcs + 1, np.int32)
-    stack = np.empty(n_nodes, np.int32)
-    search = size = 0
-    for trail in range(len(draft_offsets) - 1):
-        if size + n_arcs + 1 > nodes.shape[0]:
-            nodes = _grown(nodes, size + n_arcs + 1)
-        begin = size
-        offsets[trail] = begin
-        nodes[size] = base
-        size += 1
-        here = base
-        for i in range(draft_offsets[trail], draft_offsets[trail + 1]):
-            there = draft[i]
-            if there == here or there < 0 or there >= n_nodes:
-                continue
-            arc = find_arc(first, head, here, there)
-            if arc >= 0 and used[arc] == trail:
-                while nodes[size - 1] != there or nodes[size - 2] != here:
-                    size -= 1
-                    used[find_arc(first, head, nodes[size - 1], nodes[size])] = -1
-                here = there
-                continue
-            n = 1
-            path[0] = arc
-            if arc < 0:
-                search += 1
-                n = safest_path(
-                    first,
-                    tail,
-                    head,
-                    cost,
-                    used,
-                    trail,
-                    here,
-                    there,
-                    search,
-                    met,
-                    distance,
-                    entry,
-                    keys,
-                    held,
-                    path,
-                )
-            for j in range(n):
-                used[path[j]] = trail
-            if n > 0 and not balanced:
-                search += 1
-                if not leads_home(
-                    first, head, homeward, base, there, used, trail, met, search, stack
-                ):
-                    for j in range(n):
-                        used[path[j]] = -1
-                    continue
-            for j in range(n):
-                nodes[size] = head[path[j]]
-                size += 1
-                here = there
-        search += 1
-        n = way_home(
-            first,
-            tail,
-            head,
-            cost,
-            homeward,
-            base,
-            used,
-            trail,
-            here,
-            search,
-            met,
-            distance,
-            entry,
-            keys,
-            held,
-            path,
-        )
-        for j in range(n):
-            nodes[size] = head[path[j]]
-            size += 1
-        changes[trail] = _count_changes(
-            first,
-            head,
-            draft,
-            draft_offsets[trail],
-            draft_offsets[trail + 1],
-            nodes,
-            begin,
-            size,
-            drafted,
-            trail,
-        )
-    offsets[len(draft_offsets) - 1] = size
-    return nodes, size
+    for trail in range(n_done, changes.shape[0]):
+        size = out.offsets[trail]
+        if size + graph.head.shape[0] + 1 > out.nodes.shape[0]:
+            return trail
+        out.nodes[size] = graph.base
+        if kind == SAFEST_PATH:
+            size = _bridge_gaps(graph, scratch, drafts, trail, out, size + 1)
+        else:
+            size = _keep_prefix(graph, scratch, drafts, trail, out, size + 1)
+        here = out.nodes[size - 1]
+        n = way_home(graph, scratch.paths, scratch.used, trail, here)
+        out.offsets[trail + 1] = _take_path(graph, scratch, n, out, size)
+        changes[trail] = _count_changes(graph, scratch.drafted, drafts, trail, out)
+    return int(changes.shape[0])
 
 
-@kernel
-def repair_truncate(
-    first: OffsetArray,
-    tail: IntArray,
-    head: IntArray,
-    cost: FloatArray,
-    homeward: IntArray,
-    base: int,
-    balanced: bool,
-    draft: IntArray,
-    draft_offsets: OffsetArray,
-    nodes: IntArray,
-    offsets: OffsetArray,
-    changes: OffsetArray,
-) -> tuple[IntArray, int]:
-    """Keep the longest valid prefix of each draft and take the safest way home.
+def repair(graph: Graph, kind: int, drafts: Trails) -> tuple[IntArray, OffsetArray, OffsetArray]:
+    """Make valid trails out of drafts; give their nodes and offsets, and the changes of each.
 
-    Valid is what begins at base, takes arcs that there are, each once, and leaves a way home over
-    arcs it has not taken. Parameters and result are those of ``repair_safest``.
+    With ``SAFEST_PATH`` every gap is bridged by the safest path over arcs that the trail has not
+    used yet. Nodes are taken in the order of the draft. A hop along an arc that the trail has used
+    already cuts off the loop in between. A node is left out that cannot be reached over unused
+    arcs, or from which, once the safest path leads there, none would lead home.
+
+    With ``TRUNCATE`` the longest valid prefix of each draft is kept. Valid is what begins at base,
+    takes arcs that there are, each once, and leaves a way home over arcs it has not taken.
+
+    In the end either takes the safest way home. Changes are arcs added and hops dropped.
     """
-    n_nodes, n_arcs = first.shape[0] - 1, head.shape[0]
-    used = np.full(n_arcs, -1, np.int64)
-    drafted = np.full(n_arcs, -1, np.int64)
-    met, distance = np.full(n_nodes, -1, np.int64), np.empty(n_nodes)
-    entry, path = np.empty(n_nodes, np.int32), np.empty(n_nodes, np.int32)
-    keys, held = np.empty(n_arcs + 1), np.empty(n_arcs + 1, np.int32)
-    stack = np.empty(n_nodes, np.int32)
-    search = size = 0
-    for trail in range(len(draft_offsets) - 1):
-        if size + n_arcs + 1 > nodes.shape[0]:
-            nodes = _grown(nodes, size + n_arcs + 1)
-        start, stop = draft_offsets[trail], draft_offsets[trail + 1]
-        begin = size
-        offsets[trail] = begin
-        nodes[size] = base
-        size += 1
-        here = base
-        homely = size  # the longest prefix so far from which a way leads home
-        for i in range(start + 1, stop if stop > start and draft[start] == base else start):
-            there = draft[i]
-            known = 0 <= there < n_nodes and there != here  # the base's self-loop is no hop
-            arc = find_arc(first, head, here, there) if known else -1
-            if arc < 0 or used[arc] == trail:
-                break
-            used[arc] = trail
-            nodes[size] = here = there
-            size += 1
-            search += 1
-            if balanced or leads_home(
-                first, head, homeward, base, here, used, trail, met, search, stack
-            ):
-                homely = size
-        while size > homely:
-            size -= 1
-            used[find_arc(first, head, nodes[size - 1], nodes[size])] = -1
-        here = nodes[size - 1]
-        search += 1
-        n = way_home(
-            first,
-            tail,
-            head,
-            cost,
-            homeward,
-            base,
-            used,
-            trail,
-            here,
-            search,
-            met,
-            distance,
-            entry,
-            keys,
-            held,
-            path,
-        )
-        for j in range(n):
-            nodes[size] = head[path[j]]
-            size += 1
-        changes[trail] = _count_changes(
-            first, head, draft, start, stop, nodes, begin, size, drafted, trail
-        )
-    offsets[len(draft_offsets) - 1] = size
-    return nodes, size
+    used, n_trails = np.full(graph.n_arcs, -1, np.int64), len(drafts.offsets) - 1
+    scratch = RepairScratch(used, used.copy(), new_paths(graph))
+    changes = np.empty(n_trails, np.int64)
+    nodes, offsets = write_trails(
+        n_trails,
+        2 * len(drafts.nodes) + graph.n_arcs + 1,
+        lambda n_done, out: _repair(graph, kind, scratch, drafts, n_done, out, changes),
+    )
+    return nodes, offsets, changes

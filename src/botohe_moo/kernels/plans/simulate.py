@@ -2,57 +2,46 @@
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
+from botohe_moo._base.types import FloatArray, OffsetArray, SeedArray
 from botohe_moo.kernels.compile import kernel
-from botohe_moo.kernels.plans.evaluate import find_arc
+from botohe_moo.kernels.graph.arcs import find_arc
+from botohe_moo.kernels.graph.graph import Graph
+from botohe_moo.kernels.plans.ragged import Trails
 
 
 @kernel
-def follow(
-    first: OffsetArray,
-    head: IntArray,
-    survival: FloatArray,
-    reward: FloatArray,
-    nodes: IntArray,
-    offsets: OffsetArray,
-    alive: FloatArray,
-    pays: FloatArray,
-) -> None:
+def follow(graph: Graph, trails: Trails, alive: FloatArray, pays: FloatArray) -> None:
     """Write how likely each position of a valid plan's trails is reached, and what it may pay.
 
     Parameters
     ----------
-    first, head, survival
-        The arcs, grouped by tail node: offsets (n_nodes + 1), heads and survivals (n_arcs).
-    reward
-        Reward of every node (n_nodes).
-    nodes, offsets
-        The trails, ragged: trail k is ``nodes[offsets[k]:offsets[k + 1]]``.
+    graph, trails
+        Where the trails lead, and one plan's trails.
     alive
         Output (n_positions): product of the survivals along the trail up to each position.
     pays
         Output (n_positions): reward of the node where its trail visits it first, else 0.
     """
-    visited_by = np.full(reward.shape[0], -1, np.int64)
+    nodes, offsets = trails.nodes, trails.offsets
+    visited_by = np.full(graph.reward.shape[0], -1, np.int64)
     for trail in range(offsets.shape[0] - 1):
         start = offsets[trail]
         for i in range(start, offsets[trail + 1]):
             node = nodes[i]
             alive[i] = 1.0
             if i > start:
-                arc = find_arc(first, head, nodes[i - 1], node)
-                alive[i] = alive[i - 1] * survival[arc]
+                arc = find_arc(graph, nodes[i - 1], node)
+                alive[i] = alive[i - 1] * graph.survival[arc]
             pays[i] = 0.0
             if visited_by[node] != trail:
                 visited_by[node] = trail
-                pays[i] = reward[node]
+                pays[i] = graph.reward[node]
 
 
 @kernel
 def play(
     reward: FloatArray,
-    nodes: IntArray,
-    offsets: OffsetArray,
+    trails: Trails,
     alive: FloatArray,
     draws: FloatArray,
     hops: OffsetArray,
@@ -64,8 +53,8 @@ def play(
     ----------
     reward
         Reward of every node (n_nodes).
-    nodes, offsets, alive
-        The trails and how likely each of their positions is reached, from ``follow``.
+    trails, alive
+        One plan's trails, and how likely each of their positions is reached, from ``follow``.
     draws
         Uniform in [0, 1) (n_missions, n_robots).
     hops
@@ -74,6 +63,7 @@ def play(
         Output (n_missions): team rewards, each summed in the order of the nodes, so that the same
         nodes always bring the same floating-point number.
     """
+    nodes, offsets = trails.nodes, trails.offsets
     n_nodes = reward.shape[0]
     reached_in = np.full(n_nodes, -1, np.int64)
     for mission in range(draws.shape[0]):

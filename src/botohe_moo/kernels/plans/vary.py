@@ -1,86 +1,94 @@
-"""Drafts of new plans out of known ones: what crossover and mutation hand to a repair.
+"""Drafts of new plans out of pieces of known ones: what crossovers and mutations need to draw.
 
-A draft is any sequence of nodes per robot. Plans are ragged arrays as everywhere; each kernel
-draws from one state of random numbers, in the order of the plans.
+Kernels write which pieces of an array of nodes each trail of a draft is made of:
+``pieces[trail, i]`` are the beginning and the end of the i-th one, (0, 0) where there is none.
+Each kernel draws from one state of random numbers, in the order of the plans.
 """
 
 import numpy as np
 
 from botohe_moo._base.types import IntArray, OffsetArray, SeedArray
-from botohe_moo.kernels.compile import kernel
+from botohe_moo.kernels.compile import helper, kernel
+from botohe_moo.kernels.plans.ragged import Trails
 from botohe_moo.kernels.rng import uniform
 
-# Which crossover a mating gets.
+N_PIECES = 3
+
+# The kinds of crossovers that a pair of plans may get.
 EXCHANGE = 0
 SPLICE = 1
 
 
-@kernel
+def whole_trails(offsets: OffsetArray) -> OffsetArray:
+    """Give the pieces of drafts that are the plans as they are."""
+    pieces = np.zeros((len(offsets) - 1, N_PIECES, 2), np.int64)
+    pieces[:, 0, 0], pieces[:, 0, 1] = offsets[:-1], offsets[1:]
+    return pieces
+
+
+def join_pieces(nodes: IntArray, pieces: OffsetArray) -> tuple[IntArray, OffsetArray]:
+    """Write the drafts' nodes one after another; give them, and where each draft begins."""
+    starts, stops = pieces.reshape(-1, 2).T
+    lengths = stops - starts
+    ends = np.cumsum(lengths)
+    shift = np.repeat(starts - ends + lengths, lengths)
+    offsets = np.zeros(len(pieces) + 1, np.int64)
+    offsets[1:] = ends[N_PIECES - 1 :: N_PIECES]
+    return nodes[np.arange(len(shift)) + shift], offsets
+
+
+@helper
 def _below(states: SeedArray, n: int) -> int:
     """Draw an integer from 0 to n − 1."""
     return int(uniform(states, 0) * n)
 
 
-@kernel
-def _copy(source: IntArray, start: int, stop: int, target: IntArray, size: int) -> int:
-    """Append ``source[start:stop]``; give the new size."""
-    for i in range(start, stop):
-        target[size] = source[i]
-        size += 1
-    return size
-
-
-@kernel
+@helper
 def _shuffle(states: SeedArray, items: OffsetArray) -> None:
-    for i in range(len(items) - 1, 0, -1):
+    for i in range(items.shape[0] - 1, 0, -1):
         j = _below(states, i + 1)
         items[i], items[j] = items[j], items[i]
 
 
-@kernel
-def _shared_place(
-    states: SeedArray,
-    nodes: IntArray,
-    start: int,
-    stop: int,
-    others: IntArray,
-    other_start: int,
-    other_stop: int,
-    counts: OffsetArray,
+@helper
+def _draw_shared_place(
+    trails: Trails, one: int, other: int, counts: OffsetArray, states: SeedArray
 ) -> tuple[int, int]:
     """Draw a place inside each of two trails where both are at the same node.
 
     Uniform over the pairs of such places; (−1, −1) where there is none. ``counts`` is scratch
-    (n_nodes), zero before and after; nodes that are unknown are shared by nobody.
+    (n_nodes), zero before and after; nodes that are unknown are not shared.
     """
-    n_nodes = counts.shape[0]
-    for j in range(other_start + 1, other_stop - 1):
-        if 0 <= others[j] < n_nodes:
-            counts[others[j]] += 1
+    nodes, offsets, n_nodes = trails.nodes, trails.offsets, counts.shape[0]
+    start, stop = offsets[one] + 1, offsets[one + 1] - 1
+    other_start, other_stop = offsets[other] + 1, offsets[other + 1] - 1
+    for j in range(other_start, other_stop):
+        if 0 <= nodes[j] < n_nodes:
+            counts[nodes[j]] += 1
     n = 0
-    for i in range(start + 1, stop - 1):
+    for i in range(start, stop):
         if 0 <= nodes[i] < n_nodes:
             n += counts[nodes[i]]
-    one = other = -1
+    place = other_place = -1
     left = _below(states, n) if n > 0 else -1
-    for i in range(start + 1, stop - 1 if n > 0 else start):
+    for i in range(start, stop if n > 0 else start):
         here = counts[nodes[i]] if 0 <= nodes[i] < n_nodes else 0
         if left < here:
-            one = i
+            place = i
             break
         left -= here
-    for j in range(other_start + 1, other_stop - 1):
-        if 0 <= others[j] < n_nodes:
-            counts[others[j]] = 0
-        if one >= 0 and others[j] == nodes[one]:
+    for j in range(other_start, other_stop):
+        if 0 <= nodes[j] < n_nodes:
+            counts[nodes[j]] = 0
+        if place >= 0 and nodes[j] == nodes[place]:
             if left == 0:
-                other = j
+                other_place = j
             left -= 1
-    return one, other
+    return place, other_place
 
 
-@kernel
-def _draw_robot_out(states: SeedArray, offsets: OffsetArray, plan: int, n_robots: int) -> int:
+@helper
+def _draw_robot_out(offsets: OffsetArray, plan: int, n_robots: int, states: SeedArray) -> int:
     """Draw a robot that leaves the base, any robot where none does; give its trail."""
     n = 0
     for trail in range(plan * n_robots, (plan + 1) * n_robots):
@@ -96,241 +104,164 @@ def _draw_robot_out(states: SeedArray, offsets: OffsetArray, plan: int, n_robots
     return -1
 
 
+@helper
+def _copy_trail(offsets: OffsetArray, trail: int, pieces: OffsetArray, draft: int) -> None:
+    pieces[draft, 0, 0], pieces[draft, 0, 1] = offsets[trail], offsets[trail + 1]
+
+
+@helper
+def _continue_as(
+    pieces: OffsetArray, draft: int, start: int, cut: int, onward: int, stop: int
+) -> None:
+    """Let a draft be one trail up to a place, and then go on from another place."""
+    pieces[draft, 0, 0], pieces[draft, 0, 1] = start, cut
+    pieces[draft, 1, 0], pieces[draft, 1, 1] = onward, stop
+
+
 @kernel
 def cross(
-    nodes: IntArray,
-    offsets: OffsetArray,
-    others: IntArray,
-    other_offsets: OffsetArray,
-    n_robots: int,
-    n_nodes: int,
+    trails: Trails,
     kinds: OffsetArray,
+    orders: OffsetArray,
+    counts: OffsetArray,
     states: SeedArray,
-    drafts: IntArray,
-    draft_offsets: OffsetArray,
+    pieces: OffsetArray,
 ) -> None:
     """Draft two children of each pair of plans.
 
     Parameters
     ----------
-    nodes, offsets, others, other_offsets
-        The first and the second parents, ragged.
-    n_robots, n_nodes
-        Trails per plan; nodes of the mission.
+    trails
+        The plans: all first parents, then all second ones.
     kinds
         Of each pair: with ``EXCHANGE`` the children share out whole trails, a random part of
         those of one parent and the rest of the other's; with ``SPLICE`` one trail of each parent
         goes on as the other's from a node that both visit (where there is none the two trails
         change places).
+    orders, counts
+        Scratch: twice the numbers of the robots (2, n_robots), and zeros (n_nodes).
     states
         State of the random numbers (1, 2), advanced.
-    drafts, draft_offsets
-        Output: the children of pair m are the plans 2m and 2m + 1; as many nodes as all parents
-        have, and 2 · n_pairs · n_robots + 1 offsets.
+    pieces
+        Output, all 0 before: the children of pair m are the plans 2m and 2m + 1.
     """
-    order, other_order = np.arange(n_robots), np.arange(n_robots)
-    counts = np.zeros(n_nodes, np.int64)
-    size = at = 0
-    draft_offsets[0] = 0
-    for pair in range(len(kinds)):
-        one, other = pair * n_robots, pair * n_robots
+    offsets, n_pairs, n_robots = trails.offsets, kinds.shape[0], orders.shape[1]
+    for pair in range(n_pairs):
+        mine, others = pair * n_robots, (n_pairs + pair) * n_robots
+        child, other_child = 2 * mine, 2 * mine + n_robots
         if kinds[pair] == EXCHANGE:
-            _shuffle(states, order)
-            _shuffle(states, other_order)
+            _shuffle(states, orders[0])
+            _shuffle(states, orders[1])
             cut = 1 + _below(states, n_robots - 1)
-            for child in range(2):
-                for k in range(n_robots):
-                    if (k < cut) == (child == 0):
-                        t = one + order[k]
-                        size = _copy(nodes, offsets[t], offsets[t + 1], drafts, size)
-                    else:
-                        t = other + other_order[k]
-                        size = _copy(others, other_offsets[t], other_offsets[t + 1], drafts, size)
-                    at += 1
-                    draft_offsets[at] = size
+            for k in range(n_robots):
+                one, other = mine + orders[0, k], others + orders[1, k]
+                if k >= cut:
+                    one, other = other, one
+                _copy_trail(offsets, one, pieces, child + k)
+                _copy_trail(offsets, other, pieces, other_child + k)
             continue
-        s = _draw_robot_out(states, offsets, pair, n_robots)
-        t = _draw_robot_out(states, other_offsets, pair, n_robots)
-        p, q = _shared_place(
-            states,
-            nodes,
-            offsets[s],
-            offsets[s + 1],
-            others,
-            other_offsets[t],
-            other_offsets[t + 1],
-            counts,
-        )
+        s = _draw_robot_out(offsets, pair, n_robots, states)
+        t = _draw_robot_out(offsets, n_pairs + pair, n_robots, states)
+        p, q = _draw_shared_place(trails, s, t, counts, states)
         if p < 0:
-            p, q = offsets[s], other_offsets[t]
-        for k in range(one, one + n_robots):
-            if k == s:
-                size = _copy(nodes, offsets[s], p, drafts, size)
-                size = _copy(others, q, other_offsets[t + 1], drafts, size)
-            else:
-                size = _copy(nodes, offsets[k], offsets[k + 1], drafts, size)
-            at += 1
-            draft_offsets[at] = size
-        for k in range(other, other + n_robots):
-            if k == t:
-                size = _copy(others, other_offsets[t], q, drafts, size)
-                size = _copy(nodes, p, offsets[s + 1], drafts, size)
-            else:
-                size = _copy(others, other_offsets[k], other_offsets[k + 1], drafts, size)
-            at += 1
-            draft_offsets[at] = size
+            p, q = offsets[s], offsets[t]
+        for k in range(n_robots):
+            _copy_trail(offsets, mine + k, pieces, child + k)
+            _copy_trail(offsets, others + k, pieces, other_child + k)
+        _continue_as(pieces, child + s - mine, offsets[s], p, q, offsets[t + 1])
+        _continue_as(pieces, other_child + t - others, offsets[t], q, p, offsets[s + 1])
 
 
 @kernel
 def ruin(
-    nodes: IntArray,
-    offsets: OffsetArray,
+    trails: Trails,
     n_robots: int,
     n_nodes: int,
-    max_via: int,
     states: SeedArray,
-    drafts: IntArray,
-    draft_offsets: OffsetArray,
-) -> int:
+    via: IntArray,
+    pieces: OffsetArray,
+) -> None:
     """Cut a random segment out of one trail of each plan, and put in nodes to visit instead.
 
     Parameters
     ----------
-    nodes, offsets, n_robots
-        The plans, ragged.
+    trails, n_robots
+        The plans, and trails per plan.
     n_nodes
         Nodes of the mission, every one of which may be put in.
-    max_via
-        How many nodes are put in at most; every number up to it is equally likely.
     states
-        State of the random numbers (1, 2), advanced.
-    drafts, draft_offsets
-        Output: as many nodes as the plans have and ``max_via`` + 1 more for each, and as many
-        offsets.
-
-    Returns
-    -------
-    int
-        How many nodes were written.
+        As for ``cross``.
+    via
+        Output (n_plans, max_via): what is put in. Every number of nodes is equally likely. The
+        pieces take these to lie behind the trails' nodes.
+    pieces
+        Output, the whole trails before.
     """
-    size = at = 0
-    draft_offsets[0] = 0
-    for plan in range((len(offsets) - 1) // n_robots):
-        chosen = plan * n_robots + _below(states, n_robots)
-        for trail in range(plan * n_robots, (plan + 1) * n_robots):
-            start, stop = offsets[trail], offsets[trail + 1]
-            if trail != chosen:
-                size = _copy(nodes, start, stop, drafts, size)
-            else:
-                low = start + _below(states, stop - start)
-                high = start + _below(states, stop - start)
-                low, high = min(low, high), max(low, high)
-                n_via = _below(states, max_via + 1)
-                if n_via == 0 and high - low < 2 and max_via > 0:
-                    n_via = 1  # or nothing would change
-                size = _copy(nodes, start, low + 1, drafts, size)
-                for _ in range(n_via):
-                    drafts[size] = _below(states, n_nodes)
-                    size += 1
-                # Without anything in between, a node does not follow itself.
-                size = _copy(nodes, high if n_via > 0 else max(high, low + 1), stop, drafts, size)
-            at += 1
-            draft_offsets[at] = size
-    return size
+    offsets, max_via = trails.offsets, via.shape[1]
+    for plan in range(via.shape[0]):
+        trail = plan * n_robots + _below(states, n_robots)
+        start, stop = offsets[trail], offsets[trail + 1]
+        one, other = _below(states, stop - start), _below(states, stop - start)
+        low, high = start + min(one, other), start + max(one, other)
+        n_via = _below(states, max_via + 1)
+        if n_via == 0 and high - low < 2 and max_via > 0:
+            n_via = 1  # or nothing would change
+        for i in range(n_via):
+            via[plan, i] = _below(states, n_nodes)
+        if n_via == 0:  # a node does not follow itself
+            high = max(high, low + 1)
+        behind = trails.nodes.shape[0] + plan * max_via
+        _continue_as(pieces, trail, start, low + 1, behind, behind + n_via)
+        pieces[trail, 2, 0], pieces[trail, 2, 1] = high, stop
 
 
 @kernel
-def send_home(
-    nodes: IntArray,
-    offsets: OffsetArray,
-    n_robots: int,
-    base: int,
-    states: SeedArray,
-    drafts: IntArray,
-    draft_offsets: OffsetArray,
-) -> int:
-    """Let one robot of each plan that leaves the base stay there; arguments as for ``ruin``."""
-    size = at = 0
-    draft_offsets[0] = 0
-    for plan in range((len(offsets) - 1) // n_robots):
-        chosen = _draw_robot_out(states, offsets, plan, n_robots)
-        for trail in range(plan * n_robots, (plan + 1) * n_robots):
-            if trail == chosen:
-                drafts[size] = base
-                size += 1
-            else:
-                size = _copy(nodes, offsets[trail], offsets[trail + 1], drafts, size)
-            at += 1
-            draft_offsets[at] = size
-    return size
+def send_home(trails: Trails, n_robots: int, states: SeedArray, pieces: OffsetArray) -> None:
+    """Let one robot of each plan that leaves the base stay there; arguments as for ``ruin``.
+
+    The pieces take the base to lie behind the trails' nodes.
+    """
+    behind = trails.nodes.shape[0]
+    for plan in range(pieces.shape[0] // n_robots):
+        trail = _draw_robot_out(trails.offsets, plan, n_robots, states)
+        pieces[trail, 0, 0], pieces[trail, 0, 1] = behind, behind + 1
 
 
 @kernel
 def share(
-    nodes: IntArray,
-    offsets: OffsetArray,
+    trails: Trails,
     n_robots: int,
-    n_nodes: int,
     prob_copy: float,
+    counts: OffsetArray,
     states: SeedArray,
-    drafts: IntArray,
-    draft_offsets: OffsetArray,
-) -> int:
+    pieces: OffsetArray,
+) -> None:
     """Let one robot of each plan take over another's trail, or two robots swap how they go on.
 
     They swap from a node that both visit, where there is none from any place of their trails.
 
     Parameters
     ----------
-    nodes, offsets, n_robots, n_nodes, states
-        As for ``ruin``.
+    trails, n_robots
+        The plans, and trails per plan, at least two.
+    counts, states
+        As for ``cross``.
     prob_copy
         Probability of taking over rather than swapping.
-    drafts, draft_offsets
-        Output: twice as many nodes as the plans have will do, and as many offsets.
-
-    Returns
-    -------
-    int
-        How many nodes were written.
+    pieces
+        Output, the whole trails before.
     """
-    counts = np.zeros(n_nodes, np.int64)
-    size = at = 0
-    draft_offsets[0] = 0
-    for plan in range((len(offsets) - 1) // n_robots):
-        one = other = -1
-        p = q = 0
-        if n_robots > 1:
-            one = _draw_robot_out(states, offsets, plan, n_robots)
-            other = plan * n_robots + _below(states, n_robots - 1)
-            other += other >= one
-            p, q = offsets[one], offsets[one]
-            if uniform(states, 0) >= prob_copy:
-                p, q = _shared_place(
-                    states,
-                    nodes,
-                    offsets[one],
-                    offsets[one + 1],
-                    nodes,
-                    offsets[other],
-                    offsets[other + 1],
-                    counts,
-                )
-                if p < 0:
-                    p = offsets[one] + _below(states, offsets[one + 1] - offsets[one])
-                    q = offsets[other] + _below(states, offsets[other + 1] - offsets[other])
-        copied = one >= 0 and p == offsets[one] and q == p
-        for trail in range(plan * n_robots, (plan + 1) * n_robots):
-            if trail == other and copied:
-                size = _copy(nodes, offsets[one], offsets[one + 1], drafts, size)
-            elif trail == one and not copied:
-                size = _copy(nodes, offsets[one], p, drafts, size)
-                size = _copy(nodes, q, offsets[other + 1], drafts, size)
-            elif trail == other:
-                size = _copy(nodes, offsets[other], q, drafts, size)
-                size = _copy(nodes, p, offsets[one + 1], drafts, size)
-            else:
-                size = _copy(nodes, offsets[trail], offsets[trail + 1], drafts, size)
-            at += 1
-            draft_offsets[at] = size
-    return size
+    offsets = trails.offsets
+    for plan in range(pieces.shape[0] // n_robots):
+        one = _draw_robot_out(offsets, plan, n_robots, states)
+        other = plan * n_robots + _below(states, n_robots - 1)
+        other += other >= one
+        if uniform(states, 0) < prob_copy:
+            _copy_trail(offsets, one, pieces, other)
+            continue
+        p, q = _draw_shared_place(trails, one, other, counts, states)
+        if p < 0:
+            p = offsets[one] + _below(states, offsets[one + 1] - offsets[one])
+            q = offsets[other] + _below(states, offsets[other + 1] - offsets[other])
+        _continue_as(pieces, one, offsets[one], p, q, offsets[other + 1])
+        _continue_as(pieces, other, offsets[other], q, p, offsets[one + 1])

@@ -1,0 +1,196 @@
+"""Change trails by moves, drawn until one can be made."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
+from botohe_moo.kernels.compile import helper, kernel
+from botohe_moo.kernels.graph.arcs import find_arc
+from botohe_moo.kernels.graph.graph import Graph
+from botohe_moo.kernels.plans.marks import (
+    CANNOT,
+    NO_PATHS,
+    MoveScratch,
+    mark_trail,
+    new_move_scratch,
+)
+from botohe_moo.kernels.plans.moves import DETOUR, move_trail
+from botohe_moo.kernels.plans.ragged import Trails, write_trails
+from botohe_moo.kernels.rng import uniform
+
+# How many detours are tried where none of the moves drawn could be made.
+_LAST_TRIES = 10
+
+
+class MoveRule(NamedTuple):
+    """How trails are changed.
+
+    Attributes
+    ----------
+    weights
+        How likely each kind of move is to be drawn, relative (up to ``N_KINDS``; those left out
+        are not drawn).
+    max_tries
+        How often to draw, before a few detours are tried.
+    every_robot
+        Whether every trail of a plan is changed, rather than one drawn uniformly.
+    min_survival
+        Survival floor, which trails keep; 0 sets none.
+    """
+
+    weights: FloatArray
+    max_tries: int
+    every_robot: bool
+    min_survival: float
+
+
+@helper
+def _draw_kind(weights: FloatArray, states: SeedArray) -> int:
+    """Draw a kind of move, −1 where rounding has run past the last kind that may be drawn."""
+    n_kinds = weights.shape[0]
+    total = 0.0
+    for kind in range(n_kinds):
+        total += weights[kind]
+    left = uniform(states, 0) * total - weights[0]
+    kind = 0
+    while left >= 0.0 and kind < n_kinds - 1:
+        kind += 1
+        left -= weights[kind]
+    return kind if weights[kind] > 0.0 else -1
+
+
+@helper
+def survive_trail(graph: Graph, nodes: OffsetArray, length: int) -> float:
+    """Multiply the survivals along a trail, in the order and with the bits of ``evaluate``."""
+    alive = 1.0
+    for i in range(length - 1):
+        alive *= graph.survival[find_arc(graph, nodes[i], nodes[i + 1])]
+    return alive
+
+
+@helper
+def change_trail(
+    graph: Graph,
+    rule: MoveRule,
+    scratch: MoveScratch,
+    nodes: OffsetArray,
+    length: int,
+    states: SeedArray,
+) -> int:
+    """Make one move, in place, of a kind drawn with given weights.
+
+    Drawn again, kind and all, when it cannot be made, or would leave the robot a lesser chance to
+    survive than the floor. Where none could be made, a few detours are tried. Parameters are those
+    of ``move_trail``, but no arc needs to be marked.
+
+    Returns
+    -------
+    int
+        The trail's new length; ``CANNOT`` where no draw could be made, ``NO_PATHS`` where a detour
+        was drawn for which there is no scratch: nothing has changed.
+    """
+    mark_trail(graph, scratch, nodes, length)
+    for attempt in range(rule.max_tries + _LAST_TRIES):
+        kind = _draw_kind(rule.weights, states) if attempt < rule.max_tries else DETOUR
+        if kind < 0:
+            continue
+        if rule.min_survival > 0.0:
+            for i in range(length):
+                scratch.spare[i] = nodes[i]
+        changed = move_trail(graph, scratch, nodes, length, kind, states)
+        if changed == CANNOT:
+            continue
+        if changed == NO_PATHS:
+            return NO_PATHS
+        if rule.min_survival <= 0.0 or survive_trail(graph, nodes, changed) >= rule.min_survival:
+            return changed
+        for i in range(length):
+            nodes[i] = scratch.spare[i]
+    return CANNOT
+
+
+@kernel
+def _change_plans(
+    graph: Graph,
+    rule: MoveRule,
+    scratch: MoveScratch,
+    plans: Trails,
+    n_robots: int,
+    states: SeedArray,
+    n_done: int,
+    out: Trails,
+) -> int:
+    """Change one trail, or every trail, of plans by one move, while there is room to write them.
+
+    Parameters
+    ----------
+    graph, rule, scratch
+        Where and how; a trail with which no draw can be made stays as it is.
+    plans, n_robots
+        Valid plans, and trails per plan.
+    states
+        State of the random numbers (1, 2), advanced.
+    n_done
+        How many trails have been written before: those of whole plans.
+    out
+        Output; as many offsets as ``plans`` has, the first one 0.
+
+    Returns
+    -------
+    int
+        How many trails have been written; −1 less that where the next plan needs scratch for
+        detours.
+    """
+    n_trails, room = plans.offsets.shape[0] - 1, graph.head.shape[0] + 1
+    trail_nodes = np.empty(room, np.int64)
+    for first in range(n_done, n_trails, n_robots):
+        size = out.offsets[first]
+        needed = plans.offsets[first + n_robots] - plans.offsets[first]
+        needed += room * n_robots if rule.every_robot else room
+        if size + needed > out.nodes.shape[0]:
+            return first
+        low, high = states[0, 0], states[0, 1]
+        chosen = -1 if rule.every_robot else first + int(uniform(states, 0) * n_robots)
+        for trail in range(first, first + n_robots):
+            start = plans.offsets[trail]
+            length = plans.offsets[trail + 1] - start
+            for i in range(length):
+                trail_nodes[i] = plans.nodes[start + i]
+            if rule.every_robot or trail == chosen:
+                changed = change_trail(graph, rule, scratch, trail_nodes, length, states)
+                if changed == NO_PATHS:
+                    states[0, 0], states[0, 1] = low, high
+                    return -1 - first
+                length = length if changed == CANNOT else changed
+            for i in range(length):
+                out.nodes[size + i] = trail_nodes[i]
+            size += length
+            out.offsets[trail + 1] = size
+    return int(n_trails)
+
+
+def needs_detours(graph: Graph) -> bool:
+    """Tell whether there are arcs without a reverse, which the other moves can hardly use."""
+    return bool((graph.reverse < 0).any())
+
+
+def change_plans(
+    graph: Graph, rule: MoveRule, plans: Trails, n_robots: int, states: SeedArray
+) -> tuple[IntArray, OffsetArray]:
+    """Change one trail, or every trail, of valid plans by one move; parameters as above.
+
+    Where arcs lead both ways detours are hardly ever needed: they compile when they are.
+    """
+    scratch = new_move_scratch(graph, detours=needs_detours(graph))
+
+    def write(n_done: int, out: Trails) -> int:
+        nonlocal scratch
+        n_done = _change_plans(graph, rule, scratch, plans, n_robots, states, n_done, out)
+        if n_done >= 0:
+            return n_done
+        scratch = new_move_scratch(graph, detours=True)
+        return int(_change_plans(graph, rule, scratch, plans, n_robots, states, -1 - n_done, out))
+
+    room = 2 * len(plans.nodes) + graph.n_arcs + 1
+    return write_trails(len(plans.offsets) - 1, room, write)

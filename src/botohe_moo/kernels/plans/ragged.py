@@ -1,0 +1,52 @@
+"""Ragged arrays: trails, or drafts of trails, one after another."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from botohe_moo._base.types import IntArray, OffsetArray
+
+
+class Trails(NamedTuple):
+    """Trail t is ``nodes[offsets[t]:offsets[t + 1]]``; a plan's trails follow one another.
+
+    Attributes
+    ----------
+    nodes
+        Indices of nodes, 64-bit as everywhere in kernels; where kernels write, there may be room
+        for more.
+    offsets
+        Where each trail begins, and the end of the last one (n_trails + 1).
+    """
+
+    nodes: OffsetArray
+    offsets: OffsetArray
+
+
+def read_trails(nodes: IntArray, offsets: OffsetArray) -> Trails:
+    """Hand trails to a kernel."""
+    return Trails(nodes.astype(np.int64), offsets)
+
+
+def write_trails(
+    n_trails: int, n_nodes: int, write: Callable[[int, Trails], int]
+) -> tuple[IntArray, OffsetArray]:
+    """Let a kernel write trails whose lengths are not known before.
+
+    Parameters
+    ----------
+    n_trails
+        How many trails.
+    n_nodes
+        Nodes to make room for at first, at least 1.
+    write
+        Is given how many trails it has written, and where to write; writes on while there is room,
+        and gives how many it has written then.
+    """
+    nodes, offsets = np.empty(n_nodes, np.int64), np.zeros(n_trails + 1, np.int64)
+    n_done = write(0, Trails(nodes, offsets))
+    while n_done < n_trails:
+        nodes = np.concatenate([nodes, np.empty_like(nodes)])
+        n_done = write(n_done, Trails(nodes, offsets))
+    return nodes[: offsets[-1]].astype(np.int32), offsets

@@ -1,0 +1,241 @@
+"""Simulated annealing of weighted sums, one weight after another: no pymoo."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+
+from botohe_moo._base.types import FloatArray
+from botohe_moo.kernels.anneal.schedule import anneal, score
+from botohe_moo.kernels.anneal.state import AnnealRule, AnnealState, new_records, new_state
+from botohe_moo.kernels.plans.change import MoveRule, needs_detours
+from botohe_moo.kernels.plans.marks import new_move_scratch
+from botohe_moo.kernels.rng import seed_states
+from botohe_moo.mission.model import Mission
+from botohe_moo.search.archive import PlanArchive
+from botohe_moo.trails import PlanBatch
+
+__all__ = ["Annealing", "AnnealingSchedule"]
+
+# How likely each kind of move is to be drawn: the published ones, and our deletion of loops;
+# ``kinds_of_moves`` adds detours.
+_PUBLISHED_KINDS = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.1, 0.0)
+_COOLED_KINDS = (*_PUBLISHED_KINDS[:-1], 0.1)
+_MAX_TRIES = 100  # draws, before a few detours are tried
+_WEIGHTS_A_PASS = 10  # at least, where generations are few
+_PUBLISHED_TEMPERATURE = 0.2
+_PUBLISHED_COOLING = 0.95
+_RECORDS = 1_000  # plans, and at first nodes of each, that a call of the kernel may record
+_NODES_EACH = 16
+
+
+@dataclass(frozen=True)
+class AnnealingSchedule:
+    """How weights follow one another; :class:`SimulatedAnnealing` documents the parameters."""
+
+    schedule: Literal["cooled", "journal"]
+    initial_temperature: float
+    final_temperature: float
+    n_weights: int | None
+    n_passes: int
+    return_probability: float | None
+    sweep_evaluations: int
+    steps_per_generation: int
+
+    @property
+    def journal(self) -> bool:
+        """Whether it is the published schedule."""
+        return self.schedule == "journal"
+
+
+class Annealing:
+    """A search that anneals one plan, for one weight after another.
+
+    Parameters
+    ----------
+    mission
+        What to plan for.
+    schedule
+        How weights follow one another.
+    min_survival
+        Survival floor of every robot; 0 sets none.
+    random_state
+        Where the search's own generator takes its seed from.
+
+    Attributes
+    ----------
+    weight
+        The weight on reward, in [0, 1], whose turn it is.
+    steps_left
+        Steps that are left of its turn.
+    """
+
+    def __init__(
+        self,
+        mission: Mission,
+        schedule: AnnealingSchedule,
+        *,
+        min_survival: float,
+        random_state: np.random.Generator,
+    ) -> None:
+        self.mission, self.schedule = mission, schedule
+        graph, random = mission.arrays, seed_states(random_state, 1)
+        # Without one-way arcs detours are hardly ever needed, and compile when they are.
+        detours = needs_detours(graph) or min_survival > 0.0
+        self.state: AnnealState = new_state(graph, mission.robots, random, detours=detours)
+        self._records = new_records(mission.robots, _RECORDS, _RECORDS * _NODES_EACH)
+        self._sweep = (0, 1, 0)  # its steps, weights, and passes through them
+        self._turn = self.steps_left = 0  # how many turns have begun, and what is left of this
+        self.weight = 0.0
+        rewards = graph.reward / (mission.total_reward or 1.0)
+        self._share = float(rewards @ rewards) or 1.0
+        returning = schedule.return_probability
+        if returning is None:
+            returning = 0.0 if schedule.journal else 0.003
+        self._rule = AnnealRule(
+            moves=MoveRule(self.kinds_of_moves(), _MAX_TRIES, schedule.journal, min_survival),
+            record=not schedule.journal,
+            total_reward=mission.total_reward or 1.0,
+            weight=0.0,
+            cooling=1.0,
+            return_probability=returning,
+        )
+
+    def kinds_of_moves(self) -> FloatArray:
+        """Detours are as likely as there are one-way arcs, which the other moves can hardly use."""
+        kinds = _PUBLISHED_KINDS if self.schedule.journal else _COOLED_KINDS
+        one_way = self.mission.arrays.reverse < 0
+        return np.array([*kinds, one_way.mean()] if one_way.any() else kinds)
+
+    def best(self) -> tuple[PlanBatch, FloatArray]:
+        """Give the best plan that has been evaluated for the weight, and its E[R] and E[S] (1, 2).
+
+        At first everybody is at base.
+        """
+        best = self.state.best
+        trails = [row[:n] for row, n in zip(best.nodes, best.lengths, strict=True)]
+        nodes = np.concatenate(trails).astype(np.int32)
+        offsets = np.concatenate([[0], np.cumsum(best.lengths)])
+        batch = PlanBatch._wrap(nodes, offsets, self.mission.robots)
+        return batch, best.objectives[np.newaxis].copy()
+
+    def begin_turn(
+        self, archive: PlanArchive | None, n_left: int | None, n_generations: float
+    ) -> None:
+        """Begin the turn of the next weight.
+
+        Parameters
+        ----------
+        archive
+            Plans to begin from, where one is better than the last weight's best plan.
+        n_left
+            Evaluations that are left, None where nothing limits them.
+        n_generations
+            Generations that there will be in all, or infinity.
+        """
+        schedule, state = self.schedule, self.state
+        if self._turn == self._sweep[1] * self._sweep[2]:
+            self._plan_sweep(n_left, n_generations)
+        self.weight, self.steps_left = self._plan_turn()
+        self._turn += 1
+        self._rule = self._rule._replace(weight=self.weight)
+        if archive is not None:
+            self.start_from(archive)
+        state.to_best[0] = 1
+        if schedule.journal:
+            state.best.score[0] = -np.inf
+            state.temperature[0] = _PUBLISHED_TEMPERATURE
+            cooling = _PUBLISHED_COOLING
+        else:
+            state.best.score[:] = self.scores(state.best.objectives[np.newaxis])
+            state.temperature[0] = schedule.initial_temperature * self._share
+            fall = schedule.final_temperature / schedule.initial_temperature
+            cooling = fall ** (1.0 / self.steps_left)
+        self._rule = self._rule._replace(cooling=cooling)
+
+    def _plan_sweep(self, n_left: int | None, n_generations: float) -> None:
+        schedule = self.schedule
+        n_passes = 1 if schedule.journal else schedule.n_passes
+        if n_left is None and n_generations < math.inf:
+            # A generation for each turn of a weight, as many as there will be.
+            n_turns = max(1, int(n_generations))
+            n_steps = n_turns * schedule.steps_per_generation
+            n_passes = min(n_passes, max(1, n_turns // _WEIGHTS_A_PASS))
+            usual = max(1, n_turns // n_passes)
+        else:
+            n_steps = schedule.sweep_evaluations if n_left is None else n_left
+            root = math.isqrt(n_steps) if schedule.journal else round(n_steps ** (1 / 3))
+            usual = max(1, root)
+        n_weights = min(schedule.n_weights or usual, n_steps)
+        n_passes = min(n_passes, n_steps // n_weights)
+        self._sweep = (n_steps, n_weights, n_passes)
+        self._turn = 0
+
+    def _plan_turn(self) -> tuple[float, int]:
+        """Give the weight whose turn it is, and its steps: they differ by one at most."""
+        n_steps, n_weights, n_passes = self._sweep
+        n_turns = n_weights * n_passes
+        downward, place = divmod(self._turn, n_weights)
+        if downward % 2:
+            place = n_weights - 1 - place
+        steps = n_steps * (self._turn + 1) // n_turns - n_steps * self._turn // n_turns
+        return place / (n_weights - 1) if n_weights > 1 else 0.5, steps
+
+    def scores(self, objectives: FloatArray) -> FloatArray:
+        """Give the scores of plans for the weight, from their E[R] and E[S] (n, 2)."""
+        return score(self._rule, self.mission.robots, objectives[:, 0], objectives[:, 1])
+
+    def start_from(self, archive: PlanArchive) -> None:
+        """Put the archive's best plan for the weight in the best one's place, if it is better."""
+        best, objectives = self.state.best, archive.objectives
+        row = int(np.argmax(self.scores(np.vstack([best.objectives, objectives])))) - 1
+        if row < 0:
+            return
+        plan = archive.plans[row]
+        for robot, (start, stop) in enumerate(pairwise(plan.offsets.tolist())):
+            best.lengths[robot] = stop - start
+            best.nodes[robot, : stop - start] = plan.nodes[start:stop]
+        best.objectives[:] = objectives[row]
+
+    def run(self, n_steps: int) -> tuple[PlanBatch, FloatArray]:
+        """Make steps of the weight's turn, each of which evaluates a plan.
+
+        Parameters
+        ----------
+        n_steps
+            How many, at most ``steps_left``.
+
+        Returns
+        -------
+        tuple
+            What may belong to the front, with E[R] and E[S] (n, 2): of the plans evaluated those
+            that the plans at hand did not dominate; with the journal's schedule the best plan when
+            the turn ends.
+        """
+        graph = self.mission.arrays
+        self.steps_left -= n_steps
+        batches, objectives = [], []
+        while n_steps > 0:
+            records = self._records
+            records.n_plans[0] = 0
+            n_made = anneal(graph, self._rule, self.state, records, n_steps)
+            if n_made < 0:
+                n_made = -1 - n_made
+                moves = new_move_scratch(graph, detours=True)
+                self.state = self.state._replace(moves=moves)
+            elif n_made < n_steps:
+                larger = np.empty(2 * len(records.nodes), np.int32)
+                self._records = records._replace(nodes=larger)
+            n_steps -= n_made
+            n_plans = records.n_plans[0]
+            offsets = records.offsets[: n_plans * self.mission.robots + 1].copy()
+            nodes = records.nodes[: offsets[-1]].copy()
+            batches.append(PlanBatch._wrap(nodes, offsets, self.mission.robots))
+            objectives.append(records.objectives[:n_plans].copy())
+        if self.schedule.journal and self.steps_left == 0:
+            return self.best()
+        return PlanBatch.concatenate(batches), np.concatenate(objectives)
