@@ -257,7 +257,7 @@ def _play(
     random_state: int | np.random.Generator | None,
 ) -> tuple[FloatArray, OffsetArray]:
     """Simulate rewards (n_missions) and the hops of each robot (n_missions, n_robots)."""
-    nodes, offsets, alive, _ = follow(mission, plan)
+    trails, alive, _ = follow(mission, plan)
     draws = np.random.default_rng(random_state).random((n_missions, plan.n_robots))
     hops, rewards = np.empty(draws.shape, np.int64), np.empty(n_missions)
     kernels.play(mission.arrays.reward, trails, alive, draws, hops, rewards)
