@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from botohe_moo.mission import MissionError, read_mission, save_mission
 from botohe_moo.mission.formats.nodelink import mission_content
-from botohe_moo.study.file.grid import mission_digest
+from botohe_moo.study.file.digest import mission_digest
 
 DATA = Path(__file__).parents[1] / "data"
 MISSIONS = Path(read_mission.__code__.co_filename).parent / "data"

@@ -18,7 +18,7 @@ from botohe_moo.study import (
     read_study,
     run_study,
 )
-from botohe_moo.study.store.store import Store
+from botohe_moo.study.store.folder import StudyFolder
 
 TIMES = ["seconds", "recording_seconds", "began", "environment"]
 BUDGET = {"evaluations": 60}
@@ -54,7 +54,7 @@ def copies(parts, tmp_path):
 
 def change(folder, changed, *, seed=2):
     """Write a run again, as ``changed`` makes its outcome."""
-    store, study = Store(folder), load_study(part([1, 2]))
+    store, study = StudyFolder(folder), load_study(part([1, 2]))
     run = next(r for r in study.runs() if r.seed == seed and r.algorithm.label == "random")
     store.save(run, changed(store.load(run)))
     return run

@@ -6,7 +6,7 @@ import pytest
 
 from botohe_moo.study.file.document import Document
 from botohe_moo.study.file.loading import load_study
-from botohe_moo.study.store.tables import StudyError
+from botohe_moo.study.file.model import StudyError
 
 RIGHT = "name: x\nmissions: [toy]\nalgorithms: [random]\nbudget: {evaluations: 100}\nseeds: 1\n"
 GRID = "\n  ants:\n    algorithm: bo-aco\n    grid:\n      n_ants: [10]\n      n_antz: [1]"

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from botohe_moo.study.file import document
 from botohe_moo.study.file.document import Document
 from botohe_moo.study.file.loading import load_study
-from botohe_moo.study.store.tables import StudyError
+from botohe_moo.study.file.model import StudyError
 
 ROOT = Path(__file__).parents[2]
 N_EXAMPLES = int(os.environ.get("BOTOHE_MUTATIONS", "25"))

@@ -20,15 +20,9 @@ from pathlib import Path
 
 import pytest
 
-from botohe_moo.study import (
-    StudyError,
-    cluster,
-    load_study,
-    make_tables,
-    read_study,
-    run_study,
-)
+from botohe_moo.study import StudyError, load_study, make_tables, read_study, run_study
 from botohe_moo.study.planning import make_task
+from botohe_moo.study.run import cluster
 from tests.study.test_perform import marked_processes
 from tests.study.test_runner import MADE, Watcher, assert_same, without_times
 
@@ -548,15 +542,15 @@ def test_a_result_that_died_with_its_worker(scheduler, hire):
         client.wait_for_workers(2, timeout=60)
         pids = client.run(os.getpid)
         [where] = [address for address, pid in pids.items() if pid == first.pid]
-        crew = cluster._Crew(client, scheduler, deque())
+        pool = cluster._Cluster(client, scheduler, deque())
         future = client.submit(pow, 2, 3, workers=[where], pure=False)
         future.result()
         first.kill()
-        crew._at_work[future] = task, where
+        pool._running[future] = task, where
         while future.status == "finished":
             time.sleep(0.1)
-        assert crew.take(future) is None
-        assert list(crew._waiting) == [task]
+        assert pool.take(future) is None
+        assert list(pool._waiting) == [task]
 
 
 def test_outcomes_of_all_that_killed_their_workers_are_given(tmp_path):
@@ -567,14 +561,14 @@ def test_outcomes_of_all_that_killed_their_workers_are_given(tmp_path):
             return {}
 
     tasks = [make_task(run) for run in load_study({**SMALL, "seeds": 2}).runs()]
-    crew = cluster._Crew(Nobody(), "nowhere", deque())
+    pool = cluster._Cluster(Nobody(), "nowhere", deque())
     for task in tasks:
         for _ in range(3):
-            crew._died(task)
-        crew._waiting.clear()
+            pool._died(task)
+        pool._waiting.clear()
     found = []
-    while crew.has_work:
-        found.append(crew.take(crew.ended.get()))
+    while pool.has_work:
+        found.append(pool.take(pool.ended.get()))
     assert [task for task, _ in found] == tasks
     assert {outcome.error for _, outcome in found} == {
         "3 Dask workers died while they performed it"
@@ -597,12 +591,12 @@ def test_workers_that_never_answer_are_complained_of(monkeypatch):
     monkeypatch.setattr(cluster, "_SECONDS_TO_ANSWER", 0.1)
     monkeypatch.setattr(cluster, "_SECONDS_WITHOUT_WORKERS", 0.1)
     task = make_task(load_study({**SMALL, "seeds": 1}).runs()[0])
-    crew = cluster._Crew(Silent(), "there", deque([task]))
-    crew.look_after()
+    pool = cluster._Cluster(Silent(), "there", deque([task]))
+    pool.update()
     assert not said
     for _ in range(10):
         time.sleep(0.05)
-        crew.look_after()
+        pool.update()
     [message] = said
     assert "no worker of the Dask cluster at there can perform runs" in message
 

@@ -76,7 +76,8 @@ def run(
     there.
     """
     from botohe_moo.cli.study_progress import ProgressWatcher
-    from botohe_moo.study.file.loading import load_study, study_folder
+    from botohe_moo.study.file.loading import load_study
+    from botohe_moo.study.file.model import study_folder
     from botohe_moo.study.runner import StudyInterrupted, run_study
 
     with failing():
@@ -134,12 +135,15 @@ def plan(file: FileArgument, out: OutOption = None, workers: WorkersOption = Non
     """List the runs, what is already there, and how long the rest will take."""
     from botohe_moo.cli.study_progress import showing_trials
     from botohe_moo.study.estimate import estimate_times, time_left
-    from botohe_moo.study.file.loading import load_study, study_folder
+    from botohe_moo.study.file.loading import load_study
+    from botohe_moo.study.file.model import study_folder
     from botohe_moo.study.planning import plan_study
+    from botohe_moo.study.store.folder import StudyFolder
 
     with failing():
         study = load_study(file, out=out)
-        folder = study_folder(study.name, out)
+        folder = StudyFolder(study_folder(study.name, out))
+        folder.check(study)
         planned = plan_study(study, folder)
     for fault in planned.damaged.values():
         say(f"{fault}; the run will be performed again.")
@@ -147,7 +151,7 @@ def plan(file: FileArgument, out: OutOption = None, workers: WorkersOption = Non
         estimates = list(estimate_times(planned, show))
     tell(_plan_table(estimates))
     n_there, n_runs = len(planned.finished), len(planned.runs)
-    tell(f"\n{n_runs} runs: {n_there} are there, {n_runs - n_there} to go, in {folder}")
+    tell(f"\n{n_runs} runs: {n_there} are there, {n_runs - n_there} to go, in {folder.path}")
     n_workers = _workers(workers)
     if waiting := [estimate for estimate in estimates if estimate.n_there < estimate.n_runs]:
         left = time_left(waiting, n_workers)
@@ -239,7 +243,7 @@ def _say_missing(tables: StudyTables) -> None:
 @study_app.command("report")
 def report(folder: FolderArgument) -> None:
     """Make the report: a page, figures and LaTeX tables."""
-    from botohe_moo.study.report.write import write_report
+    from botohe_moo.study.report.folder import write_report
     from botohe_moo.study.store.tables import read_study
 
     with failing():

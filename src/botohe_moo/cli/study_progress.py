@@ -15,7 +15,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from botohe_moo.study.file.grid import Run
+    from botohe_moo.study.file.model import Run
     from botohe_moo.study.planning import Plan
     from botohe_moo.study.run.task import Outcome, Record
 
@@ -29,11 +29,6 @@ _STEPS = 1_000  # of a run, so that the bar moves within one
 @contextmanager
 def showing_trials(say: Callable[[str], None]) -> Iterator[Callable[[str], None]]:
     """Show on standard error what is tried, in a line that changes, or now and then in one more.
-
-    Parameters
-    ----------
-    say
-        Says a line.
 
     Yields
     ------
@@ -60,13 +55,7 @@ def _trial(tried: str) -> str:
 
 
 class ProgressWatcher:
-    """Shows on standard error how a study gets on: a bar, or lines where there is no terminal.
-
-    Parameters
-    ----------
-    say
-        Says a line.
-    """
+    """Shows on standard error how a study gets on: a bar, or lines where there is no terminal."""
 
     def __init__(self, say: Callable[[str], None]) -> None:
         self._say = say
@@ -97,13 +86,7 @@ class ProgressWatcher:
                 self._bar.stop()
 
     def begin(self, plan: Plan) -> None:
-        """Say what is there already, and what is not.
-
-        Parameters
-        ----------
-        plan
-            The runs, and what is already there.
-        """
+        """Say what is there already, and what is not."""
         for fault in plan.damaged.values():
             self._say(f"{fault}; the run is performed again.")
         self._n_runs = len(plan.missing)
@@ -116,13 +99,7 @@ class ProgressWatcher:
             )
 
     def record(self, run: Run, record: Record) -> None:
-        """Note how far a run has come.
-
-        Parameters
-        ----------
-        run, record
-            The run and its front.
-        """
+        """Note how far a run has come."""
         budget = run.mission.budget
         shares = [
             spent / allowed
@@ -137,13 +114,7 @@ class ProgressWatcher:
             self._show()
 
     def end(self, run: Run, outcome: Outcome) -> None:
-        """Note that a run has ended.
-
-        Parameters
-        ----------
-        run, outcome
-            The run and how it ended.
-        """
+        """Note that a run has ended."""
         with self._lock:
             self._shares.pop(run.digest, None)
             self._n_ended += 1

@@ -87,11 +87,6 @@ def plot_front(
 def staircase(objectives: FloatArray) -> FloatArray:
     """Corners of the area between the origin and what at least one of the plans reaches.
 
-    Parameters
-    ----------
-    objectives
-        Shape (n_plans, 2), both columns to be maximised.
-
     Returns
     -------
     numpy.ndarray

@@ -43,10 +43,7 @@ def node_positions(mission: Mission) -> FloatArray:
     numpy.ndarray
         Shape (n_nodes, 2), in the order of ``mission.nodes``.
 
-    Raises
-    ------
-    ValueError
-        If a ``pos`` is not two finite numbers.
+    Raises a ValueError if a ``pos`` is not two finite numbers.
     """
     graph = mission.graph
     places = dict(graph.nodes(data="pos"))

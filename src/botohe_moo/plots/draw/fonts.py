@@ -63,11 +63,6 @@ def drawable(text: str) -> str:
     Letters that no font here has, and what cannot be seen, are given by their code points; so two
     texts still differ. White space of any kind becomes a space.
 
-    Parameters
-    ----------
-    text
-        A label or a title, as it was read.
-
     Examples
     --------
     >>> drawable("tab\there, bell\a")

@@ -27,11 +27,6 @@ _GLUE = "\x00"  # stands for a space that no line may be broken at
 def parsed_label(label: str) -> tuple[str, Pairs]:
     """Take a label of a grid apart, for display: the family, and its parameters with their values.
 
-    Parameters
-    ----------
-    label
-        As in a study; one that is not of a grid has no parameters.
-
     Examples
     --------
     >>> parsed_label("BO-ACO (n_ants=50, evaporation=0.1)")
@@ -51,11 +46,6 @@ def display_names(labels: Iterable[str]) -> dict[str, str]:
 
     What the members of a grid have in common is left out. No value is ever cut, and where two
     names would look alike, they are numbered.
-
-    Parameters
-    ----------
-    labels
-        All labels that are to be told apart.
 
     Examples
     --------
@@ -113,15 +103,6 @@ def columns(text: str) -> int:
 
 def wrapped(name: str, width: int = WIDTH, *, longest: int = UNBROKEN) -> str:
     """Break a name into lines, at spaces, and never within a value that has room on a line.
-
-    Parameters
-    ----------
-    name
-        Name of an algorithm, or a title.
-    width
-        Columns of a line, as far as words allow.
-    longest
-        Columns of a single word or value, which is broken only beyond.
 
     Examples
     --------

@@ -79,30 +79,12 @@ def progress_curves(
     The grid spans the records of all algorithms. An algorithm's curve begins where all of its runs
     have a record, and ends where the grid does.
 
-    Parameters
-    ----------
-    trace
-        As in ``plot_curves``.
-    x
-        As in ``plot_curves``; records at 0 seconds count as of the first moment after it.
-    value
-        As in ``plot_curves``; algorithms that have no such value are left out.
-    algorithms
-        As in ``plot_curves``.
-    band
-        As in ``plot_curves``.
-    n_points
-        Points of the grid.
-
     Returns
     -------
     dict
         A ``Curve`` for each label.
 
-    Raises
-    ------
-    ValueError
-        As ``plot_curves``.
+    Raises a ValueError as ``plot_curves`` does.
     """
     for name, given, kind in (("x", x, Progress), ("value", value, Value), ("band", band, Band)):
         if given not in get_args(kind):
@@ -124,19 +106,7 @@ def records_of(
 ) -> dict[str, list[FloatArray]]:
     """Give the records of every run, pairs of x and value, for each label that has any, by seed.
 
-    Parameters
-    ----------
-    trace
-        As in ``plot_curves``.
-    x, value
-        As in ``plot_curves``.
-    labels
-        Labels of algorithms.
-
-    Raises
-    ------
-    ValueError
-        If an ``x`` is negative or not finite.
+    Raises a ValueError if an ``x`` is negative or not finite.
     """
     number = {label: i for i, label in enumerate(labels)}
     owner = trace["algorithm"].map(number).to_numpy(float, na_value=np.nan)
