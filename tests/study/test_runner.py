@@ -351,14 +351,15 @@ class TestTables:
         """Of the folder alone: no code is called, and no file outside of it is read."""
         (tmp_path / "elsewhere").mkdir()
         (tmp_path / "elsewhere" / "mine_for_a_while.py").write_text(
-            "from botohe_moo import BOACO as Ants, load_mission\n"
+            "from botohe_moo import load_mission\n"
+            "from botohe_moo.algorithms.random_trails import RandomTrails as Ants\n"
         )
         save_mission(load_mission("toy"), tmp_path / "elsewhere" / "site.json")
         monkeypatch.syspath_prepend(tmp_path / "elsewhere")
         source = study_of(
             missions={"site": {"mission": "site.json", "robots": 3}, "toy": "toy"},
             algorithms={
-                "mine": {"algorithm": "mine_for_a_while:Ants", "grid": {"evaporation": [0.1, 0.5]}},
+                "mine": {"algorithm": "mine_for_a_while:Ants", "grid": {"n_ants": [10, 20]}},
                 "random": "random",
             },
             recording={"at": [7]},
@@ -565,7 +566,8 @@ class TestAgain:
         assert set(tables.comparisons["other"]) == {"greedy"}
 
     def test_only_what_is_new_is_performed(self, small, tmp_path):
-        source = study_of(algorithms={"new": "bo-aco", "random": "random", "g": "greedy"}, seeds=3)
+        few = {"algorithm": "random", "parameters": {"n_ants": 20}}
+        source = study_of(algorithms={"new": few, "random": "random", "g": "greedy"}, seeds=3)
         tables, watcher = watched(source, small)
         assert sorted(watcher.performed) == [
             ("g", 3, "done"),
