@@ -383,6 +383,7 @@ def hire(scheduler, tmp_path):
 
     def start_worker(*flags, path=()):
         name = f"w{len(hired)}"
+        folders = (*path, ROOT) if "-S" in flags else (*path, ROOT, ROOT / "src")
         begin = "import sys; sys.path[:] = [p for p in sys.path if p] + eval(sys.argv.pop()); "
         work = "from distributed.cli.dask_worker import main; main()"
         hired.append(
@@ -394,7 +395,7 @@ def hire(scheduler, tmp_path):
                 ],
                 cwd=tmp_path,
                 stderr=subprocess.DEVNULL,
-                env={**os.environ, "PYTHONPATH": os.pathsep.join(map(str, (*path, ROOT)))},
+                env={**os.environ, "PYTHONPATH": os.pathsep.join(map(str, folders))},
             )
         )  # fmt: skip
         return hired[-1]

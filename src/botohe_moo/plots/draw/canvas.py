@@ -1,4 +1,4 @@
-"""A mission's graph on paper: where nodes lie, how large they are, and how arcs run."""
+"""Drawing a mission's graph: positions and sizes of nodes, and the course of arcs."""
 
 from __future__ import annotations
 
@@ -36,12 +36,7 @@ _STEPS = np.linspace(0, 1, 17)[None, :, None]
 
 
 def node_positions(mission: Mission) -> FloatArray:
-    """Give every node a place: its attribute ``pos``, or a reproducible layout if any lacks one.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (n_nodes, 2), in the order of ``mission.nodes``.
+    """Give positions (n_nodes, 2): attributes ``pos``, or a reproducible layout if any lacks one.
 
     Raises a ValueError if a ``pos`` is not two finite numbers.
     """
@@ -55,7 +50,7 @@ def node_positions(mission: Mission) -> FloatArray:
         else:
             places = nx.spring_layout(ties, seed=0, weight=None)
         xy = np.array([_point(node, places[node]) for node in mission.nodes])
-        # Pages are wider than high, and a layout has no up and down of its own.
+        # Pages are wider than high, and a layout may be turned.
         return xy[:, ::-1] if np.ptp(xy[:, 1]) > np.ptp(xy[:, 0]) else xy
     return np.array([_point(node, places[node]) for node in mission.nodes])
 
@@ -106,24 +101,12 @@ def add_colour_bar(ax: Axes, palette: Colormap, norm: Normalize, label: str, slo
 
 @dataclass(frozen=True)
 class Canvas:
-    """Axes whose scale is known, so that what is drawn in points fits what lies in data units.
+    """Axes whose scale is known, so that sizes in points fit distances in data units."""
 
-    Attributes
-    ----------
-    ax
-        Axes with limits, legend and colour bars in place.
-    xy
-        Positions of the nodes (n_nodes, 2).
-    scale
-        Points per data unit.
-    radius
-        Radius of a node in points.
-    """
-
-    ax: Axes
-    xy: FloatArray
-    scale: float
-    radius: float
+    ax: Axes  # with limits, legend and colour bars in place
+    xy: FloatArray  # positions of the nodes (n_nodes, 2)
+    scale: float  # points per data unit
+    radius: float  # of a node, in points
 
     @classmethod
     def measure(cls, ax: Axes, xy: FloatArray) -> Canvas:

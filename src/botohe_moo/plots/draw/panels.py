@@ -35,17 +35,9 @@ _FEW_POINTS = 20_000  # more are drawn as an image in vector files, too
 
 @dataclass(frozen=True)
 class AlgorithmAxes:
-    """The axes of each algorithm of a plot.
+    """The axes of each algorithm: the same, or each a panel with all others in grey."""
 
-    Attributes
-    ----------
-    of
-        Axes by label: the same for all, or each a panel with the lines of all others in grey.
-    in_panels
-        Which of the two.
-    """
-
-    of: dict[str, Axes]
+    of: dict[str, Axes]  # by label
     in_panels: bool
 
     @property
@@ -74,16 +66,8 @@ def open_algorithm_axes(
 ) -> AlgorithmAxes:
     """Take ``ax`` for all algorithms, or open a figure, with panels from ``MANY`` algorithms on.
 
-    Parameters
-    ----------
-    lines
-        Points (n, 2) of each algorithm's line, by label.
-    styles, ax
-        As the plots take them.
-    size, stretch
-        Inches of a single plot; it grows with the height of all names times ``stretch``.
-    names
-        Names of panels, if not those of the algorithms.
+    ``lines`` are the points (n, 2) of each algorithm's line, for the background of panels. A single
+    plot of ``size`` inches grows with the height of all names, times ``stretch``.
     """
     if ax is None and len(lines) >= MANY:
         panels = _open_panels(list(lines), styles, names)
@@ -100,7 +84,8 @@ def study_axes(
 ) -> list[Axes]:
     """Open a figure with ``n_rows`` axes under each other, each of ``width`` x ``height`` inches.
 
-    What is where is known beforehand, and so nothing has to be laid out.
+    All places are fixed, so no layout has to be computed. ``right`` are the inches right of the
+    axes. With ``share``, only the last axes show the numbers of their common horizontal axis.
     """
     left, below, above = 0.85, 0.6, 0.75
     between = 0.45 if share else 0.95
@@ -112,7 +97,7 @@ def study_axes(
             low = below + (n_rows - 1 - row) * (height + between)
             place = (left / full[0], low / full[1], width / full[0], height / full[1])
             ax = fig.add_axes(place, sharex=axes[0] if share and axes else None)
-            # Where names of axes stand is known, too; to find out takes longer than to draw them.
+            # The places of names are fixed, too: computing them takes longer than drawing.
             ax.xaxis.set_label_coords(0.5, -0.42 / height)
             ax.yaxis.set_label_coords(-0.6 / width, 0.5)
             axes.append(ax)
@@ -157,7 +142,7 @@ def _open_panels(
         lowest = place + n_columns >= len(labels)
         ax.tick_params(labelsize=8)
         ax.spines[["top", "right"]].set_visible(False)
-        # Numbers stand at the edges only; hundreds of ticks would take longer than all curves.
+        # Numbers only at the edges: hundreds of ticks would take longer to draw than all curves.
         ax.xaxis.set_visible(lowest)
         ax.yaxis.set_visible(column == 0)
         ax.annotate(
@@ -177,7 +162,7 @@ def _open_panels(
 
 def add_band(ax: Axes, points: FloatArray, colour: Colour, alpha: float) -> None:
     """Shade what ``points`` (n, 2) enclose."""
-    # Axes.fill would look at every segment to find its extent, one by one.
+    # Axes.fill would compute the extent segment by segment.
     band = PolyCollection(
         [points], facecolors=[colour], alpha=alpha, linewidths=0, zorder=1, gid="band"
     )

@@ -1,4 +1,4 @@
-"""Axes that the plots of a study share: logarithmic ones, labels at the ends of curves, titles."""
+"""Axes of a study's plots: logarithmic scales, labels at the ends of curves, titles."""
 
 from __future__ import annotations
 
@@ -188,12 +188,7 @@ def spread(
     """Move places in [0, 1] as little as needed so that they lie ``gap`` apart, in their order.
 
     The least sum of squared moves: neighbours that are too close share their mean (pool adjacent
-    violators). Where there is no room for all, they run over 1.
-
-    Returns
-    -------
-    numpy.ndarray
-        The places, in the order of ``wanted``.
+    violators). A ``gap`` may also be the height of each place. Without room for all, they exceed 1.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Empirical attainment: what share of an algorithm's runs reaches which rewards and survivors."""
+"""Empirical attainment: the share of runs that reach a reward and a number of survivors."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def _draw(ax: Axes, surfaces: Surfaces, style: AlgorithmStyle, name: str, n_runs
         markersize=5,
         markeredgecolor="white",
         markeredgewidth=0.5,
-        # Ends of stairs, not plans: a few are enough to tell the lines apart.
+        # Not plans: a few are enough to tell the lines apart.
         markevery=max(1, len(half) // 8),
         zorder=2,
         label=name,
@@ -108,12 +108,10 @@ def _draw(ax: Axes, surfaces: Surfaces, style: AlgorithmStyle, name: str, n_runs
 
 
 def attainment_surface(fronts: Iterable[FloatArray], percent: float) -> FloatArray:
-    """Corners of what at least ``percent`` of the runs reach.
+    """Give the non-dominated corners (n, 2) of what at least ``percent`` of the runs reach.
 
-    Returns
-    -------
-    numpy.ndarray
-        Shape (n, 2), non-dominated.
+    Fronts are points (n_plans, 2), to be maximised; an empty one reaches the origin only. A
+    ``percent`` of 0 stands for one run.
 
     References
     ----------
@@ -130,16 +128,11 @@ def attainment_surface(fronts: Iterable[FloatArray], percent: float) -> FloatArr
 def attainment_difference(
     fronts: Iterable[FloatArray], others: Iterable[FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
-    """Where one algorithm's runs reach more often than another's.
+    """Give rectangles (n, 4) that runs reach unequally often, and the differences (n,), in [-1, 1].
 
-    Returns
-    -------
-    rectangles : numpy.ndarray
-        Shape (n, 4): left, bottom, right and top; they do not overlap.
-    difference : numpy.ndarray
-        Shape (n,), in [-1, 1]: the share of the first's runs that reach the rectangle's inside,
-        less that of the other's. Nowhere else do they differ. Where the numbers of runs have no
-        common multiple up to 120, the difference is off by up to one run's share.
+    Rectangles are left, bottom, right and top, and do not overlap. A difference is the share of the
+    first runs that reach the inside, less that of the others. If the numbers of runs have no common
+    multiple up to 120, it is off by up to one run's share.
     """
     import moocore
 
@@ -149,8 +142,8 @@ def attainment_difference(
         return np.empty((0, 4)), np.empty(0)  # all alike, which moocore cannot say
     first, second = _sets(fronts), _sets(others)
     n_first, n_second = (len(np.unique(sets[:, 2])) for sets in (first, second))
-    # Moocore gives whole steps, at most half as many as there are runs: with as many of either
-    # all differences are whole ones.
+    # Moocore gives whole steps, at most half as many as there are runs: with equally many runs
+    # of both, all differences are whole.
     steps = math.lcm(n_first, n_second)
     if steps <= _MAX_STEPS:
         first, second = _repeated(first, steps // n_first), _repeated(second, steps // n_second)

@@ -118,9 +118,7 @@ def _draw_reference(ax: Axes, reference: pd.DataFrame | None) -> None:
 def final_fronts(
     plans: pd.DataFrame, runs: pd.DataFrame, algorithms: Sequence[str] | None
 ) -> dict[str, dict[int, FloatArray]]:
-    """Give the points (n_plans, 2) of the final front of every run, by label and seed.
-
-    A run without plans has an empty front.
+    """Give the final front (n_plans, 2) of every run, perhaps empty, by label and seed.
 
     Raises a ValueError if a column is missing, there are rows of several missions, or an algorithm
     is not known.

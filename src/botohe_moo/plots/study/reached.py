@@ -1,4 +1,4 @@
-"""The picture of how many targets runs have reached by when."""
+"""The picture of the share of targets that runs have reached, over time."""
 
 from __future__ import annotations
 
@@ -113,15 +113,10 @@ def reached_shares(
     x: Progress = "evaluations",
     algorithms: Sequence[str] | None = None,
 ) -> dict[str, FloatArray]:
-    """Give for each algorithm when the share of reached targets changes, and to what.
+    """Give for each algorithm pairs (n, 2) of progress and share of reached targets, ascending.
 
-    Returns
-    -------
-    dict
-        Pairs (n, 2) of progress and share for each label, both ascending: from the first record of
-        any of its runs to the last one; (0, 2) where no run has a record.
-
-    Raises a ValueError as ``plot_reached`` does.
+    They go from the first record of any of its runs to the last one; (0, 2) if no run has a record.
+    Options and errors are those of ``plot_reached``.
     """
     labels = chosen_algorithms("runs", runs, ("algorithm", "seed"), algorithms)
     chosen_algorithms("trace", trace, ("algorithm", "seed", x, "area"), None)
