@@ -98,7 +98,7 @@ def test_a_file_that_is_too_large_is_not_parsed(tmp_path, monkeypatch):
         ),
         (
             RIGHT.replace("100}", "100, grace_seconds: 5}"),
-            "4: budget.grace_seconds: without seconds nobody is killed, and it has no effect.",
+            "4: budget.grace_seconds: it has no effect without seconds, as no run is killed.",
         ),
     ],
 )

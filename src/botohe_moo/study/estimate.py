@@ -162,7 +162,7 @@ class _Trial:
         outcome = (sandbox or self._sandbox).perform(
             trial, stopped=lambda: False, note=lambda _: None
         )
-        assert outcome is not None  # nobody has stopped it
+        assert outcome is not None  # it was not stopped
         return outcome
 
     def close(self) -> None:

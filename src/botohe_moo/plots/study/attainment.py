@@ -137,8 +137,8 @@ def attainment_difference(
     import moocore
 
     fronts, others = list(fronts), list(others)
-    everybody = [*fronts, *others]
-    if np.array_equal(attainment_surface(everybody, 0), attainment_surface(everybody, 100)):
+    pooled = [*fronts, *others]
+    if np.array_equal(attainment_surface(pooled, 0), attainment_surface(pooled, 100)):
         return np.empty((0, 4)), np.empty(0)  # all alike, which moocore cannot say
     first, second = _sets(fronts), _sets(others)
     n_first, n_second = (len(np.unique(sets[:, 2])) for sets in (first, second))

@@ -41,7 +41,7 @@ def plot_reached(
     """Draw the share of all pairs of a run and a target that are reached, over evaluations.
 
     A run reaches a target with its first recorded front of at least that area; one that never does,
-    or has no record, counts all the same. From twelve algorithms on each has a panel of its own,
+    or has no record, counts, too. From twelve algorithms on each has a panel of its own,
     with all others in grey.
 
     Parameters

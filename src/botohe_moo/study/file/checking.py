@@ -223,12 +223,12 @@ class CheckedContent:
 
 
 def _notices(file: StudyFile, budgets: list[Budget]) -> Iterator[tuple[Place, str]]:
-    """Say what is without effect: nobody writes it on purpose."""
+    """List what has no effect, and was probably meant to have one."""
     given: list[tuple[Place, Budget | None]] = [(("budget",), file.budget)]
     given += [(("missions", label, "budget"), e.budget) for label, e in file.missions.items()]
     for path, budget in given:
         if budget and budget.seconds is None and "grace_seconds" in budget.model_fields_set:
-            said = "without seconds nobody is killed, and it has no effect."
+            said = "it has no effect without seconds, as no run is killed."
             yield (*path, "grace_seconds"), said
     limits = [budget.evaluations for budget in budgets]
     if not limits or None in limits:

@@ -81,7 +81,13 @@ def _refused(node: Any, problem: str) -> _RefusedError:
 
 @dataclass(frozen=True, order=True)
 class Fault:
-    """Something wrong in a line of a document, counted from 1."""
+    """Something wrong in a line of a document.
+
+    Attributes
+    ----------
+    line, message
+        The line, counted from 1, and what is wrong there.
+    """
 
     line: int
     message: str
@@ -113,7 +119,7 @@ class Document:
             document._note(*syntax_fault(error, text))
         except RecursionError:
             document._note(1, "expected a study file, found thousands of levels.")
-        except (ValueError, OverflowError):  # "\UFFFFFFFF" is no character
+        except (ValueError, OverflowError):  # such as "\UFFFFFFFF"
             line = loader.get_mark().line + 1 if loader else 1
             document._note(line, "not valid YAML: expected characters and numbers that exist.")
         finally:

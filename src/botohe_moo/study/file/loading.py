@@ -1,4 +1,4 @@
-"""Reading a study file: everything in it is checked before anything runs."""
+"""Reading a study file: all of it is checked before anything runs."""
 
 from __future__ import annotations
 
@@ -92,14 +92,14 @@ def _with_lines(document: Document, said: Iterable[tuple[Place, str]]) -> list[F
 
 
 def _as_json(source: Mapping[str, Any]) -> Any:
-    """Give a mapping as a file would say it."""
+    """Convert a mapping to the values that a file would have."""
     try:
         return json.loads(json.dumps(source, default=_no_json))
     except (TypeError, RecursionError) as error:
         raise StudyError(f"Expected what a study file can hold: {error}.") from None
     except StudyError:
         raise
-    except ValueError as error:  # a mapping that holds itself
+    except ValueError as error:  # a mapping that contains itself
         raise StudyError(f"Expected what a study file can hold: {error}.") from None
 
 

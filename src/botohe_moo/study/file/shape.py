@@ -24,7 +24,7 @@ _ENTRIES = {"missions": "mission", "algorithms": "algorithm"}
 
 
 class Faults:
-    """What is wrong with a study file, each once, and so much of it as anybody reads."""
+    """What is wrong with a study file: each fault once, and at most ``MAX_FAULTS`` of them."""
 
     def __init__(self) -> None:
         self._found: dict[tuple[Place, str], None] = {}

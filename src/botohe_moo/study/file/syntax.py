@@ -40,7 +40,7 @@ _MEANINGS = (
     ),
     (
         r"found unknown escape|expected escape sequence",
-        "this is no character in double quotes; use single ones, or write \\\\",
+        "this escape is not valid in double quotes; use single ones, or write \\\\",
         "ended",
     ),
     (r"a quoted scalar", "these quotes are never closed", "began"),

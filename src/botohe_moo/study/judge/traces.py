@@ -99,7 +99,7 @@ def _points_by_mission(references: pd.DataFrame) -> dict[str, FloatArray]:
 
 
 def _median(spent: pd.Series[Any], n: int) -> float | None:
-    """Give the median of n runs, of which those not given take for ever; None if it is endless."""
+    """Give the median of n runs; all but ``spent`` take for ever. None if it is endless."""
     values = np.full(n, np.inf)
     values[: len(spent)] = spent
     median = float(np.median(values))

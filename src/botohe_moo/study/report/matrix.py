@@ -100,5 +100,5 @@ def _caption(tables: StudyTables) -> str:
         f"Median {name} over runs, the best on a mission bold, its rank there in brackets. "
         f"{BETTER} is better than {rival}, {WORSE} worse, {EQUAL} not told apart from it "
         f"(Mann-Whitney, Holm, {tables.significance:g}); without a mark it is not tested. "
-        "Medians that look different are no ties."
+        "Medians that look different are not ties."
     )

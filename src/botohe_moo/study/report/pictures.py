@@ -116,7 +116,7 @@ class MissionPictures:
         )
         captions: dict[Progress, str] = {
             "evaluations": f"The area of the front over the number of evaluations. {reading}",
-            "seconds": "The same over the algorithms' own time, which recording is no part of.",
+            "seconds": "The same over the algorithms' own time, without recording.",
         }
         for (x, caption), kind in zip(captions.items(), ("curves", "seconds"), strict=True):
             ax = plot_curves(trace, x=x, algorithms=labels, styles=self._styles, title=self._title)

@@ -131,6 +131,6 @@ def _tested(stands: Standing, label: str) -> str:
         ("worse, though not by its median, than", WORSE),
     ):
         if found := stands.against(label, mark):
-            everybody = len(found) == others > 1
-            said.append(f"{words} {'all others' if everybody else listed(found)}")
+            all_others = len(found) == others > 1
+            said.append(f"{words} {'all others' if all_others else listed(found)}")
     return f" By the tests it is {'; '.join(said)}." if said else ""

@@ -81,7 +81,7 @@ def _connected(address: str) -> Any:
     host, _, port = address.rpartition("://")[2].rpartition(":")
     where = host.strip("[]"), int(port)
     try:
-        # A client that finds nobody leaves threads behind that complain when the process ends.
+        # A client without a scheduler leaves threads behind that log errors when the process ends.
         socket.create_connection(where, timeout=_SECONDS_TO_CONNECT).close()
         return _within(
             2 * _SECONDS_TO_CONNECT,

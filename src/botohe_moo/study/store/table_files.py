@@ -30,7 +30,7 @@ AGAIN = "run the study again to make it"
 
 _NEW = ".tables-"
 _LONGEST_WAIT = 600.0
-_HEAVY = ("kept", "previous")  # keys that nobody needs who only reads tables
+_HEAVY = ("kept", "previous")  # keys that are not needed to read tables
 _OF_TABLES = ("tables", "made_from", "previous")  # keys that speak of tables, not of the study
 
 
@@ -46,7 +46,7 @@ def tables_locked(folder: Path) -> Iterator[None]:
         lock.acquire(timeout=_LONGEST_WAIT)
     except filelock.Timeout:
         raise StudyError(
-            f"{folder}: somebody else is making its tables and does not end."
+            f"{folder}: another process is making its tables and does not end."
         ) from None
     except OSError as error:
         raise StudyError(f"{folder}: cannot be written to ({error.strerror}).") from None
