@@ -17,7 +17,7 @@ from botohe_moo.study import load_study, make_tables, run_study
 from botohe_moo.study.planning import make_task
 from botohe_moo.study.run.perform import perform
 from botohe_moo.study.run.task import Record
-from botohe_moo.study.store.store import Store
+from botohe_moo.study.store.folder import StudyFolder
 
 REPETITIONS = 3
 FASTER = 1.7
@@ -82,8 +82,8 @@ def _again() -> pd.DataFrame:
     study = load_study(tiny_runs())
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        store = Store(folder)
-        with store.locked():
+        store = StudyFolder(folder)
+        with store.locked(study):
             store.write_study(study)
             for one in study.runs():
                 records: list[Record] = []

@@ -42,6 +42,23 @@ ORDER = [
     "cli",
 ]
 
+# Within some entries, rooms have an order, too.
+ROOMS = {
+    "plots": ["draw", "front", "mission", "pheromone", "study"],
+    "study": [
+        "file",
+        "run",
+        "store",
+        "judge",
+        "report",
+        "planning",
+        "refresh",
+        "estimate",
+        "merge",
+        "runner",
+    ],
+}
+
 KERNELS_MAY_IMPORT = re.compile(
     r"(__future__|collections\.abc|functools|gc|heapq|math|numba|numpy|typing|botohe_moo\.(_base\.types|kernels))(\.|$)"
 )
@@ -80,6 +97,23 @@ def import_faults(module, tree):
                 faults.append(f"{module} imports {name}, which is no entry")
             elif entry != entry_of(module) and ORDER.index(entry) >= ORDER.index(entry_of(module)):
                 faults.append(f"{module} imports {name}, which stands below it")
+    return faults
+
+
+def room_faults(module, tree):
+    """Imports within an entry whose rooms have an order, that do not follow it."""
+    _, entry, room, *_ = f"{module}...".split(".")
+    rooms = ROOMS.get(entry, [])
+    if room not in rooms:
+        return []
+    faults = []
+    for name in imported(tree):
+        package, other, below, *_ = f"{name}...".split(".")
+        if (package, other) == ("botohe_moo", entry) and below != room:
+            if below not in rooms:
+                faults.append(f"{module} imports {name}, which is in no room")
+            elif rooms.index(below) > rooms.index(room):
+                faults.append(f"{module} imports {name}, whose room stands below it")
     return faults
 
 
@@ -294,11 +328,45 @@ class TestImports:
 
     def test_every_entry_has_its_place(self):
         entries = {entry_of(module_name(path)) for path in SOURCES if path != TOP}
-        assert entries - set(ORDER) == set()
+        assert entries == set(ORDER)
 
     def test_they_point_one_way(self, source):
         if source != TOP:  # exports from everywhere, and nobody imports it
             assert import_faults(module_name(source), parsed(source)) == []
+
+    @pytest.mark.parametrize(
+        ("module", "line"),
+        [
+            ("botohe_moo.study.file.x", "from botohe_moo.study.store import manifest"),
+            ("botohe_moo.study.run.x", "def f():\n import botohe_moo.study.store.folder"),
+            ("botohe_moo.study.judge.x", "from botohe_moo.study.report import words"),
+            ("botohe_moo.study.refresh", "from botohe_moo.study.runner import run_study"),
+            ("botohe_moo.study.store.x", "from botohe_moo.study import StudyError"),
+            ("botohe_moo.plots.draw.x", "from botohe_moo.plots.front import staircase"),
+        ],
+    )
+    def test_the_rule_of_rooms_finds(self, module, line):
+        assert len(room_faults(module, ast.parse(line))) == 1
+
+    @pytest.mark.parametrize(
+        ("module", "line"),
+        [
+            ("botohe_moo.study.store.x", "from botohe_moo.study.file.model import Study"),
+            ("botohe_moo.study.store.x", "from botohe_moo.study.store.tables import SCHEMAS"),
+            ("botohe_moo.study.report.x", "from botohe_moo.plots.draw.style import theme"),
+            ("botohe_moo.mission.x", "from botohe_moo.mission.model import Mission"),
+        ],
+    )
+    def test_the_rule_of_rooms_allows(self, module, line):
+        assert room_faults(module, ast.parse(line)) == []
+
+    @pytest.mark.parametrize("entry", ROOMS)
+    def test_every_room_has_its_place(self, entry):
+        found = {path.stem for path in (PACKAGE / entry).iterdir()} - {"__init__", "__pycache__"}
+        assert found == set(ROOMS[entry])
+
+    def test_rooms_point_one_way(self, source):
+        assert room_faults(module_name(source), parsed(source)) == []
 
     def test_no_module_imports_itself_through_others(self):
         modules = {module_name(path): parsed(path) for path in SOURCES if path != TOP}

@@ -19,7 +19,7 @@ from botohe_moo.study.planning import make_task
 from botohe_moo.study.run.environment import environment
 from botohe_moo.study.run.recording import Recorder
 from botohe_moo.study.run.task import Outcome, Record
-from botohe_moo.study.store.store import Store
+from botohe_moo.study.store.folder import StudyFolder
 from botohe_moo.trails import PlanBatch
 
 STUDY = {
@@ -68,8 +68,8 @@ def study():
 @pytest.fixture(scope="module")
 def kept(study, tmp_path_factory):
     """Runs of seed 1 improve twice, those of seed 2 not at all; random nothing on toy."""
-    store = Store(tmp_path_factory.mktemp("counted") / "study")
-    with store.locked():
+    store = StudyFolder(tmp_path_factory.mktemp("counted") / "study")
+    with store.locked(study):
         store.write_study(study)
         for run in study.runs():
             first, second = [(0.4, 0.4)], [(0.6, 0.5), (0.5, 0.6)]
@@ -80,7 +80,7 @@ def kept(study, tmp_path_factory):
                 fronts = []
             store.save(run, outcome_of(run, *fronts, ties=3 if fronts else 0))
         collect_tables(study, store)
-    return read_study(store.folder)
+    return read_study(store.path)
 
 
 class TestFrontSize:
@@ -116,10 +116,10 @@ class TestFrontSize:
         assert (len(record.plans[0]), record.front_size, record.ties) == (3, 2, 1)
 
     def test_files_that_counted_all_plans_are_read(self, study, tmp_path):
-        run, store = study.runs()[-1], Store(tmp_path / "study")
-        with store.locked():
+        run, store = study.runs()[-1], StudyFolder(tmp_path / "study")
+        with store.locked(study):
             store.save(run, outcome_of(run, [(0.4, 0.4)], [(0.6, 0.5), (0.5, 0.6)], ties=3))
-            path = store.folder / "runs" / f"{run.digest}.npz"
+            path = store.path / "runs" / f"{run.digest}.npz"
             with np.load(io.BytesIO(path.read_bytes())) as file:
                 arrays = dict(file)
             arrays["front_size"] = arrays.pop("ties") + arrays["n_points"]
@@ -146,8 +146,8 @@ class TestTrace:
 
     def test_what_the_study_does_not_compute_is_missing(self, tmp_path):
         study = load_study({**STUDY, "indicators": ["area", "epsilon"]})
-        store = Store(tmp_path / "study")
-        with store.locked():
+        store = StudyFolder(tmp_path / "study")
+        with store.locked(study):
             store.write_study(study)
             run = study.runs()[0]
             store.save(run, outcome_of(run, [(0.4, 0.4)]))
@@ -204,9 +204,9 @@ class TestEntries:
 
 
 def test_what_is_kept_of_a_run_says_how_many_ties(study, tmp_path):
-    run, store = study.runs()[0], Store(tmp_path / "study")
-    with store.locked():
+    run, store = study.runs()[0], StudyFolder(tmp_path / "study")
+    with store.locked(study):
         store.save(run, outcome_of(run, [(0.5, 0.5)], ties=2))
-        with np.load(store.folder / "runs" / f"{run.digest}.npz") as file:
+        with np.load(store.path / "runs" / f"{run.digest}.npz") as file:
             assert file["ties"].tolist() == [2]
             assert json.loads(file["header"].tobytes())["digest"] == run.digest

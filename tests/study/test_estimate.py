@@ -6,6 +6,7 @@ from botohe_moo.study.estimate import Estimate, estimate_times, time_left
 from botohe_moo.study.file.loading import load_study
 from botohe_moo.study.planning import plan_study
 from botohe_moo.study.runner import run_study
+from botohe_moo.study.store.folder import StudyFolder
 
 MADE = "tests.study.algorithms_made"
 
@@ -23,7 +24,7 @@ def study_of(algorithms, evaluations=100, **changes):
 
 def estimated(source, folder):
     told = []
-    found = list(estimate_times(plan_study(load_study(source), folder), told.append))
+    found = list(estimate_times(plan_study(load_study(source), StudyFolder(folder)), told.append))
     return {estimate.algorithm: estimate for estimate in found}, told
 
 

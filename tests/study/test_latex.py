@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from botohe_moo.study.report.folder import write_report
 from botohe_moo.study.report.latex_text import breakable, escape_latex
-from botohe_moo.study.report.write import write_report
 from tests.study.test_report import lost, random_records, study
 
 PDFLATEX = shutil.which("pdflatex")

@@ -15,10 +15,11 @@ import yaml
 from botohe_moo import Mission, load_mission, save_mission
 from botohe_moo.algorithms import algorithm_names
 from botohe_moo.study.file.config import StudyFile, study_schema
-from botohe_moo.study.file.grid import mission_digest
+from botohe_moo.study.file.digest import mission_digest
 from botohe_moo.study.file.loading import load_study
-from botohe_moo.study.store.store import Store
-from botohe_moo.study.store.tables import StudyError, read_manifest
+from botohe_moo.study.file.model import StudyError
+from botohe_moo.study.store.folder import StudyFolder
+from botohe_moo.study.store.tables import read_manifest
 
 EXPERIMENTS = sorted((Path(__file__).parents[2] / "experiments").glob("*.yaml"))
 
@@ -220,7 +221,7 @@ class TestIdentity:
     def test_so_are_the_versions(self, monkeypatch, package):
         before = digests(GOOD)
         monkeypatch.setattr(
-            "botohe_moo.study.file.code_here._version",
+            "botohe_moo.study.file.versions._version",
             lambda name: "99.0" if name == package else metadata.version(name),
         )
         assert not set(before) & set(digests(GOOD))
@@ -655,7 +656,7 @@ def test_their_published_results_can_be_made_again(path):
     )
     if tracked.returncode == 0:  # not a copy without its history
         assert tracked.stdout.strip() == "study.json"
-    Store(folder).check(study)
+    StudyFolder(folder).check(study)
     assert list(read_manifest(folder)["algorithms"]) == [a.label for a in study.algorithms]
 
 

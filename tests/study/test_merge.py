@@ -10,15 +10,11 @@ import pytest
 from typer.testing import CliRunner
 
 from botohe_moo.cli.app import app
-from botohe_moo.study import (
-    StudyError,
-    load_study,
-    merge,
-    merge_studies,
-    read_study,
-    run_study,
-)
-from botohe_moo.study.store.store import Store
+from botohe_moo.study import StudyError, load_study, merge_studies, read_study, run_study
+from botohe_moo.study.file import union
+from botohe_moo.study.store.folder import StudyFolder
+
+pytestmark = pytest.mark.usefixtures("in_process")
 
 TIMES = ["seconds", "recording_seconds", "began", "environment"]
 BUDGET = {"evaluations": 60}
@@ -54,7 +50,7 @@ def copies(parts, tmp_path):
 
 def change(folder, changed, *, seed=2):
     """Write a run again, as ``changed`` makes its outcome."""
-    store, study = Store(folder), load_study(part([1, 2]))
+    store, study = StudyFolder(folder), load_study(part([1, 2]))
     run = next(r for r in study.runs() if r.seed == seed and r.algorithm.label == "random")
     store.save(run, changed(store.load(run)))
     return run
@@ -160,7 +156,7 @@ def test_devices_and_pipes_are_not_read(copies):
 
 
 def test_what_no_study_file_can_hold_is_refused(monkeypatch, parts, tmp_path):
-    monkeypatch.setattr(merge, "MAX_RUNS", 5)
+    monkeypatch.setattr(union, "MAX_RUNS", 5)
     with pytest.raises(StudyError, match="too large for one: expected at most 5 runs, found 6"):
         merge_studies([parts / "one", parts / "two"], tmp_path / "all")
     assert not (tmp_path / "all").exists()

@@ -6,7 +6,7 @@ import pytest
 
 from botohe_moo.study.file.document import Document
 from botohe_moo.study.file.loading import load_study
-from botohe_moo.study.store.tables import StudyError
+from botohe_moo.study.file.model import StudyError
 
 RIGHT = "name: x\nmissions: [toy]\nalgorithms: [random]\nbudget: {evaluations: 100}\nseeds: 1\n"
 GRID = "\n  ants:\n    algorithm: bo-aco\n    grid:\n      n_ants: [10]\n      n_antz: [1]"
@@ -98,7 +98,7 @@ def test_a_file_that_is_too_large_is_not_parsed(tmp_path, monkeypatch):
         ),
         (
             RIGHT.replace("100}", "100, grace_seconds: 5}"),
-            "4: budget.grace_seconds: without seconds nobody is killed, and it has no effect.",
+            "4: budget.grace_seconds: it has no effect without seconds, as no run is killed.",
         ),
     ],
 )

@@ -3,8 +3,12 @@
 ``BOTOHE_MUTATIONS=8000 pytest tests/study/test_mutations.py`` looks longer.
 """
 
+import gc
+import json
 import os
 import re
+import subprocess
+import sys
 import tracemalloc
 import warnings
 from pathlib import Path
@@ -16,7 +20,7 @@ from hypothesis import strategies as st
 from botohe_moo.study.file import document
 from botohe_moo.study.file.document import Document
 from botohe_moo.study.file.loading import load_study
-from botohe_moo.study.store.tables import StudyError
+from botohe_moo.study.file.model import StudyError
 
 ROOT = Path(__file__).parents[2]
 N_EXAMPLES = int(os.environ.get("BOTOHE_MUTATIONS", "25"))
@@ -78,16 +82,31 @@ def mutated(draw):
 
 
 def cost(path):
-    """What is said of a file, and the most memory that reading it took, in MiB."""
-    tracemalloc.start()
+    """What is said of a file, or its study; and the most memory that reading it took, in MiB."""
+    before = reset_peak()
     try:
         with warnings.catch_warnings(action="ignore"):
-            study = load_study(path)
-        return study, tracemalloc.get_traced_memory()[1] / MIB
+            found = load_study(path)
     except StudyError as error:
-        return str(error).splitlines(), tracemalloc.get_traced_memory()[1] / MIB
-    finally:
-        tracemalloc.stop()
+        found = str(error).splitlines()
+    return found, memory() - before
+
+
+def reset_peak():
+    """Let the peak of this process's memory count from here on; give the memory, in MiB.
+
+    Tracing every allocation would take ten times as long.
+    """
+    if sys.platform == "linux":
+        Path("/proc/self/clear_refs").write_text("5")
+    return memory()
+
+
+def memory():
+    """The peak of this process's memory in MiB; 0 where the system does not tell it."""
+    if sys.platform != "linux":
+        return 0.0
+    return int(re.search(r"VmHWM:\s*(\d+) kB", Path("/proc/self/status").read_text())[1]) / 1024
 
 
 @pytest.fixture(scope="module")
@@ -179,23 +198,24 @@ GROWING = {
 }
 
 
-@pytest.mark.parametrize("text", GROWING.values(), ids=GROWING)
-def test_what_would_grow_is_bounded(path, text):
-    """Each took minutes, gigabytes, or a message of megabytes."""
-    found = bounded(path, text, 32)
-    if isinstance(found, list):
-        assert sum(map(len, found)) < 60_000
-
-
-@pytest.mark.parametrize("text", GROWING.values(), ids=GROWING)
-def test_no_more_values_are_made_than_a_study_has(monkeypatch, text):
-    counted = []
-    monkeypatch.setattr(Document, "_count", counting(Document._count, counted))
-    monkeypatch.setattr(
-        document._Loader, "compose_node", counting(document._Loader.compose_node, counted)
-    )
-    Document.parse(text)
-    assert len(counted) <= 2 * 20_001
+def measure():
+    """Read each of the texts in a process of its own, and print what that took, as JSON."""
+    path = Path(sys.argv[1]) / "study.yaml"
+    baseline = ROOT / "experiments" / "smoke.yaml"
+    load_study(baseline)  # imports what is not counted here
+    for name, text in GROWING.items():
+        path.write_text(text, encoding="utf-8")
+        if not os.fork():
+            load_study(baseline)  # so that code which all need is in this process's memory
+            counted = []
+            Document._count = counting(Document._count, counted)
+            document._Loader.compose_node = counting(document._Loader.compose_node, counted)
+            gc.collect()
+            found, peak = cost(path)
+            lines = found if isinstance(found, list) else []
+            print(json.dumps([name, peak, len(counted), lines]), flush=True)
+            os._exit(0)
+        assert os.wait()[1] == 0, name
 
 
 def counting(function, counted):
@@ -206,9 +226,49 @@ def counting(function, counted):
     return count
 
 
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory):
+    """Memory in MiB, values made, and what is said, by name of the text."""
+    code = "from tests.study.test_mutations import measure; measure()"
+    done = subprocess.run(
+        [sys.executable, "-c", code, tmp_path_factory.mktemp("grown")],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    return {name: found for name, *found in map(json.loads, done.stdout.splitlines())}
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the system tells no peak elsewhere")
+@pytest.mark.parametrize("name", GROWING)
+def test_what_would_grow_is_bounded(measured, name):
+    """Each took minutes, gigabytes, or a message of megabytes."""
+    peak, n_counted, lines = measured[name]
+    assert 0 <= peak < 32
+    assert n_counted <= 2 * 20_001  # no more values are made than a study has
+    assert len(lines) <= 101
+    assert max(map(len, lines), default=0) < 2_000
+    assert sum(map(len, lines)) < 60_000
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the system tells no peak elsewhere")
+def test_memory_is_measured(tmp_path):
+    """A reader that takes memory is found out."""
+    code = (
+        "from tests.study import test_mutations as tests\n"
+        "tests.GROWING = {'a study': tests.SEEDS}\n"
+        "tests.load_study = lambda path: len(b'x' * 64 * tests.MIB)\n"
+        "tests.measure()"
+    )
+    command = [sys.executable, "-c", code, tmp_path]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    assert 64 <= json.loads(done.stdout)[1] < 66
+
+
 def test_a_run_takes_little_memory(path):
     path.write_text(f"{HEAD}seeds: 100000\n")
-    study, _ = cost(path)
+    study = load_study(path)
     tracemalloc.start()
     runs = study.runs()
     taken = tracemalloc.get_traced_memory()[0]

@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -23,6 +24,7 @@ from botohe_moo.algorithms.registry import algorithm_origin
 from botohe_moo.kernels.local_search import search
 from botohe_moo.study.run.metered import BudgetSpentError, MeteredBOTOHE
 from botohe_moo.study.run.perform import perform
+from botohe_moo.study.run.pool import SandboxPool
 from botohe_moo.study.run.recording import record_counts
 from botohe_moo.study.run.sandbox import Sandbox
 from botohe_moo.study.run.task import Task
@@ -355,12 +357,13 @@ class TestSandbox:
     def test_a_run_that_never_began_did_not_begin(self, sandbox):
         assert sandboxed(sandbox, replace(make_task("random"), version="0.0.1")).began is None
 
-    @pytest.mark.parametrize("busy", [False, True])
-    @pytest.mark.parametrize("name", ["NeverEnding", "Refusing"])
+    @pytest.mark.parametrize(
+        ("name", "parameters"),
+        [("NeverEnding", {"busy": False}), ("NeverEnding", {"busy": True}), ("Refusing", {})],
+    )
     def test_what_evaluates_nothing_any_more_is_killed_without_seconds_too(
-        self, sandbox, name, busy
+        self, sandbox, name, parameters
     ):
-        parameters = {"busy": busy} if name == "NeverEnding" else {}
         task = make_task(f"{MADE}:{name}", patience=0.5, parameters=parameters)
         outcome = sandboxed(sandbox, task)
         assert (outcome.status, outcome.stopped_by) == ("failed", "error")
@@ -368,15 +371,21 @@ class TestSandbox:
         assert outcome.records == ()
         assert sandboxed(sandbox, make_task("random")).status == "done"
 
-    def test_what_goes_on_evaluating_is_waited_for(self, sandbox):
+    def test_what_goes_on_evaluating_is_waited_for(self):
         """However long it takes, within one iteration or many."""
-        patience, parameters = 5.0, {"seconds": 0.25}
-        for name in ("Slow", "SlowWithin"):
-            task = make_task(
-                f"{MADE}:{name}", evaluations=300, patience=patience, parameters=parameters
+        patience = 4.0
+        tasks = [
+            make_task(
+                f"{MADE}:{name}", evaluations=210, patience=patience, parameters={"seconds": 0.2}
             )
-            outcome = sandboxed(sandbox, task)
-            assert (outcome.status, outcome.evaluations) == ("done", 300)
+            for name in ("Slow", "SlowWithin")
+        ]
+        pool = SandboxPool()
+        with ThreadPoolExecutor(2) as threads:  # they sleep
+            outcomes = list(threads.map(lambda task: sandboxed(pool, task), tasks))
+        pool.close()
+        for outcome in outcomes:
+            assert (outcome.status, outcome.evaluations) == ("done", 210)
             assert outcome.seconds > patience
 
     def test_patience_is_for_other_peoples_algorithms_and_changes_no_run(self, sandbox):

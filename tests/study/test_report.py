@@ -16,9 +16,10 @@ from hypothesis import strategies as st
 
 from botohe_moo import load_mission
 from botohe_moo.study.report.figures import FORMATS
+from botohe_moo.study.report.folder import slug, write_report
 from botohe_moo.study.report.latex_text import escape_latex
-from botohe_moo.study.report.outcome import leader
 from botohe_moo.study.report.pictures import rivals
+from botohe_moo.study.report.standing import leader
 from botohe_moo.study.report.words import (
     budget_words,
     count,
@@ -29,7 +30,6 @@ from botohe_moo.study.report.words import (
     significant,
     verdict_words,
 )
-from botohe_moo.study.report.write import slug, write_report
 from botohe_moo.study.store.tables import StudyTables, read_study
 from tests.study.made import Record, make_study, random_record
 

@@ -12,8 +12,8 @@ import pandas as pd
 import pytest
 
 from botohe_moo import load_mission
+from botohe_moo.plots.study.heat import two_parameter_grids
 from botohe_moo.study.report.figures import FORMATS, draw_figures
-from botohe_moo.study.report.parameter_grids import two_parameter_grids
 from tests.study.made import make_study, random_record
 
 TOY = load_mission("toy")

@@ -1,5 +1,6 @@
 """Reference fronts and indicators of runs, against unions and distances found by hand."""
 
+import functools
 import hashlib
 import struct
 import warnings
@@ -21,6 +22,7 @@ from botohe_moo.study.store.tables import SCHEMAS, to_arrow
 MEASURED = {"area", "igd_plus", "epsilon"}
 
 
+@functools.cache
 def quay(reward=10):
     """Dock (base) and reef, which alone pays; two robots: the objective space is 10 × 2."""
     graph = nx.DiGraph()

@@ -13,18 +13,23 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from botohe_moo.indicators import TIE
+from botohe_moo.study.judge.comparisons import compare_algorithms, effect_size
 from botohe_moo.study.judge.pairs import a12, a12_interval, holm, mann_whitney, smallest_p
-from botohe_moo.study.judge.posthoc import compare_ranks, nemenyi
-from botohe_moo.study.judge.resampling import friedman, generator_for, median_interval
-from botohe_moo.study.judge.scores import INDICATORS, as_table, reference_fronts, score_runs
-from botohe_moo.study.judge.statistics import (
+from botohe_moo.study.judge.ranks import (
     MIN_BLOCKS,
-    compare_algorithms,
+    compare_ranks,
+    nemenyi,
     rank_algorithms,
-    summarise,
 )
-from botohe_moo.study.judge.ties import merge_ties
-from botohe_moo.study.judge.verdicts import effect_size
+from botohe_moo.study.judge.resampling import friedman, generator_for, median_interval
+from botohe_moo.study.judge.scores import (
+    INDICATORS,
+    as_table,
+    merge_ties,
+    reference_fronts,
+    score_runs,
+)
+from botohe_moo.study.judge.summary import summarise
 from botohe_moo.study.store.tables import to_arrow
 from tests.study.test_scores import quay, studies, tables
 

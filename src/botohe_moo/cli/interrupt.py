@@ -1,6 +1,6 @@
-"""Ctrl-C while libraries load: the process ends at once with a message, without a traceback.
+"""Ctrl-C and SIGTERM where nothing is lost by ending at once: a word, and no traceback.
 
-Imported before everything else, so it imports nothing that takes time.
+It imports nothing that takes time, since it has to work before the libraries that do are loaded.
 """
 
 import os
@@ -10,9 +10,12 @@ __all__ = ["INTERRUPTED", "end_on_interrupt", "ending_on_interrupt"]
 
 INTERRUPTED = 130
 
+_ANSWERED = (signal.SIGINT, signal.SIGTERM)
+_DEFAULTS = (signal.default_int_handler, signal.SIG_DFL)
+
 
 def end_on_interrupt() -> None:
-    """Let Ctrl-C end the process instead of raising KeyboardInterrupt.
+    """Let Ctrl-C end the process, unless it has another handler than Python's.
 
     Imports would print its traceback, and some libraries swallow it.
     """
@@ -21,23 +24,37 @@ def end_on_interrupt() -> None:
 
 
 class _EndingOnInterrupt:
+    """While libraries load, SIGTERM is answered as Ctrl-C is.
+
+    Not for longer: within a kernel, Python would not call the handler for minutes.
+    """
+
     def __enter__(self) -> None:
+        self._usual = [(number, signal.getsignal(number)) for number in _ANSWERED]
         try:
-            end_on_interrupt()
+            for number, usual in self._usual:
+                if usual in _DEFAULTS:
+                    signal.signal(number, _end)
         except ValueError:
             return  # only the main thread may handle signals
 
     def __exit__(self, *_: object) -> None:
-        if signal.getsignal(signal.SIGINT) is _end:
-            signal.signal(signal.SIGINT, signal.default_int_handler)
+        for number, usual in self._usual:
+            if usual in _DEFAULTS:
+                signal.signal(number, usual)
 
 
 ending_on_interrupt = _EndingOnInterrupt()
-"""Lets Ctrl-C end the process within a ``with`` block."""
+"""Lets Ctrl-C and SIGTERM end the process while libraries load."""
 
 
-def _end(*_: object) -> None:
+def _end(number: int, _: object) -> None:
     try:
-        os.write(2, b"botohe: interrupted\n")
+        os.write(
+            2, b"botohe: interrupted\n" if number == signal.SIGINT else b"botohe: terminated\n"
+        )
     finally:
+        if number != signal.SIGINT:  # the exit status tells which signal it was
+            signal.signal(number, signal.SIG_DFL)
+            os.kill(os.getpid(), number)
         os._exit(INTERRUPTED)

@@ -1,4 +1,4 @@
-"""The progress bar of a search."""
+"""Progress bars, and the one of a search."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+    from rich.progress import Progress as Bar
+
     from botohe_moo.solving import Progress
 
-__all__ = ["progress_bar"]
+__all__ = ["is_terminal", "new_bar", "progress_bar"]
 
 _SECONDS_BETWEEN_UPDATES = 0.1
 
 
-@contextmanager
-def progress_bar(total: int) -> Iterator[Progress | None]:
-    """Show evaluations, area and the time left on standard error, if that is a terminal.
+def is_terminal() -> bool:
+    """Tell whether standard error is a terminal."""
+    # rich would also take FORCE_COLOR, which many set for logs, for a terminal.
+    return sys.stderr is not None and sys.stderr.isatty()
 
-    Yields the callable for ``solve``'s ``progress``; None if nothing is shown.
-    """
-    # rich would also show it if FORCE_COLOR is set, as it often is for logs.
-    if sys.stderr is None or not sys.stderr.isatty():
-        yield None
-        return
+
+def new_bar(width: int, words: str) -> Bar:
+    """Make a bar on standard error, with words as rich formats them, and the time left."""
     from rich.console import Console
     from rich.progress import (
         BarColumn,
@@ -36,14 +36,29 @@ def progress_bar(total: int) -> Iterator[Progress | None]:
         TimeRemainingColumn,
     )
 
-    columns = (
-        BarColumn(bar_width=16),
+    return Progress(
+        BarColumn(bar_width=width),
         TaskProgressColumn(),
-        TextColumn("{task.completed:,.0f} evaluations  area {task.fields[area]:.4f} "),
+        TextColumn(words),
         TimeRemainingColumn(),
         TextColumn("left"),
+        console=Console(stderr=True),
+        redirect_stdout=False,
     )
-    with Progress(*columns, console=Console(stderr=True), redirect_stdout=False) as bar:
+
+
+@contextmanager
+def progress_bar(total: int) -> Iterator[Progress | None]:
+    """Show evaluations, area and the time left on standard error, if that is a terminal.
+
+    Yields what takes the number of evaluations so far, and a function that gives the area, called
+    when it is about to be shown; None where nothing is shown. ``total`` evaluations are planned.
+    """
+    if not is_terminal():
+        yield None
+        return
+    words = "{task.completed:,.0f} evaluations  area {task.fields[area]:.4f} "
+    with new_bar(16, words) as bar:
         task = bar.add_task("", total=total, area=0.0)
         shown_at = -_SECONDS_BETWEEN_UPDATES
 

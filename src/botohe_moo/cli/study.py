@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from botohe_moo.cli.interrupt import ending_on_interrupt
 from botohe_moo.cli.options import integer
 from botohe_moo.cli.shell import FAILED, fail, failing, say, tell
 
@@ -75,9 +76,11 @@ def run(
     Ctrl-C, SIGTERM and SIGHUP stop; what is done stays done, and the same command goes on from
     there.
     """
-    from botohe_moo.cli.study_progress import ProgressWatcher
-    from botohe_moo.study.file.loading import load_study, study_folder
-    from botohe_moo.study.runner import StudyInterrupted, run_study
+    with ending_on_interrupt:
+        from botohe_moo.cli.study_progress import ProgressWatcher
+        from botohe_moo.study.file.loading import load_study
+        from botohe_moo.study.file.model import study_folder
+        from botohe_moo.study.runner import StudyInterrupted, run_study
 
     with failing():
         study = load_study(file, out=out)
@@ -103,7 +106,9 @@ def run(
 
 
 def _outcome(tables: StudyTables) -> str:
-    """Give the medians in a table, and the verdicts."""
+    """Give the medians as a table for each mission."""
+    from pandas import option_context
+
     summary = tables.summary
     lines = []
     for mission in tables.mission_labels:
@@ -122,9 +127,10 @@ def _outcome(tables: StudyTables) -> str:
             }
         )
         formats = {"seconds": "{:.2f}".format}
-        table = shown.to_string(
-            index=False, float_format="{:.4f}".format, formatters=formats, justify="right"
-        )
+        with option_context("display.unicode.east_asian_width", True):
+            table = shown.to_string(
+                index=False, float_format="{:.4f}".format, formatters=formats, justify="right"
+            )
         lines.append(f"{mission}\n{table}")
     return "\n\n".join(lines)
 
@@ -132,14 +138,18 @@ def _outcome(tables: StudyTables) -> str:
 @study_app.command("plan")
 def plan(file: FileArgument, out: OutOption = None, workers: WorkersOption = None) -> None:
     """List the runs, what is already there, and how long the rest will take."""
-    from botohe_moo.cli.study_progress import showing_trials
-    from botohe_moo.study.estimate import estimate_times, time_left
-    from botohe_moo.study.file.loading import load_study, study_folder
-    from botohe_moo.study.planning import plan_study
+    with ending_on_interrupt:
+        from botohe_moo.cli.study_progress import showing_trials
+        from botohe_moo.study.estimate import estimate_times, time_left
+        from botohe_moo.study.file.loading import load_study
+        from botohe_moo.study.file.model import study_folder
+        from botohe_moo.study.planning import plan_study
+        from botohe_moo.study.store.folder import StudyFolder
 
     with failing():
         study = load_study(file, out=out)
-        folder = study_folder(study.name, out)
+        folder = StudyFolder(study_folder(study.name, out))
+        folder.check(study)
         planned = plan_study(study, folder)
     for fault in planned.damaged.values():
         say(f"{fault}; the run will be performed again.")
@@ -147,7 +157,7 @@ def plan(file: FileArgument, out: OutOption = None, workers: WorkersOption = Non
         estimates = list(estimate_times(planned, show))
     tell(_plan_table(estimates))
     n_there, n_runs = len(planned.finished), len(planned.runs)
-    tell(f"\n{n_runs} runs: {n_there} are there, {n_runs - n_there} to go, in {folder}")
+    tell(f"\n{n_runs} runs: {n_there} are there, {n_runs - n_there} to go, in {folder.path}")
     n_workers = _workers(workers)
     if waiting := [estimate for estimate in estimates if estimate.n_there < estimate.n_runs]:
         left = time_left(waiting, n_workers)
@@ -160,6 +170,8 @@ def plan(file: FileArgument, out: OutOption = None, workers: WorkersOption = Non
 
 
 def _plan_table(estimates: list[Estimate]) -> str:
+    from rich.cells import cell_len, set_cell_size  # Chinese letters take two columns
+
     header = ("mission", "algorithm", "runs", "there", "failed", "each takes")
     rows = [
         (
@@ -172,11 +184,8 @@ def _plan_table(estimates: list[Estimate]) -> str:
         )
         for estimate in estimates
     ]
-    widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
-    return "\n".join(
-        "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in (header, *rows)
-    )
+    widths = [max(map(cell_len, column)) for column in zip(header, *rows, strict=True)]
+    return "\n".join("  ".join(map(set_cell_size, row, widths)).rstrip() for row in (header, *rows))
 
 
 def _each(estimate: Estimate) -> str:
@@ -201,7 +210,8 @@ def tables(folder: FolderArgument) -> None:
 
     Every file of a run is read and checked. The study file is not needed.
     """
-    from botohe_moo.study.runner import make_tables
+    with ending_on_interrupt:
+        from botohe_moo.study.runner import make_tables
 
     with failing():
         made = make_tables(folder, say=say)
@@ -221,7 +231,8 @@ def merge(
 
     Every run is checked as if it had been performed here; missions, algorithms and seeds add up.
     """
-    from botohe_moo.study.merge import merge_studies
+    with ending_on_interrupt:
+        from botohe_moo.study.merge import merge_studies
 
     with failing():
         merged = merge_studies(folders, out)
@@ -239,8 +250,9 @@ def _say_missing(tables: StudyTables) -> None:
 @study_app.command("report")
 def report(folder: FolderArgument) -> None:
     """Make the report: a page, figures and LaTeX tables."""
-    from botohe_moo.study.report.write import write_report
-    from botohe_moo.study.store.tables import read_study
+    with ending_on_interrupt:
+        from botohe_moo.study.report.folder import write_report
+        from botohe_moo.study.store.tables import read_study
 
     with failing():
         tables = read_study(folder)
@@ -254,6 +266,7 @@ def report(folder: FolderArgument) -> None:
 @study_app.command("schema")
 def schema() -> None:
     """Print the JSON Schema of study files, for editors."""
-    from botohe_moo.study.file.config import study_schema
+    with ending_on_interrupt:
+        from botohe_moo.study.file.config import study_schema
 
     tell(study_schema().rstrip())

@@ -1,46 +1,40 @@
-"""What is shown while a study runs: runs done, the time left, and failures."""
+"""Showing the progress of a study: runs done, the time left, and failures."""
 
 from __future__ import annotations
 
 import math
-import sys
 import threading
 import time
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Self
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+from botohe_moo.cli.search_progress import is_terminal, new_bar
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from botohe_moo.study.file.grid import Run
+    from rich.progress import Progress
+
+    from botohe_moo.study.file.model import Run
     from botohe_moo.study.planning import Plan
     from botohe_moo.study.run.task import Outcome, Record
 
 __all__ = ["ProgressWatcher", "showing_trials"]
 
 _SECONDS_BETWEEN_LINES = 60.0  # where there is no terminal to draw a bar on
-_SECONDS_BETWEEN_TRIALS = 10.0  # that are told where there is none
+_SECONDS_BETWEEN_TRIALS = 10.0  # that are shown there
 _STEPS = 1_000  # of a run, so that the bar moves within one
 
 
 @contextmanager
 def showing_trials(say: Callable[[str], None]) -> Iterator[Callable[[str], None]]:
-    """Show on standard error what is tried, in a line that changes, or now and then in one more.
+    """Show on standard error what is tried: in a line that changes, or in one now and then.
 
-    Parameters
-    ----------
-    say
-        Says a line.
-
-    Yields
-    ------
-    callable
-        Takes what is tried now.
+    Yields what takes the words to show.
     """
-    if sys.stderr is not None and sys.stderr.isatty():
+    if is_terminal():
         with Console(stderr=True).status("reading") as status:
             yield lambda tried: status.update(_trial(tried))
         return
@@ -60,13 +54,7 @@ def _trial(tried: str) -> str:
 
 
 class ProgressWatcher:
-    """Shows on standard error how a study gets on: a bar, or lines where there is no terminal.
-
-    Parameters
-    ----------
-    say
-        Says a line.
-    """
+    """Shows a study's progress on standard error: a bar, or lines where there is no terminal."""
 
     def __init__(self, say: Callable[[str], None]) -> None:
         self._say = say
@@ -77,17 +65,9 @@ class ProgressWatcher:
         self._said_at = time.monotonic()
 
     def __enter__(self) -> Self:
-        # rich would also take FORCE_COLOR, which many set for logs, for a terminal.
-        if sys.stderr is not None and sys.stderr.isatty():
-            self._bar = Progress(
-                BarColumn(bar_width=24),
-                TaskProgressColumn(),
-                TextColumn("{task.fields[done]} of {task.fields[runs]} runs{task.fields[failed]} "),
-                TimeRemainingColumn(),
-                TextColumn("left"),
-                console=Console(stderr=True),
-                redirect_stdout=False,
-            )
+        if is_terminal():
+            words = "{task.fields[done]} of {task.fields[runs]} runs{task.fields[failed]} "
+            self._bar = new_bar(24, words)
             self._bar.start()
         return self
 
@@ -97,13 +77,7 @@ class ProgressWatcher:
                 self._bar.stop()
 
     def begin(self, plan: Plan) -> None:
-        """Say what is there already, and what is not.
-
-        Parameters
-        ----------
-        plan
-            The runs, and what is already there.
-        """
+        """Say how many runs are finished, and how many are to go."""
         for fault in plan.damaged.values():
             self._say(f"{fault}; the run is performed again.")
         self._n_runs = len(plan.missing)
@@ -116,13 +90,7 @@ class ProgressWatcher:
             )
 
     def record(self, run: Run, record: Record) -> None:
-        """Note how far a run has come.
-
-        Parameters
-        ----------
-        run, record
-            The run and its front.
-        """
+        """Note which part of its budget a run has spent."""
         budget = run.mission.budget
         shares = [
             spent / allowed
@@ -137,13 +105,7 @@ class ProgressWatcher:
             self._show()
 
     def end(self, run: Run, outcome: Outcome) -> None:
-        """Note that a run has ended.
-
-        Parameters
-        ----------
-        run, outcome
-            The run and how it ended.
-        """
+        """Note that a run has ended."""
         with self._lock:
             self._shares.pop(run.digest, None)
             self._n_ended += 1

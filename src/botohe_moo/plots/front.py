@@ -85,18 +85,10 @@ def plot_front(
 
 
 def staircase(objectives: FloatArray) -> FloatArray:
-    """Corners of the area between the origin and what at least one of the plans reaches.
+    """Give the corners of the area that plans (n_plans, 2) dominate, both columns maximised.
 
-    Parameters
-    ----------
-    objectives
-        Shape (n_plans, 2), both columns to be maximised.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (2 n + 2, 2) for n distinct non-dominated plans, from the highest on the vertical
-        axis down to the farthest on the horizontal one and back to the origin; (0, 2) for none.
+    Shape (2 n + 2, 2) for n distinct non-dominated plans, from the highest on the vertical axis
+    down to the farthest on the horizontal one and back to the origin; (0, 2) for none.
 
     Examples
     --------

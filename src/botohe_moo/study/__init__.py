@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 from botohe_moo._base.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from botohe_moo.study.file.grid import Study
     from botohe_moo.study.file.loading import load_study
+    from botohe_moo.study.file.model import Study, StudyError
     from botohe_moo.study.merge import merge_studies
     from botohe_moo.study.runner import StudyInterrupted, make_tables, run_study
-    from botohe_moo.study.store.tables import SCHEMAS, StudyError, StudyTables, read_study
+    from botohe_moo.study.store.tables import SCHEMAS, StudyTables, read_study
 
 __all__ = [
     "SCHEMAS",
@@ -29,19 +29,10 @@ __all__ = [
 ]
 
 _HOMES = {
-    ".file.grid": ("Study",),
+    ".file.model": ("Study", "StudyError"),
     ".file.loading": ("load_study",),
     ".merge": ("merge_studies",),
-    ".runner": (
-        "StudyInterrupted",
-        "make_tables",
-        "run_study",
-    ),
-    ".store.tables": (
-        "SCHEMAS",
-        "StudyError",
-        "StudyTables",
-        "read_study",
-    ),
+    ".runner": ("StudyInterrupted", "make_tables", "run_study"),
+    ".store.tables": ("SCHEMAS", "StudyTables", "read_study"),
 }
 __getattr__, __dir__ = lazy_names(__name__, _HOMES)

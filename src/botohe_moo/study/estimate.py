@@ -1,4 +1,4 @@
-"""How long the missing runs of a study will take, from what is known and short trials."""
+"""Estimating how long the missing runs of a study will take, by finished runs and trials."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
     from botohe_moo.study.file.config import Budget
-    from botohe_moo.study.file.grid import Run
+    from botohe_moo.study.file.model import Run
     from botohe_moo.study.planning import Plan
     from botohe_moo.study.run.task import Outcome
 
@@ -30,38 +30,18 @@ _ENDED = ("done", "infeasible")
 
 @dataclass(frozen=True)
 class Estimate:
-    """The runs of one algorithm on one mission.
-
-    Attributes
-    ----------
-    mission, algorithm
-        Their labels.
-    n_runs, n_there, n_failed
-        How many there are, how many are finished, and how many failed the last time.
-    seconds
-        How long one will take; None where a trial did not come to an end.
-    start_seconds
-        How long the process takes to start that each of them has to itself; 0 where one process
-        serves for several, or nothing is missing.
-    measured
-        Whether ``seconds`` is known from finished runs, and not from a trial.
-    at_most
-        Whether a run may end by itself long before, or a trial was too short to tell.
-    shared_start_seconds
-        How long a worker's process takes to start that serves for several of them; 0 where it was
-        not tried.
-    """
+    """How long the runs of one algorithm on one mission take."""
 
     mission: str
     algorithm: str
     n_runs: int
-    n_there: int
-    n_failed: int
-    seconds: float | None
-    start_seconds: float
-    measured: bool
-    at_most: bool
-    shared_start_seconds: float = 0.0
+    n_there: int  # finished
+    n_failed: int  # the last time
+    seconds: float | None  # of one run; None where a trial failed
+    start_seconds: float  # of the process that each run has to itself; 0 if it is shared
+    measured: bool  # whether the seconds are those of finished runs, not of a trial
+    at_most: bool  # whether a run may end long before by itself, or a trial was too short to tell
+    shared_start_seconds: float = 0.0  # of a process for several runs; 0 if it was not tried
 
     @property
     def n_left(self) -> int:
@@ -70,23 +50,16 @@ class Estimate:
 
     @property
     def each(self) -> float:
-        """How long one takes a worker."""
+        """How long one run keeps a worker."""
         return self.start_seconds + (self.seconds or 0.0)
 
 
 def estimate_times(plan: Plan, tell: Callable[[str], None]) -> Iterator[Estimate]:
-    """Estimate how long each mission and algorithm will take.
+    """Estimate how long the runs of each algorithm on each mission take.
 
-    Where no run is finished, a run is tried for half a second, after a first trial in which kernels
-    are compiled. What an evaluation takes after the trial's first iteration, which may have much to
-    prepare, is scaled up to its budget.
-
-    Parameters
-    ----------
-    plan
-        The runs, and what is already there.
-    tell
-        Is told what is tried, before it is.
+    Where no run is finished, a run is tried for half a second, after a first trial that compiles
+    kernels. The time of an evaluation after the trial's first iteration, which may have much to
+    prepare, is scaled up to the budget. ``tell`` is told what is tried.
     """
     cells: dict[tuple[str, str], list[Run]] = {}
     for run in plan.runs:
@@ -123,15 +96,7 @@ def estimate_times(plan: Plan, tell: Callable[[str], None]) -> Iterator[Estimate
 
 
 def time_left(estimates: Iterable[Estimate], workers: int) -> float:
-    """Say when the last of the missing runs will end, in seconds from now.
-
-    Parameters
-    ----------
-    estimates
-        What is known of them, in the order of the study.
-    workers
-        How many take one after the other, as they are free.
-    """
+    """Give the seconds until the last missing run ends, with so many workers."""
     estimates = [estimate for estimate in estimates if estimate.n_left]
     start = max((estimate.shared_start_seconds for estimate in estimates), default=0.0)
     free_at = [start] * workers
@@ -146,7 +111,7 @@ def _has_own_process(run: Run) -> bool:
 
 
 class _Trial:
-    """Tries runs, each algorithm for the first time so that what it needs is compiled."""
+    """Tries runs; the first trial of each algorithm compiles its kernels."""
 
     def __init__(self) -> None:
         self._sandbox = Sandbox()
@@ -154,13 +119,9 @@ class _Trial:
         self._shared_start: float | None = None
 
     def of(self, run: Run) -> tuple[float | None, bool, float]:
-        """Try a run.
+        """Give the seconds of a run, None if unknown, whether it may take less, and its start's.
 
-        Returns
-        -------
-        tuple
-            The seconds it will take, None if unknown; whether it may take less; and the seconds
-            that the start of its process takes, 0 where it has none of its own.
+        The start is that of the run's own process: 0 seconds where it has none.
         """
         outcome = None
         if run.algorithm.label not in self._compiled:
@@ -177,12 +138,9 @@ class _Trial:
         return *_whole(run.mission.budget, outcome), start
 
     def shared_start(self, run: Run) -> float:
-        """Give the seconds until a worker's process begins with a run; measured once.
+        """Give the seconds until a worker's process begins with a run, measured once.
 
-        Parameters
-        ----------
-        run
-            A run that was tried before, so that nothing is compiled.
+        Nothing may be compiled for the run, so it has to be one that was tried.
         """
         if self._shared_start is None:
             sandbox = Sandbox()
@@ -204,7 +162,7 @@ class _Trial:
         outcome = (sandbox or self._sandbox).perform(
             trial, stopped=lambda: False, note=lambda _: None
         )
-        assert outcome is not None  # nobody has stopped it
+        assert outcome is not None  # it was not stopped
         return outcome
 
     def close(self) -> None:
@@ -213,7 +171,7 @@ class _Trial:
 
 
 def _whole(budget: Budget, outcome: Outcome) -> tuple[float, bool]:
-    """Give the seconds that a run will take of which a trial is known, and whether it may less."""
+    """Give the seconds of a whole run after a trial, and whether it may take less."""
     if outcome.stopped_by != "seconds":
         return outcome.seconds, False
     limits = [] if budget.seconds is None else [budget.seconds]
@@ -225,7 +183,7 @@ def _whole(budget: Budget, outcome: Outcome) -> tuple[float, bool]:
 
 
 def _scaled(outcome: Outcome, evaluations: int) -> tuple[float, bool]:
-    """Scale a trial up to a budget; its first iteration counts once, if there was another."""
+    """Scale a trial up to a budget; its first iteration counts once if there was another."""
     first = outcome.records[0] if outcome.records else None
     if first is not None and outcome.evaluations > first.evaluations:
         pace = (outcome.seconds - first.seconds) / (outcome.evaluations - first.evaluations)

@@ -1,40 +1,28 @@
-"""What is to be done in a study: its runs, and which of them are already there."""
+"""The plan of a study: its runs, and which of them are finished already."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
-from pathlib import Path
 
-from botohe_moo.study.file.grid import Run, Study
+from botohe_moo.study.file.model import Run, Study
 from botohe_moo.study.run.task import PATIENCE, Task
-from botohe_moo.study.store.index import Entry, read_index
-from botohe_moo.study.store.store import DamagedError, Store
+from botohe_moo.study.store.folder import DamagedError, StudyFolder
+from botohe_moo.study.store.index import IndexedFile, read_index
 
 __all__ = ["Plan", "make_task", "plan_study"]
 
 
 @dataclass(frozen=True)
 class Plan:
-    """The runs of a study, and which of them are already there.
-
-    Attributes
-    ----------
-    runs
-        All runs.
-    finished
-        The files of those whose results are there, by name of the run.
-    failed
-        Names of those that failed the last time.
-    damaged
-        What is wrong with the files of runs that cannot be used, by name of the run.
-    """
+    """The runs of a study, and which of them are finished."""
 
     runs: tuple[Run, ...]
-    finished: Mapping[str, Entry]
-    failed: frozenset[str]
-    damaged: Mapping[str, str]
+    # All by digest of the run:
+    finished: Mapping[str, IndexedFile]  # files of finished runs
+    failed: frozenset[str]  # runs that failed the last time
+    damaged: Mapping[str, str]  # what is wrong with files that cannot be used
 
     @property
     def missing(self) -> tuple[Run, ...]:
@@ -42,51 +30,28 @@ class Plan:
         return tuple(run for run in self.runs if run.digest not in self.finished)
 
 
-def plan_study(study: Study, folder: Path, *, anew: bool = False) -> Plan:
-    """Find out which runs of a study are already in its folder.
+def plan_study(study: Study, folder: StudyFolder, *, anew: bool = False) -> Plan:
+    """Find out which runs of a study are finished.
 
-    A file that is new, or has changed since it was read, is read in full and checked.
-
-    Parameters
-    ----------
-    study
-        The study.
-    folder
-        Its folder; need not exist.
-    anew
-        Whether every file is read, also those that were read before and have not changed.
-
-    Raises
-    ------
-    StudyError
-        If the folder holds another study.
+    A file that is new, or has changed since it was read, is read in full and checked; with
+    ``anew`` every file is.
     """
-    store = Store(folder)
-    store.check(study)
     runs = study.runs()
-    known = {} if anew else read_index(folder)
+    known = {} if anew else read_index(folder.path)
     finished, damaged = {}, {}
     for run in runs:
         try:
-            if entry := store.entry(run, known.get(run.digest)):
-                finished[run.digest] = entry
+            if file := folder.check_run(run, known.get(run.digest)):
+                finished[run.digest] = file
         except DamagedError as error:
             damaged[run.digest] = str(error)
-    failed = store.failures().keys() & {run.digest for run in runs} - finished.keys()
-    readable = (digest for digest in failed if store.failure(digest) is not None)
+    failed = folder.failures().keys() & {run.digest for run in runs} - finished.keys()
+    readable = (digest for digest in failed if folder.failure(digest) is not None)
     return Plan(runs, finished, frozenset(readable), damaged)
 
 
 def make_task(run: Run, patience: float = PATIENCE) -> Task:
-    """Say what a worker needs to know of a run.
-
-    Parameters
-    ----------
-    run
-        The run.
-    patience
-        As :func:`run_study` takes it.
-    """
+    """Give what a worker needs to know of a run."""
     budget = run.mission.budget
     return Task(
         digest=run.digest,

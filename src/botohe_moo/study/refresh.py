@@ -1,4 +1,4 @@
-"""Making a study's tables where what they are made from has changed."""
+"""Making a study's tables again where their inputs have changed."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ import hashlib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from botohe_moo.study.file.grid import Study, canonical
-from botohe_moo.study.store.index import Entry, write_index
-from botohe_moo.study.store.manifest import StudyError, read_manifest
-from botohe_moo.study.store.shelf import note_origin
-from botohe_moo.study.store.store import Store, writing
+from botohe_moo.study.file.digest import canonical
+from botohe_moo.study.file.model import Study, StudyError
+from botohe_moo.study.store.folder import StudyFolder, writing
+from botohe_moo.study.store.index import IndexedFile, write_index
+from botohe_moo.study.store.manifest import read_manifest
+from botohe_moo.study.store.table_files import note_inputs
 from botohe_moo.study.store.tables import SMALL, StudyTables, read_study
 
 if TYPE_CHECKING:
@@ -22,63 +23,51 @@ __all__ = ["refresh_tables"]
 
 
 def refresh_tables(
-    study: Study, store: Store, finished: Mapping[str, Entry], *, anew: bool = False
+    study: Study, folder: StudyFolder, finished: Mapping[str, IndexedFile], *, anew: bool = False
 ) -> StudyTables:
-    """Make the tables, unless those that are there are made from the same.
+    """Make the tables, unless those in the folder were made from the same inputs.
 
-    Parameters
-    ----------
-    study
-        The study.
-    store
-        Its folder; nobody else may make its tables meanwhile.
-    finished
-        The files of finished runs, by name of the run.
-    anew
-        Whether they are made in any case.
+    Nobody else may make tables there meanwhile. ``finished`` holds the files of finished runs by
+    digest of the run; with ``anew`` the tables are made in any case.
 
-    Raises
-    ------
-    StudyError
-        If the folder cannot be written to.
+    Raises a StudyError if the folder cannot be written to.
     """
-    folder = store.folder
-    made_from = _made_from(study, store, finished)
-    with writing(folder):
-        write_index(folder, finished)
+    path, inputs = folder.path, _inputs_digest(study, folder, finished)
+    with writing(path):
+        write_index(path, finished)
     if not anew:
         with contextlib.suppress(StudyError):  # damaged, or not there: they are made again
-            if read_manifest(folder).get("made_from") == made_from and _csv_are_there(folder):
-                return read_study(folder)
-    # scipy.stats takes half a second to import, which every worker's process would wait for.
+            if read_manifest(path).get("made_from") == inputs and _csv_are_there(path):
+                return read_study(path)
+    # Imported late: scipy.stats takes half a second, which a study without new runs can save.
     from botohe_moo.study.judge.collect import collect_tables
 
-    collect_tables(study, store)
-    with writing(folder):
-        note_origin(folder, made_from)
-    return read_study(folder)
+    collect_tables(study, folder)
+    with writing(path):
+        note_inputs(path, inputs)
+    return read_study(path)
 
 
-def _csv_are_there(folder: Path) -> bool:
-    return all((folder / f"{name}.csv").exists() for name in SMALL)
+def _csv_are_there(path: Path) -> bool:
+    return all((path / f"{name}.csv").exists() for name in SMALL)
 
 
-def _made_from(study: Study, store: Store, finished: Mapping[str, Entry]) -> str:
+def _inputs_digest(study: Study, folder: StudyFolder, finished: Mapping[str, IndexedFile]) -> str:
     """Give the digest of all that tables depend on: the study, its runs' files, and the code."""
     missing = {run.digest for run in study.runs()} - finished.keys()
     failures = {
         digest: hashlib.sha256(data).hexdigest()
-        for digest, data in store.failures().items()
+        for digest, data in folder.failures().items()
         if digest in missing
     }
-    contents = {digest: entry.content for digest, entry in finished.items()}
-    parts = [study.manifest(), contents, failures, _code()]
+    contents = {digest: file.content for digest, file in finished.items()}
+    parts = [study.manifest(), contents, failures, _code_digest()]
     return hashlib.sha256(canonical(parts).encode()).hexdigest()
 
 
 @functools.cache
-def _code() -> str:
-    """Give the digest of what makes tables, which may change between two versions, too."""
+def _code_digest() -> str:
+    """Give the digest of this package's study code, which may change within a version."""
     hashed = hashlib.sha256()
     for path in sorted(Path(__file__).parent.rglob("*.py")):
         hashed.update(path.read_bytes())

@@ -1,27 +1,26 @@
-"""Running studies: what is missing is performed, and everything becomes tables."""
+"""Running a study: missing runs are performed, and the tables are made."""
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import Any, Protocol
 
 from botohe_moo._base.checks import check_integer, check_number
-from botohe_moo.study.file.grid import Run, Study
-from botohe_moo.study.file.loading import load_study, study_folder
+from botohe_moo.study.file.loading import load_study
+from botohe_moo.study.file.model import Run, Study, study_folder
 from botohe_moo.study.planning import Plan, make_task, plan_study
 from botohe_moo.study.refresh import refresh_tables
 from botohe_moo.study.run.cluster import check_address, dask_outcomes
 from botohe_moo.study.run.pool import Outcomes, local_outcomes
 from botohe_moo.study.run.stopping import Stop, hold_stop
 from botohe_moo.study.run.task import PATIENCE, Outcome, Record, Task
-from botohe_moo.study.store.index import Entry
-from botohe_moo.study.store.kept import kept_study
-from botohe_moo.study.store.manifest import read_manifest
-from botohe_moo.study.store.shelf import tables_locked
-from botohe_moo.study.store.store import Store
+from botohe_moo.study.store.folder import StudyFolder
+from botohe_moo.study.store.index import IndexedFile
+from botohe_moo.study.store.manifest import read_manifest, restore_study
+from botohe_moo.study.store.table_files import tables_locked
 from botohe_moo.study.store.tables import StudyTables
 
 __all__ = ["StudyInterrupted", "make_tables", "run_study"]
@@ -42,34 +41,16 @@ class StudyInterrupted(KeyboardInterrupt):
 
 
 class Watcher(Protocol):
-    """Is told how a study gets on."""
+    """Follows the progress of a study."""
 
     def begin(self, plan: Plan) -> None:
-        """Take note of what is to be done.
-
-        Parameters
-        ----------
-        plan
-            The runs, and what is already there.
-        """
+        """Take note of the plan, before any run begins."""
 
     def record(self, run: Run, record: Record) -> None:
-        """Take note of a front that a run has recorded.
-
-        Parameters
-        ----------
-        run, record
-            The run and its front.
-        """
+        """Take note of a front that a run has recorded."""
 
     def end(self, run: Run, outcome: Outcome) -> None:
-        """Take note of a run that has ended and been kept.
-
-        Parameters
-        ----------
-        run, outcome
-            The run and how it ended.
-        """
+        """Take note of a run that has ended and whose outcome is saved."""
 
 
 def run_study(
@@ -135,22 +116,19 @@ def run_study(
     if dask is not None:
         check_address(dask)
     study = source if isinstance(source, Study) else load_study(source, out=out)
-    folder = study_folder(study.name, out)
-    store = Store(folder)
-    store.check(study)
-    with store.locked():
-        store.check(study)
+    folder = StudyFolder(study_folder(study.name, out))
+    watcher = watcher or _Silent()
+    with folder.locked(study):
         plan = plan_study(study, folder)
-        store.write_study(study)
-        watcher = watcher or _Silent()
+        folder.write_study(study)
         watcher.begin(plan)
         with hold_stop() as stop:
-            done = _perform(
-                plan, store, stop,
-                workers=workers, dask=dask, patience=patience, watcher=watcher,
-            )  # fmt: skip
-            with tables_locked(folder):
-                tables = refresh_tables(study, store, {**plan.finished, **done})
+            outcomes = _outcomes(
+                plan, stop, workers=workers, dask=dask, patience=patience, watcher=watcher
+            )
+            done = _save(plan, outcomes, folder, watcher)
+            with tables_locked(folder.path):
+                tables = refresh_tables(study, folder, {**plan.finished, **done})
     if stop.is_set():
         raise StudyInterrupted(stop.signal)
     return tables
@@ -176,55 +154,49 @@ def make_tables(
     StudyError
         If the folder holds no study, or cannot be written to.
     """
-    folder = Path(folder)
-    read_manifest(folder)
-    with tables_locked(folder):
-        study = kept_study(folder)
-        plan = plan_study(study, folder, anew=True)
+    ours = StudyFolder(folder)
+    read_manifest(ours.path)  # before anything is written there
+    with tables_locked(ours.path):
+        study = restore_study(ours.path)
+        plan = plan_study(study, ours, anew=True)
         for fault in plan.damaged.values():
             if say is not None:
                 say(f"{fault}; the run is missing from the tables.")
-        return refresh_tables(study, Store(folder), plan.finished, anew=True)
+        return refresh_tables(study, ours, plan.finished, anew=True)
 
 
-def _perform(
-    plan: Plan,
-    store: Store,
-    stop: Stop,
-    *,
-    workers: int,
-    dask: str | None,
-    patience: float,
-    watcher: Watcher,
-) -> dict[str, Entry]:
-    """Perform the runs that are missing; give the files of those that did not fail."""
-    done: dict[str, Entry] = {}
+def _outcomes(
+    plan: Plan, stop: Stop, *, workers: int, dask: str | None, patience: float, watcher: Watcher
+) -> Outcomes:
+    """Perform the missing runs, here or on a Dask cluster, and yield what comes of them."""
     runs = {run.digest: run for run in plan.missing}
     tasks = [make_task(run, patience) for run in runs.values()]
-    if not tasks:
-        return done
+    if dask is not None and tasks:
+        return dask_outcomes(tasks, address=dask, stopped=stop.is_set)
 
     def note(task: Task, record: Record) -> None:
         watcher.record(runs[task.digest], record)
 
-    outcomes: Outcomes = (
-        local_outcomes(tasks, workers=workers, stopped=stop.is_set, note=note)
-        if dask is None
-        else dask_outcomes(tasks, address=dask, stopped=stop.is_set)
-    )
-    try:
+    return local_outcomes(tasks, workers=workers, stopped=stop.is_set, note=note)
+
+
+def _save(
+    plan: Plan, outcomes: Outcomes, folder: StudyFolder, watcher: Watcher
+) -> dict[str, IndexedFile]:
+    """Save outcomes as they come; give the files of runs that did not fail."""
+    runs = {run.digest: run for run in plan.missing}
+    done: dict[str, IndexedFile] = {}
+    with contextlib.closing(outcomes):
         for task, outcome in outcomes:
             run = runs[task.digest]
-            if entry := store.save(run, outcome):
-                done[run.digest] = entry
+            if file := folder.save(run, outcome):
+                done[run.digest] = file
             watcher.end(run, outcome)
-    finally:
-        outcomes.close()  # type: ignore[attr-defined]
     return done
 
 
 class _Silent:
-    """A watcher that keeps everything to itself."""
+    """A watcher that shows nothing."""
 
     def begin(self, plan: Plan) -> None: ...
 

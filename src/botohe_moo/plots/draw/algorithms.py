@@ -77,10 +77,7 @@ def styles_of(
 ) -> Mapping[str, AlgorithmStyle]:
     """Give the styles to draw ``algorithms`` in: those given, or new ones.
 
-    Raises
-    ------
-    ValueError
-        If an algorithm has no style among those given.
+    Raises a ValueError if an algorithm has no style among those given.
     """
     if styles is None:
         return algorithm_styles(algorithms)
@@ -94,10 +91,8 @@ def chosen_algorithms(
 ) -> list[str]:
     """Check a table of one mission, and give the algorithms to draw: all by default.
 
-    Raises
-    ------
-    ValueError
-        If the table lacks a column or holds several missions, or an algorithm is not in it.
+    Raises a ValueError if the table lacks a column or holds several missions, or an algorithm is
+    not in it.
     """
     if missing := [column for column in columns if column not in frame.columns]:
         raise ValueError(f"Expected {name} with columns {tuple(columns)}, it lacks {missing}.")

@@ -1,4 +1,4 @@
-"""A mission's graph on paper: where nodes lie, how large they are, and how arcs run."""
+"""Drawing a mission's graph: positions and sizes of nodes, and the course of arcs."""
 
 from __future__ import annotations
 
@@ -80,24 +80,12 @@ def _nearest(xy: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Canvas:
-    """Axes whose scale is known, so that what is drawn in points fits what lies in data units.
+    """Axes whose scale is known, so that sizes in points fit distances in data units."""
 
-    Attributes
-    ----------
-    ax
-        Axes with limits, legend and colour bars in place.
-    xy
-        Positions of the nodes (n_nodes, 2).
-    scale
-        Points per data unit.
-    radius
-        Radius of a node in points.
-    """
-
-    ax: Axes
-    xy: FloatArray
-    scale: float
-    radius: float
+    ax: Axes  # with limits, legend and colour bars in place
+    xy: FloatArray  # positions of the nodes (n_nodes, 2)
+    scale: float  # points per data unit
+    radius: float  # of a node, in points
 
     @classmethod
     def measure(cls, ax: Axes, xy: FloatArray) -> Canvas:

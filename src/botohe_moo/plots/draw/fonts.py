@@ -1,4 +1,4 @@
-"""What letters can be drawn on this machine, and what stands for those that cannot."""
+"""Which letters can be drawn on this machine, and what replaces the others."""
 
 from __future__ import annotations
 
@@ -12,41 +12,16 @@ __all__ = ["drawable", "families"]
 
 BASE = "DejaVu Sans"  # matplotlib brings it along: pictures are the same on every machine
 
-# Fonts that draw Chinese, Japanese and Korean beside Latin letters. Only those that are installed
-# are asked for, as matplotlib warns of every other one.
-_OTHERS = (
-    "Noto Sans CJK SC",
-    "Noto Sans CJK JP",
-    "Noto Sans CJK TC",
-    "Noto Sans CJK KR",
-    "Noto Sans SC",
-    "Noto Sans JP",
-    "Noto Sans TC",
-    "Noto Sans KR",
-    "Source Han Sans SC",
-    "Source Han Sans",
-    "WenQuanYi Zen Hei",
-    "WenQuanYi Micro Hei",
-    "Droid Sans Fallback",
-    "IPAexGothic",
-    "IPAGothic",
-    "TakaoPGothic",
-    "VL PGothic",
-    "NanumGothic",
-    "AR PL UMing CN",
-    "PingFang SC",
-    "Hiragino Sans",
-    "Hiragino Sans GB",
-    "Heiti TC",
-    "Apple SD Gothic Neo",
-    "Arial Unicode MS",
-    "Microsoft YaHei",
-    "SimHei",
-    "Yu Gothic",
-    "MS Gothic",
-    "Malgun Gothic",
-    "Unifont",
-)
+# Fonts with Chinese, Japanese or Korean letters. Only those that are installed are used, since
+# matplotlib warns about others.
+_OTHERS = """
+    Noto Sans CJK SC, Noto Sans CJK JP, Noto Sans CJK TC, Noto Sans CJK KR, Noto Sans SC, Noto
+    Sans JP, Noto Sans TC, Noto Sans KR, Source Han Sans SC, Source Han Sans, WenQuanYi Zen Hei,
+    WenQuanYi Micro Hei, Droid Sans Fallback, IPAexGothic, IPAGothic, TakaoPGothic, VL PGothic,
+    NanumGothic, AR PL UMing CN, PingFang SC, Hiragino Sans, Hiragino Sans GB, Heiti TC, Apple
+    SD Gothic Neo, Arial Unicode MS, Microsoft YaHei, SimHei, Yu Gothic, MS Gothic, Malgun
+    Gothic, Unifont
+"""
 _INVISIBLE = ("Cc", "Cf", "Cs", "Zl", "Zp")
 
 
@@ -54,19 +29,14 @@ _INVISIBLE = ("Cc", "Cf", "Cs", "Zl", "Zp")
 def families() -> tuple[str, ...]:
     """Give the fonts to draw with; a letter is drawn with the first that has it."""
     installed = {entry.name for entry in font_manager.fontManager.ttflist}
-    return (BASE, *(name for name in _OTHERS if name in installed))
+    others = " ".join(_OTHERS.split()).split(", ")
+    return (BASE, *(name for name in others if name in installed))
 
 
 def drawable(text: str) -> str:
-    r"""Write a text so that every letter of it can be drawn.
+    r"""Replace letters that no font here has, and invisible ones, by their code points.
 
-    Letters that no font here has, and what cannot be seen, are given by their code points; so two
-    texts still differ. White space of any kind becomes a space.
-
-    Parameters
-    ----------
-    text
-        A label or a title, as it was read.
+    So two texts still differ. White space of any kind becomes a space.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Labels in pictures: what tells algorithms apart, on lines that are not too long."""
+"""Labels in pictures: short names that tell algorithms apart, and line breaks."""
 
 from __future__ import annotations
 
@@ -25,12 +25,7 @@ _GLUE = "\x00"  # stands for a space that no line may be broken at
 
 
 def parsed_label(label: str) -> tuple[str, Pairs]:
-    """Take a label of a grid apart, for display: the family, and its parameters with their values.
-
-    Parameters
-    ----------
-    label
-        As in a study; one that is not of a grid has no parameters.
+    """Split the label of a grid's member into the family, and its parameters with their values.
 
     Examples
     --------
@@ -47,15 +42,10 @@ def parsed_label(label: str) -> tuple[str, Pairs]:
 
 
 def display_names(labels: Iterable[str]) -> dict[str, str]:
-    """Give the names that labels have in pictures, as short as they still differ.
+    """Give the names of labels in pictures: short, but different.
 
-    What the members of a grid have in common is left out. No value is ever cut, and where two
-    names would look alike, they are numbered.
-
-    Parameters
-    ----------
-    labels
-        All labels that are to be told apart.
+    Values that all members of a grid share are left out. No value is cut, and names that would look
+    alike are numbered.
 
     Examples
     --------
@@ -73,14 +63,14 @@ def display_names(labels: Iterable[str]) -> dict[str, str]:
         common = set.intersection(*map(set, members[family])) if len(members[family]) > 1 else set()
         told = [f"{key}={value}" for key, value in pairs if (key, value) not in common]
         names[label] = drawable(f"{family} ({', '.join(told)})" if told else family)
-    # Where leaving out made two alike, the whole labels may differ.
+    # If two names are alike now, the whole labels may differ.
     for label in _alike(names):
         names[label] = drawable(label)
     return _numbered(names)
 
 
 def _looks(name: str) -> str:
-    """Give what remains of a name on paper: letters and their marks as one, spaces as one."""
+    """Normalise a name to its look: combined letters, single spaces."""
     return " ".join(unicodedata.normalize("NFC", name).split())
 
 
@@ -112,16 +102,9 @@ def columns(text: str) -> int:
 
 
 def wrapped(name: str, width: int = WIDTH, *, longest: int = UNBROKEN) -> str:
-    """Break a name into lines, at spaces, and never within a value that has room on a line.
+    """Break a name into lines of ``width`` columns, at spaces, but not within a value.
 
-    Parameters
-    ----------
-    name
-        Name of an algorithm, or a title.
-    width
-        Columns of a line, as far as words allow.
-    longest
-        Columns of a single word or value, which is broken only beyond.
+    Only words and values of more than ``longest`` columns are broken.
 
     Examples
     --------

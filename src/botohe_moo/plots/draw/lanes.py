@@ -1,4 +1,4 @@
-"""Trails side by side: every passage of a robot gets a lane of its own along the arc."""
+"""Drawing trails side by side: robots that use the same arc have lanes along it."""
 
 from __future__ import annotations
 
@@ -20,13 +20,9 @@ __all__ = ["draw_trails", "lanes"]
 
 
 def lanes(plan: TrailPlan) -> list[tuple[int, int, int, int]]:
-    """Give every passage of a robot along an arc a lane.
+    """Give robot, tail, head and lane of each passage along an arc, in the order of the trails.
 
-    Returns
-    -------
-    list of tuple
-        Robot, tail, head and lane of each passage, in the order of the trails. Lanes count from 0
-        for the robots that take the same arc; those of the opposite arc lie on the other side.
+    Lanes count from 0 for robots on the same arc; those of the opposite arc lie on the other side.
     """
     taken: Counter[tuple[int, int]] = Counter()
     passages = []
@@ -66,7 +62,7 @@ def _draw_directions(
     canvas: Canvas, points: FloatArray, length: FloatArray, lane: IntArray, ink: FloatArray
 ) -> None:
     free = length - 2 * canvas.radius
-    # Opposite and neighbouring arrowheads must lie one behind the other, not side by side.
+    # Arrowheads of opposite and neighbouring lanes must not lie side by side.
     sizes = np.minimum(np.clip(1.3 * canvas.radius, 5.5, 8.0), free / 2.2)
     ahead = 0.6 * sizes + np.where(free > 5 * sizes, 1.1 * sizes * (lane % 2), 0.0)
     legible = sizes > 3.0

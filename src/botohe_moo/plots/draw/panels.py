@@ -1,7 +1,8 @@
-"""Figures of a study's plots: one for all algorithms, or small multiples, a panel for each."""
+"""Figures of a study's plots: all algorithms on the same axes, or each on a panel of its own."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import matplotlib.pyplot as plt
@@ -21,15 +22,7 @@ if TYPE_CHECKING:
     from botohe_moo.plots.draw.algorithms import AlgorithmStyle
     from botohe_moo.plots.draw.style import Colour
 
-__all__ = [
-    "MANY",
-    "add_background",
-    "add_band",
-    "names_room",
-    "open_panels",
-    "study_axes",
-    "title_panels",
-]
+__all__ = ["MANY", "AlgorithmAxes", "add_band", "names_room", "open_algorithm_axes", "study_axes"]
 
 MANY = 12  # from so many algorithms on, one plot would be a tangle
 
@@ -40,23 +33,59 @@ _NAME_WIDTH = 32  # columns
 _FEW_POINTS = 20_000  # more are drawn as an image in vector files, too
 
 
+@dataclass(frozen=True)
+class AlgorithmAxes:
+    """The axes of each algorithm: the same, or each a panel with all others in grey."""
+
+    of: dict[str, Axes]  # by label
+    in_panels: bool
+
+    @property
+    def first(self) -> Axes:
+        """The only axes, or those of the first panel, whose limits the others share."""
+        return next(iter(self.of.values()))
+
+    def finish(self, title: str | None, words: str, x: str, y: str) -> None:
+        """Write title and words above everything, and the names of both axes."""
+        if self.in_panels:
+            self.first.grid(visible=False)
+            _title_panels(list(self.of.values()), title, words, x, y)
+        else:
+            self.first.set(xlabel=x, ylabel=y)
+            title_above(self.first, title, words)
+
+
+def open_algorithm_axes(
+    lines: Mapping[str, FloatArray],
+    styles: Mapping[str, AlgorithmStyle],
+    ax: Axes | None,
+    *,
+    size: tuple[float, float],
+    stretch: float = 1.0,
+    names: Mapping[str, str] | None = None,
+) -> AlgorithmAxes:
+    """Take ``ax`` for all algorithms, or open a figure, with panels from ``MANY`` algorithms on.
+
+    ``lines`` are the points (n, 2) of each algorithm's line, for the background of panels. A single
+    plot of ``size`` inches grows with the height of all names, times ``stretch``.
+    """
+    if ax is None and len(lines) >= MANY:
+        panels = _open_panels(list(lines), styles, names)
+        _add_background(panels, lines)
+        return AlgorithmAxes(panels, in_panels=True)
+    if ax is None:
+        height, right = names_room(lines, styles)
+        (ax,) = study_axes(size[0], max(size[1], stretch * height), right=right)
+    return AlgorithmAxes(dict.fromkeys(lines, ax), in_panels=False)
+
+
 def study_axes(
     width: float, height: float, *, right: float = 0.2, n_rows: int = 1, share: bool = False
 ) -> list[Axes]:
     """Open a figure with ``n_rows`` axes under each other, each of ``width`` x ``height`` inches.
 
-    What is where is known beforehand, and so nothing has to be laid out.
-
-    Parameters
-    ----------
-    width, height
-        Of each of the axes.
-    right
-        Inches for what stands right of them.
-    n_rows
-        Number of axes.
-    share
-        Whether they have the same horizontal axis; only the last shows its numbers.
+    All places are fixed, so no layout has to be computed. ``right`` are the inches right of the
+    axes. With ``share``, only the last axes show the numbers of their common horizontal axis.
     """
     left, below, above = 0.85, 0.6, 0.75
     between = 0.45 if share else 0.95
@@ -68,7 +97,7 @@ def study_axes(
             low = below + (n_rows - 1 - row) * (height + between)
             place = (left / full[0], low / full[1], width / full[0], height / full[1])
             ax = fig.add_axes(place, sharex=axes[0] if share and axes else None)
-            # Where names of axes stand is known, too; to find out takes longer than to draw them.
+            # The places of names are fixed, too: computing them takes longer than drawing.
             ax.xaxis.set_label_coords(0.5, -0.42 / height)
             ax.yaxis.set_label_coords(-0.6 / width, 0.5)
             axes.append(ax)
@@ -85,22 +114,12 @@ def names_room(labels: Iterable[str], styles: Mapping[str, AlgorithmStyle]) -> t
     return 0.155 * lines, 0.75 + 0.6 * 10 * widest / 72
 
 
-def open_panels(
+def _open_panels(
     labels: Sequence[str],
     styles: Mapping[str, AlgorithmStyle],
     names: Mapping[str, str] | None = None,
 ) -> dict[str, Axes]:
-    """Open a figure with a panel for each of ``labels``, named, and all with the same axes.
-
-    Parameters
-    ----------
-    labels
-        Labels of the algorithms, row by row.
-    styles
-        Style of each label.
-    names
-        What to call them instead of their names.
-    """
+    """Open a figure with a panel for each of ``labels``, named, and all with the same axes."""
     if names is None:
         names = names_of(labels, styles, _NAME_WIDTH, longest=_NAME_WIDTH)
     lines = max(name.count("\n") + 1 for name in names.values())
@@ -123,7 +142,7 @@ def open_panels(
         lowest = place + n_columns >= len(labels)
         ax.tick_params(labelsize=8)
         ax.spines[["top", "right"]].set_visible(False)
-        # Numbers stand at the edges only; hundreds of ticks would take longer than all curves.
+        # Numbers only at the edges: hundreds of ticks would take longer to draw than all curves.
         ax.xaxis.set_visible(lowest)
         ax.yaxis.set_visible(column == 0)
         ax.annotate(
@@ -143,28 +162,15 @@ def open_panels(
 
 def add_band(ax: Axes, points: FloatArray, colour: Colour, alpha: float) -> None:
     """Shade what ``points`` (n, 2) enclose."""
-    # Axes.fill would look at every segment to find its extent, one by one.
+    # Axes.fill would compute the extent segment by segment.
     band = PolyCollection(
         [points], facecolors=[colour], alpha=alpha, linewidths=0, zorder=1, gid="band"
     )
     ax.add_collection(band)
 
 
-def title_panels(panels: Mapping[str, Axes], title: str | None, words: str, x: str, y: str) -> None:
-    """Write title and words above all panels, and once what the axes are.
-
-    Parameters
-    ----------
-    panels
-        As ``open_panels`` gives them.
-    title
-        As for ``title_above``.
-    words
-        What is shown.
-    x, y
-        Names of the axes.
-    """
-    axes = list(panels.values())
+def _title_panels(axes: Sequence[Axes], title: str | None, words: str, x: str, y: str) -> None:
+    """Write title and words above all panels, and the names of the axes once."""
     lines = max(text.get_text().count("\n") + 1 for ax in axes for text in ax.texts)
     fig = axes[0].figure.figure
     words = f"{words}; in grey all others"
@@ -178,16 +184,8 @@ def title_panels(panels: Mapping[str, Axes], title: str | None, words: str, x: s
     fig.text(0.2 / width, centre, y, ha="center", va="center", rotation=90, gid="y label")
 
 
-def add_background(panels: Mapping[str, Axes], lines: Mapping[str, FloatArray]) -> None:
-    """Draw in every panel, pale, the lines of all other algorithms.
-
-    Parameters
-    ----------
-    panels
-        As ``open_panels`` gives them.
-    lines
-        Points (n, 2) of each algorithm's line.
-    """
+def _add_background(panels: Mapping[str, Axes], lines: Mapping[str, FloatArray]) -> None:
+    """Draw in every panel, pale, the lines of all other algorithms."""
     n_points = sum(map(len, lines.values())) * len(panels)
     for label, ax in panels.items():
         others = LineCollection(

@@ -1,4 +1,4 @@
-"""Axes that the plots of a study share: logarithmic ones, labels at the ends of curves, titles."""
+"""Axes of a study's plots: logarithmic scales, labels at the ends of curves, titles."""
 
 from __future__ import annotations
 
@@ -37,19 +37,7 @@ def dress(ax: Axes) -> None:
 def log_axis(
     ax: Axes, low: float, high: float, which: Literal["x", "y"] = "x", *, small: bool = True
 ) -> None:
-    """Make an axis logarithmic, from ``low`` to ``high``, with numbers people read.
-
-    Parameters
-    ----------
-    ax
-        Axes to change.
-    low, high
-        What has to be in sight, above 0.
-    which
-        Which of the two axes.
-    small
-        Whether to mark what lies between the powers of ten.
-    """
+    """Make an axis logarithmic, from ``low`` to ``high``, with numbers people read."""
     dress(ax)
     axis = ax.xaxis if which == "x" else ax.yaxis
     if high < 6.5 * low:  # less has no room for two of the numbers 1, 2 and 5
@@ -98,21 +86,7 @@ def plain_number(value: float) -> str:
 def title_above(
     ax: Axes, title: str | None, words: str, *, width: float | None = None, lift: float = 0.0
 ) -> None:
-    """Write what the plot is above it, and below that, paler, what it shows.
-
-    Parameters
-    ----------
-    ax
-        Axes in their place.
-    title
-        Its first line is bold, and stands alone; further ones are paler.
-    words
-        What is shown.
-    width
-        Room in inches; by default that above ``ax``.
-    lift
-        Points to leave free above ``ax``.
-    """
+    """Write what the plot is above it, and below that, paler, what it shows."""
     if width is None:
         width = ax.get_window_extent().width / ax.figure.figure.dpi
     head, _, rest = (title or "").partition("\n")
@@ -128,19 +102,7 @@ def title_above(
 def stack_above(
     ax: Axes, parts: Iterable[tuple[str, str, float, Mapping[str, Any]]], width: float, at: float
 ) -> float:
-    """Write texts above each other, the lowest first, and give the points that they reach up to.
-
-    Parameters
-    ----------
-    ax
-        Axes in their place.
-    parts
-        Each text with its name, the size of its letters, and what else matplotlib takes.
-    width
-        Room in inches.
-    at
-        Points above ``ax`` of the lowest.
-    """
+    """Write texts above each other, the lowest first, and give the points that they reach up to."""
     for text, name, size, style in parts:
         if text:
             lines = wrapped(drawable(text), _fitting(width, size))
@@ -164,17 +126,7 @@ def _fitting(width: float, size: float) -> int:
 
 
 def label_ends(ax: Axes, ends: Mapping[str, float], styles: Mapping[str, AlgorithmStyle]) -> None:
-    """Write names right of ``ax`` at the heights where their curves end, none over another.
-
-    Parameters
-    ----------
-    ax
-        Axes with its limits set.
-    ends
-        Height of each name, in data units, by label.
-    styles
-        Style of each label.
-    """
+    """Write names right of ``ax`` at the heights where their curves end, none over another."""
     names = names_of(ends, styles)
     n_lines = np.array([name.count("\n") + 1 for name in names.values()])
     box = ax.get_window_extent()
@@ -236,19 +188,7 @@ def spread(
     """Move places in [0, 1] as little as needed so that they lie ``gap`` apart, in their order.
 
     The least sum of squared moves: neighbours that are too close share their mean (pool adjacent
-    violators). Where there is no room for all, they run over 1.
-
-    Parameters
-    ----------
-    wanted
-        Where the places would be if there were room.
-    gap
-        Least distance; or the height of each, of which neighbours need half.
-
-    Returns
-    -------
-    numpy.ndarray
-        The places, in the order of ``wanted``.
+    violators). A ``gap`` may also be the height of each place. Without room for all, they exceed 1.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Palettes, the theme and the saving of pictures, shared by all plots."""
+"""Palettes, the theme, and saving of pictures."""
 
 from __future__ import annotations
 
@@ -215,7 +215,7 @@ def _write_all(fig: Figure, targets: Sequence[Path], dpi: int) -> None:
         with tempfile.TemporaryDirectory(dir=folder, prefix=".figure-") as drafts:
             for target in here:
                 kind = target.suffix.lower()
-                # Artists have names for whoever looks for them; in SVG each has to be another.
+                # Artists have names for tests; in SVG names have to be unique.
                 with _without_names(fig) if kind == ".svg" else nullcontext():
                     fig.savefig(
                         Path(drafts) / target.name,
@@ -230,7 +230,7 @@ def _write_all(fig: Figure, targets: Sequence[Path], dpi: int) -> None:
 
 @contextmanager
 def _without_names(fig: Figure) -> Iterator[None]:
-    # Not findobj, which makes all ticks of all axes, also of those that are not shown.
+    # Not findobj, which would create all ticks, even of invisible axes.
     artists = [*fig.get_children(), *(child for ax in fig.axes for child in ax.get_children())]
     named = [(artist, artist.get_gid()) for artist in artists if artist.get_gid()]
     for artist, _ in named:

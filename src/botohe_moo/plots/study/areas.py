@@ -43,14 +43,8 @@ def plot_areas(
     summary
         Rows of the same mission in the summary: columns ``algorithm``, ``area_median``,
         ``area_low`` and ``area_high``.
-    algorithms
-        Labels of the algorithms to draw, from top to bottom. Default: all of them.
-    styles
-        Style of each label, as ``algorithm_styles`` gives them.
-    title
-        Name of the mission; what follows a line break is paler.
-    ax
-        Axes to draw on. One will be created if not given.
+    algorithms, styles, title, ax
+        As in :func:`plot_curves`; algorithms from top to bottom.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Empirical attainment: what share of an algorithm's runs reaches which rewards and survivors."""
+"""Empirical attainment: the share of runs that reach a reward and a number of survivors."""
 
 from __future__ import annotations
 
@@ -8,19 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from botohe_moo.plots.draw.algorithms import names_of, styles_of
-from botohe_moo.plots.draw.panels import (
-    MANY,
-    add_background,
-    add_band,
-    names_room,
-    open_panels,
-    study_axes,
-    title_panels,
-)
-from botohe_moo.plots.draw.scales import title_above
+from botohe_moo.plots.draw.panels import add_band, open_algorithm_axes
 from botohe_moo.plots.draw.style import theme
 from botohe_moo.plots.front import staircase
-from botohe_moo.plots.study.fronts import OBJECTIVES, final_fronts, legend_beside, objective_axes
+from botohe_moo.plots.study.fronts import final_fronts, finish_objectives
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -54,24 +45,15 @@ def plot_attainment(
 
     Parameters
     ----------
-    plans
-        Rows of one mission in a study's plans: columns ``algorithm``, ``seed``, ``reward`` and
-        ``survivors``.
-    runs
-        Rows of the same mission in its runs: columns ``algorithm``, ``seed`` and ``area``.
-    algorithms
-        Labels of the algorithms to draw. Default: all of them.
-    styles
-        Style of each label, as ``algorithm_styles`` gives them.
-    title
-        Name of the mission; what follows a line break is paler.
-    ax
-        Axes to draw on, for all algorithms. A figure will be created if not given.
+    plans, runs
+        As in :func:`plot_fronts`.
+    algorithms, styles, title, ax
+        As in :func:`plot_curves`.
 
     Returns
     -------
     matplotlib.axes.Axes
-        The axes drawn on; those of the first panel where there are several.
+        As :func:`plot_curves` gives them.
 
     Raises
     ------
@@ -83,25 +65,13 @@ def plot_attainment(
     surfaces = {label: _surfaces(found) for label, found in fronts.items()}
     words = "reached by half of the runs; bands: by a quarter to three quarters"
     with theme():
-        if ax is None and len(fronts) >= MANY:
-            panels = open_panels(list(fronts), styles)
-            add_background(panels, {label: half for label, (_, half, _) in surfaces.items()})
-            for label, own in panels.items():
-                _draw(own, surfaces[label], styles[label], label, len(fronts[label]))
-            first = next(iter(panels.values()))
-            first.set(xlim=(0, None), ylim=(0, None))
-            title_panels(panels, title, words, *OBJECTIVES)
-            return first
+        lines = {label: half for label, (_, half, _) in surfaces.items()}
+        axes = open_algorithm_axes(lines, styles, ax, size=(5.6, 4.2), stretch=1.3)
         names = names_of(fronts, styles)
-        if ax is None:
-            height, right = names_room(fronts, styles)
-            (ax,) = study_axes(5.6, max(4.2, 1.3 * height), right=right)
-        for label, found in fronts.items():
-            _draw(ax, surfaces[label], styles[label], names[label], len(found))
-        objective_axes(ax)
-        title_above(ax, title, words)
-        legend_beside(ax)
-    return ax
+        for label, own in axes.of.items():
+            _draw(own, surfaces[label], styles[label], names[label], len(fronts[label]))
+        finish_objectives(axes, title, words)
+    return axes.first
 
 
 Surfaces = tuple["FloatArray", "FloatArray", "FloatArray"]
@@ -129,7 +99,7 @@ def _draw(ax: Axes, surfaces: Surfaces, style: AlgorithmStyle, name: str, n_runs
         markersize=5,
         markeredgecolor="white",
         markeredgewidth=0.5,
-        # Ends of stairs, not plans: a few are enough to tell the lines apart.
+        # Not plans: a few are enough to tell the lines apart.
         markevery=max(1, len(half) // 8),
         zorder=2,
         label=name,
@@ -138,20 +108,10 @@ def _draw(ax: Axes, surfaces: Surfaces, style: AlgorithmStyle, name: str, n_runs
 
 
 def attainment_surface(fronts: Iterable[FloatArray], percent: float) -> FloatArray:
-    """Corners of what at least ``percent`` of the runs reach.
+    """Give the non-dominated corners (n, 2) of what at least ``percent`` of the runs reach.
 
-    Parameters
-    ----------
-    fronts
-        Points (n_plans, 2) of each run's front, both columns to be maximised; an empty one reaches
-        nothing but the origin.
-    percent
-        In [0, 100]; 0 stands for one run.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (n, 2), non-dominated.
+    Fronts are points (n_plans, 2), to be maximised; an empty one reaches the origin only. A
+    ``percent`` of 0 stands for one run.
 
     References
     ----------
@@ -168,35 +128,22 @@ def attainment_surface(fronts: Iterable[FloatArray], percent: float) -> FloatArr
 def attainment_difference(
     fronts: Iterable[FloatArray], others: Iterable[FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
-    """Where one algorithm's runs reach more often than another's.
+    """Give rectangles (n, 4) that runs reach unequally often, and the differences (n,), in [-1, 1].
 
-    Parameters
-    ----------
-    fronts
-        Points (n_plans, 2) of each run's front, both columns to be maximised; an empty one reaches
-        nothing but the origin.
-    others
-        The same for the other algorithm, of any number of runs.
-
-    Returns
-    -------
-    rectangles : numpy.ndarray
-        Shape (n, 4): left, bottom, right and top; they do not overlap.
-    difference : numpy.ndarray
-        Shape (n,), in [-1, 1]: the share of the first's runs that reach the rectangle's inside,
-        less that of the other's. Nowhere else do they differ. Where the numbers of runs have no
-        common multiple up to 120, the difference is off by up to one run's share.
+    Rectangles are left, bottom, right and top, and do not overlap. A difference is the share of the
+    first runs that reach the inside, less that of the others. If the numbers of runs have no common
+    multiple up to 120, it is off by up to one run's share.
     """
     import moocore
 
     fronts, others = list(fronts), list(others)
-    everybody = [*fronts, *others]
-    if np.array_equal(attainment_surface(everybody, 0), attainment_surface(everybody, 100)):
+    pooled = [*fronts, *others]
+    if np.array_equal(attainment_surface(pooled, 0), attainment_surface(pooled, 100)):
         return np.empty((0, 4)), np.empty(0)  # all alike, which moocore cannot say
     first, second = _sets(fronts), _sets(others)
     n_first, n_second = (len(np.unique(sets[:, 2])) for sets in (first, second))
-    # Moocore gives whole steps, at most half as many as there are runs: with as many of either
-    # all differences are whole ones.
+    # Moocore gives whole steps, at most half as many as there are runs: with equally many runs
+    # of both, all differences are whole.
     steps = math.lcm(n_first, n_second)
     if steps <= _MAX_STEPS:
         first, second = _repeated(first, steps // n_first), _repeated(second, steps // n_second)

@@ -7,16 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from botohe_moo.plots.draw.algorithms import styles_of
-from botohe_moo.plots.draw.panels import (
-    MANY,
-    add_background,
-    add_band,
-    names_room,
-    open_panels,
-    study_axes,
-    title_panels,
-)
-from botohe_moo.plots.draw.scales import label_ends, log_axis, title_above
+from botohe_moo.plots.draw.panels import add_band, open_algorithm_axes
+from botohe_moo.plots.draw.scales import label_ends, log_axis
 from botohe_moo.plots.draw.style import theme
 from botohe_moo.plots.study.progress import (
     NAMES,
@@ -107,31 +99,21 @@ def plot_curves(
     styles = styles_of(list(curves), styles)
     words = _in_words(list(curves.values()), band)
     with theme():
-        if ax is None and len(curves) >= MANY:
-            panels = open_panels(list(curves), styles)
-            ax = next(iter(panels.values()))
-            cut = _axes(ax, curves, value, small=False)
-            ax.grid(visible=False)
-            add_background(panels, {k: stairs(c.x, c.middle) for k, c in curves.items()})
-            for label, own in panels.items():
-                _draw(own, label, curves[label], styles[label], None)
-            title_panels(panels, title, words + cut, NAMES[x], _VALUES[value])
-            return ax
-        if ax is None:
-            height, right = names_room(curves, styles)
-            (ax,) = study_axes(6.0, max(3.7, height), right=right)
-        cut = _axes(ax, curves, value)
-        for i, (label, curve) in enumerate(curves.items()):
-            _draw(ax, label, curve, styles[label], i if len(curves) > _COLOURS_ALONE else None)
-        ax.set_xlabel(NAMES[x])
-        ax.set_ylabel(_VALUES[value])
-        title_above(ax, title, words + cut)
-        low = ax.get_ylim()[0]
-        label_ends(ax, {k: max(float(c.middle[-1]), low) for k, c in curves.items()}, styles)
-    return ax
+        lines = {label: stairs(curve.x, curve.middle) for label, curve in curves.items()}
+        axes = open_algorithm_axes(lines, styles, ax, size=(6.0, 3.7))
+        cut = _axes(axes.first, curves, value, small=not axes.in_panels)
+        marked = not axes.in_panels and len(curves) > _COLOURS_ALONE
+        for i, (label, own) in enumerate(axes.of.items()):
+            _draw(own, label, curves[label], styles[label], i if marked else None)
+        axes.finish(title, words + cut, NAMES[x], _VALUES[value])
+        if not axes.in_panels:
+            low = axes.first.get_ylim()[0]
+            ends = {label: max(float(c.middle[-1]), low) for label, c in curves.items()}
+            label_ends(axes.first, ends, styles)
+    return axes.first
 
 
-def _axes(ax: Axes, curves: Mapping[str, Curve], value: Value, *, small: bool = True) -> str:
+def _axes(ax: Axes, curves: Mapping[str, Curve], value: Value, *, small: bool) -> str:
     """Set both axes, and say what they do not show."""
     found = list(curves.values())
     low, high = min(float(c.x[0]) for c in found), max(float(c.x[-1]) for c in found)
@@ -142,6 +124,7 @@ def _axes(ax: Axes, curves: Mapping[str, Curve], value: Value, *, small: bool = 
 
 
 def _draw(ax: Axes, label: str, curve: Curve, style: AlgorithmStyle, many: int | None) -> None:
+    """Draw a curve, with markers where there are too ``many`` for colours alone: its number."""
     colour = style.colour
     if curve.n_runs > 1:
         low, high = stairs(curve.x, curve.low), stairs(curve.x, curve.high)

@@ -58,19 +58,14 @@ def plot_attainment_difference(
 
     Parameters
     ----------
-    plans
-        Rows of one mission in a study's plans: columns ``algorithm``, ``seed``, ``reward`` and
-        ``survivors``.
-    runs
-        Rows of the same mission in its runs: columns ``algorithm``, ``seed`` and ``area``.
+    plans, runs
+        As in :func:`plot_fronts`.
     algorithm
         Label of the algorithm on the left.
     other
         Label of the one on the right.
-    styles
-        Style of each label, as ``algorithm_styles`` gives them.
-    title
-        Name of the mission; what follows a line break is paler.
+    styles, title
+        As in :func:`plot_curves`.
     axes
         The two axes to draw on. A figure with two will be created if not given.
 

@@ -8,15 +8,8 @@ import numpy as np
 
 from botohe_moo.plots.draw.algorithms import chosen_algorithms, names_of, styles_of
 from botohe_moo.plots.draw.labels import WIDTH, columns
-from botohe_moo.plots.draw.panels import (
-    MANY,
-    add_background,
-    names_room,
-    open_panels,
-    study_axes,
-    title_panels,
-)
-from botohe_moo.plots.draw.scales import dress, title_above
+from botohe_moo.plots.draw.panels import AlgorithmAxes, open_algorithm_axes
+from botohe_moo.plots.draw.scales import dress
 from botohe_moo.plots.draw.style import INK, theme
 from botohe_moo.plots.front import staircase
 
@@ -32,7 +25,7 @@ if TYPE_CHECKING:
 __all__ = [
     "OBJECTIVES",
     "final_fronts",
-    "legend_beside",
+    "finish_objectives",
     "median_run",
     "objective_axes",
     "plot_fronts",
@@ -65,19 +58,13 @@ def plot_fronts(
         Rows of the same mission in its runs: columns ``algorithm``, ``seed`` and ``area``.
     reference
         Points of the reference front, columns ``reward`` and ``survivors``; a thin line.
-    algorithms
-        Labels of the algorithms to draw. Default: all of them.
-    styles
-        Style of each label, as ``algorithm_styles`` gives them.
-    title
-        Name of the mission; what follows a line break is paler.
-    ax
-        Axes to draw on, for all algorithms. A figure will be created if not given.
+    algorithms, styles, title, ax
+        As in :func:`plot_curves`.
 
     Returns
     -------
     matplotlib.axes.Axes
-        The axes drawn on; those of the first panel where there are several.
+        As :func:`plot_curves` gives them.
 
     Raises
     ------
@@ -94,37 +81,24 @@ def plot_fronts(
             label: _with_seed(name, seeds[label], len(shown[label]))
             for label, name in names_of(fronts, styles, longest=WIDTH).items()
         }
-        if ax is None and len(fronts) >= MANY:
-            panels = open_panels(list(fronts), styles, names)
-            add_background(panels, {k: staircase(front)[:-1] for k, front in shown.items()})
-            for label, own in panels.items():
-                _draw_reference(own, reference)
-                _draw(own, shown[label], styles[label], None)
-            first = next(iter(panels.values()))
-            first.set(xlim=(0, None), ylim=(0, None))
-            title_panels(panels, title, f"{words}; thin: all runs together", *OBJECTIVES)
-            return first
-        if ax is None:
-            height, right = names_room(fronts, styles)
-            (ax,) = study_axes(5.6, max(4.2, 2 * height), right=right)
-        _draw_reference(ax, reference)
-        for label, front in shown.items():
-            _draw(ax, front, styles[label], names[label])
-        objective_axes(ax)
-        title_above(ax, title, words)
-        legend_beside(ax)
-    return ax
+        corners = {label: staircase(front) for label, front in shown.items()}
+        lines = {label: found[:-1] for label, found in corners.items()}
+        axes = open_algorithm_axes(lines, styles, ax, size=(5.6, 4.2), stretch=2.0, names=names)
+        for own in dict.fromkeys(axes.of.values()):
+            _draw_reference(own, reference)
+        for label, own in axes.of.items():
+            _draw(own, corners[label], styles[label])
+            if not axes.in_panels:
+                _add_key(own, styles[label], names[label])
+        words += "; thin: all runs together" if axes.in_panels else ""
+        finish_objectives(axes, title, words)
+    return axes.first
 
 
 def _with_seed(name: str, seed: int, n_points: int) -> str:
     told = f"(seed {seed})" if n_points else f"(seed {seed}): no plans"
     room = columns(name.split("\n")[-1]) + 1 + len(told) <= WIDTH
     return f"{name} {told}" if room else f"{name}\n{told}"
-
-
-def legend_beside(ax: Axes) -> None:
-    """Say right of the axes what is what."""
-    ax.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False, borderaxespad=0.0)
 
 
 def _draw_reference(ax: Axes, reference: pd.DataFrame | None) -> None:
@@ -144,14 +118,10 @@ def _draw_reference(ax: Axes, reference: pd.DataFrame | None) -> None:
 def final_fronts(
     plans: pd.DataFrame, runs: pd.DataFrame, algorithms: Sequence[str] | None
 ) -> dict[str, dict[int, FloatArray]]:
-    """Give the points (n_plans, 2) of the final front of every run, by label and seed.
+    """Give the final front (n_plans, 2) of every run, perhaps empty, by label and seed.
 
-    A run without plans has an empty front.
-
-    Raises
-    ------
-    ValueError
-        If a column is missing, there are rows of several missions, or an algorithm is not known.
+    Raises a ValueError if a column is missing, there are rows of several missions, or an algorithm
+    is not known.
     """
     labels = chosen_algorithms("runs", runs, ("algorithm", "seed", "area"), algorithms)
     point = ["reward", "survivors"]
@@ -175,6 +145,19 @@ def median_run(runs: pd.DataFrame) -> int:
     return int(ranked[(len(ranked) - 1) // 2])
 
 
+def finish_objectives(axes: AlgorithmAxes, title: str | None, words: str) -> None:
+    """Begin both objectives at 0, write all texts, and add a legend where there are no panels."""
+    if axes.in_panels:
+        axes.first.set(xlim=(0, None), ylim=(0, None))
+    else:
+        objective_axes(axes.first)
+    axes.finish(title, words, *OBJECTIVES)
+    if not axes.in_panels:
+        axes.first.legend(
+            loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False, borderaxespad=0.0
+        )
+
+
 def objective_axes(ax: Axes) -> None:
     """Let both objectives begin at 0, and name them."""
     dress(ax)
@@ -184,8 +167,7 @@ def objective_axes(ax: Axes) -> None:
     ax.set_ylabel(OBJECTIVES[1])
 
 
-def _draw(ax: Axes, front: FloatArray, style: AlgorithmStyle, label: str | None) -> None:
-    corners = staircase(front)
+def _draw(ax: Axes, corners: FloatArray, style: AlgorithmStyle) -> None:
     ax.plot(
         *corners[:-1].T,
         color=style.colour,
@@ -208,8 +190,9 @@ def _draw(ax: Axes, front: FloatArray, style: AlgorithmStyle, label: str | None)
         zorder=3,
         gid="front",
     )
-    if label is None:
-        return
+
+
+def _add_key(ax: Axes, style: AlgorithmStyle, label: str) -> None:
     ax.plot(
         [],
         [],

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 from matplotlib.patches import Rectangle
 
 from botohe_moo.plots.draw.fonts import drawable
@@ -14,10 +15,13 @@ from botohe_moo.plots.draw.scales import title_above
 from botohe_moo.plots.draw.style import INK, colour_range, readable_on, reward_palette, theme
 
 if TYPE_CHECKING:
-    import pandas as pd
+    from collections.abc import Iterable
+
     from matplotlib.axes import Axes
 
-__all__ = ["plot_heat"]
+__all__ = ["plot_heat", "two_parameter_grids"]
+
+_NO_PARAMETERS = {"algorithm", "name", "family", "package", "version"}
 
 
 def plot_heat(
@@ -32,10 +36,8 @@ def plot_heat(
         of index and columns are those of the parameters. What is missing stays empty.
     name
         What the medians are of, for the line under the title.
-    title
-        Name of the mission; what follows a line break is paler.
-    ax
-        Axes to draw on. One will be created if not given.
+    title, ax
+        As in :func:`plot_curves`.
 
     Returns
     -------
@@ -86,3 +88,41 @@ def plot_heat(
         ax.set_ylabel(drawable(str(medians.index.name)), color=INK)
         title_above(ax, title, f"median {name}; the largest is bold", width=6.0)
     return ax
+
+
+def two_parameter_grids(algorithms: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """Find families of algorithms in which exactly two parameters vary, and nothing else does.
+
+    Gives for each family the algorithms' labels: a row for each value of the first parameter, a
+    column for each of the second, in ascending order, or in that of ``algorithms``, the study's
+    table, if they are not numbers; None where there is no such algorithm.
+    """
+    parameters = [column for column in algorithms.columns if column not in _NO_PARAMETERS]
+    if algorithms.empty or len(parameters) < 2:
+        return {}
+    grids = {}
+    for family, rows in algorithms.groupby("family", sort=False):
+        shown = rows[parameters].astype(object).where(rows[parameters].notna(), "default")
+        varying = [name for name in parameters if len(set(shown[name])) > 1]
+        if len(varying) == 2 and len(set(rows["name"])) == 1:
+            places = zip(*(shown[name] for name in varying), strict=True)
+            cells = dict(zip(places, rows["algorithm"], strict=True))
+            if len(cells) == len(rows):
+                grids[str(family)] = _table(cells, varying)
+    return grids
+
+
+def _table(cells: dict[tuple[Any, Any], str], names: list[str]) -> pd.DataFrame:
+    rows, columns = (_ordered(values) for values in zip(*cells, strict=True))
+    return pd.DataFrame(
+        [[cells.get((row, column)) for column in columns] for row in rows],
+        index=pd.Index(rows, name=names[0], dtype=object),
+        columns=pd.Index(columns, name=names[1], dtype=object),
+        dtype=object,
+    )
+
+
+def _ordered(values: Iterable[Any]) -> list[Any]:
+    found = list(dict.fromkeys(values))
+    numbers = all(isinstance(value, int | float | np.number) for value in found)
+    return sorted(found) if numbers else found

@@ -1,4 +1,4 @@
-"""What the runs of an algorithm have reached by when: medians and bands over a common grid."""
+"""The progress of runs: medians and bands over a common grid."""
 
 from __future__ import annotations
 
@@ -39,30 +39,14 @@ _N_POINTS = 400
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """What the runs of one algorithm on one mission have reached, over their progress.
+    """The progress of the runs of one algorithm on one mission."""
 
-    Attributes
-    ----------
-    x
-        Evaluations or seconds, ascending; the value at ``x[i]`` holds until ``x[i + 1]``.
-    middle
-        Median over runs; their mean where the band is one of standard deviations.
-    low
-        Lower edge of the band.
-    high
-        Upper edge of the band.
-    n_runs
-        Number of runs.
-    ended
-        Where the last record of any run is; later values are held.
-    """
-
-    x: FloatArray
-    middle: FloatArray
-    low: FloatArray
+    x: FloatArray  # evaluations or seconds, ascending; each value holds until the next
+    middle: FloatArray  # median over runs, or mean if the band is of standard deviations
+    low: FloatArray  # edges of the band
     high: FloatArray
     n_runs: int
-    ended: float
+    ended: float  # where the last record of any run is; later values are held
 
 
 def progress_curves(
@@ -77,32 +61,8 @@ def progress_curves(
     """Give the curves that ``plot_curves`` draws, on a logarithmic grid.
 
     The grid spans the records of all algorithms. An algorithm's curve begins where all of its runs
-    have a record, and ends where the grid does.
-
-    Parameters
-    ----------
-    trace
-        As in ``plot_curves``.
-    x
-        As in ``plot_curves``; records at 0 seconds count as of the first moment after it.
-    value
-        As in ``plot_curves``; algorithms that have no such value are left out.
-    algorithms
-        As in ``plot_curves``.
-    band
-        As in ``plot_curves``.
-    n_points
-        Points of the grid.
-
-    Returns
-    -------
-    dict
-        A ``Curve`` for each label.
-
-    Raises
-    ------
-    ValueError
-        As ``plot_curves``.
+    have a record, and ends where the grid does. Algorithms without a value are left out. Options
+    and errors are those of ``plot_curves``.
     """
     for name, given, kind in (("x", x, Progress), ("value", value, Value), ("band", band, Band)):
         if given not in get_args(kind):
@@ -124,19 +84,7 @@ def records_of(
 ) -> dict[str, list[FloatArray]]:
     """Give the records of every run, pairs of x and value, for each label that has any, by seed.
 
-    Parameters
-    ----------
-    trace
-        As in ``plot_curves``.
-    x, value
-        As in ``plot_curves``.
-    labels
-        Labels of algorithms.
-
-    Raises
-    ------
-    ValueError
-        If an ``x`` is negative or not finite.
+    Raises a ValueError if an ``x`` is negative or not finite.
     """
     number = {label: i for i, label in enumerate(labels)}
     owner = trace["algorithm"].map(number).to_numpy(float, na_value=np.nan)
@@ -169,7 +117,7 @@ def _curve(runs: Sequence[FloatArray], grid: FloatArray, band: Band) -> Curve:
     if band == "sd":
         middle = values.mean(axis=0)
         sd = values.std(axis=0, ddof=1) if len(values) > 1 else np.zeros(len(at))
-        # A band must not promise what no run has reached.
+        # The band must not exceed what runs have reached.
         low = np.maximum(middle - sd, values.min(axis=0))
         high = np.minimum(middle + sd, values.max(axis=0))
     else:

@@ -43,10 +43,8 @@ def plot_ranks(
     posthoc
         Rows of the same indicator in its post-hoc tests: columns ``algorithm``, ``other``,
         ``difference``, ``critical_difference`` and ``significant``, one row a pair.
-    styles
-        Style of each label, as ``algorithm_styles`` gives them.
-    title
-        Name of the study; what follows a line break is paler.
+    styles, title
+        As in :func:`plot_curves`; the title is that of the study.
 
     Returns
     -------
@@ -110,26 +108,13 @@ def overruled(posthoc: pd.DataFrame) -> bool:
     """Tell whether pairs lie further apart than the critical difference and do not count.
 
     So it is where Friedman's test, which has to come first, finds no difference.
-
-    Parameters
-    ----------
-    posthoc
-        As in ``plot_ranks``, with the column ``difference``.
     """
     apart = posthoc["difference"].abs() > posthoc["critical_difference"] + 1e-9  # by rounding
     return bool(apart.any() and not posthoc["significant"].any())
 
 
 def groups_alike(labels: Sequence[str], posthoc: pd.DataFrame) -> list[list[str]]:
-    """Give the largest groups of neighbours by rank of which no two differ significantly.
-
-    Parameters
-    ----------
-    labels
-        Labels by ascending average rank.
-    posthoc
-        As in ``plot_ranks``. A pair that is not in it does not differ.
-    """
+    """Give the largest groups of neighbours by rank of which no two differ significantly."""
     differ = {
         frozenset(pair)
         for *pair, found in posthoc[["algorithm", "other", "significant"]].itertuples(index=False)

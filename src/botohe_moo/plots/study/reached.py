@@ -1,4 +1,4 @@
-"""The picture of how many targets runs have reached by when."""
+"""The picture of the share of targets that runs have reached, over time."""
 
 from __future__ import annotations
 
@@ -8,15 +8,8 @@ import numpy as np
 
 from botohe_moo.indicators import TIE
 from botohe_moo.plots.draw.algorithms import chosen_algorithms, styles_of
-from botohe_moo.plots.draw.panels import (
-    MANY,
-    add_background,
-    names_room,
-    open_panels,
-    study_axes,
-    title_panels,
-)
-from botohe_moo.plots.draw.scales import label_ends, log_axis, title_above
+from botohe_moo.plots.draw.panels import open_algorithm_axes
+from botohe_moo.plots.draw.scales import label_ends, log_axis
 from botohe_moo.plots.draw.style import theme
 from botohe_moo.plots.study.progress import NAMES, Progress, records_of, stairs
 
@@ -48,7 +41,7 @@ def plot_reached(
     """Draw the share of all pairs of a run and a target that are reached, over evaluations.
 
     A run reaches a target with its first recorded front of at least that area; one that never does,
-    or has no record, counts all the same. From twelve algorithms on each has a panel of its own,
+    or has no record, counts, too. From twelve algorithms on each has a panel of its own,
     with all others in grey.
 
     Parameters
@@ -62,19 +55,13 @@ def plot_reached(
         Areas to be reached, at least one.
     x
         What the horizontal, logarithmic axis shows.
-    algorithms
-        Labels of the algorithms to draw. Default: all of them.
-    styles
-        Style of each label, as ``algorithm_styles`` gives them.
-    title
-        Name of the mission; what follows a line break is paler.
-    ax
-        Axes to draw on, for all algorithms. A figure will be created if not given.
+    algorithms, styles, title, ax
+        As in :func:`plot_curves`.
 
     Returns
     -------
     matplotlib.axes.Axes
-        The axes drawn on; those of the first panel where there are several.
+        As :func:`plot_curves` gives them.
 
     Raises
     ------
@@ -90,37 +77,32 @@ def plot_reached(
     """
     shares = reached_shares(trace, runs, targets, x=x, algorithms=algorithms)
     styles = styles_of(list(shares), styles)
-    ends = [points[-1, 0] for points in shares.values() if len(points)]
+    lasts = [points[-1, 0] for points in shares.values() if len(points)]
     starts = [points[0, 0] for points in shares.values() if len(points)]
     if not starts:
         raise ValueError("Expected at least one row of trace, got none.")
-    low, high = float(min(starts)), float(max(ends))
+    low, high = float(min(starts)), float(max(lasts))
     lines = {label: _line(points, low, high) for label, points in shares.items()}
     words = f"{len(targets)} target{'' if len(targets) == 1 else 's'} for each run"
     with theme():
-        if ax is None and len(lines) >= MANY:
-            panels = open_panels(list(lines), styles)
-            ax = next(iter(panels.values()))
-            log_axis(ax, low, high, small=False)
-            ax.grid(visible=False)
-            ax.set_ylim(-0.02, 1.02)
-            add_background(panels, lines)
-            for label, own in panels.items():
-                _draw(own, lines[label], styles[label])
-            title_panels(panels, title, words, NAMES[x], _Y)
-            return ax
-        if ax is None:
-            height, right = names_room(lines, styles)
-            (ax,) = study_axes(6.0, max(3.7, height), right=right)
-        log_axis(ax, low, high)
-        ax.set_ylim(-0.02, 1.02)
-        for label, line in lines.items():
-            _draw(ax, line, styles[label])
-        ax.set_xlabel(NAMES[x])
-        ax.set_ylabel(_Y)
-        title_above(ax, title, words)
-        label_ends(ax, {label: float(line[-1, 1]) for label, line in lines.items()}, styles)
-    return ax
+        axes = open_algorithm_axes(lines, styles, ax, size=(6.0, 3.7))
+        log_axis(axes.first, low, high, small=not axes.in_panels)
+        axes.first.set_ylim(-0.02, 1.02)
+        for label, own in axes.of.items():
+            style = styles[label]
+            own.plot(
+                *lines[label].T,
+                color=style.colour,
+                linestyle=style.line,
+                linewidth=2.0,
+                zorder=3,
+                gid="reached",
+            )
+        axes.finish(title, words, NAMES[x], _Y)
+        if not axes.in_panels:
+            ends = {label: float(line[-1, 1]) for label, line in lines.items()}
+            label_ends(axes.first, ends, styles)
+    return axes.first
 
 
 def reached_shares(
@@ -131,31 +113,10 @@ def reached_shares(
     x: Progress = "evaluations",
     algorithms: Sequence[str] | None = None,
 ) -> dict[str, FloatArray]:
-    """Give for each algorithm when the share of reached targets changes, and to what.
+    """Give for each algorithm pairs (n, 2) of progress and share of reached targets, ascending.
 
-    Parameters
-    ----------
-    trace
-        As in ``plot_reached``.
-    runs
-        As in ``plot_reached``.
-    targets
-        As in ``plot_reached``.
-    x
-        As in ``plot_reached``.
-    algorithms
-        As in ``plot_reached``.
-
-    Returns
-    -------
-    dict
-        Pairs (n, 2) of progress and share for each label, both ascending: from the first record of
-        any of its runs to the last one; (0, 2) where no run has a record.
-
-    Raises
-    ------
-    ValueError
-        As ``plot_reached``.
+    They go from the first record of any of its runs to the last one; (0, 2) if no run has a record.
+    Options and errors are those of ``plot_reached``.
     """
     labels = chosen_algorithms("runs", runs, ("algorithm", "seed"), algorithms)
     chosen_algorithms("trace", trace, ("algorithm", "seed", x, "area"), None)
@@ -191,9 +152,3 @@ def _line(points: FloatArray, low: float, high: float) -> FloatArray:
     x = np.concatenate([[low], points[:, 0], [high]])
     share = np.concatenate([[0.0], points[:, 1], points[-1:, 1]])
     return stairs(x, share)
-
-
-def _draw(ax: Axes, line: FloatArray, style: AlgorithmStyle) -> None:
-    ax.plot(
-        *line.T, color=style.colour, linestyle=style.line, linewidth=2.0, zorder=3, gid="reached"
-    )

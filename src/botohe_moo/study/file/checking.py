@@ -18,14 +18,9 @@ from botohe_moo.mission.formats.nodelink import mission_content
 from botohe_moo.mission.library import check_mission, load_mission, mission_origin
 from botohe_moo.mission.model import Mission
 from botohe_moo.study.file.config import AlgorithmEntry, Budget, MissionEntry, StudyFile
-from botohe_moo.study.file.expansion import Member, members, seeds_of
-from botohe_moo.study.file.grid import (
-    Study,
-    StudyAlgorithm,
-    StudyMission,
-    canonical,
-    mission_digest,
-)
+from botohe_moo.study.file.digest import canonical, mission_digest
+from botohe_moo.study.file.grids import Member, members, seeds_of
+from botohe_moo.study.file.model import Study, StudyAlgorithm, StudyMission
 from botohe_moo.study.file.shape import Faults, Place, file_faults, misspelt
 
 __all__ = ["CheckedContent"]
@@ -35,23 +30,10 @@ _MAX_LISTED = 20  # labels in a message
 
 
 class CheckedContent:
-    """Everything that can be said of a study file's content at once.
+    """The content of a study file, checked as far as it can be.
 
-    Parameters
-    ----------
-    content
-        What the file says.
-    folder
-        Where it is.
-    packages
-        Packages that are not installed any more, by the names of what they registered.
-
-    Attributes
-    ----------
-    faults
-        The path of keys and positions to each culprit, and what is wrong with it.
-    notices
-        The same of what is not wrong, but will not have the effect that somebody may expect.
+    ``faults`` are the place of each culprit and what is wrong with it, ``notices`` the same for
+    what is allowed but has no effect. ``packages`` are those that are not installed any more.
     """
 
     def __init__(self, content: Any, folder: Path, packages: Mapping[str, str]) -> None:
@@ -83,13 +65,7 @@ class CheckedContent:
             self.notices += _notices(self._file, [mission.budget for mission in self._missions])
 
     def study(self, text: str) -> Study:
-        """Give the study, if there are no faults.
-
-        Parameters
-        ----------
-        text
-            The file itself.
-        """
+        """Give the study, if there are no faults; ``text`` is that of its file."""
         assert self._file is not None  # there would be faults
         return Study(self._file, text, tuple(self._missions), tuple(self._algorithms), self._seeds)
 
@@ -247,12 +223,12 @@ class CheckedContent:
 
 
 def _notices(file: StudyFile, budgets: list[Budget]) -> Iterator[tuple[Place, str]]:
-    """Say what is without effect: nobody writes it on purpose."""
+    """List what has no effect, and was probably meant to have one."""
     given: list[tuple[Place, Budget | None]] = [(("budget",), file.budget)]
     given += [(("missions", label, "budget"), e.budget) for label, e in file.missions.items()]
     for path, budget in given:
         if budget and budget.seconds is None and "grace_seconds" in budget.model_fields_set:
-            said = "without seconds nobody is killed, and it has no effect."
+            said = "it has no effect without seconds, as no run is killed."
             yield (*path, "grace_seconds"), said
     limits = [budget.evaluations for budget in budgets]
     if not limits or None in limits:

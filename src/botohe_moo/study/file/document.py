@@ -1,4 +1,4 @@
-"""A YAML document as plain values, and the line that each of them stands in."""
+"""A YAML document as plain values, with the line of each of them."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from botohe_moo.study.file.syntax import syntax_fault
 
 __all__ = ["Document", "Fault"]
 
-_MAX_NODES = 20_000  # also of those that aliases and merged mappings repeat
+_MAX_NODES = 20_000  # counting those that aliases and merged mappings repeat
 _MAX_DEPTH = 50
-_MAX_DIGITS = 10_000  # what is longer is a text
+_MAX_DIGITS = 10_000  # a longer scalar is a text
 _TOO_MANY = f"too large for a study file, which has at most {_MAX_NODES:,} values"
 _TOO_DEEP = f"expected a study file, found more than {_MAX_DEPTH} levels"
 _PLAIN = "tag:yaml.org,2002:"
@@ -35,9 +35,9 @@ _PATTERNS = {
 
 
 class _Loader(yaml.SafeLoader):
-    """Reads numbers and flags as YAML 1.2 does, and stops where a document is too large.
+    """Reads numbers and flags as YAML 1.2 does, and refuses documents that are too large.
 
-    YAML 1.1 takes 1e-2 for text, 1:30 for ninety, 010 for eight, and ``no`` and ``on`` for flags.
+    YAML 1.1 reads 1e-2 as text, 1:30 as ninety, 010 as eight, and ``no`` and ``on`` as flags.
     """
 
     n_nodes = 0
@@ -72,7 +72,7 @@ for _tag, _first in (
 
 
 class _RefusedError(yaml.MarkedYAMLError):
-    """What is YAML, but not for a study file."""
+    """Valid YAML that no study file may contain."""
 
 
 def _refused(node: Any, problem: str) -> _RefusedError:
@@ -81,14 +81,12 @@ def _refused(node: Any, problem: str) -> _RefusedError:
 
 @dataclass(frozen=True, order=True)
 class Fault:
-    """Something wrong at a line of a document.
+    """Something wrong in a line of a document.
 
     Attributes
     ----------
-    line
-        Counted from 1.
-    message
-        What is wrong.
+    line, message
+        The line, counted from 1, and what is wrong there.
     """
 
     line: int
@@ -97,30 +95,16 @@ class Fault:
 
 @dataclass
 class Document:
-    """What a YAML text says, and where.
+    """The content of a YAML text, and the line of every value."""
 
-    Attributes
-    ----------
-    content
-        Mappings, lists, texts, numbers, flags and None.
-    faults
-        What no value can be made of: broken syntax, keys that stand twice, tags.
-    """
-
-    content: Any = None
-    faults: list[Fault] = field(default_factory=list)
+    content: Any = None  # mappings, lists, texts, numbers, flags and None
+    faults: list[Fault] = field(default_factory=list)  # such as broken syntax and repeated keys
     _root: Node | None = None
     _n_nodes: int = 0
 
     @classmethod
     def parse(cls, text: str) -> Document:
-        """Read a YAML text; nothing in it is executed.
-
-        Parameters
-        ----------
-        text
-            The text; what is wrong with it is in ``faults``.
-        """
+        """Read a YAML text; nothing in it is executed. Errors are among the faults."""
         document = cls()
         loader = None
         try:
@@ -135,7 +119,7 @@ class Document:
             document._note(*syntax_fault(error, text))
         except RecursionError:
             document._note(1, "expected a study file, found thousands of levels.")
-        except (ValueError, OverflowError):  # "\UFFFFFFFF" is no character
+        except (ValueError, OverflowError):  # such as "\UFFFFFFFF"
             line = loader.get_mark().line + 1 if loader else 1
             document._note(line, "not valid YAML: expected characters and numbers that exist.")
         finally:
@@ -148,14 +132,7 @@ class Document:
         self.faults.append(Fault(line, message))
 
     def line(self, path: Sequence[int | str]) -> int:
-        """Give the line of the value, or of its key, that a path of keys and positions leads to.
-
-        Parameters
-        ----------
-        path
-            Keys and positions from the top; where the document has no such thing, the line of
-            the last thing on the way that it has.
-        """
+        """Give the line of the key or item at a path, or of the last one on the way that exists."""
         node, line = self._root, 1
         for step in path:
             found = _child(node, step)
@@ -185,7 +162,7 @@ class Document:
             raise _refused(node, _TOO_MANY)
 
     def _merge(self, node: MappingNode, above: tuple[Node, ...]) -> None:
-        """Put what ``<<`` brings along in its place, before the mapping's own keys."""
+        """Replace ``<<`` by the keys that it merges, before the mapping's own keys."""
         if not any(_merges(key) for key, _ in node.value):
             return
         merged: dict[Any, tuple[Node, Node]] = {}
@@ -196,7 +173,7 @@ class Document:
         node.value = list(merged.values())
 
     def _merged(self, node: MappingNode, above: tuple[Node, ...]) -> Iterator[tuple[Node, Node]]:
-        """Give what the ``<<`` of a mapping bring along, what counts most last."""
+        """Give the keys that the ``<<`` of a mapping merge, in order of rising precedence."""
         for key, value in node.value:
             if not _merges(key):
                 continue
@@ -236,7 +213,7 @@ class Document:
             return None
 
     def _key(self, node: Node) -> Hashable:
-        # Labels and names are texts, whatever YAML takes them for: 2, true, null.
+        # Labels are texts, even where YAML reads 2, true or null.
         if isinstance(node, ScalarNode):
             return str(node.value)
         raise _refused(node, "expected a text as a key, found a list or mapping")
@@ -272,7 +249,7 @@ def _child(node: Node | None, step: int | str) -> tuple[int, Node] | None:
         item = node.value[step]
         return _line(item), item
     if isinstance(node, MappingNode):
-        for key, value in reversed(node.value):  # what a merge brings along stands first
+        for key, value in reversed(node.value):  # merged keys stand first
             if isinstance(key, ScalarNode) and key.value == str(step):
                 return _line(key), value
     return None

@@ -1,4 +1,4 @@
-"""Reading a study file: everything in it is checked before anything runs."""
+"""Reading a study file: all of it is checked before anything runs."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 
 from botohe_moo._base.checks import nearest_first
+from botohe_moo._base.files import read_bytes
 from botohe_moo.study.file.checking import CheckedContent
 from botohe_moo.study.file.document import Document, Fault
-from botohe_moo.study.file.grid import Study
+from botohe_moo.study.file.model import MANIFEST, Study, StudyError, study_folder
 from botohe_moo.study.file.shape import MAX_FAULTS, Place, printable
-from botohe_moo.study.store.manifest import StudyError, read_manifest
 
-__all__ = ["load_study", "remembered_packages", "study_folder"]
+__all__ = ["load_study"]
 
 _MAX_BYTES = 1_000_000
 
@@ -63,7 +63,7 @@ def load_study(
     """
     if isinstance(source, Mapping):
         content = _as_json(source)
-        checked = CheckedContent(content, Path(), _missing(content, out))
+        checked = CheckedContent(content, Path(), _missing_packages(content, out))
         faults = [f"{_dotted(at)}{said}" for at, said in checked.faults]
         notices = [f"{_dotted(at)}{said}" for at, said in checked.notices]
         text = json.dumps(content, indent=1) + "\n"  # JSON is YAML, too
@@ -72,7 +72,9 @@ def load_study(
         text = _text(path)
         document = Document.parse(text)
         found = list(document.faults)
-        checked = CheckedContent(document.content, path.parent, _missing(document.content, out))
+        checked = CheckedContent(
+            document.content, path.parent, _missing_packages(document.content, out)
+        )
         if document.content is not None or not found:  # else there is nothing to check
             found += _with_lines(document, checked.faults)
         faults = [f"{path}:{fault.line}: {fault.message}" for fault in sorted(set(found))]
@@ -90,14 +92,14 @@ def _with_lines(document: Document, said: Iterable[tuple[Place, str]]) -> list[F
 
 
 def _as_json(source: Mapping[str, Any]) -> Any:
-    """Give a mapping as a file would say it."""
+    """Convert a mapping to the values that a file would have."""
     try:
         return json.loads(json.dumps(source, default=_no_json))
     except (TypeError, RecursionError) as error:
         raise StudyError(f"Expected what a study file can hold: {error}.") from None
     except StudyError:
         raise
-    except ValueError as error:  # a mapping that holds itself
+    except ValueError as error:  # a mapping that contains itself
         raise StudyError(f"Expected what a study file can hold: {error}.") from None
 
 
@@ -134,46 +136,26 @@ def _text(path: Path) -> str:
         ) from None
 
 
-def study_folder(name: object, out: str | os.PathLike[str] | None = None) -> Path:
-    """Give the folder of a study's results: ``out``, or ``results/NAME``.
+def _missing_packages(content: Any, out: str | os.PathLike[str] | None) -> dict[str, str]:
+    """Find packages that the study in the results folder used, and that are no longer installed.
 
-    Parameters
-    ----------
-    name
-        The study's name.
-    out
-        A folder that somebody has chosen.
+    Gives package and version by the name of an algorithm or a mission.
     """
-    return Path("results") / str(name) if out is None else Path(out)
-
-
-def remembered_packages(folder: Path) -> dict[str, str]:
-    """Find out which packages a study was from, and are not installed any more.
-
-    Parameters
-    ----------
-    folder
-        Folder of the study's results; need not exist.
-
-    Returns
-    -------
-    dict
-        Package and version by the name of an algorithm or a mission.
-    """
+    name = content.get("name") if isinstance(content, dict) else None
     try:
-        manifest = read_manifest(folder)
+        manifest = json.loads(read_bytes(study_folder(name, out) / MANIFEST))
         entries = [
             *((entry["algorithm"], entry) for entry in manifest["algorithms"].values()),
             *((entry["source"]["name_or_path"], entry) for entry in manifest["missions"].values()),
         ]
-        named = {name: (entry["package"], entry["version"]) for name, entry in entries}
-    except (StudyError, KeyError, TypeError, AttributeError):  # none, or not ours
+        return {
+            name: f"{entry['package']} {entry['version']}"
+            for name, entry in entries
+            if entry["package"] is not None and not _is_installed(entry["package"])
+        }
+    # There is none, or it is not a study's.
+    except (OSError, ValueError, RecursionError, KeyError, TypeError, AttributeError):
         return {}
-    return {
-        name: f"{package} {version}"
-        for name, (package, version) in named.items()
-        if package is not None and not _is_installed(package)
-    }
 
 
 def _is_installed(package: str) -> bool:
@@ -182,11 +164,6 @@ def _is_installed(package: str) -> bool:
     except metadata.PackageNotFoundError:
         return False
     return True
-
-
-def _missing(content: Any, out: str | os.PathLike[str] | None) -> dict[str, str]:
-    name = content.get("name") if isinstance(content, dict) else None
-    return remembered_packages(study_folder(name, out))
 
 
 def _dotted(path: tuple[int | str, ...]) -> str:

@@ -24,21 +24,13 @@ _ENTRIES = {"missions": "mission", "algorithms": "algorithm"}
 
 
 class Faults:
-    """What is wrong with a study file, each once, and so much of it as anybody reads."""
+    """What is wrong with a study file: each fault once, and at most ``MAX_FAULTS`` of them."""
 
     def __init__(self) -> None:
         self._found: dict[tuple[Place, str], None] = {}
 
     def add(self, place: Place, message: str) -> None:
-        """Note a fault.
-
-        Parameters
-        ----------
-        place
-            The path of keys and positions to the culprit.
-        message
-            What is wrong with it.
-        """
+        """Note a fault."""
         if not self.full:
             self._found[place, " ".join(message.split())] = None  # a fault is a line
 
@@ -55,18 +47,7 @@ class Faults:
 
 
 def file_faults(content: Any) -> Iterator[tuple[Place, str]]:
-    """Find all that is wrong with the shape of a study file's content.
-
-    Parameters
-    ----------
-    content
-        What the file says.
-
-    Yields
-    ------
-    tuple
-        The path of keys and positions to the culprit, and what is wrong.
-    """
+    """Find what is wrong with the shape of a study file's content: where, and what."""
     if not isinstance(content, dict):
         found = "nothing" if content is None else quoted(content)
         yield (), f"expected a mapping with the keys of a study, found {found}."
@@ -88,15 +69,7 @@ def file_faults(content: Any) -> Iterator[tuple[Place, str]]:
 
 
 def misspelt(name: str, words: Sequence[str]) -> str | None:
-    """Find the word that was probably meant to be a name; None if there is none.
-
-    Parameters
-    ----------
-    name
-        A name that is missing.
-    words
-        Words that mean nothing.
-    """
+    """Find the word that was probably meant to be a name; None if there is none."""
     near = difflib.get_close_matches(name, [word[:100] for word in words[:1_000]], n=1)
     return near[0] if near else None
 
@@ -194,13 +167,7 @@ def _instead(name: str, expected: str, value: Any) -> str:
 
 
 def printable(step: int | str) -> str:
-    """Write a key so that it stays in its line, and can be seen.
-
-    Parameters
-    ----------
-    step
-        A key, or a position in a list.
-    """
+    """Write a key so that it stays in its line, and can be seen."""
     text = str(step)
     return text if text and text.isprintable() and len(text) <= 100 else quoted(text)
 

@@ -1,4 +1,4 @@
-"""What is wrong with a text that is no YAML, in the words of somebody who writes a study file."""
+"""Syntax errors of YAML, explained to the author of a study file."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ __all__ = ["syntax_fault"]
 
 _LINE_BREAK = r"\r\n|[\n\r\x85\u2028\u2029]"
 _LONG = 80
-# What PyYAML says, what that means, and whether the culprit is where it began or where it ended.
+# PyYAML's message, its meaning, and whether the culprit is where it began or where it ended.
 _MEANINGS = (
     (r"could not find expected ':'", "expected 'key: value', found no ':' after it", "began"),
     (
@@ -40,7 +40,7 @@ _MEANINGS = (
     ),
     (
         r"found unknown escape|expected escape sequence",
-        "this is no character in double quotes; use single ones, or write \\\\",
+        "this escape is not valid in double quotes; use single ones, or write \\\\",
         "ended",
     ),
     (r"a quoted scalar", "these quotes are never closed", "began"),
@@ -73,20 +73,7 @@ _MEANINGS = (
 
 
 def syntax_fault(error: Any, text: str) -> tuple[int, str]:
-    """Say where a text is no YAML, and what is wrong there.
-
-    Parameters
-    ----------
-    error
-        What PyYAML has raised.
-    text
-        The text.
-
-    Returns
-    -------
-    tuple
-        The line, counted from 1, and a sentence with the column and what stands there.
-    """
+    """Give the line of an error that PyYAML has raised, from 1, and explain it in a sentence."""
     ended = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
     if ended is None:  # a character that YAML does not allow
         at = getattr(error, "position", len(text))
@@ -102,7 +89,7 @@ def syntax_fault(error: Any, text: str) -> tuple[int, str]:
 
 
 def _placed(words: str, at: int, text: str) -> tuple[int, str]:
-    """Give the line, and say what is wrong in which column of what."""
+    """Give the line, and add column and text to what is wrong there."""
     before = re.split(_LINE_BREAK, text[:at])
     line = before[-1] + re.split(_LINE_BREAK, text[at:], maxsplit=1)[0]
     if not text[at:].strip():

@@ -1,4 +1,4 @@
-"""From the files of finished runs to the study's tables."""
+"""Making a study's tables of the files of its runs."""
 
 from __future__ import annotations
 
@@ -13,42 +13,29 @@ import pandas as pd
 
 from botohe_moo._base.types import FloatArray
 from botohe_moo.mission.model import Mission
-from botohe_moo.study.file.grid import Run, Study
-from botohe_moo.study.judge.entries import algorithm_table, mission_table
-from botohe_moo.study.judge.posthoc import compare_ranks
+from botohe_moo.study.file.model import Run, Study
+from botohe_moo.study.judge.comparisons import compare_algorithms
+from botohe_moo.study.judge.descriptions import algorithm_table, mission_table
+from botohe_moo.study.judge.ranks import compare_ranks, rank_algorithms
 from botohe_moo.study.judge.scores import reference_fronts, score_runs
-from botohe_moo.study.judge.statistics import compare_algorithms, rank_algorithms, summarise
+from botohe_moo.study.judge.summary import summarise
 from botohe_moo.study.judge.traces import reach_targets, score_records
 from botohe_moo.study.run.environment import environment
 from botohe_moo.study.run.task import Outcome
-from botohe_moo.study.store.store import DamagedError, Store, writing
+from botohe_moo.study.store.folder import DamagedError, StudyFolder, writing
 from botohe_moo.study.store.tables import SCHEMAS, write_tables
 
 __all__ = ["collect_tables"]
 
 
-def collect_tables(study: Study, store: Store) -> dict[str, pd.DataFrame]:
-    """Make all tables of a study and write them to its folder.
+def collect_tables(study: Study, folder: StudyFolder) -> dict[str, pd.DataFrame]:
+    """Make all tables of a study, and write them to its folder.
 
-    Parameters
-    ----------
-    study
-        The study.
-    store
-        Its folder; runs that are not there, or whose files are damaged, are not in the tables.
-
-    Returns
-    -------
-    dict
-        The tables by name.
-
-    Raises
-    ------
-    StudyError
-        If the folder cannot be written to.
+    Runs that are not there, or whose files are damaged, are not in the tables. A StudyError says
+    that the folder cannot be written to.
     """
     found = _Found()
-    for run, outcome in _outcomes(study, store):
+    for run, outcome in _outcomes(study, folder):
         found.add(run, outcome)
     missions = {mission.label: mission.mission for mission in study.missions}
     manifest = study.manifest()
@@ -56,50 +43,36 @@ def collect_tables(study: Study, store: Store) -> dict[str, pd.DataFrame]:
     tables["missions"] = mission_table(manifest, missions)
     tables["algorithms"] = algorithm_table(manifest)
     ordered = {name: tables[name] for name in SCHEMAS}
-    with writing(store.folder):
-        write_tables(store.folder, ordered, manifest)
+    with writing(folder.path):
+        write_tables(folder.path, ordered, manifest)
     return ordered
 
 
-def _outcomes(study: Study, store: Store) -> Iterator[tuple[Run, Outcome]]:
+def _outcomes(study: Study, folder: StudyFolder) -> Iterator[tuple[Run, Outcome]]:
     for run in study.runs():
         outcome = None
-        if store.finished(run.digest):
-            # Where it is damaged, how it failed the last time counts, if it did.
+        if folder.has_run(run.digest):
+            # If it is damaged, the last failure counts, if there is one.
             with contextlib.suppress(DamagedError):
-                outcome = store.load(run)
-        outcome = outcome or store.failure(run.digest)
+                outcome = folder.load(run)
+        outcome = outcome or folder.failure(run.digest)
         if outcome is not None:
             yield run, outcome
 
 
 @dataclass
 class _Found:
-    """What the files of runs hold, to be made tables of at once.
+    """The contents of all run files, as the columns of tables."""
 
-    Attributes
-    ----------
-    runs
-        What is known of each run but its area.
-    fronts
-        The recorded fronts of each run, the last one final.
-    spent
-        Evaluations, seconds and ties at each record.
-    plans, trails
-        Objectives of each run's final plans, and the trails of all of them as JSON.
-    environments
-        Where runs ran, by digest.
-    """
-
-    runs: list[dict[str, Any]] = field(default_factory=list)
-    fronts: list[list[FloatArray]] = field(default_factory=list)
-    spent: list[tuple[int, float, int]] = field(default_factory=list)
-    plans: list[FloatArray] = field(default_factory=list)
-    trails: list[str] = field(default_factory=list)
-    environments: dict[str, dict[str, Any]] = field(default_factory=dict)
+    runs: list[dict[str, Any]] = field(default_factory=list)  # rows, without areas
+    fronts: list[list[FloatArray]] = field(default_factory=list)  # of each run, the last one final
+    spent: list[tuple[int, float, int]] = field(default_factory=list)  # of each record, with ties
+    plans: list[FloatArray] = field(default_factory=list)  # objectives of each run's final plans
+    trails: list[str] = field(default_factory=list)  # of all final plans, as JSON
+    environments: dict[str, dict[str, Any]] = field(default_factory=dict)  # by digest
 
     def add(self, run: Run, outcome: Outcome) -> None:
-        """Take in how a run ended."""
+        """Add the outcome of a run."""
         where = outcome.environment or environment()
         self.environments[where["environment"]] = where
         records = outcome.records
@@ -113,7 +86,7 @@ class _Found:
 
     @property
     def final_fronts(self) -> list[FloatArray]:
-        """The last front of each run; one without points where there is none."""
+        """The last front of each run, without points where there is none."""
         return [fronts[-1] if fronts else np.empty((0, 2)) for fronts in self.fronts]
 
 
@@ -143,7 +116,7 @@ def _run_row(run: Run, outcome: Outcome, where: str) -> dict[str, Any]:
 
 
 def _judged(study: Study, found: _Found, missions: dict[str, Mission]) -> dict[str, pd.DataFrame]:
-    """Give what was found as tables, and what it is worth."""
+    """Give all tables but ``missions`` and ``algorithms``."""
     comparison, indicators = study.file.comparison, study.file.indicators
     level = comparison.significance
     labels = [algorithm.label for algorithm in study.algorithms]
@@ -178,7 +151,7 @@ def _judged(study: Study, found: _Found, missions: dict[str, Mission]) -> dict[s
 
 
 def _recorded(found: _Found) -> dict[str, pd.DataFrame]:
-    """Give the tables that only hold what was found; areas are still missing."""
+    """Give the tables of runs and records; their areas are still missing."""
     runs = pd.DataFrame(found.runs, columns=SCHEMAS["runs"].names).fillna({"area": 0.0})
     records = [front for fronts in found.fronts for front in fronts]
     sizes = list(map(len, records))
@@ -209,7 +182,7 @@ def _scored(
     missions: dict[str, Mission],
     indicators: Sequence[str],
 ) -> dict[str, pd.DataFrame]:
-    """Give ``trace`` with what its fronts are worth, and ``runs`` with the final areas."""
+    """Give ``trace`` with the scores of its fronts, and ``runs`` with the final areas."""
     runs, trace = tables["runs"], tables["trace"]
     records = (front for fronts in found.fronts for front in fronts)
     fronts = zip(trace["mission"].tolist(), records, strict=True)
@@ -221,7 +194,7 @@ def _scored(
 
 
 def _repeated(frame: pd.DataFrame, counts: Iterable[int], *further: str) -> pd.DataFrame:
-    """Give the identity of a run once for each of the rows that it has in another table."""
+    """Repeat the identity of each run, once for each of its rows in another table."""
     rows = np.repeat(np.arange(len(frame)), np.array(list(counts), int))
     identity = ["run", "mission", "algorithm", "seed"]
     return frame.loc[:, [*identity, *further]].take(rows).reset_index(drop=True)
@@ -233,7 +206,7 @@ def _with_points(frame: pd.DataFrame, fronts: Sequence[FloatArray]) -> pd.DataFr
 
 
 def _typed(name: str, frame: pd.DataFrame) -> pd.DataFrame:
-    """Put columns in order, with their types also where no rows, or no values, tell them."""
+    """Put columns in order, and give them the types of the schema."""
     dtypes = {"int64": "int64", "double": "float64", "string": "str", "bool": "bool"}
     ordered: pd.DataFrame = frame[SCHEMAS[name].names]
     return ordered.astype(

@@ -1,4 +1,4 @@
-"""Two samples against each other: test, correction for many of them, effect size."""
+"""Statistics of two samples: test, effect size, correction for several tests."""
 
 from __future__ import annotations
 
@@ -15,22 +15,9 @@ __all__ = ["a12", "a12_interval", "check_sample", "holm", "mann_whitney", "small
 
 
 def holm(p_values: ArrayLike) -> FloatArray:
-    """Correct p-values for the number of tests.
+    """Correct p-values (n,) for the number of tests, by Holm.
 
-    Parameters
-    ----------
-    p_values
-        Shape (n,), each in [0, 1].
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (n,), in the order given: those that may be compared with the significance level.
-
-    Raises
-    ------
-    ValueError
-        If a p-value is not in [0, 1], or the shape is another.
+    Raises a ValueError if a p-value is not in [0, 1], or the shape is another.
 
     Notes
     -----
@@ -56,20 +43,7 @@ def holm(p_values: ArrayLike) -> FloatArray:
 def a12(x: ArrayLike, y: ArrayLike) -> float:
     """Give the probability that a value of ``x`` is larger than one of ``y``, ties counted half.
 
-    Parameters
-    ----------
-    x, y
-        Shapes (n,) and (m,), at least one value each.
-
-    Returns
-    -------
-    float
-        In [0, 1]; 0.5 where neither tends to be larger.
-
-    Raises
-    ------
-    ValueError
-        If there are no values, or one of them is NaN or infinite.
+    Raises a ValueError if there are no values, or one of them is NaN or infinite.
 
     Notes
     -----
@@ -89,25 +63,10 @@ def a12(x: ArrayLike, y: ArrayLike) -> float:
 
 
 def a12_interval(x: ArrayLike, y: ArrayLike, *, confidence: float) -> tuple[float, float]:
-    """Give the score interval of A12, which says something also where A12 is 0 or 1.
+    """Give the ends of the score interval of A12, which is informative even where A12 is 0 or 1.
 
-    Parameters
-    ----------
-    x, y
-        Shapes (n,) and (m,), at least one value each.
-    confidence
-        How often the interval is to hold the true value, in (0, 1).
-
-    Returns
-    -------
-    tuple of float
-        Lower and upper end, in [0, 1]; A12 lies between them.
-
-    Raises
-    ------
-    ValueError
-        If there are no values, or one of them is NaN or infinite, or ``confidence`` is out of
-        range.
+    Raises a ValueError if there are no values, or one of them is NaN or infinite, or ``confidence``
+    is out of range.
 
     Notes
     -----
@@ -121,7 +80,7 @@ def a12_interval(x: ArrayLike, y: ArrayLike, *, confidence: float) -> tuple[floa
     n, m = np.size(x), np.size(y)
     level = check_number("confidence", confidence, above=0.0, below=1.0)
     z = float(stats.norm.ppf((1.0 + level) / 2.0))
-    # V(t) = V(1 - t): the upper end is the lower one seen from the other sample.
+    # V(t) = V(1 - t), so the upper end is the lower one of the other sample.
     return _lower_end(estimate, n, m, z), 1.0 - _lower_end(1.0 - estimate, n, m, z)
 
 
@@ -130,7 +89,7 @@ def _lower_end(estimate: float, n: int, m: int, z: float) -> float:
 
     def excess(t: float) -> float:
         if estimate == 1.0:
-            # The root that is sought, without the trivial one: both sides divided by 1 - t.
+            # Both sides divided by 1 - t, which removes the trivial root.
             distance, share = 1.0 - t, t
         else:
             distance, share = (estimate - t) ** 2, t * (1.0 - t)
@@ -144,22 +103,9 @@ def mann_whitney(x: ArrayLike, y: ArrayLike) -> float:
     """Give the p-value of the two-sided Mann-Whitney test.
 
     Exact where one sample has at most 8 values and none are tied, by the normal approximation
-    otherwise, as scipy decides.
+    otherwise, as scipy decides; 1 where all values are equal.
 
-    Parameters
-    ----------
-    x, y
-        Shapes (n,) and (m,), at least one value each.
-
-    Returns
-    -------
-    float
-        In [0, 1]; 1 where all values are equal.
-
-    Raises
-    ------
-    ValueError
-        If there are no values, or one of them is NaN or infinite.
+    Raises a ValueError if there are no values, or one of them is NaN or infinite.
 
     Notes
     -----
@@ -171,23 +117,16 @@ def mann_whitney(x: ArrayLike, y: ArrayLike) -> float:
     if np.ptp(np.concatenate([first, second])) == 0:
         return 1.0
     found = stats.mannwhitneyu(first, second, alternative="two-sided", method="auto").pvalue
-    # For few values with ties the approximation falls below what any arrangement of them can have:
-    # 3 ones against 3 zeros would be significant at 0.05, although 1 in 10 arrangements are so.
+    # For few values with ties, the approximation falls below the p-value of any arrangement:
+    # 3 ones against 3 zeros would be significant at 0.05, although 1 in 10 arrangements are as far
+    # apart.
     return float(max(found, smallest_p(len(first), len(second))))
 
 
 def smallest_p(n: int, m: int) -> float:
-    """Give the p-value below which no two-sided Mann-Whitney test can get.
+    """Give the smallest p-value of a two-sided Mann-Whitney test of n and m values.
 
-    Parameters
-    ----------
-    n, m
-        Sizes of the samples.
-
-    Returns
-    -------
-    float
-        That of samples of which one lies above the other, 2 / binomial(n + m, n).
+    2 / binomial(n + m, n), that of samples of which one lies above the other.
     """
     return 2 / math.comb(n + m, n)
 

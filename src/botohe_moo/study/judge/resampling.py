@@ -21,14 +21,9 @@ _BATCH = 1_000  # resamples at a time: memory, not the result
 
 
 def generator_for(values: ArrayLike) -> np.random.Generator:
-    """Give a generator that depends on nothing but the values, for resampling them.
+    """Give a generator seeded by the values (in their order), to resample them.
 
-    The same sample has the same interval in every study, whatever else is in it.
-
-    Parameters
-    ----------
-    values
-        The sample; its order counts.
+    So a sample has the same interval in every study.
     """
     content = np.ascontiguousarray(check_sample("values", values), "<f8").tobytes()
     digest = np.frombuffer(hashlib.sha256(content).digest(), "<u4")
@@ -38,34 +33,18 @@ def generator_for(values: ArrayLike) -> np.random.Generator:
 def median_interval(
     values: ArrayLike, *, confidence: float, rng: np.random.Generator
 ) -> tuple[float, float, float]:
-    """Give the median and its bootstrap percentile interval.
+    """Give the median of values (n,), and both ends of its bootstrap percentile interval.
 
-    Parameters
-    ----------
-    values
-        Shape (n,), n >= 1, in any order.
-    confidence
-        How often the interval is to hold the median, in (0, 1).
-    rng
-        Draws the 9 999 resamples.
+    All three are the same for a single value and for equal values.
 
-    Returns
-    -------
-    tuple of float
-        The median, the lower and the upper end of the interval. They are all the same for a single
-        value and for equal values.
-
-    Raises
-    ------
-    ValueError
-        If there are no values, or one of them is NaN or infinite, or ``confidence`` is out of
-        range.
+    Raises a ValueError if there are no values, or one of them is NaN or infinite, or ``confidence``
+    is out of range.
 
     Notes
     -----
     Efron and Tibshirani, *An Introduction to the Bootstrap*, 1993, chapter 13; by
-    ``scipy.stats.bootstrap``. For very few runs the interval is too narrow: that of two runs holds
-    the median of their distribution half of the time.
+    ``scipy.stats.bootstrap``. For very few runs the interval is too narrow: that of two runs
+    contains the median of their distribution half of the time.
     """
     sample = np.sort(check_sample("values", values))
     level = check_number("confidence", confidence, above=0.0, below=1.0)
@@ -82,7 +61,7 @@ def median_interval(
         method="percentile",
         rng=rng,
     ).confidence_interval
-    # Where a percentile is interpolated, rounding can take it past the values, and the median.
+    # Interpolated percentiles may lie beyond the values, or the median, by rounding.
     low = min(max(float(found.low), float(sample[0])), median)
     high = max(min(float(found.high), float(sample[-1])), median)
     return median, low, high
@@ -91,25 +70,12 @@ def median_interval(
 def friedman(
     blocks: ArrayLike, *, rng: np.random.Generator
 ) -> tuple[float, float] | tuple[None, None]:
-    """Test whether treatments rank differently over blocks.
+    """Test whether treatments rank differently over blocks (n_blocks, n_treatments >= 3).
 
-    Parameters
-    ----------
-    blocks
-        Shape (n_blocks, n_treatments), at least 3 treatments.
-    rng
-        Draws permutations, where there are too many of them to go through.
+    Gives Friedman's statistic and its p-value; both are None if all treatments are tied in every
+    block, and there is nothing to test.
 
-    Returns
-    -------
-    tuple of float
-        Friedman's statistic and its p-value; both None where all treatments are tied in every
-        block, and there is nothing to test.
-
-    Raises
-    ------
-    ValueError
-        If the shape is another.
+    Raises a ValueError if the shape is another.
 
     Notes
     -----
@@ -140,5 +106,5 @@ def friedman(
 
 
 def _sum_of_squares(*ranks: FloatArray, axis: int) -> Any:
-    """Give what Friedman's statistic grows with; the rest of it does not change by permuting."""
+    """Give the part of Friedman's statistic that permutations change."""
     return sum(of_one.sum(axis=axis) ** 2 for of_one in ranks)

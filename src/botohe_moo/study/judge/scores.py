@@ -1,4 +1,4 @@
-"""What the final fronts of a study are worth: reference fronts, and indicators of every run."""
+"""Scores of final fronts: reference fronts, and the indicators of every run."""
 
 from __future__ import annotations
 
@@ -6,22 +6,36 @@ import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any
+from typing import Any, TypeAlias
 
 import moocore
 import numpy as np
 import pandas as pd
 import pyarrow as pa
+from numpy.typing import ArrayLike
 
 from botohe_moo._base.checks import nearest_first
 from botohe_moo._base.types import FloatArray
-from botohe_moo.indicators import area_indicator, epsilon_indicator, igd_plus_indicator
+from botohe_moo.indicators import TIE, area_indicator, epsilon_indicator, igd_plus_indicator
 from botohe_moo.mission.model import Mission
-from botohe_moo.study.judge.ties import merge_ties
 from botohe_moo.study.store.tables import SCHEMAS
 
-__all__ = ["INDICATORS", "Indicator", "as_table", "check_indicators", "reference_fronts"]
-__all__ += ["score_runs"]
+__all__ = [
+    "INDICATORS",
+    "Indicator",
+    "Samples",
+    "as_table",
+    "best_first",
+    "check_indicators",
+    "merge_ties",
+    "reference_fronts",
+    "samples_of",
+    "score_runs",
+    "sign_of",
+]
+
+# Values of each algorithm, by mission and indicator.
+Samples: TypeAlias = dict[tuple[str, str], dict[str, FloatArray]]
 
 _DIGITS = 16
 _NO_FRONT = np.empty((0, 2))
@@ -29,21 +43,11 @@ _NO_FRONT = np.empty((0, 2))
 
 @dataclass(frozen=True)
 class Indicator:
-    """How an indicator of a front is shown and read.
+    """An indicator of a front."""
 
-    Attributes
-    ----------
-    label
-        What reports call it.
-    higher_is_better
-        Whether a larger value is better; None for one that describes and does not judge.
-    needs_reference
-        Whether it is measured against the union front of the study.
-    """
-
-    label: str
-    higher_is_better: bool | None
-    needs_reference: bool
+    label: str  # in reports
+    higher_is_better: bool | None  # None: it describes a front and does not judge it
+    needs_reference: bool  # whether it is measured against the reference front
 
 
 INDICATORS: Mapping[str, Indicator] = MappingProxyType(
@@ -57,22 +61,10 @@ INDICATORS: Mapping[str, Indicator] = MappingProxyType(
 
 
 def reference_fronts(runs: pd.DataFrame, final_fronts: pd.DataFrame) -> pd.DataFrame:
-    """Find for each mission what all runs on it found together.
+    """Make the table ``references``: what all runs on each mission found together.
 
-    Parameters
-    ----------
-    runs
-        One row a run: columns ``run`` and ``mission``.
-    final_fronts
-        The points of the final fronts: columns ``run``, ``reward`` and ``survivors``, in any
-        order. Runs that found nothing have none.
-
-    Returns
-    -------
-    pandas.DataFrame
-        The table ``references``: the non-dominated points of each mission, each once, by
-        descending reward. Where no run found anything, the single point (0, 0): the plan that
-        brings nothing back.
+    The non-dominated points of the final fronts, each once, by descending reward. Where no run
+    found anything, the single point (0, 0): the plan that brings nothing back.
     """
     fronts = _by_run(final_fronts)
     rows: list[dict[str, Any]] = []
@@ -95,36 +87,15 @@ def score_runs(
     missions: Mapping[str, Mission],
     indicators: Sequence[str],
 ) -> pd.DataFrame:
-    """Compute the indicators of every run, also of those without a front.
+    """Make the table ``indicators``: a row for each run, in the order of ``runs``, and indicator.
 
     A run without a front, because it failed or found nothing feasible, is scored as the single
     plan that brings nothing back, (0, 0): its area is 0, its IGD+ and epsilon are those of that
-    point, and its front has 0 points.
+    point, and its front has 0 points. Values of a mission that differ by at most 1e-12 are made
+    equal by :func:`merge_ties`.
 
-    Parameters
-    ----------
-    runs
-        One row a run: columns ``run``, ``mission``, ``algorithm``, ``seed`` and ``front_size``.
-    final_fronts
-        The points of the final fronts: columns ``run``, ``reward`` and ``survivors``.
-    references
-        The reference fronts, of :func:`reference_fronts`.
-    missions
-        The missions by label.
-    indicators
-        Names of indicators, keys of ``INDICATORS``.
-
-    Returns
-    -------
-    pandas.DataFrame
-        The table ``indicators``: for each run, in the order of ``runs``, one row per indicator.
-        Values of a mission that differ by at most 1e-12 are equal in it: see :func:`merge_ties`.
-
-    Raises
-    ------
-    ValueError
-        If an indicator is not known, a mission has no reference front where one is needed, or the
-        size of a run's front is not the number of its points.
+    Raises a ValueError if an indicator is not known, a mission has no reference front where one is
+    needed, or the size of a run's front is not the number of its points.
     """
     check_indicators(indicators)
     fronts = _by_run(final_fronts)
@@ -158,13 +129,7 @@ def score_runs(
 
 
 def check_indicators(names: Iterable[str]) -> None:
-    """Refuse names that are no indicators.
-
-    Raises
-    ------
-    ValueError
-        Names the first unknown one, and the known ones, nearest first.
-    """
+    """Raise a ValueError for a name that is not an indicator's."""
     for name in names:
         if name not in INDICATORS:
             known = ", ".join(nearest_first(str(name), INDICATORS))
@@ -172,17 +137,55 @@ def check_indicators(names: Iterable[str]) -> None:
 
 
 def as_table(name: str, rows: list[dict[str, Any]]) -> pd.DataFrame:
-    """Give rows as a table of a study; columns have their types also where there are no rows.
-
-    Parameters
-    ----------
-    name
-        Name of the table, a key of ``SCHEMAS``.
-    rows
-        Values by column; None, or no value, where one is missing.
-    """
+    """Give rows as the table of a schema, with typed columns even where there are no rows."""
     table: pd.DataFrame = pa.Table.from_pylist(rows, schema=SCHEMAS[name]).to_pandas()
     return table
+
+
+def merge_ties(values: ArrayLike) -> FloatArray:
+    """Make values (n,) that differ by at most 1e-12 equal.
+
+    Each value is replaced by the largest that a chain of such steps leads to. Rounding would not
+    do, as two neighbouring numbers may be rounded apart. Merging again changes nothing.
+
+    Examples
+    --------
+    >>> merge_ties([0.3, 0.1 + 0.2, 0.2]).tolist()
+    [0.30000000000000004, 0.30000000000000004, 0.2]
+    """
+    given = np.asarray(values, np.float64)
+    order = np.argsort(given, kind="stable")
+    ordered = given[order]
+    last = np.append(np.diff(ordered) > TIE, True)[: len(given)]
+    ends = np.flatnonzero(last)
+    merged = np.empty_like(given)
+    merged[order] = ordered[ends[np.searchsorted(ends, np.arange(len(given)))]]
+    return merged
+
+
+def samples_of(indicators: pd.DataFrame) -> Samples:
+    """Give the values of every algorithm by mission and indicator, in the order of the table."""
+    check_indicators(indicators["indicator"].unique())
+    values = indicators["value"].to_numpy(float)
+    if not np.isfinite(values).all():
+        row = indicators.iloc[int(np.argmin(np.isfinite(values)))].to_dict()
+        raise ValueError(f"Expected finite values of indicators, got {row}.")
+    samples: Samples = {}
+    groups: Any = indicators.groupby(["mission", "indicator", "algorithm"], sort=False)["value"]
+    for (mission, indicator, algorithm), found in groups:
+        of_mission = samples.setdefault((mission, indicator), {})
+        of_mission[algorithm] = found.to_numpy(float)
+    return samples
+
+
+def sign_of(indicator: str) -> int:
+    """Give 1 where more is better, -1 where less is, 0 for an indicator that does not judge."""
+    return {True: 1, False: -1, None: 0}[INDICATORS[indicator].higher_is_better]
+
+
+def best_first(indicator: str, samples: Sequence[FloatArray]) -> FloatArray:
+    """Give medians, ties merged, with a sign that makes the smallest the best."""
+    return -sign_of(indicator) * merge_ties([np.median(values) for values in samples])
 
 
 def _by_run(final_fronts: pd.DataFrame) -> dict[str, FloatArray]:

@@ -1,4 +1,4 @@
-"""How good fronts were on the way, and what it took to reach a part of the reference area."""
+"""Scores of recorded fronts, and the table ``targets``."""
 
 from __future__ import annotations
 
@@ -25,25 +25,10 @@ def score_records(
     missions: Mapping[str, Mission],
     indicators: Sequence[str],
 ) -> dict[str, list[float]]:
-    """Compute the area and, where they are wanted, IGD+ and epsilon of all recorded fronts.
+    """Compute lists ``area``, ``igd_plus`` and ``epsilon``, with a value for each recorded front.
 
-    Parameters
-    ----------
-    fronts
-        Label of the mission and points, shape (n, 2), of each front. A front that has not changed
-        since it was last recorded is not measured again.
-    references
-        The reference fronts, of :func:`reference_fronts`.
-    missions
-        The missions by label.
-    indicators
-        Names of the study's indicators.
-
-    Returns
-    -------
-    dict
-        Lists ``area``, ``igd_plus`` and ``epsilon``, a value for each front; NaN where an
-        indicator is not wanted.
+    ``fronts`` are pairs of a mission's label and points (n, 2); a front equal to the one before it
+    is not measured again. An indicator that is not wanted is NaN.
     """
     targets = _points_by_mission(references)
     measures = {"igd_plus": igd_plus_indicator, "epsilon": epsilon_indicator}
@@ -70,32 +55,15 @@ def reach_targets(
     missions: Mapping[str, Mission],
     algorithms: Sequence[str],
 ) -> pd.DataFrame:
-    """Find what algorithms spend until they have 90, 95 and 99 % of the reference front's area.
+    """Make the table ``targets``: what reaching 90, 95 and 99 % of the reference area takes.
 
-    Parameters
-    ----------
-    runs
-        The table ``runs``.
-    trace
-        The table ``trace``: what is reached between two records counts from the second.
-    references
-        The reference fronts, of :func:`reference_fronts`.
-    missions
-        The missions by label.
-    algorithms
-        Labels, in the order wanted.
-
-    Returns
-    -------
-    pandas.DataFrame
-        The table ``targets``. What has no runs, as in a study that was interrupted, has no row,
-        nor has a mission whose reference front has no area.
-        Medians are over all runs, of which those that never get there take for ever.
+    What is reached between two records counts from the second. Medians are over all runs; one that
+    never reaches a target takes for ever. An algorithm without runs on a mission, as in a study
+    that was interrupted, has no rows, nor has a mission whose reference front has no area.
     """
     fronts = _points_by_mission(references)
     counts: Any = runs.groupby(["mission", "algorithm"], sort=False).size()
     rows: list[dict[str, Any]] = []
-    # Of every target at once: the first record of each run that has it.
     areas = {label: area_indicator(fronts[label], missions[label]) for label in fronts}
     whole = trace["mission"].map(areas).to_numpy(float)
     reached: dict[float, Any] = {}
@@ -131,7 +99,7 @@ def _points_by_mission(references: pd.DataFrame) -> dict[str, FloatArray]:
 
 
 def _median(spent: pd.Series[Any], n: int) -> float | None:
-    """Give the median of n runs, of which those not given take for ever; None if it does."""
+    """Give the median of n runs; all but ``spent`` take for ever. None if it is endless."""
     values = np.full(n, np.inf)
     values[: len(spent)] = spent
     median = float(np.median(values))

@@ -1,4 +1,4 @@
-"""The figures of a report, with what stands under them."""
+"""The figures of a report, with their captions."""
 
 from __future__ import annotations
 
@@ -28,45 +28,21 @@ _RANKS = "critical-difference"
 
 @dataclass(frozen=True)
 class ReportFigure:
-    """A figure of a report.
+    """A figure of a report."""
 
-    Attributes
-    ----------
-    path
-        The PNG file.
-    paths
-        The same as PNG, PDF and SVG.
-    caption
-        What it shows, what its lines and bands mean, and what is not in it.
-    alternative
-        What it shows, for those who do not see it.
-    """
-
-    path: Path
-    paths: tuple[Path, ...]
-    caption: str
-    alternative: str
+    path: Path  # the PNG file
+    paths: tuple[Path, ...]  # the same as PNG, PDF and SVG
+    caption: str  # what it shows, what its lines and bands mean, and what is not in it
+    alternative: str  # text for readers who cannot see it
 
 
 def draw_figures(
     tables: StudyTables, folder: Path, slugs: Mapping[str, str]
 ) -> dict[str, list[ReportFigure]]:
-    """Draw and save all figures of a study.
+    """Draw and save all figures of a study; give them by mission.
 
-    Parameters
-    ----------
-    tables
-        The study.
-    folder
-        Where to put the figures; it exists already.
-    slugs
-        What stands for each mission in the names of files.
-
-    Returns
-    -------
-    dict
-        The figures of each mission, none for a mission without runs; under the empty text those
-        of the study as a whole.
+    Under ``""`` are those of the study as a whole; a mission without runs has none. ``slugs`` stand
+    for missions in the names of files.
     """
     styles = algorithm_styles(tables.algorithm_labels)
     figures: dict[str, list[ReportFigure]] = {
@@ -92,7 +68,7 @@ def _saved(folder: Path, name: str, ax: Axes, caption: str, alternative: str) ->
 def _ranks(
     tables: StudyTables, styles: Mapping[str, AlgorithmStyle]
 ) -> Iterator[tuple[str, Axes, str, str]]:
-    """Draw the ranks by the main indicator, where their differences were tested."""
+    """Draw the ranks by the main indicator, if their differences were tested."""
     posthoc = tables.posthoc
     if posthoc.empty or tables.ranks.empty:
         return

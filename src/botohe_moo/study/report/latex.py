@@ -1,4 +1,4 @@
-"""The tables of a report in LaTeX: they go on over pages, and are as wide as the text."""
+"""The tables of a report in LaTeX, as wide as the text, and broken across pages."""
 
 from __future__ import annotations
 
@@ -9,12 +9,10 @@ from typing import TYPE_CHECKING
 from botohe_moo.study.report.latex_text import breakable, escape_latex, width
 from botohe_moo.study.report.words import (
     INDICATORS,
+    comparison_cells,
     count,
-    distinct,
     fixed,
-    p_value,
-    significant,
-    spent_and_found,
+    summary_cells,
 )
 
 if TYPE_CHECKING:
@@ -32,7 +30,7 @@ _COMMAND = re.compile(r"\\[a-z]+|[{}$\\]")
 
 @dataclass(frozen=True)
 class _Group:
-    """Rows under a title: labels first, then numbers, all of it in LaTeX already."""
+    """Rows in LaTeX under a title: labels first, then numbers."""
 
     title: str
     rows: Sequence[Sequence[str]]
@@ -58,13 +56,8 @@ def summary_latex(tables: StudyTables) -> str:
         rows = tables.summary[tables.summary["mission"] == mission]
         least = rows["rank"].min()
         cells = []
-        for row, median in zip(rows.to_dict("records"), distinct(rows["area_median"]), strict=True):
-            numbers = [
-                count(row["n"]),
-                median,
-                f"{fixed(row['area_low'])}–{fixed(row['area_high'])}",
-                *spent_and_found(row),
-            ]
+        for row, found in zip(rows.to_dict("records"), summary_cells(rows), strict=True):
+            numbers = [count(row["n"]), *found]
             line = [breakable(row["algorithm"]), *map(escape_latex, numbers)]
             if row["rank"] == least:
                 line[2] = rf"\textbf{{{line[2]}}}"
@@ -82,14 +75,8 @@ def comparisons_latex(tables: StudyTables) -> str:
         for indicator, pairs in rows.groupby("indicator", sort=False):
             cells = []
             for row in pairs.to_dict("records"):
-                numbers = [
-                    *distinct([row["median"], row["median_other"]], significant),
-                    p_value(row["p_holm"]),
-                    fixed(row["a12"], 2),
-                    f"{fixed(row['a12_low'], 2)}–{fixed(row['a12_high'], 2)}",
-                ]
                 labels = [breakable(row["algorithm"]), breakable(row["other"])]
-                line = [*labels, *map(escape_latex, numbers)]
+                line = [*labels, *map(escape_latex, comparison_cells(row))]
                 if row["significant"]:
                     line[4] = rf"\textbf{{{line[4]}}}"
                 cells.append(line)
@@ -116,7 +103,7 @@ def ranks_latex(tables: StudyTables) -> str:
 
 
 def _table(header: Sequence[str], groups: Sequence[_Group], *, n_labels: int) -> str:
-    """Write a table whose columns of labels share what the numbers leave of the text's width."""
+    """Write a table; columns of labels share the width that the numbers leave."""
     n_columns = len(header)
     lines = [header, *(row for group in groups for row in group.rows)]
     numbers = sum(max(_width(line[i]) for line in lines) for i in range(n_labels, n_columns))
@@ -144,13 +131,13 @@ def _table(header: Sequence[str], groups: Sequence[_Group], *, n_labels: int) ->
 
 
 def _across(n_columns: int, text: str) -> str:
-    """Write a row that is one cell."""
+    """Write a row of a single cell."""
     cell = r"@{}>{\raggedright\arraybackslash}p{0.9\linewidth}@{}"
     return rf"\multicolumn{{{n_columns}}}{{{cell}}}{{{text}}} \\"
 
 
 def _width(cell: str) -> float:
-    """Estimate how wide a cell is, in em: the widest of its lines."""
+    """Estimate the width of a cell in em: that of its widest line."""
     bold = 1.15 if "textbf" in cell else 1.0
     lines = re.sub(r"\\shortstack\[r\]", "", cell).split(r"\\")
     return bold * max(width(_COMMAND.sub("", line)) for line in lines)

@@ -1,4 +1,4 @@
-"""Labels in LaTeX: what pdflatex shows, where lines may break, and how wide texts are."""
+"""Text in LaTeX: characters that pdflatex prints, line breaks, and widths."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ _SPECIAL = {
     ">": r"\textgreater{}",
     "|": r"\textbar{}",
     '"': r"\textquotedbl{}",
-    "[": "{[}",  # which after the end of a row would begin an option
+    "[": "{[}",  # after the end of a row it would begin an option
     "]": "{]}",
-    "-": "{-}",  # two of them would become a dash
+    "-": "{-}",  # two would become a dash
     "`": r"\textasciigrave{}",
     "'": r"\textquotesingle{}",
     "–": "--",
@@ -53,17 +53,17 @@ _MATHEMATICS = {
     "µ": r"\mu",
     "ς": r"\varsigma",
 }
-# Other Greek letters have the names of their commands; these look like Latin ones, and have none.
+# Greek letters are named after their commands, but capitals that look Latin have none.
 _GREEK = re.compile(r"GREEK (SMALL|CAPITAL) LETTER ([A-Z]+)")
 _CAPITALS = {"gamma", "delta", "theta", "lamda", "xi", "pi", "sigma", "upsilon", "phi", "psi"}
 _CAPITALS |= {"omega"}
-# Of Latin 1 and Latin Extended-A, what fonts in T1 encoding hold.
+# The part of Latin-1 and Latin Extended-A that fonts in T1 encoding have.
 _LATIN = {chr(code) for code in (0xA1, 0xA3, 0xAB, 0xBB, 0xBF, *range(0xC0, 0x17F))}
 _LATIN -= {chr(code) for code in (0x126, 0x127, 0x138, 0x13F, 0x140, 0x149)}
 _LATIN |= set("‘’“”‚„")
 
 _BREAK = r"\allowbreak{}"
-# After signs and in long words, never within a number.
+# After punctuation and in long words, never within a number.
 _BREAKS = re.compile(
     r"(?<=[;:/_])(?=\S)|(?<=[-,.])(?=[^\W\d])|(?<==)(?=\S{9})"
     r"|(?<=[^\W\d_]{8})(?=[^\W\d_])|(?<=[^\W_]{7}[^\W\d_])(?=\d)"
@@ -72,10 +72,10 @@ _NARROW, _WIDE = frozenset(" .,:;'|!()[]/-ijlt"), frozenset("mwMW%@&")
 
 
 def escape_latex(text: str) -> str:
-    """Write a text so that pdflatex prints it as it is.
+    """Write a text so that pdflatex prints it unchanged.
 
-    Characters that its fonts do not hold, such as those of Chinese, are written as their code
-    points, {[}U+7F8E 672F{]}, so that every label stays a label of its own.
+    Characters that its fonts lack, such as Chinese ones, are written as code points,
+    {[}U+7F8E 672F{]}, so that labels still differ.
     """
     written: list[str] = []
     foreign: list[str] = []
@@ -92,7 +92,7 @@ def escape_latex(text: str) -> str:
 
 
 def _escaped(character: str) -> str | None:
-    """Write a character; None for one that cannot be shown."""
+    """Write a character; None if the fonts lack it."""
     if character in _SPECIAL:
         return _SPECIAL[character]
     if character in _LATIN or (character.isascii() and character.isprintable()) or not character:
@@ -113,11 +113,11 @@ def _greek(character: str) -> str | None:
 
 
 def breakable(text: str) -> str:
-    """Write a text with places for lines to break: after signs, and within long words."""
+    """Write a text that may break after punctuation and within long words."""
     pieces = _BREAKS.split(unicodedata.normalize("NFC", text))
     return _BREAK.join(map(escape_latex, pieces))
 
 
 def width(text: str) -> float:
-    """Estimate how wide a text of digits and plain words is, in em; digits have half of one."""
+    """Estimate the width in em of a text of digits and plain words; a digit has half an em."""
     return sum(0.29 if c in _NARROW else 0.83 if c in _WIDE else 0.5 for c in text)

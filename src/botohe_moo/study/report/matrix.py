@@ -6,13 +6,13 @@ from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from botohe_moo.study.report.outcome import BETTER, EQUAL, WORSE, standing
+from botohe_moo.study.report.standing import BETTER, EQUAL, WORSE, standing
 from botohe_moo.study.report.words import INDICATORS, count, fixed, main_indicator
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from botohe_moo.study.report.outcome import Standing
+    from botohe_moo.study.report.standing import Standing
     from botohe_moo.study.store.tables import StudyTables
 
 __all__ = ["Cell", "Matrix", "matrix"]
@@ -23,53 +23,25 @@ _EMPTY = "–"
 
 @dataclass(frozen=True)
 class Cell:
-    """What stands in a matrix for an algorithm on a mission.
+    """The cell of an algorithm and a mission."""
 
-    Attributes
-    ----------
-    text
-        The median; a dash where there are no runs.
-    mark
-        Whether it is better (+) or worse (−) than what it is compared with, or neither (=).
-    rank
-        The median's rank on the mission.
-    best
-        Whether the median is the best one.
-    """
-
-    text: str
-    mark: str = ""
-    rank: str = ""
+    text: str  # the median; a dash where there are no runs
+    mark: str = ""  # +, − or =: better than what it is compared with, worse, or neither
+    rank: str = ""  # of the median on the mission
     best: bool = False
 
 
 @dataclass(frozen=True)
 class Matrix:
-    """Medians of all algorithms on all missions, the longer list down the page.
+    """Medians of all algorithms on all missions; the longer list goes down the page."""
 
-    Attributes
-    ----------
-    header
-        What the rows are, and names of the columns.
-    rows
-        Label and cells of each row.
-    caption
-        What medians, marks and ranks mean.
-    """
-
-    header: Sequence[str]
+    header: Sequence[str]  # what the rows are, and the names of the columns
     rows: Sequence[tuple[str, Sequence[Cell]]]
     caption: str
 
 
 def matrix(tables: StudyTables) -> Matrix:
-    """Lay out how all algorithms do on all missions.
-
-    Parameters
-    ----------
-    tables
-        The study.
-    """
+    """Make the matrix of missions and algorithms."""
     missions, algorithms = tables.mission_labels, tables.algorithm_labels
     stands = {mission: standing(tables, mission) for mission in missions}
     cells = {
@@ -102,7 +74,7 @@ def _cell(stands: Standing, algorithm: str) -> Cell:
 
 
 def _further(tables: StudyTables, stands: Mapping[str, Standing]) -> dict[str, dict[str, Cell]]:
-    """Give what sums up the missions: how often which mark, and average ranks."""
+    """Give what sums up the missions: the count of each mark, and average ranks."""
     labels = tables.algorithm_labels
     columns: dict[str, dict[str, Cell]] = {}
     if len(stands) > 1 and tables.control is not None:
@@ -128,5 +100,5 @@ def _caption(tables: StudyTables) -> str:
         f"Median {name} over runs, the best on a mission bold, its rank there in brackets. "
         f"{BETTER} is better than {rival}, {WORSE} worse, {EQUAL} not told apart from it "
         f"(Mann-Whitney, Holm, {tables.significance:g}); without a mark it is not tested. "
-        "Medians that look different are no ties."
+        "Medians that look different are not ties."
     )

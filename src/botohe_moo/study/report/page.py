@@ -1,4 +1,4 @@
-"""The page of a report: one file that reads without the network."""
+"""The page of a report: one HTML file with figures and styles in it."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING, Any
 import jinja2
 import pandas as pd
 
-from botohe_moo.study.report.grids import (
-    Grid,
-    comparison_grid,
-    missing_grid,
-    posthoc_grid,
-    posthoc_words,
-    rank_grid,
-    summary_grid,
-    target_grid,
-)
 from botohe_moo.study.report.matrix import matrix
-from botohe_moo.study.report.outcome import leader, standing
+from botohe_moo.study.report.page_tables import (
+    TextTable,
+    comparison_table,
+    missing_table,
+    posthoc_table,
+    posthoc_words,
+    rank_table,
+    summary_table,
+    target_table,
+)
+from botohe_moo.study.report.standing import leader, standing
 from botohe_moo.study.report.words import (
     INDICATORS,
     budget_words,
@@ -47,17 +47,10 @@ _MANY_FAULTS = 100
 def render_page(
     tables: StudyTables, slugs: Mapping[str, str], figures: Mapping[str, Sequence[ReportFigure]]
 ) -> str:
-    """Write the report as one HTML page, figures and styles in it.
+    """Write the report as one HTML page.
 
-    Parameters
-    ----------
-    tables
-        The study.
-    slugs
-        What stands for each mission in addresses within the page.
-    figures
-        Figures of each mission, and under ``""`` those of the study as a whole; their files are
-        read.
+    ``slugs`` stand for missions in addresses within the page; ``figures`` are those of each
+    mission, and under ``""`` those of the study as a whole.
     """
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("botohe_moo.study.report", "templates"),
@@ -74,7 +67,7 @@ def render_page(
         description=str(manifest.get("description") or ""),
         size=_size(tables),
         matrix=matrix(tables),
-        missing=missing_grid(tables),
+        missing=missing_table(tables),
         n_missing=tables.n_missing,
         outcome=[_outcome(tables, label) for label in tables.mission_labels],
         notes=_notes(tables),
@@ -112,11 +105,11 @@ def _size(tables: StudyTables) -> str:
 
 
 def _outcome(tables: StudyTables, mission: str) -> dict[str, Any]:
-    """Give what the page says of a mission: who leads, and the verdicts about it."""
+    """Give the leading algorithm on a mission, and the verdicts about it."""
     rows = tables.comparisons[tables.comparisons["mission"] == mission]
     rows = rows[rows["indicator"] == main_indicator(tables.comparisons)]
     if tables.control is None and len(rows) > 1:
-        # All pairs would be too many: those with the leader answer who is better than whom.
+        # All pairs would be too many: only those with a leader.
         best = set(standing(tables, mission).best)
         rows = rows[rows["algorithm"].isin(best) | rows["other"].isin(best)]
     verdicts = [verdict_words(row) for row in rows.to_dict("records")]  # type: ignore[arg-type]
@@ -130,7 +123,7 @@ def _notes(tables: StudyTables) -> list[str]:
     return [*notes, said] if said else list(notes)
 
 
-def _missions(tables: StudyTables) -> Grid:
+def _missions(tables: StudyTables) -> TextTable:
     rows = []
     for label, entry in tables.manifest["missions"].items():
         mission = tables.mission(label)
@@ -148,7 +141,7 @@ def _missions(tables: StudyTables) -> Grid:
             ]
         )
     header = ["mission", "title", "from", "budget of a run", "survival floor"]
-    return Grid([*header, "nodes", "arcs", "robots", "total reward"], rows, texts=4)
+    return TextTable([*header, "nodes", "arcs", "robots", "total reward"], rows, texts=4)
 
 
 def _origin(source: Mapping[str, Any]) -> str:
@@ -158,7 +151,7 @@ def _origin(source: Mapping[str, Any]) -> str:
     return f"{source['name_or_path']}{named}"
 
 
-def _algorithms(tables: StudyTables) -> Grid:
+def _algorithms(tables: StudyTables) -> TextTable:
     rows = [
         [
             label,
@@ -167,7 +160,7 @@ def _algorithms(tables: StudyTables) -> Grid:
         ]
         for label, entry in tables.manifest["algorithms"].items()
     ]
-    return Grid(["label", "algorithm", "parameters"], rows, texts=3)
+    return TextTable(["label", "algorithm", "parameters"], rows, texts=3)
 
 
 def _settings(tables: StudyTables) -> list[tuple[str, str]]:
@@ -191,10 +184,10 @@ def _section(
         "label": mission,
         "anchor": f"mission-{slugs[mission]}",
         "title": tables.mission(mission).title,
-        "summary": summary_grid(tables, mission),
+        "summary": summary_table(tables, mission),
         "figures": _figures(figures.get(mission, ())),
-        "targets": target_grid(tables.targets[tables.targets["mission"] == mission]),
-        "comparisons": comparison_grid(comparisons),
+        "targets": target_table(tables.targets[tables.targets["mission"] == mission]),
+        "comparisons": comparison_table(comparisons),
     }
 
 
@@ -216,16 +209,16 @@ def _ranks(tables: StudyTables) -> list[dict[str, Any]]:
         blocks.append(
             {
                 "indicator": INDICATORS.get(str(indicator), str(indicator)),
-                "grid": rank_grid(rows),
+                "table": rank_table(rows),
                 "note": str(rows["note"].iloc[0]),
                 "posthoc": posthoc_words(pairs),
-                "pairs": posthoc_grid(pairs),
+                "pairs": posthoc_table(pairs),
             }
         )
     return blocks
 
 
-def _faults(tables: StudyTables) -> Grid:
+def _faults(tables: StudyTables) -> TextTable:
     rows = tables.runs[tables.runs["status"] != "done"].head(_MANY_FAULTS)
     cells = [
         [
@@ -240,10 +233,10 @@ def _faults(tables: StudyTables) -> Grid:
         for row in rows.to_dict("records")
     ]
     header = ["mission", "algorithm", "status", "stopped by", "error", "seed", "area"]
-    return Grid(header, cells, texts=5)
+    return TextTable(header, cells, texts=5)
 
 
-def _environments(tables: StudyTables) -> Grid:
+def _environments(tables: StudyTables) -> TextTable:
     n_runs = tables.runs["environment"].value_counts()
     rows = [
         [
@@ -258,4 +251,4 @@ def _environments(tables: StudyTables) -> Grid:
         for row in tables.environments.to_dict("records")
     ]
     header = ["version", "packages", "machine", "threads", "processors", "runs"]
-    return Grid(header, rows, texts=4)
+    return TextTable(header, rows, texts=4)

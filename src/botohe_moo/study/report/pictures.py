@@ -1,4 +1,4 @@
-"""The pictures of one mission in a report, with what stands under them."""
+"""The pictures of one mission in a report, with their captions."""
 
 from __future__ import annotations
 
@@ -13,9 +13,8 @@ from botohe_moo.plots.study.attainment import plot_attainment
 from botohe_moo.plots.study.curves import plot_curves
 from botohe_moo.plots.study.difference import plot_attainment_difference
 from botohe_moo.plots.study.fronts import plot_fronts
-from botohe_moo.plots.study.heat import plot_heat
+from botohe_moo.plots.study.heat import plot_heat, two_parameter_grids
 from botohe_moo.plots.study.reached import plot_reached
-from botohe_moo.study.report.parameter_grids import two_parameter_grids
 from botohe_moo.study.report.words import INDICATORS, level
 
 if TYPE_CHECKING:
@@ -31,7 +30,6 @@ if TYPE_CHECKING:
 
 __all__ = ["MissionPictures", "rivals"]
 
-# Kinds of figures have no hyphen, which parts them from what stands for the mission.
 _SHARES = np.arange(50, 100) / 100  # of the reference front's area: the targets
 
 _DISTANCES: tuple[Value, ...] = ("igd_plus", "epsilon")
@@ -40,10 +38,10 @@ Picture = tuple[str, "Axes", str, str]
 
 
 def rivals(tables: StudyTables, mission: str) -> tuple[str, str] | None:
-    """Give the two algorithms whose attainment is compared: the control and the best other one.
+    """Give the two algorithms whose attainment is compared; None if there is only one.
 
-    Without a control these are the two with the largest median areas, in the order of the file.
-    None where there is only one.
+    They are the control and the best other one, or without a control the two with the largest
+    median areas, in the order of the study file.
     """
     rows = tables.summary[tables.summary["mission"] == mission]
     order = [label for label in tables.algorithm_labels if label in set(rows["algorithm"])]
@@ -59,17 +57,7 @@ def rivals(tables: StudyTables, mission: str) -> tuple[str, str] | None:
 
 
 class MissionPictures:
-    """The pictures of one mission, each drawn when its turn comes: kind, axes, caption, in words.
-
-    Parameters
-    ----------
-    tables
-        The study.
-    mission
-        Label of the mission.
-    styles
-        Style of each algorithm of the study.
-    """
+    """The pictures of one mission, drawn one by one: kind, axes, caption, alternative text."""
 
     def __init__(
         self, tables: StudyTables, mission: str, styles: Mapping[str, AlgorithmStyle]
@@ -98,7 +86,7 @@ class MissionPictures:
         return ", ".join(self._labels)
 
     def _without_front(self, table: pd.DataFrame) -> list[str]:
-        """Say which algorithms have runs that no row of a table speaks of."""
+        """Say which algorithms have runs without a row in a table."""
         found = table.groupby("algorithm")["run"].nunique()
         runs = self._runs.groupby("algorithm")["run"].nunique()
         missing = {label: runs[label] - found.get(label, 0) for label in self._labels}
@@ -128,7 +116,7 @@ class MissionPictures:
         )
         captions: dict[Progress, str] = {
             "evaluations": f"The area of the front over the number of evaluations. {reading}",
-            "seconds": "The same over the algorithms' own time, which recording is no part of.",
+            "seconds": "The same over the algorithms' own time, without recording.",
         }
         for (x, caption), kind in zip(captions.items(), ("curves", "seconds"), strict=True):
             ax = plot_curves(trace, x=x, algorithms=labels, styles=self._styles, title=self._title)

@@ -1,4 +1,4 @@
-"""Numbers and outcomes of a study in words, for its report."""
+"""Numbers and outcomes of a study as text, for its report."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from botohe_moo.study.file.grid import value_text
+from botohe_moo.study.file.digest import value_text
 from botohe_moo.study.judge import scores
-from botohe_moo.study.judge.ties import merge_ties
+from botohe_moo.study.judge.scores import merge_ties
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -20,9 +20,11 @@ if TYPE_CHECKING:
 __all__ = [
     "INDICATORS",
     "budget_words",
+    "comparison_cells",
     "count",
     "distinct",
     "fixed",
+    "interval",
     "level",
     "listed",
     "main_indicator",
@@ -30,13 +32,13 @@ __all__ = [
     "parameter_words",
     "seed_words",
     "significant",
-    "spent_and_found",
+    "summary_cells",
     "verdict_words",
 ]
 
 INDICATORS = {name: indicator.label for name, indicator in scores.INDICATORS.items()}
 _DASH = "–"
-_MOST_DIGITS = 13  # those of values that are no ties differ
+_MOST_DIGITS = 13  # with which all values that are not ties differ
 
 
 def fixed(value: Any, decimals: int = 4) -> str:
@@ -56,21 +58,44 @@ def significant(value: Any, digits: int = 3) -> str:
 
 
 def count(value: Any) -> str:
-    """Write a number of things; medians of counts may end in a half."""
+    """Write a count, or a median of counts, which may end in a half."""
     if pd.isna(value):
         return _DASH
     return f"{float(value):,.1f}".removesuffix(".0")
 
 
-def spent_and_found(row: Mapping[Any, Any]) -> list[str]:
-    """Write IGD+, epsilon, points, evaluations, seconds and rank of a row of the summary."""
+def interval(low: Any, high: Any, decimals: int = 4) -> str:
+    """Write both ends of an interval."""
+    return f"{fixed(low, decimals)}–{fixed(high, decimals)}"
+
+
+def summary_cells(rows: pd.DataFrame) -> list[list[str]]:
+    """Write the columns that both tables of the summary have, for each of its rows.
+
+    Median area, its interval, IGD+, epsilon, points, evaluations, seconds and rank.
+    """
     return [
-        significant(row["igd_plus_median"]),
-        significant(row["epsilon_median"]),
-        count(row["front_size_median"]),
-        count(row["evaluations_median"]),
-        significant(row["seconds_median"]),
-        count(row["rank"]),
+        [
+            median,
+            interval(row["area_low"], row["area_high"]),
+            significant(row["igd_plus_median"]),
+            significant(row["epsilon_median"]),
+            count(row["front_size_median"]),
+            count(row["evaluations_median"]),
+            significant(row["seconds_median"]),
+            count(row["rank"]),
+        ]
+        for row, median in zip(rows.to_dict("records"), distinct(rows["area_median"]), strict=True)
+    ]
+
+
+def comparison_cells(row: Mapping[Any, Any]) -> list[str]:
+    """Write both medians, the corrected p-value, A12 and its interval of a comparison."""
+    return [
+        *distinct([row["median"], row["median_other"]], significant),
+        p_value(row["p_holm"]),
+        fixed(row["a12"], 2),
+        interval(row["a12_low"], row["a12_high"], 2),
     ]
 
 
@@ -87,7 +112,7 @@ def level(tables: StudyTables) -> str:
 
 
 def budget_words(budget: Mapping[str, Any]) -> str:
-    """Say what a run may spend."""
+    """Write a run's budget."""
     limits = [
         f"{count(budget[unit])} {unit}"
         for unit in ("evaluations", "seconds")
@@ -102,7 +127,7 @@ def parameter_words(parameters: Mapping[str, Any]) -> str:
 
 
 def seed_words(seeds: Sequence[int]) -> str:
-    """Write seeds, consecutive ones as first and last."""
+    """Write seeds; consecutive ones as the first and the last."""
     if len(seeds) > 2 and list(seeds) == list(range(seeds[0], seeds[0] + len(seeds))):
         return f"{seeds[0]}{_DASH}{seeds[-1]}"
     return ", ".join(map(str, seeds))
@@ -111,17 +136,7 @@ def seed_words(seeds: Sequence[int]) -> str:
 def distinct(
     values: Iterable[float], write: Callable[[Any, int], str] = fixed, *, digits: int = 4
 ) -> list[str]:
-    """Write numbers with so many digits that those that are no ties look different.
-
-    Parameters
-    ----------
-    values
-        The numbers, of which those within 1e-12 are ties; NaN where one is missing.
-    write
-        Writes one of them with so many digits: :func:`fixed` or :func:`significant`.
-    digits
-        The least number of digits.
-    """
+    """Write numbers so that those that are not ties look different, with ``digits`` at least."""
     shown = np.array(list(values), np.float64)
     known = np.isfinite(shown)
     shown[known] = merge_ties(shown[known])

@@ -1,4 +1,4 @@
-"""A Dask cluster as workers: each is asked what it has before it is given runs."""
+"""Performing runs on a Dask cluster; workers without the same code get none."""
 
 from __future__ import annotations
 
@@ -15,75 +15,53 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from botohe_moo.study.file.code_here import installed_versions, other_code
-from botohe_moo.study.run.pool import Outcomes
-from botohe_moo.study.run.sandbox import SandboxPool
+from botohe_moo.study.file.model import StudyError
+from botohe_moo.study.file.versions import code_mismatch, installed_versions
+from botohe_moo.study.run.pool import Outcomes, SandboxPool
 from botohe_moo.study.run.task import Outcome, Task, failure
-from botohe_moo.study.store.manifest import StudyError
 
 __all__ = ["check_address", "dask_outcomes"]
 
-_SECONDS_BETWEEN_LOOKS = 0.2
+_SECONDS_BETWEEN_CHECKS = 0.2
 _SECONDS_TO_CONNECT = 10
-_SECONDS_BETWEEN_COUNTS = 1.0  # of the workers that are there
-_SECONDS_WITHOUT_WORKERS = 3.0  # before that is said
+_SECONDS_BETWEEN_COUNTS = 1.0  # of the workers
+_SECONDS_WITHOUT_WORKERS = 3.0  # before a warning
 _SECONDS_TO_ANSWER = 30.0  # for a worker that imports everything first
 _MOST_DEATHS = 3  # of workers with the same run
 _LAST_PORT = 65_535
 _ADDRESS = re.compile(r"(?:(?:tcp|tls)://)?([^\s/:]+|\[[^\s/\]]+\]):(?P<port>\d+)")
-# By name, for a worker cannot even read a function that it has not.
-_QUESTION = f"{other_code.__module__}:{other_code.__name__}"
+# By name: a worker that lacks the function could not unpickle it.
+_CHECK = f"{code_mismatch.__module__}:{code_mismatch.__name__}"
 
 
 def dask_outcomes(tasks: Sequence[Task], *, address: str, stopped: Callable[[], bool]) -> Outcomes:
-    """Perform runs on a Dask cluster, whose workers need nothing of this machine's disk.
+    """Perform runs on a Dask cluster; yield their outcomes as they end.
 
-    Workers that lack this package or an algorithm, or have another version of them, get no runs; a
-    warning says so. Those that join later are asked, too.
+    Workers need nothing of this machine's disk. Those that lack this package or an algorithm, or
+    have another version of them, get no runs, and a warning says so; so it is with workers that
+    join later. ``stopped`` is asked five times a second; when it is true, waiting runs are
+    cancelled, and the others are not waited for.
 
-    Parameters
-    ----------
-    tasks
-        The runs.
-    address
-        Of the scheduler, such as ``tcp://host:8786``.
-    stopped
-        Asked five times a second; when it says so, runs that wait are cancelled and those that go
-        on are not waited for.
-
-    Yields
-    ------
-    tuple
-        A task and its outcome, in the order in which they end.
-
-    Raises
-    ------
-    StudyError
-        If ``distributed`` is not installed, nobody answers at the address, or nobody does any more.
+    Raises a StudyError if ``distributed`` is not installed, or the scheduler does not answer, or no
+    longer does.
     """
     with _connected(address) as client:
-        crew = _Crew(client, address, deque(tasks))
+        cluster = _Cluster(client, address, deque(tasks))
         try:
-            while crew.has_work and not stopped():
-                crew.look_after()
+            while cluster.has_work and not stopped():
+                cluster.update()
                 try:
-                    future = crew.ended.get(timeout=_SECONDS_BETWEEN_LOOKS)
+                    future = cluster.ended.get(timeout=_SECONDS_BETWEEN_CHECKS)
                 except queue.Empty:
                     continue
-                if done := crew.take(future):
+                if done := cluster.take(future):
                     yield done
         finally:
-            crew.cancel()
+            cluster.cancel()
 
 
 def check_address(address: str) -> None:
-    """Make sure that something may be the address of a Dask scheduler.
-
-    Raises
-    ------
-    StudyError
-        If it may not.
-    """
+    """Raise a StudyError unless ``address`` may be that of a Dask scheduler."""
     found = _ADDRESS.fullmatch(address)
     if found is None or int(found["port"]) > _LAST_PORT:
         raise StudyError(
@@ -103,7 +81,7 @@ def _connected(address: str) -> Any:
     host, _, port = address.rpartition("://")[2].rpartition(":")
     where = host.strip("[]"), int(port)
     try:
-        # A client that finds nobody leaves threads behind that complain when the process ends.
+        # A client without a scheduler leaves threads behind that log errors when the process ends.
         socket.create_connection(where, timeout=_SECONDS_TO_CONNECT).close()
         return _within(
             2 * _SECONDS_TO_CONNECT,
@@ -115,7 +93,7 @@ def _connected(address: str) -> Any:
 
 
 def _within(seconds: float, make: Callable[[], Any]) -> Any:
-    """Give what is made in time: a client waits for ever where somebody does not speak Dask."""
+    """Call ``make`` with a time limit: a client waits for ever if the server is not Dask's."""
     made: queue.SimpleQueue[tuple[Any, Exception | None]] = queue.SimpleQueue()
 
     def act() -> None:
@@ -136,31 +114,17 @@ def _within(seconds: float, make: Callable[[], Any]) -> Any:
 
 @dataclass
 class _Worker:
-    """What is known of a worker.
-
-    Attributes
-    ----------
-    n_threads
-        Runs it may have at a time.
-    asked
-        The question that it has not answered yet; None if it has.
-    asked_at
-        When it was asked.
-    fit
-        Whether it may get runs.
-    at_work
-        The runs it has.
-    """
+    """A worker; it gets as many runs at a time as it has threads, if its code is the same."""
 
     n_threads: int
-    asked: Any
-    asked_at: float
+    check: Any  # the future of the check of its code; None once it has ended
+    checked_at: float
     fit: bool = False
-    at_work: set[Any] = field(default_factory=set)
+    running: set[Any] = field(default_factory=set)  # futures of runs
 
 
-class _Crew:
-    """The workers of a cluster, and the runs they have."""
+class _Cluster:
+    """The workers of a cluster, and the runs that they perform."""
 
     def __init__(self, client: Any, address: str, waiting: deque[Task]) -> None:
         self.ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
@@ -169,30 +133,30 @@ class _Crew:
         self._waiting = waiting
         self._origins = {task.algorithm: task.origin for task in waiting}
         self._workers: dict[str, _Worker] = {}
-        self._at_work: dict[Any, tuple[Task, str]] = {}
+        self._running: dict[Any, tuple[Task, str]] = {}
         self._n_deaths: dict[str, int] = {}
-        self._n_asked = 0
+        self._n_submitted = 0
         self._counted_at = float("-inf")
         self._idle_since: float | None = time.monotonic()
 
     @property
     def has_work(self) -> bool:
-        """Whether there are runs that have not ended, or outcomes that nobody has taken."""
-        return bool(self._waiting or self._at_work) or not self.ended.empty()
+        """Whether there are runs that have not ended, or outcomes that were not taken yet."""
+        return bool(self._waiting or self._running) or not self.ended.empty()
 
-    def look_after(self) -> None:
-        """See who has come and gone, and give everybody something to do."""
+    def update(self) -> None:
+        """Take note of workers that joined or left, and give runs to those that are free."""
         now = time.monotonic()
         if now - self._counted_at >= _SECONDS_BETWEEN_COUNTS:
             self._counted_at = now
             self._count()
         for address, worker in self._workers.items():
-            while worker.fit and self._waiting and len(worker.at_work) < worker.n_threads:
+            while worker.fit and self._waiting and len(worker.running) < worker.n_threads:
                 task = self._waiting.popleft()
                 future = self._submit(address, f"run-{task.digest}", _perform_on_worker, task)
-                worker.at_work.add(future)
-                self._at_work[future] = task, address
-        self._complain(now)
+                worker.running.add(future)
+                self._running[future] = task, address
+        self._warn_if_idle(now)
 
     def _count(self) -> None:
         try:
@@ -200,16 +164,16 @@ class _Crew:
         except (OSError, ValueError, TypeError, RuntimeError):  # the connection is closed
             raise _gone() from None
         for address in self._workers.keys() - there.keys():
-            for future in self._workers.pop(address).at_work:
-                task, _ = self._at_work.pop(future)
+            for future in self._workers.pop(address).running:
+                task, _ = self._running.pop(future)
                 future.cancel()
                 self._died(task)
         for address in there.keys() - self._workers.keys():
-            question = self._submit(address, "find", pkgutil.resolve_name, _QUESTION)
-            asked = self._submit(
-                address, "ask", operator.call, question, installed_versions(), self._origins
+            function = self._submit(address, "find", pkgutil.resolve_name, _CHECK)
+            check = self._submit(
+                address, "check", operator.call, function, installed_versions(), self._origins
             )
-            self._workers[address] = _Worker(there[address], asked, time.monotonic())
+            self._workers[address] = _Worker(there[address], check, time.monotonic())
 
     def _died(self, task: Task) -> None:
         n = self._n_deaths[task.digest] = self._n_deaths.get(task.digest, 0) + 1
@@ -219,21 +183,21 @@ class _Crew:
             self.ended.put((task, failure(f"{n} Dask workers died while they performed it")))
 
     def _submit(self, address: str, name: str, act: Callable[..., Any], *arguments: Any) -> Any:
-        self._n_asked += 1
+        self._n_submitted += 1
         future = self._client.submit(
             act,
             *arguments,
-            key=f"{name}-{self._n_asked}-{time.time_ns()}",
+            key=f"{name}-{self._n_submitted}-{time.time_ns()}",
             workers=[address],
             pure=False,
         )
         future.add_done_callback(self.ended.put)
         return future
 
-    def _complain(self, now: float) -> None:
-        """Say once that there is nobody, whenever there is nobody for a while."""
+    def _warn_if_idle(self, now: float) -> None:
+        """Warn once whenever no worker has been able to perform runs for a while."""
         if not self._waiting or any(
-            worker.fit or (worker.asked and now - worker.asked_at < _SECONDS_TO_ANSWER)
+            worker.fit or (worker.check and now - worker.checked_at < _SECONDS_TO_ANSWER)
             for worker in self._workers.values()
         ):
             self._idle_since = now
@@ -246,33 +210,27 @@ class _Crew:
             )
 
     def take(self, future: Any) -> tuple[Task, Outcome] | None:
-        """Take note of what a worker has done; give the outcome if that was a run.
-
-        Parameters
-        ----------
-        future
-            What has ended, or a run and its outcome.
-        """
+        """Take note of a future that has ended; give task and outcome if it was a run's."""
         if isinstance(future, tuple):
             return future
-        if future in self._at_work:
-            task, address = self._at_work.pop(future)
+        if future in self._running:
+            task, address = self._running.pop(future)
             if address in self._workers:
-                self._workers[address].at_work.discard(future)
+                self._workers[address].running.discard(future)
             if _is_lost(future):
                 self._died(task)
                 return None
             return task, _outcome_of(future)
         for address, worker in self._workers.items():
-            if worker.asked == future:
-                worker.asked = None
-                self._judge(address, worker, future)
+            if worker.check == future:
+                worker.check = None
+                self._note_check(address, worker, future)
                 break
         return None
 
-    def _judge(self, address: str, worker: _Worker, future: Any) -> None:
-        """Hear what a worker has answered."""
-        if _is_lost(future):  # with the worker, as the next count shows, or it is asked again
+    def _note_check(self, address: str, worker: _Worker, future: Any) -> None:
+        """Take note of whether a worker's code is the same; warn if it is not."""
+        if _is_lost(future):  # if the worker is still there, the next count checks it again
             del self._workers[address]
             return
         error = future.exception()
@@ -287,9 +245,9 @@ class _Crew:
             warnings.warn(f"the Dask worker {address} gets no runs: {said}.", stacklevel=2)
 
     def cancel(self) -> None:
-        """Take back what has not ended."""
-        questions = [worker.asked for worker in self._workers.values() if worker.asked]
-        self._client.cancel([*self._at_work, *questions])
+        """Cancel everything that has not ended."""
+        checks = [worker.check for worker in self._workers.values() if worker.check]
+        self._client.cancel([*self._running, *checks])
 
 
 def _gone() -> StudyError:

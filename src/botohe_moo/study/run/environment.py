@@ -14,7 +14,7 @@ from typing import Any
 
 __all__ = ["THREAD_SETTINGS", "environment", "n_cpus"]
 
-# Pools of other libraries would take cores from other workers, and change nothing here.
+# Thread pools of other libraries would take cores from other workers, and bring nothing here.
 THREAD_SETTINGS = (
     "OMP_NUM_THREADS",
     "OPENBLAS_NUM_THREADS",

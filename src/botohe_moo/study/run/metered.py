@@ -1,4 +1,4 @@
-"""Problems that count evaluations themselves, for algorithms that might not."""
+"""Problems that count evaluations themselves, for algorithms that may not."""
 
 from __future__ import annotations
 
@@ -19,101 +19,48 @@ __all__ = ["BudgetSpentError", "CountedBOTOHE", "Meter", "MeteredBOTOHE"]
 
 
 class BudgetSpentError(Exception):
-    """Ends a run from within an evaluation: the budget is spent."""
+    """Ends a run within an evaluation: the budget is spent."""
 
 
 @dataclass
 class Meter:
-    """What all copies of a problem have evaluated together.
-
-    Attributes
-    ----------
-    spent
-        Plans evaluated so far.
-    watch
-        Is called when some have been.
-    """
+    """Counts the plans that all copies of a problem evaluate, and calls ``watch`` each time."""
 
     spent: int = 0
     watch: Callable[[], None] = lambda: None
 
     def count(self, n_plans: int) -> None:
-        """Count plans that are evaluated.
-
-        Parameters
-        ----------
-        n_plans
-            How many.
-        """
+        """Count evaluated plans."""
         self.spent += n_plans
         if n_plans:
             self.watch()
 
     def __reduce__(self) -> tuple[type[Meter], tuple[int]]:
-        return Meter, (self.spent,)  # nobody watches a copy that an algorithm stores
+        return Meter, (self.spent,)  # a copy that an algorithm stores is not watched
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Meter:
-        return self  # pymoo copies algorithms with their problem; there is one meter
+        return self  # pymoo copies the problem with the algorithm; they share one meter
 
 
 class CountedBOTOHE(BOTOHE):
-    """BOTOHE that counts what it evaluates.
-
-    Parameters
-    ----------
-    mission
-        What to plan for.
-    min_survival
-        Survival floor of every robot, in [0, 1].
-
-    Attributes
-    ----------
-    meter
-        The count, shared by copies of the problem.
-    """
+    """BOTOHE that counts what it evaluates; copies of the problem share its ``meter``."""
 
     def __init__(self, mission: Mission, *, min_survival: float = 0.0) -> None:
         super().__init__(mission, min_survival=min_survival)
         self.meter = Meter()
 
     def evaluate_batch(self, batch: PlanBatch) -> FloatArray:
-        """Compute the objectives of many plans, and count them.
-
-        Parameters
-        ----------
-        batch
-            Plans for the mission's team.
-
-        Returns
-        -------
-        numpy.ndarray
-            F of shape (n, 2), to be minimised.
-        """
+        """Compute the objectives of many plans, and count them."""
         self.meter.count(len(batch))
         return super().evaluate_batch(batch)
 
 
 class MeteredBOTOHE(CountedBOTOHE):
-    """BOTOHE that refuses to evaluate more plans than the budget, and archives what it evaluates.
+    """BOTOHE that evaluates no more plans than the budget allows, and archives them.
 
-    pymoo looks at ``("n_eval", N)`` between generations, so that a population of 70 spends 1 050
-    of 1 000 evaluations. Here the last generation is cut off where the budget is.
-
-    Parameters
-    ----------
-    mission
-        What to plan for.
-    min_survival
-        Survival floor of every robot, in [0, 1].
-    evaluations
-        Budget; None for no limit.
-
-    Attributes
-    ----------
-    meter
-        The count, shared by copies of the problem.
-    archive
-        All non-dominated feasible plans among those evaluated, shared by copies, too.
+    pymoo checks ``("n_eval", N)`` between generations, so that a population of 70 spends 1 050 of
+    1 000 evaluations. Here the last generation is cut off at the budget. The ``archive`` holds all
+    non-dominated feasible plans that were evaluated; copies of the problem share it.
     """
 
     def __init__(
@@ -124,24 +71,10 @@ class MeteredBOTOHE(CountedBOTOHE):
         self.archive = PlanArchive(mission.robots)
 
     def evaluate_batch(self, batch: PlanBatch) -> FloatArray:
-        """Compute the objectives of many plans, as far as the budget goes.
+        """Compute the objectives of many plans.
 
-        Parameters
-        ----------
-        batch
-            Plans for the mission's team, valid ones unless ``allow_invalid`` is set.
-
-        Returns
-        -------
-        numpy.ndarray
-            F of shape (n, 2), to be minimised.
-
-        Raises
-        ------
-        BudgetSpentError
-            If the budget does not allow all of them; those it allows have been archived.
-        PlanError
-            If a plan is not valid.
+        Raises a BudgetSpentError if the budget does not allow all of them; those that it allows are
+        archived. Raises a PlanError if a plan is not valid.
         """
         allowed = batch[: max(self.evaluations - self.meter.spent, 0)]
         F = super().evaluate_batch(allowed)

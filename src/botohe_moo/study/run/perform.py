@@ -1,4 +1,4 @@
-"""One run, from its description to its records, in whatever process it is performed."""
+"""Performing one run: from a task to records and an outcome."""
 
 from __future__ import annotations
 
@@ -32,23 +32,11 @@ _WARM_UP_EVALUATIONS = 250
 def perform(
     task: Task, send: Callable[[Record], None], progress: Callable[[], None] = lambda: None
 ) -> Outcome:
-    """Perform a run.
+    """Perform a run; every record is sent when it is made, and is not in the outcome.
 
-    Parameters
-    ----------
-    task
-        The run.
-    send
-        Is given every record when it is made.
-    progress
-        Is called whenever plans have been evaluated.
-
-    Returns
-    -------
-    Outcome
-        Without records, which have been sent. Whatever the algorithm raises becomes the outcome
-        of a failed run. Who receives the last record has to verify it: an algorithm may have
-        changed what it plans for, as this process knows it.
+    ``progress`` is called whenever plans have been evaluated. Whatever the algorithm raises becomes
+    the outcome of a failed run. The receiver has to verify the last record: an algorithm may have
+    changed the mission that this process knows.
     """
     spent = [0]
     recorder = None
@@ -61,13 +49,13 @@ def perform(
             problem.meter.watch = progress
         stopped_by = _loop(task, algorithm, problem, recorder, spent, progress)
         seconds = recorder.elapsed()
-        if isinstance(problem, CountedBOTOHE):  # whatever the algorithm says
+        if isinstance(problem, CountedBOTOHE):  # whatever the algorithm reports
             spent[0] = max(spent[0], problem.meter.spent)
         if task.evaluations is not None and spent[0] > task.evaluations:
             raise RuntimeError(f"evaluated {spent[0]} plans of the {task.evaluations} allowed")
         archive = _archive(algorithm, problem)
         recorder.last(spent[0], seconds)
-    except (Exception, SystemExit) as error:  # whatever an algorithm does ends its own run only
+    except (Exception, SystemExit) as error:  # an algorithm may end its own run only
         said = "".join(traceback.format_exception_only(error)).strip()
         seconds = recorder.elapsed() if recorder else 0.0
         return replace(failure(said, traceback.format_exc()), evaluations=spent[0], seconds=seconds)
@@ -82,12 +70,12 @@ def perform(
 
 
 def _prepare(task: Task) -> tuple[Algorithm, BOTOHE]:
-    """Make the algorithm, and a problem that counts as much as has to be."""
+    """Make the algorithm, and a problem that counts evaluations where the algorithm may not."""
     algorithm = make_algorithm(task.algorithm, **task.parameters)
     mission, floor = task.mission, task.min_survival
     if not isinstance(algorithm, ArchiveAlgorithm | PopulationAlgorithm):
         return algorithm, MeteredBOTOHE(mission, min_survival=floor, evaluations=task.evaluations)
-    # Annealing evaluates in its kernel, and refuses problems whose evaluation it cannot see.
+    # Annealing evaluates in its kernel, and refuses problems that override the evaluation.
     if _is_ours(algorithm) or isinstance(algorithm, SimulatedAnnealing):
         return algorithm, BOTOHE(mission, min_survival=floor)
     return algorithm, CountedBOTOHE(mission, min_survival=floor)
@@ -128,7 +116,7 @@ def _loop(
 
 
 def _archive(algorithm: Algorithm, problem: BOTOHE) -> PlanArchive:
-    """Give what an algorithm has found so far, as one archive for all kinds of them."""
+    """Give what an algorithm of any kind has found so far."""
     if isinstance(problem, MeteredBOTOHE):
         return problem.archive
     if not isinstance(algorithm.archive, PlanArchive):
@@ -137,21 +125,12 @@ def _archive(algorithm: Algorithm, problem: BOTOHE) -> PlanArchive:
 
 
 def verify(task: Task, plans: PlanBatch, claimed: FloatArray) -> None:
-    """Evaluate a final front again: nobody's objectives are taken on trust.
+    """Evaluate a final front again; no algorithm's objectives are trusted.
 
-    Parameters
-    ----------
-    task
-        The run.
-    plans
-        Its plans.
-    claimed
-        Their E[R] and E[S] as the algorithm has them, shape (n, 2).
+    ``claimed`` are E[R] and E[S] according to the algorithm, shape (n, 2).
 
-    Raises
-    ------
-    ValueError
-        If a plan is not valid, brings something else, or a robot is below the survival floor.
+    Raises a ValueError if a plan is not valid or has other objectives, or a robot is below the
+    survival floor.
     """
     found = task.mission.evaluate(plans)
     wrong = np.flatnonzero(~np.isclose(found, claimed, rtol=1e-9, atol=1e-12).all(axis=1))
@@ -169,9 +148,9 @@ def verify(task: Task, plans: PlanBatch, claimed: FloatArray) -> None:
 
 
 def warm_up(task: Task) -> None:
-    """Compile, or load from the cache, what a run will need, so that it is not timed.
+    """Compile, or load from the cache, the kernels that a run will need, so that it is not timed.
 
-    Other packages' algorithms are left alone: who knows what they do.
+    Other packages' algorithms are not tried: they may have side effects.
     """
     toy = load_mission("toy")
     ours = _is_ours(make_algorithm(task.algorithm, **task.parameters))

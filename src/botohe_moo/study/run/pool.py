@@ -3,16 +3,47 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 
 import joblib
 
-from botohe_moo.study.run.sandbox import SandboxPool
+from botohe_moo.study.run.sandbox import Sandbox
 from botohe_moo.study.run.task import Outcome, Record, Task
 
-__all__ = ["Outcomes", "local_outcomes"]
+__all__ = ["Outcomes", "SandboxPool", "local_outcomes"]
 
-Outcomes = Iterator[tuple[Task, Outcome]]
+Outcomes = Generator[tuple[Task, Outcome], None, None]
+
+
+class SandboxPool:
+    """Sandboxes for workers that are threads; they are reused."""
+
+    def __init__(self) -> None:
+        self._idle: list[Sandbox] = []
+        self._lock = threading.Lock()
+        self._closed = False
+
+    def perform(
+        self, task: Task, *, stopped: Callable[[], bool], note: Callable[[Record], None]
+    ) -> Outcome | None:
+        """Perform a run in a free sandbox, as :meth:`Sandbox.perform` does."""
+        with self._lock:
+            sandbox = self._idle.pop() if self._idle else Sandbox()
+        try:
+            return sandbox.perform(task, stopped=stopped, note=note)
+        finally:
+            with self._lock:
+                if self._closed:
+                    sandbox.close()
+                else:
+                    self._idle.append(sandbox)
+
+    def close(self) -> None:
+        """End all idle processes now, and the others when their run has ended."""
+        with self._lock:
+            self._closed = True
+            while self._idle:
+                self._idle.pop().close()
 
 
 def local_outcomes(
@@ -22,30 +53,17 @@ def local_outcomes(
     stopped: Callable[[], bool],
     note: Callable[[Task, Record], None],
 ) -> Outcomes:
-    """Perform runs on this machine, several at a time.
+    """Perform runs on this machine, several at a time; yield their outcomes as they end.
 
-    Parameters
-    ----------
-    tasks
-        The runs.
-    workers
-        How many at a time, at least 1.
-    stopped
-        Asked ten times a second; when it says so, all runs end without an outcome.
-    note
-        Is given what runs have recorded, as they go.
-
-    Yields
-    ------
-    tuple
-        A task and its outcome, in the order in which they end.
+    ``stopped`` is asked ten times a second; when it is true, all runs end without an outcome.
+    ``note`` is given what runs have recorded, as they go.
     """
     sandboxes = SandboxPool()
-    given_up = threading.Event()
+    closed = threading.Event()
 
     def perform(task: Task) -> tuple[Task, Outcome | None]:
         def is_over() -> bool:
-            return stopped() or given_up.is_set()
+            return stopped() or closed.is_set()
 
         if is_over():
             return task, None
@@ -53,7 +71,7 @@ def local_outcomes(
             task, stopped=is_over, note=lambda record: note(task, record)
         )
 
-    # Threads suffice, for the work is done in the processes they look after.
+    # Threads suffice: the work is done in the sandboxes' processes.
     parallel = joblib.Parallel(
         n_jobs=workers, backend="threading", return_as="generator_unordered", batch_size=1
     )
@@ -62,5 +80,5 @@ def local_outcomes(
             if outcome is not None:
                 yield task, outcome
     finally:
-        given_up.set()
+        closed.set()
         sandboxes.close()

@@ -21,19 +21,9 @@ def record_counts(
 ) -> list[int]:
     """List the numbers of evaluations at which a front is recorded.
 
-    They are log-spaced and end with the budget, so that any smaller budget can be read off
-    afterwards.
-
-    Parameters
-    ----------
-    evaluations
-        Budget; None for no limit: then they go from 1 to 10¹².
-    per_decade
-        Counts in a tenfold of evaluations.
-    start
-        Share of the budget with which they begin.
-    at
-        Further counts.
+    They are log-spaced, ``per_decade`` in a tenfold, from ``start`` times the budget to the budget,
+    so that any smaller budget can be read off afterwards; without a budget from 1 to 10¹².
+    ``at`` are further numbers.
     """
     end = 10**12 if evaluations is None else evaluations
     first = 1.0 if evaluations is None else max(1.0, start * end)
@@ -43,17 +33,7 @@ def record_counts(
 
 
 class Recorder:
-    """Keeps an algorithm's own time, and takes its front when the time has come.
-
-    Parameters
-    ----------
-    task
-        The run.
-    archive
-        Gives what the algorithm has found so far.
-    send
-        Is given every record.
-    """
+    """Measures an algorithm's own time, and sends a record of its front whenever one is due."""
 
     def __init__(
         self, task: Task, archive: Callable[[], PlanArchive], send: Callable[[Record], None]
@@ -76,13 +56,7 @@ class Recorder:
         return time.perf_counter() - self._started - self.recording
 
     def watch(self, evaluations: int) -> None:
-        """Record the front if the time has come.
-
-        Parameters
-        ----------
-        evaluations
-            Trail plans evaluated so far.
-        """
+        """Record the front if a record is due after so many evaluations."""
         if evaluations >= self._next:
             began = time.perf_counter()
             self._record(evaluations, began - self._started - self.recording, whole=self._whole)
@@ -91,13 +65,7 @@ class Recorder:
             self.recording += time.perf_counter() - began
 
     def last(self, evaluations: int, seconds: float) -> None:
-        """Record the final front with its plans.
-
-        Parameters
-        ----------
-        evaluations, seconds
-            What was spent altogether.
-        """
+        """Record the final front with its plans, and what was spent altogether."""
         began = time.perf_counter()
         self._record(evaluations, seconds, whole=True)
         self.recording += time.perf_counter() - began

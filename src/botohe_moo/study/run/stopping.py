@@ -1,4 +1,4 @@
-"""Stopping a study: Ctrl-C, and what systems send to processes that shall end."""
+"""Stopping a study by a signal: Ctrl-C, SIGTERM or SIGHUP."""
 
 from __future__ import annotations
 
@@ -15,21 +15,13 @@ if TYPE_CHECKING:
 
 __all__ = ["Stop", "hold_stop"]
 
-# Batch systems and ``docker stop`` send the one, a terminal that is closed the other.
+# Sent by batch systems and ``docker stop``, and by a terminal that is closed.
 _LIKE_CTRL_C = (signal.SIGTERM, signal.SIGHUP)
 
 
 @dataclass
 class Stop:
-    """Whether a study is to stop, and by which signal.
-
-    Attributes
-    ----------
-    pressed
-        Is set when it is to stop.
-    signal
-        Number of the signal that has set it.
-    """
+    """Whether a study is to stop, and which signal has asked for it."""
 
     pressed: threading.Event
     signal: int = signal.SIGINT
@@ -43,8 +35,8 @@ class Stop:
 def hold_stop() -> Iterator[Stop]:
     """Let Ctrl-C, SIGTERM and SIGHUP ask for a stop; the second one breaks off at once.
 
-    Signals that are ignored, as by ``nohup``, or that somebody else handles, stay as they are;
-    outside the main thread, which alone may handle signals, all do.
+    Signals that are ignored, as under ``nohup``, or have another handler, stay as they are; so do
+    all outside the main thread, which alone may handle signals.
     """
     with hold_interrupt() as pressed:
         stop = Stop(pressed)

@@ -1,4 +1,4 @@
-"""What passes between a study and its workers: tasks, records, outcomes."""
+"""What a study and its workers exchange: tasks, records, outcomes."""
 
 from __future__ import annotations
 
@@ -16,118 +16,63 @@ PATIENCE = 3600.0
 
 @dataclass(frozen=True)
 class Task:
-    """What a worker is told of a run.
+    """What a worker needs to know of a run."""
 
-    Attributes
-    ----------
-    digest
-        The run's name.
-    mission, min_survival
-        What is planned for.
-    algorithm, parameters
-        What plans: a registered name or ``module:Class``.
-    origin
-        Package, version and source that it is from.
-    seed
-        Seed of the random numbers.
-    evaluations, seconds, grace_seconds
-        The budget; None for no limit.
-    per_decade, start, at
-        When the front is recorded.
-    version
-        Version of this package that the study was planned with.
-    patience
-        Seconds without an evaluation after which another package's algorithm is given up, where no
-        budget of seconds ends it; no result depends on it.
-    """
-
-    digest: str
+    digest: str  # the name of the run
     mission: Mission
     min_survival: float
-    algorithm: str
+    algorithm: str  # a registered name or module:Class
     parameters: dict[str, Any]
-    origin: dict[str, str | None]
+    origin: dict[str, str | None]  # package, version and source of the algorithm
     seed: int
-    evaluations: int | None
+    evaluations: int | None  # budget; None for no limit
     seconds: float | None
     grace_seconds: float
-    per_decade: int
+    per_decade: int  # when the front is recorded
     start: float
     at: tuple[int, ...]
-    version: str
+    version: str  # of this package, when the study was planned
+    # Seconds without an evaluation after which the run of another package's algorithm fails, if it
+    # has no budget of seconds. No result depends on it.
     patience: float = PATIENCE
 
 
 @dataclass(frozen=True)
 class Record:
-    """A run's front at some moment.
+    """A run's front at some moment."""
 
-    Attributes
-    ----------
-    evaluations
-        Trail plans evaluated so far.
-    seconds
-        The algorithm's own time so far.
-    objectives
-        E[R] and E[S] of the front's distinct points, shape (n, 2), by descending reward.
-    ties
-        Further plans whose objectives are those of a point.
-    plans
-        The plans with their objectives, (batch, (front_size + ties, 2)); kept where the run may
-        be killed, and of the last record.
-    """
-
-    evaluations: int
-    seconds: float
-    objectives: FloatArray
-    ties: int
+    evaluations: int  # so far
+    seconds: float  # the algorithm's own time so far
+    objectives: FloatArray  # E[R] and E[S] of distinct points (n, 2), by descending reward
+    ties: int  # further plans whose objectives are those of a point
+    # The plans and their objectives (front_size + ties, 2): of the last record, and of every record
+    # where the run may be killed.
     plans: tuple[PlanBatch, FloatArray] | None = None
 
     @property
     def front_size(self) -> int:
-        """Points on the front: how many plans with equal objectives are kept says nothing of it."""
+        """Number of distinct points on the front."""
         return len(self.objectives)
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a run ended.
+    """How a run ended."""
 
-    Attributes
-    ----------
-    status
-        ``done``, ``infeasible`` (no feasible plan was found), ``timeout`` (it had to be killed)
-        or ``failed``.
-    stopped_by
-        ``evaluations``, ``seconds``, ``itself``, ``limit`` or ``error``.
-    evaluations, seconds
-        What was spent, without recording.
-    recording_seconds
-        Time spent on recording.
-    records
-        The fronts; the last one has the plans. Empty where nothing feasible was found.
-    error, traceback
-        What went wrong, and where.
-    environment
-        Where it ran.
-    began
-        When its worker began with it: UTC, as in ``2026-11-22T04:30:12Z``; None if it never did.
-    """
-
-    status: str
-    stopped_by: str
+    status: str  # done, infeasible (found no feasible plan), timeout (was killed) or failed
+    stopped_by: str  # evaluations, seconds, itself, limit or error
     evaluations: int
-    seconds: float
+    seconds: float  # without recording
     recording_seconds: float
-    records: tuple[Record, ...] = ()
+    records: tuple[Record, ...] = ()  # the last one has its plans
     error: str | None = None
     traceback: str | None = None
     environment: dict[str, Any] = field(default_factory=dict)
-    began: str | None = None
+    began: str | None = None  # UTC, as 2026-11-22T04:30:12Z; None if it never did
 
 
 def failure(error: str, where: str | None = None, last: Record | None = None) -> Outcome:
-    """Give the outcome of a run that went wrong; ``error`` becomes a single line."""
+    """Give the outcome of a run that failed; ``error`` becomes a single line."""
     return Outcome(
         status="failed",
         stopped_by="error",

@@ -1,64 +1,49 @@
-"""What a study's folder says that it holds: ``study.json``."""
+"""What a study's folder says about the study: ``study.json`` and the missions beside it."""
 
 from __future__ import annotations
 
 import json
 from typing import TYPE_CHECKING, Any
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from botohe_moo._base.checks import nearest_first
 from botohe_moo._base.files import read_bytes, replace_file
+from botohe_moo.mission.formats.files import read_mission
+from botohe_moo.mission.validation import MissionError
+from botohe_moo.study.file.config import StudyFile
+from botohe_moo.study.file.digest import mission_digest
+from botohe_moo.study.file.document import Document
+from botohe_moo.study.file.model import MANIFEST, Study, StudyAlgorithm, StudyError, StudyMission
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-__all__ = ["MANIFEST", "StudyError", "read_manifest", "reason", "tabled_manifest", "write_manifest"]
+    from botohe_moo.mission.model import Mission
 
-MANIFEST = "study.json"
+__all__ = [
+    "dump_study",
+    "read_manifest",
+    "restore_study",
+    "saved_mission",
+    "tabled_manifest",
+    "write_manifest",
+]
 
-
-class StudyError(ValueError):
-    """What is wrong with a study or its folder, and where; one line for each fault."""
+_ALGORITHM = TypeAdapter(StudyAlgorithm)
+_MISSION = TypeAdapter(StudyMission)
 
 
 def write_manifest(folder: Path, manifest: Mapping[str, Any]) -> None:
-    """Write what a study is.
-
-    Parameters
-    ----------
-    folder
-        The study's folder.
-    manifest
-        What :func:`read_manifest` will give.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be written to.
-    """
+    """Write the manifest, whole or not at all; an OSError says why it cannot be written."""
     replace_file(folder / MANIFEST, (json.dumps(manifest, indent=1) + "\n").encode())
 
 
-def tabled_manifest(manifest: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Give what the study was when its tables were made; None if they never were.
-
-    Parameters
-    ----------
-    manifest
-        As :func:`read_manifest` gives it.
-    """
-    return dict(manifest) if manifest["tables"] is not None else manifest.get("previous")
-
-
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """Read what a folder's study is.
+    """Read the manifest of the study in a folder.
 
-    Raises
-    ------
-    StudyError
-        If the folder holds no study, or the file is damaged.
+    Raises a StudyError if the folder holds no study, or the file is damaged.
     """
     path = folder / MANIFEST
     try:
@@ -70,26 +55,100 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         known = f"; studies beside it are {', '.join(near)}" if near else ""
         raise StudyError(f"{folder}: there is no study in this folder{known}.") from None
     except (OSError, ValueError, RecursionError) as error:
-        said = f"{path}: cannot be read ({reason(error)}); run the study again."
+        said = f"{path}: cannot be read ({_reason(error)}); run the study again."
         raise StudyError(said) from error
     return content
 
 
-def reason(error: Exception) -> str:
-    """Say in a line why a file cannot be read.
+def tabled_manifest(manifest: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Give the manifest that the tables were made for; None if there are no tables yet.
 
-    Parameters
-    ----------
-    error
-        What reading it has raised.
+    It is an earlier one where the study has changed since.
     """
+    return dict(manifest) if manifest["tables"] is not None else manifest.get("previous")
+
+
+def dump_study(study: Study) -> dict[str, Any]:
+    """Give a study as JSON values, without the graphs of its missions."""
+    return {
+        "text": study.text,
+        "seeds": list(study.seeds),
+        "versions": dict(study.versions),
+        "missions": [
+            _MISSION.dump_python(mission, mode="json", exclude={"mission"})
+            for mission in study.missions
+        ],
+        "algorithms": [
+            _ALGORITHM.dump_python(algorithm, mode="json") for algorithm in study.algorithms
+        ],
+    }
+
+
+def restore_study(folder: Path) -> Study:
+    """Read the study that a folder holds, as it was checked when its runs were planned.
+
+    No code is called: missions are read from the folder, and the packages that algorithms come
+    from need not be installed.
+
+    Raises a StudyError if the folder holds no study, or its manifest or a mission is damaged; names
+    the file.
+    """
+    manifest = read_manifest(folder)
+    path = folder / MANIFEST
+    if "kept" not in manifest:
+        raise StudyError(
+            f"{path}: written by an earlier version of this package, which did not keep all that "
+            "its tables depend on; run the study again."
+        )
+    try:
+        dump = _Dump.model_validate(manifest["kept"])
+        missions = tuple(_restore_mission(folder, entry) for entry in dump.missions)
+        algorithms = tuple(_ALGORITHM.validate_python(entry) for entry in dump.algorithms)
+        file = StudyFile.model_validate(Document.parse(dump.text).content)
+    except StudyError:
+        raise
+    except (ValueError, TypeError, KeyError, RecursionError) as error:
+        said = f"{path}: cannot be read ({_reason(error)}); run the study again."
+        raise StudyError(said) from error
+    return Study(file, dump.text, missions, algorithms, dump.seeds, dump.versions)
+
+
+def _restore_mission(folder: Path, dump: dict[str, Any]) -> StudyMission:
+    mission = saved_mission(folder / "missions" / f"{dump['digest']}.json", dump["digest"])
+    return _MISSION.validate_python({**dump, "mission": mission})
+
+
+def saved_mission(path: Path, digest: str) -> Mission:
+    """Read a mission file of a study's folder; a StudyError if it is not the mission expected."""
+    try:
+        mission = read_mission(path)
+    except MissionError as error:
+        said = " ".join(str(error).split())
+        raise StudyError(f"{said}; run the study again.") from error
+    if mission_digest(mission) != digest:
+        raise StudyError(
+            f"{path}: not the mission that was planned for any more; run the study again."
+        )
+    return mission
+
+
+def _reason(error: Exception) -> str:
+    """Say in a line why a file cannot be read."""
     if isinstance(error, ValidationError):
         first = error.errors(include_url=False)[0]
         return f"{'.'.join(map(str, first['loc'])) or 'its content'}: {first['msg']}"
     return " ".join((getattr(error, "strerror", None) or str(error)).split()[:20])
 
 
-class _MissionEntry(BaseModel):
+class _Dump(BaseModel):
+    text: str
+    seeds: tuple[int, ...]
+    versions: dict[str, str]
+    missions: list[dict[str, Any]]
+    algorithms: list[dict[str, Any]]
+
+
+class _ManifestMission(BaseModel):
     file: str
     digest: str
     source: dict[str, Any]
@@ -99,29 +158,29 @@ class _MissionEntry(BaseModel):
     budget: dict[str, float | None]
 
 
-class _AlgorithmEntry(BaseModel):
+class _ManifestAlgorithm(BaseModel):
     algorithm: str
     parameters: dict[str, Any]
     package: str | None
     version: str | None
 
 
-class _ComparisonEntry(BaseModel):
+class _ManifestComparison(BaseModel):
     control: str | None
     significance: float
 
 
 class _Manifest(BaseModel):
-    """What readers of a manifest rely on."""
+    """The part of a manifest that readers rely on."""
 
     name: str
     title: str | None
     description: str | None
     version: str
-    missions: dict[str, _MissionEntry]
-    algorithms: dict[str, _AlgorithmEntry]
+    missions: dict[str, _ManifestMission]
+    algorithms: dict[str, _ManifestAlgorithm]
     seeds: list[int]
     indicators: list[str]
-    comparison: _ComparisonEntry
+    comparison: _ManifestComparison
     tables: dict[str, str] | None
-    previous: _Manifest | None = None  # what its tables are of, where they are of another study
+    previous: _Manifest | None = None  # what the tables were made for, if not this study

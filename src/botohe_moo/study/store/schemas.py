@@ -155,7 +155,7 @@ SCHEMAS: dict[str, pa.Schema] = {
     ),
     "missions": _schema(
         ("mission", TEXT, "label of the mission in the study file"),
-        ("name", TEXT, "what it was made from: a name, a file or module:Class"),
+        ("name", TEXT, "its source: a name, a file or module:Class"),
         ("family", TEXT, "label of its entry in the study file, before grids are expanded"),
         ("nodes", INTEGER, "nodes"),
         ("arcs", INTEGER, "arcs"),

@@ -14,12 +14,10 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from botohe_moo.mission.formats.files import read_mission
-from botohe_moo.mission.validation import MissionError
-from botohe_moo.study.file.grid import mission_digest
-from botohe_moo.study.store.manifest import StudyError, read_manifest, tabled_manifest
+from botohe_moo.study.file.model import StudyError
+from botohe_moo.study.store.manifest import read_manifest, saved_mission, tabled_manifest
 from botohe_moo.study.store.schemas import SCHEMAS
-from botohe_moo.study.store.shelf import AGAIN, put_tables, read_file
+from botohe_moo.study.store.table_files import AGAIN, put_tables, read_file
 
 if TYPE_CHECKING:
     import os
@@ -28,10 +26,11 @@ if TYPE_CHECKING:
     from botohe_moo.mission.model import Mission
     from botohe_moo.trails import TrailPlan
 
-__all__ = ["SCHEMAS", "StudyError", "StudyTables", "read_study", "write_tables"]
+__all__ = ["SCHEMAS", "SMALL", "StudyTables", "read_study", "write_tables"]
 
+# These are written as CSV, too.
 SMALL = tuple(name for name in SCHEMAS if name not in ("trace", "fronts", "plans", "references"))
-# Of columns that depend on the study.
+# Types of the columns that depend on the study.
 _TYPES = {dtype: dtype for dtype in (pa.string(), pa.int64(), pa.float64(), pa.bool_())}
 _TYPES[pa.large_string()] = pa.string()
 
@@ -193,33 +192,6 @@ class StudyTables:
         return self.mission(row["mission"]).plan([[_label(v) for v in trail] for trail in trails])
 
 
-def saved_mission(path: Path, digest: str) -> Mission:
-    """Read a mission that is kept with a study.
-
-    Parameters
-    ----------
-    path
-        Its file.
-    digest
-        Of the mission that was planned for.
-
-    Raises
-    ------
-    StudyError
-        If the file holds another one, or none.
-    """
-    try:
-        mission = read_mission(path)
-    except MissionError as error:
-        said = " ".join(str(error).split())
-        raise StudyError(f"{said}; run the study again.") from error
-    if mission_digest(mission) != digest:
-        raise StudyError(
-            f"{path}: not the mission that was planned for any more; run the study again."
-        )
-    return mission
-
-
 def _label(value: Any) -> Any:
     """Give a node label as missions have it: JSON knows no tuples."""
     return tuple(map(_label, value)) if isinstance(value, list) else value
@@ -228,11 +200,9 @@ def _label(value: Any) -> Any:
 def to_arrow(name: str, frame: pd.DataFrame) -> pa.Table:
     """Check a table's columns and types.
 
-    Raises
-    ------
-    StudyError
-        If a column is missing or too many, of another type, or lacks values it has to have. Further
-        columns of ``missions`` and ``algorithms`` may be texts, integers, numbers or flags.
+    Raises a StudyError if a column is missing or too many, of another type, or lacks values it has
+    to have. Further columns of ``missions`` and ``algorithms`` may be texts, integers, numbers or
+    flags.
     """
     schema = SCHEMAS[name]
     columns = list(frame.columns)
@@ -258,22 +228,8 @@ def write_tables(
 ) -> None:
     """Write tables as Parquet, the small ones as CSV, too, and the manifest that vouches for them.
 
-    Parameters
-    ----------
-    folder
-        The study's folder.
-    tables
-        All tables by name.
-    manifest
-        What the study is; the digests of the tables are added, so that tables of different
-        moments are never taken for one study's.
-
-    Raises
-    ------
-    StudyError
-        If a table is not of its schema; nothing is written then.
-    OSError
-        If the folder cannot be written to.
+    Raises a StudyError if a table is not of its schema; nothing is written then. Raises an OSError
+    if the folder cannot be written to.
     """
     checked = {name: to_arrow(name, frame) for name, frame in tables.items()}
     files = {}

@@ -1,4 +1,4 @@
-"""Whether the code here is that with which a study was checked."""
+"""Versions of the code that results depend on."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from botohe_moo.algorithms.origin import algorithm_origin
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-__all__ = ["installed_versions", "other_code"]
+__all__ = ["code_mismatch", "installed_versions"]
 
-# pymoo's algorithms are what this package's derive from.
+# This package's algorithms derive from pymoo's.
 _PACKAGES = {"version": "botohe-moo", "pymoo": "pymoo"}
 
 
@@ -27,22 +27,12 @@ def installed_versions() -> dict[str, str]:
     return {name: _version(package) for name, package in _PACKAGES.items()}
 
 
-def other_code(
+def code_mismatch(
     versions: Mapping[str, str], origins: Mapping[str, Mapping[str, str | None]]
 ) -> str | None:
-    """Say what is not here, or differs from that with which a study was checked.
+    """Say, after "the worker", how the code here differs from that a study was checked with.
 
-    Parameters
-    ----------
-    versions
-        What :func:`installed_versions` gave there.
-    origins
-        What :func:`algorithm_origin` gave there, for each algorithm.
-
-    Returns
-    -------
-    str or None
-        Words that follow "the worker"; None if the code is the same.
+    ``versions`` and ``origins`` are those of the study; None if the code is the same.
     """
     ours = installed_versions()
     differing = [name for name in versions if versions[name] != ours[name]]

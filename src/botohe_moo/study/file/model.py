@@ -3,69 +3,59 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import math
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
-import numpy as np
 from pydantic import InstanceOf
 
 from botohe_moo.algorithms.origin import AlgorithmIdentity
 from botohe_moo.mission.model import Mission
-from botohe_moo.study.file.code_here import installed_versions
 from botohe_moo.study.file.config import Budget, Recording, StudyFile
+from botohe_moo.study.file.digest import canonical
+from botohe_moo.study.file.versions import installed_versions
 
 __all__ = [
+    "MANIFEST",
     "Run",
     "Study",
     "StudyAlgorithm",
+    "StudyError",
     "StudyMission",
-    "canonical",
-    "mission_digest",
-    "value_text",
+    "study_folder",
 ]
+
+MANIFEST = "study.json"
+
+
+class StudyError(ValueError):
+    """What is wrong with a study or its folder, and where; one line for each fault."""
+
+
+def study_folder(name: object, out: str | os.PathLike[str] | None = None) -> Path:
+    """Give the folder of a study's results: ``out``, or ``results/NAME``."""
+    return Path("results") / str(name) if out is None else Path(out)
 
 
 @dataclass(frozen=True)
 class StudyMission:
-    """A mission as a study plans for it.
-
-    Attributes
-    ----------
-    label
-        What the study calls it.
-    mission
-        The mission itself.
-    source
-        What :func:`load_mission` made it from.
-    origin
-        Package and version it is from.
-    min_survival
-        Survival floor of every robot.
-    budget
-        What each run on it may spend.
-    digest
-        Digest of all that a result can depend on: labels, arcs, survivals, rewards, base, robots.
-    family
-        Label of the entry in the file that it is from.
-    grid
-        Its values of the entry's grid; empty without one.
-    """
+    """A mission as a study plans for it."""
 
     label: str
     mission: InstanceOf[Mission]
-    source: Mapping[str, Any]
-    origin: Mapping[str, str | None]
+    source: Mapping[str, Any]  # what load_mission made it from
+    origin: Mapping[str, str | None]  # package and version
     min_survival: float
     budget: Budget
-    digest: str
-    family: str
-    grid: Mapping[str, Any]
+    digest: str  # of labels, arcs, survivals, rewards, base and robots
+    family: str  # label of its entry in the file
+    grid: Mapping[str, Any]  # its values of the entry's grid; empty without one
 
     def decides(self) -> dict[str, Any]:
-        """Say what results depend on, whatever the mission is called."""
+        """Give everything that results depend on; labels are not part of it."""
         return {
             "mission": self.digest,
             "min_survival": float(self.min_survival),
@@ -75,41 +65,20 @@ class StudyMission:
 
 @dataclass(frozen=True)
 class StudyAlgorithm:
-    """An algorithm with parameters, under the study's label.
-
-    Attributes
-    ----------
-    label
-        What the study calls it.
-    algorithm
-        Name by which it is registered, or ``module:Class``, as in the file.
-    parameters
-        Its parameters, as in the file.
-    origin
-        Package, version and source it is from.
-    identity
-        What of all this results depend on.
-    family
-        Label of the entry in the file that it is from.
-    grid
-        Its values of the entry's grid; empty without one.
-    """
+    """An algorithm with parameters, under the study's label."""
 
     label: str
-    algorithm: str
-    parameters: Mapping[str, Any]
-    origin: Mapping[str, str | None]
-    identity: AlgorithmIdentity
-    family: str
-    grid: Mapping[str, Any]
+    algorithm: str  # registered name or module:Class, as in the file
+    parameters: Mapping[str, Any]  # as in the file
+    origin: Mapping[str, str | None]  # package, version and source
+    identity: AlgorithmIdentity  # the part of all this that results depend on
+    family: str  # label of its entry in the file
+    grid: Mapping[str, Any]  # its values of the entry's grid; empty without one
 
     def decides(self, budget: Budget) -> dict[str, Any]:
-        """Say what results depend on, however the algorithm is written and called.
+        """Give everything that results depend on, in whatever way the file says it.
 
-        Parameters
-        ----------
-        budget
-            What a run may spend: more threads get further where seconds limit it.
+        Numbers of threads matter only where seconds limit a run.
         """
         neutral = self.identity.neutral if budget.seconds is None else frozenset()
         return {
@@ -125,47 +94,33 @@ class StudyAlgorithm:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """One mission × algorithm × seed.
-
-    Attributes
-    ----------
-    mission, algorithm
-        What is planned for, and by what.
-    seed
-        Seed of the run's random numbers.
-    recording
-        When its front is recorded.
-    setting
-        Everything that its result depends on, but for the seed; of all its repetitions the same.
-    digest
-        Digest of ``identity``: the run's name.
-    """
+    """One mission × algorithm × seed."""
 
     mission: StudyMission
     algorithm: StudyAlgorithm
     seed: int
     recording: Recording
-    setting: Mapping[str, Any] = field(repr=False)
-    digest: str
+    setting: Mapping[str, Any] = field(repr=False)  # all that its result depends on but the seed
+    digest: str  # of its identity; the name of the run
 
     @property
     def identity(self) -> dict[str, Any]:
-        """Everything that its result depends on."""
+        """Everything that the result of the run depends on."""
         return {**self.setting, "seed": self.seed}
 
 
 @dataclass(frozen=True)
 class Study:
-    """A study that has been read and checked; :func:`load_study` makes it.
+    """A study that was read and checked by :func:`load_study`.
 
     Attributes
     ----------
     file
-        What the study file says.
+        The content of the study file.
     text
-        The file itself.
+        Its text.
     missions, algorithms
-        What is compared on what, grids expanded, in the order of the file.
+        All missions and algorithms, with grids expanded, in the order of the file.
     seeds
         Seeds of the repetitions.
     versions
@@ -194,7 +149,7 @@ class Study:
         )
 
     def manifest(self) -> dict[str, Any]:
-        """Say what the study is, for those who read its tables."""
+        """Describe the study for readers of its tables."""
         return {
             "name": self.name,
             "title": self.file.title,
@@ -242,7 +197,7 @@ def _runs(mission: StudyMission, algorithm: StudyAlgorithm, study: Study) -> Ite
         "seed": None,
         **study.versions,
     }
-    # Keys are sorted, so seeds take their place in a text that is made once.
+    # The text is made once, and each seed put into its place.
     before, mark, after = canonical(setting).rpartition('"seed":null')
     for seed in study.seeds:
         text = f"{before}{mark.removesuffix('null')}{seed}{after}"
@@ -251,69 +206,11 @@ def _runs(mission: StudyMission, algorithm: StudyAlgorithm, study: Study) -> Ite
 
 
 def _spent(budget: Budget) -> dict[str, Any]:
-    """Give what a result depends on of a budget: nobody is killed who has no limit of time."""
+    """Give the part of a budget that results depend on: no run is killed without seconds."""
     return budget.model_dump(exclude={"grace_seconds"} if budget.seconds is None else None)
 
 
 def _recorded(recording: Recording, budget: Budget) -> dict[str, Any]:
-    """Give what a result depends on of a recording: further counts in order, within the budget."""
+    """Give the part of a recording that results depend on: counts in order, within the budget."""
     limit = math.inf if budget.evaluations is None else budget.evaluations
     return {**recording.model_dump(), "at": sorted({n for n in recording.at if n <= limit})}
-
-
-def mission_digest(mission: Mission) -> str:
-    """Give the digest of all that a result can depend on, which names and positions are not.
-
-    Parameters
-    ----------
-    mission
-        The mission.
-    """
-    arrays = mission.arrays
-    hashed = hashlib.sha256(
-        canonical(
-            [[repr(node) for node in mission.nodes], repr(mission.base), mission.robots]
-        ).encode()
-    )
-    for values, dtype in (
-        (arrays.tail, "<i8"),
-        (arrays.head, "<i8"),
-        (arrays.survival, "<f8"),
-        (arrays.reward, "<f8"),
-    ):
-        hashed.update(np.ascontiguousarray(values, dtype).tobytes())
-    return hashed.hexdigest()[:16]
-
-
-def value_text(value: Any) -> str:
-    """Write a parameter's value as a study file would: a text as it is, all others as JSON.
-
-    Parameters
-    ----------
-    value
-        What a study file can hold.
-    """
-    if isinstance(value, str) and value.isprintable():
-        return value
-    text = json.dumps(value, ensure_ascii=False)
-    return text if text.isprintable() else json.dumps(value)
-
-
-def canonical(value: Any) -> str:
-    """Write what a study file can hold so that equal values give equal texts.
-
-    Parameters
-    ----------
-    value
-        Mappings, lists, texts, numbers, flags and None.
-    """
-    return json.dumps(_one_number(value), sort_keys=True, separators=(",", ":"))
-
-
-def _one_number(value: Any) -> Any:
-    """Write 1.0 as 1: whether a number may be one is checked before, and it is the same number."""
-    if isinstance(value, float) and value.is_integer():
-        return int(value)
-    if isinstance(value, dict):
-        return {key: _one_number(item) for key, item in value.items()}
-    return [_one_number(item) for item in value] if isinstance(value, list | tuple) else value

@@ -1,4 +1,4 @@
-"""What is compared, and on what: the tables whose columns depend on the study."""
+"""The tables ``missions`` and ``algorithms``, whose columns depend on the study."""
 
 from __future__ import annotations
 
@@ -8,27 +8,17 @@ from typing import Any
 import pandas as pd
 
 from botohe_moo.mission.model import Mission
-from botohe_moo.study.file.grid import value_text
+from botohe_moo.study.file.digest import value_text
 from botohe_moo.study.judge.scores import as_table
 
 __all__ = ["algorithm_table", "mission_table"]
 
 
 def mission_table(manifest: Mapping[str, Any], missions: Mapping[str, Mission]) -> pd.DataFrame:
-    """Describe the missions of a study.
+    """Make the table ``missions``, in the order of the study file.
 
-    Parameters
-    ----------
-    manifest
-        What the study is.
-    missions
-        The missions by label.
-
-    Returns
-    -------
-    pandas.DataFrame
-        The table ``missions``, in the order of the file: columns of the schema, then one for each
-        parameter in a grid, missing where a mission has none of that name.
+    After the columns of the schema there is one for each parameter in a grid, missing where a
+    mission has no such parameter.
     """
     rows = []
     for label, entry in manifest["missions"].items():
@@ -50,19 +40,10 @@ def mission_table(manifest: Mapping[str, Any], missions: Mapping[str, Mission]) 
 
 
 def algorithm_table(manifest: Mapping[str, Any]) -> pd.DataFrame:
-    """Describe the algorithms of a study.
+    """Make the table ``algorithms``, in the order of the study file.
 
-    Parameters
-    ----------
-    manifest
-        What the study is.
-
-    Returns
-    -------
-    pandas.DataFrame
-        The table ``algorithms``, in the order of the file: columns of the schema, then one for
-        each parameter that the file gives to any, with the defaults of those it is not given to;
-        missing where an algorithm does not state one of that name.
+    After the columns of the schema there is one for each parameter that the file gives to any
+    algorithm; others have their default there, missing where they have no such parameter.
     """
     rows = [
         {
@@ -76,7 +57,6 @@ def algorithm_table(manifest: Mapping[str, Any]) -> pd.DataFrame:
     ]
     entries = manifest["algorithms"].values()
     given = dict.fromkeys(name for entry in entries for name in entry["parameters"])
-    # Beside a value that one algorithm is given stand the defaults of the others.
     used = [{**entry.get("effective", {}), **entry["parameters"]} for entry in entries]
     shown = [{name: values[name] for name in given if name in values} for values in used]
     return _widened("algorithms", rows, shown, prefix="parameter_")
@@ -89,7 +69,7 @@ def _widened(
     *,
     prefix: str,
 ) -> pd.DataFrame:
-    """Give a table with a further column for each parameter, in the order of appearance."""
+    """Add a column for each parameter, in the order of appearance."""
     table = as_table(name, rows)
     for parameter in dict.fromkeys(key for given in parameters for key in given):
         column = parameter
@@ -100,7 +80,7 @@ def _widened(
 
 
 def _typed(values: list[Any]) -> pd.Series[Any]:
-    """Give a column the type that all its values have; texts where they have several."""
+    """Give a column the common type of its values; texts where there is none."""
     kinds = {type(value) for value in values if value is not None}
     if kinds == {bool}:
         return pd.Series(values, dtype="boolean")

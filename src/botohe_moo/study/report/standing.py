@@ -1,4 +1,4 @@
-"""How algorithms stand on a mission: headline, marks and ranks, all of the same comparisons."""
+"""How algorithms compare on a mission: headline, marks and ranks, from the same comparisons."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from botohe_moo.study.judge import scores
-from botohe_moo.study.judge.ties import merge_ties
+from botohe_moo.study.judge.scores import merge_ties
 from botohe_moo.study.report.words import (
     INDICATORS,
     distinct,
     fixed,
+    interval,
     level,
     listed,
     main_indicator,
@@ -32,52 +33,29 @@ _INVERSE = {BETTER: WORSE, WORSE: BETTER, EQUAL: EQUAL}
 
 @dataclass(frozen=True)
 class Standing:
-    """How algorithms stand on a mission by the indicator that a report speaks of first.
-
-    Attributes
-    ----------
-    indicator
-        Its name.
-    medians
-        The algorithms' medians in words, with so many digits that different ones look different.
-    ranks
-        The ranks of these medians; those that are ties share one.
-    best
-        Labels of those with the best median.
-    rival
-        The one that marks refer to: the control, or the first of the best where there is none.
-        None where the control has no run on the mission.
-    found
-        What tests say of a pair: whether the first is better (+), worse (−), or neither (=). Pairs
-        that were not tested are not in it.
-    """
+    """How algorithms compare on a mission by the report's main indicator."""
 
     indicator: str
-    medians: Mapping[str, str]
-    ranks: Mapping[str, float]
-    best: tuple[str, ...]
+    medians: Mapping[str, str]  # with enough digits to tell different ones apart
+    ranks: Mapping[str, float]  # of the medians; ties share a rank
+    best: tuple[str, ...]  # labels of the algorithms with the best median
+    # What marks refer to: the control, or else the first of the best. None where the control has
+    # no run on the mission.
     rival: str | None
+    # Of pairs that were tested: whether the first is better (+), worse (−), or neither (=).
     found: Mapping[tuple[str, str], str]
 
     def mark(self, label: str) -> str:
-        """Say how an algorithm does against the rival; empty where no test says it."""
+        """Give the mark of an algorithm against the rival; empty without a test."""
         return self.found.get((label, self.rival or ""), "")
 
     def against(self, label: str, mark: str) -> list[str]:
-        """List the algorithms that one is better or worse than, or not told apart from."""
+        """List the algorithms against which one has a mark."""
         return [other for other in self.medians if self.found.get((label, other)) == mark]
 
 
 def standing(tables: StudyTables, mission: str) -> Standing:
-    """Find out how algorithms stand on a mission.
-
-    Parameters
-    ----------
-    tables
-        The study.
-    mission
-        Label of the mission.
-    """
+    """Find out how algorithms compare on a mission."""
     indicator = main_indicator(tables.comparisons)
     column = f"{indicator}_median"
     rows = tables.summary[tables.summary["mission"] == mission].dropna(subset=column)
@@ -109,7 +87,7 @@ def standing(tables: StudyTables, mission: str) -> Standing:
 
 
 def leader(tables: StudyTables, mission: str) -> str:
-    """Say in a sentence or two who has the best median on a mission, and what tests say of it."""
+    """Say in a sentence or two which algorithm has the best median, and what the tests say."""
     stands = standing(tables, mission)
     labels, best = list(stands.medians), stands.best
     if not best:
@@ -124,17 +102,17 @@ def leader(tables: StudyTables, mission: str) -> str:
         return said + _among(stands)
     if len(best) > 1:
         return f"{listed(best)} share the {which} {name}, {median}." + _among(stands)
-    interval = ""
+    within = ""
     if stands.indicator == "area":
         rows = tables.summary[tables.summary["mission"] == mission]
         row = rows[rows["algorithm"] == best[0]].iloc[0]
-        ends = f"{fixed(row['area_low'])}–{fixed(row['area_high'])}"
-        interval = f" ({level(tables)} interval {ends})"
-    return f"{best[0]} has the {which} {name}, {median}{interval}." + _tested(stands, best[0])
+        ends = interval(row["area_low"], row["area_high"])
+        within = f" ({level(tables)} interval {ends})"
+    return f"{best[0]} has the {which} {name}, {median}{within}." + _tested(stands, best[0])
 
 
 def _among(stands: Standing) -> str:
-    """Say which of those with the same median are better all the same."""
+    """Say which of the algorithms with the same median are better by the tests."""
     pairs = [
         f"{one} is better than {listed(beaten)}"
         for one in stands.best
@@ -144,7 +122,7 @@ def _among(stands: Standing) -> str:
 
 
 def _tested(stands: Standing, label: str) -> str:
-    """Say what tests say of the one that leads."""
+    """Say what the tests say about the leading algorithm."""
     others = len(stands.medians) - 1
     said = []
     for words, mark in (
@@ -153,6 +131,6 @@ def _tested(stands: Standing, label: str) -> str:
         ("worse, though not by its median, than", WORSE),
     ):
         if found := stands.against(label, mark):
-            everybody = len(found) == others > 1
-            said.append(f"{words} {'all others' if everybody else listed(found)}")
+            all_others = len(found) == others > 1
+            said.append(f"{words} {'all others' if all_others else listed(found)}")
     return f" By the tests it is {'; '.join(said)}." if said else ""

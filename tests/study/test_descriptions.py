@@ -4,8 +4,9 @@ import pandas as pd
 import pytest
 
 from botohe_moo import load_mission
-from botohe_moo.study.judge.entries import algorithm_table, mission_table
-from botohe_moo.study.store.tables import StudyError, to_arrow
+from botohe_moo.study.file.model import StudyError
+from botohe_moo.study.judge.descriptions import algorithm_table, mission_table
+from botohe_moo.study.store.tables import to_arrow
 
 TOY = load_mission("toy")
 

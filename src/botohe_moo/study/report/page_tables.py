@@ -1,4 +1,4 @@
-"""The tables of a report's page, their cells in words."""
+"""The tables of a report's page, with their cells as text."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ import pandas as pd
 from botohe_moo.plots.study.ranks import overruled
 from botohe_moo.study.report.words import (
     INDICATORS,
+    comparison_cells,
     count,
-    distinct,
     fixed,
     listed,
     p_value,
     significant,
-    spent_and_found,
+    summary_cells,
 )
 
 if TYPE_CHECKING:
@@ -24,45 +24,31 @@ if TYPE_CHECKING:
 
     from botohe_moo.study.store.tables import StudyTables
 
-__all__ = ["Grid", "comparison_grid", "missing_grid", "posthoc_grid", "posthoc_words"]
-__all__ += ["rank_grid", "summary_grid", "target_grid"]
+__all__ = ["TextTable", "comparison_table", "missing_table", "posthoc_table", "posthoc_words"]
+__all__ += ["rank_table", "summary_table", "target_table"]
 
 _MANY_ROWS = 30
 
 
 @dataclass(frozen=True)
-class Grid:
-    """A table of the page, its cells already in words.
-
-    Attributes
-    ----------
-    header
-        Names of the columns.
-    rows
-        Cells of each row.
-    texts
-        Number of leading columns with text; the others hold numbers.
-    strong
-        Rows to set off, counted from 0.
-    folded
-        Whether the table is so long that the page shows it on demand.
-    """
+class TextTable:
+    """A table of the page, with its cells as text."""
 
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
-    texts: int = 1
-    strong: frozenset[int] = frozenset()
-    folded: bool = False
+    texts: int = 1  # number of leading columns with words; the others hold numbers
+    strong: frozenset[int] = frozenset()  # rows to set off, counted from 0
+    folded: bool = False  # whether it is so long that the page shows it on demand
 
 
-def summary_grid(tables: StudyTables, mission: str) -> Grid:
-    """Sum up the runs on a mission, an algorithm a row; those with the best median are strong."""
+def summary_table(tables: StudyTables, mission: str) -> TextTable:
+    """Give the summary of a mission, a row for each algorithm; the best medians are strong."""
     rows = tables.summary[tables.summary["mission"] == mission]
     header = ["algorithm", "runs", "median area", "interval", "mean ± sd", "best"]
     header += ["IGD+", "epsilon", "points", "evaluations", "seconds", "rank"]
     n_seeds = len(tables.manifest["seeds"])
     cells = []
-    for row, median in zip(rows.to_dict("records"), distinct(rows["area_median"]), strict=True):
+    for row, found in zip(rows.to_dict("records"), summary_cells(rows), strict=True):
         of_all = "" if row["n"] == n_seeds else f" of {count(n_seeds)}"
         lost = f" ({count(row['n_not_done'])} not done)" if row["n_not_done"] else ""
         spread = "" if pd.isna(row["area_sd"]) else f" ± {fixed(row['area_sd'])}"
@@ -70,38 +56,31 @@ def summary_grid(tables: StudyTables, mission: str) -> Grid:
             [
                 row["algorithm"],
                 f"{count(row['n'])}{of_all}{lost}",
-                median,
-                f"{fixed(row['area_low'])}–{fixed(row['area_high'])}",
+                *found[:2],
                 f"{fixed(row['area_mean'])}{spread}",
                 fixed(row["area_best"]),
-                *spent_and_found(row),
+                *found[2:],
             ]
         )
     best = rows["rank"].to_numpy() == rows["rank"].min()
-    return Grid(header, cells, strong=frozenset(best.nonzero()[0].tolist()))
+    return TextTable(header, cells, strong=frozenset(best.nonzero()[0].tolist()))
 
 
-def comparison_grid(rows: pd.DataFrame) -> Grid:
-    """Give comparisons, a pair a row; significant ones are strong."""
+def comparison_table(rows: pd.DataFrame) -> TextTable:
+    """Give comparisons, a row for each pair; significant ones are strong."""
     header = ["indicator", "algorithm", "other", "verdict", "median", "of other", "p (Holm)", "A12"]
-    cells = [
-        [
-            INDICATORS.get(row["indicator"], row["indicator"]),
-            row["algorithm"],
-            row["other"],
-            row["verdict"],
-            *distinct([row["median"], row["median_other"]], significant),
-            p_value(row["p_holm"]),
-            f"{fixed(row['a12'], 2)} ({fixed(row['a12_low'], 2)}–{fixed(row['a12_high'], 2)})",
-        ]
-        for row in rows.to_dict("records")
-    ]
+    cells = []
+    for row in rows.to_dict("records"):
+        *numbers, effect, ends = comparison_cells(row)
+        name = INDICATORS.get(row["indicator"], row["indicator"])
+        labels = [name, row["algorithm"], row["other"], row["verdict"]]
+        cells.append([*labels, *numbers, f"{effect} ({ends})"])
     strong = frozenset(i for i, found in enumerate(rows["significant"]) if found)
-    return Grid(header, cells, texts=4, strong=strong, folded=len(cells) > _MANY_ROWS)
+    return TextTable(header, cells, texts=4, strong=strong, folded=len(cells) > _MANY_ROWS)
 
 
-def target_grid(rows: pd.DataFrame) -> Grid:
-    """Give what it took to reach shares of the reference area, an algorithm a row."""
+def target_table(rows: pd.DataFrame) -> TextTable:
+    """Give what reaching shares of the reference area took, a row for each algorithm."""
     header = ["algorithm"]
     for share in sorted(rows["share"].unique()):
         name = f"{100 * share:g} %"
@@ -116,19 +95,19 @@ def target_grid(rows: pd.DataFrame) -> Grid:
                 significant(row["seconds_median"]),
             ]
         cells.append(line)
-    return Grid(header, cells)
+    return TextTable(header, cells)
 
 
-def rank_grid(rows: pd.DataFrame) -> Grid:
-    """Give average ranks by an indicator, the best first, those alike as in the study file."""
+def rank_table(rows: pd.DataFrame) -> TextTable:
+    """Give average ranks by an indicator, the best first, ties in the order of the study file."""
     cells = [
         [row["algorithm"], fixed(row["average_rank"], 2), count(row["n_missions"])]
         for row in rows.sort_values("average_rank", kind="stable").to_dict("records")
     ]
-    return Grid(["algorithm", "average rank", "missions"], cells)
+    return TextTable(["algorithm", "average rank", "missions"], cells)
 
 
-def posthoc_grid(rows: pd.DataFrame) -> Grid:
+def posthoc_table(rows: pd.DataFrame) -> TextTable:
     """Give the pairs of average ranks by an indicator; significant ones are strong."""
     cells = [
         [row["algorithm"], row["other"], fixed(row["difference"], 2), p_value(row["p_value"])]
@@ -136,7 +115,7 @@ def posthoc_grid(rows: pd.DataFrame) -> Grid:
     ]
     strong = frozenset(i for i, found in enumerate(rows["significant"]) if found)
     header = ["algorithm", "other", "difference of average ranks", "p (Nemenyi)"]
-    return Grid(header, cells, texts=2, strong=strong, folded=len(cells) > _MANY_ROWS)
+    return TextTable(header, cells, texts=2, strong=strong, folded=len(cells) > _MANY_ROWS)
 
 
 def posthoc_words(rows: pd.DataFrame) -> str:
@@ -155,10 +134,12 @@ def posthoc_words(rows: pd.DataFrame) -> str:
     return f"Post hoc (Nemenyi, critical difference {critical}): {said or 'no pair differs'}."
 
 
-def missing_grid(tables: StudyTables) -> Grid:
+def missing_table(tables: StudyTables) -> TextTable:
     """Give the runs of the study that are not in its tables, by mission and algorithm."""
     cells = [
         [row["mission"], row["algorithm"], count(row["missing"])]
         for row in tables.missing.to_dict("records")
     ]
-    return Grid(["mission", "algorithm", "missing runs"], cells, texts=2, folded=len(cells) > 10)
+    return TextTable(
+        ["mission", "algorithm", "missing runs"], cells, texts=2, folded=len(cells) > 10
+    )

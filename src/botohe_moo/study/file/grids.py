@@ -1,4 +1,4 @@
-"""Grids as what they stand for: every combination of their values, under a label of its own."""
+"""Expanding grids: every combination of their values, with a label of its own."""
 
 from __future__ import annotations
 
@@ -10,57 +10,30 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from botohe_moo.study.file.config import AlgorithmEntry, MissionEntry, Seeds
-from botohe_moo.study.file.grid import canonical, value_text
+from botohe_moo.study.file.digest import canonical, value_text
 from botohe_moo.study.file.shape import Faults, Place
 
 __all__ = ["Member", "members", "seeds_of"]
 
-_MAX_MEMBERS = 1_000  # missions of a study, and algorithms; a grid alone has no more either
+_MAX_MEMBERS = 1_000  # missions or algorithms of a study, and of one grid
 _MAX_LABEL = 500
 
 
 class Member(NamedTuple):
-    """One combination of a grid, or all that an entry without one stands for.
+    """One combination of a grid, or the whole of an entry without a grid."""
 
-    Attributes
-    ----------
-    family, label
-        Label of the entry, and its own, which names the combination.
-    path
-        Where the entry stands in the file.
-    entry
-        What the file says.
-    parameters, grid
-        All parameters, and those of the combination.
-    """
-
-    family: str
-    label: str
-    path: Place
+    family: str  # label of the entry
+    label: str  # names the combination, too
+    path: Place  # of the entry in the file
     entry: Any
-    parameters: dict[str, Any]
-    grid: dict[str, Any]
+    parameters: dict[str, Any]  # all of them
+    grid: dict[str, Any]  # those of the combination
 
 
 def members(
     kind: str, entries: Mapping[str, MissionEntry | AlgorithmEntry], faults: Faults
 ) -> Iterator[Member]:
-    """Expand the grids of all missions or algorithms, those of wrong grids left out.
-
-    Parameters
-    ----------
-    kind
-        ``missions`` or ``algorithms``.
-    entries
-        What the file says of them, by label.
-    faults
-        Where to say what is wrong with the grids.
-
-    Yields
-    ------
-    Member
-        One combination after the other, until there are too many faults.
-    """
+    """Expand the grids of all missions or algorithms, but wrong ones, which are added to faults."""
     sizes = {family: math.prod(map(len, entry.grid.values())) for family, entry in entries.items()}
     n_members = sum(size for size in sizes.values() if size <= _MAX_MEMBERS)
     if n_members > _MAX_MEMBERS:
@@ -97,13 +70,7 @@ def _check_grid(entry: MissionEntry | AlgorithmEntry, path: Place, faults: Fault
 
 
 def seeds_of(seeds: Seeds) -> tuple[int, ...]:
-    """Give the seeds of the repetitions; a repetition's never depends on how many there are.
-
-    Parameters
-    ----------
-    seeds
-        What the file says.
-    """
+    """Give the seeds of the repetitions; a seed does not depend on the number of repetitions."""
     if seeds.values is not None:
         return tuple(seeds.values)
     numbers = range(1, (seeds.count or 0) + 1)

@@ -1,4 +1,4 @@
-"""The report of a study: LaTeX tables, figures, and one page with all of it."""
+"""The folder of a study's report: LaTeX tables, figures, and one page with all of it."""
 
 from __future__ import annotations
 
@@ -18,31 +18,16 @@ if TYPE_CHECKING:
 __all__ = ["slug", "write_report"]
 
 _LONGEST_SLUG = 60
-_FORMER = "summary.csv"  # of earlier versions: the table in the folder above, rounded
+_FORMER = "summary.csv"  # written by earlier versions
 _DRAWN = ".figures"  # names of the figures that are in the folder
 
 
 def write_report(tables: StudyTables) -> list[Path]:
-    """Write the report of a study into the folder ``report`` in the study's own.
+    """Write the report of a study into the folder ``report`` in the study's own; give its files.
 
-    The same tables give the same bytes. Figures of the report before that are not in this one are
+    They are ``report.html``, ``summary.tex``, ``comparisons.tex``, ``ranks.tex`` and the figures.
+    The same tables give the same bytes. Figures of an earlier report that are not in this one are
     removed; other files in the folder stay.
-
-    Parameters
-    ----------
-    tables
-        The study, as ``read_study`` gives it.
-
-    Returns
-    -------
-    list of pathlib.Path
-        The files written: ``report.html``, ``summary.tex``, ``comparisons.tex``, ``ranks.tex`` and
-        the figures.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be written to.
     """
     folder = tables.folder / "report"
     folder.mkdir(exist_ok=True)
@@ -62,14 +47,14 @@ def write_report(tables: StudyTables) -> list[Path]:
 
 
 def _remove_others(folder: Path, names: set[str]) -> None:
-    """Remove what the report before has drawn and this one has not; note what this one has."""
+    """Remove figures of the earlier report that this one lacks; note the names of its own."""
     try:
         noted = (folder / _DRAWN).read_text("utf-8").splitlines()
     except (OSError, ValueError):
         noted = []
     ends = tuple(f".{end}" for end in FORMATS)
     before = {name for name in noted if name == Path(name).name and name.endswith(ends)}
-    # So that they are noted also where this is stopped in between.
+    # Noted now, too, in case this is stopped in between.
     replace_file(folder / _DRAWN, "\n".join(sorted(before | names)).encode())
     for name in {*before, _FORMER} - names:
         (folder / name).unlink(missing_ok=True)
@@ -77,10 +62,10 @@ def _remove_others(folder: Path, names: set[str]) -> None:
 
 
 def slug(label: str) -> str:
-    """Give the part of a file's name that stands for a mission, another for every label."""
+    """Give the part of a file's name that stands for a mission; it differs for every label."""
     plain = re.sub(r"[^a-z0-9._-]+", "-", label.lower()).strip(".-_")[:_LONGEST_SLUG]
     if plain == label:
         return plain
-    # What was left out may be all that tells two labels apart.
+    # Two labels may differ only in what was left out.
     digest = hashlib.sha256(label.encode()).hexdigest()[:8]
     return f"{plain}-{digest}" if plain else digest

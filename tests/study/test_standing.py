@@ -9,13 +9,13 @@ from botohe_moo.study import read_study
 from botohe_moo.study.file.loading import load_study
 from botohe_moo.study.judge.collect import collect_tables
 from botohe_moo.study.report.figures import ReportFigure
-from botohe_moo.study.report.grids import posthoc_words
+from botohe_moo.study.report.folder import write_report
 from botohe_moo.study.report.matrix import matrix
-from botohe_moo.study.report.outcome import leader, standing
 from botohe_moo.study.report.page import render_page
+from botohe_moo.study.report.page_tables import posthoc_words
+from botohe_moo.study.report.standing import leader, standing
 from botohe_moo.study.report.words import distinct, listed, significant
-from botohe_moo.study.report.write import write_report
-from botohe_moo.study.store.store import Store
+from botohe_moo.study.store.folder import StudyFolder
 from tests.study.test_collect import outcome_of
 from tests.study.test_report import page_of
 
@@ -42,8 +42,8 @@ def judged(folder, areas, *, control=None, **changes):
         "comparison": {"control": control, "significance": 0.05},
         **changes,
     }
-    study, store = load_study(content), Store(folder / "study")
-    with store.locked():
+    study, store = load_study(content), StudyFolder(folder / "study")
+    with store.locked(study):
         store.write_study(study)
         for run in study.runs():
             found = areas[run.mission.label].get(run.algorithm.label, ())
@@ -51,7 +51,7 @@ def judged(folder, areas, *, control=None, **changes):
                 area = found[run.seed - 1]
                 store.save(run, outcome_of(run, [(area / 2, 1.0)], [(area, 1.0)]))
         collect_tables(study, store)
-    return read_study(store.folder)
+    return read_study(store.path)
 
 
 class TestHeadline:

@@ -1,83 +1,119 @@
-"""Comparisons of two algorithms on a mission, and what they say in words."""
+"""The table ``comparisons``: pairwise tests of algorithms on each mission, and verdicts."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
+from botohe_moo._base.checks import check_number, nearest_first
 from botohe_moo._base.types import FloatArray
 from botohe_moo.study.judge.pairs import a12, a12_interval, holm, mann_whitney, smallest_p
-from botohe_moo.study.judge.ties import merge_ties
+from botohe_moo.study.judge.scores import as_table, merge_ties, samples_of, sign_of
 
-__all__ = ["Pair", "compare_family", "effect_size", "p_text"]
+__all__ = ["Pair", "compare_algorithms", "compare_family", "effect_size", "p_text"]
 
-_DECIMALS = 12  # of an effect: 0.56 is a share of pairs, and computed
+_DECIMALS = 12  # to which an effect is rounded: it is computed, and 0.56 may be 0.5599999
 _EFFECTS = ((0.71, "large"), (0.64, "medium"), (0.56, "small"), (0.0, "negligible"))
+
+
+def compare_algorithms(
+    indicators: pd.DataFrame,
+    *,
+    runs: pd.DataFrame,
+    algorithms: Sequence[str],
+    control: str | None,
+    significance: float,
+) -> pd.DataFrame:
+    """Make the table ``comparisons``: algorithms in pairs on each mission, by each indicator.
+
+    Two-sided Mann-Whitney tests, corrected by Holm over the tests of a mission by an indicator,
+    with the effect size A12, its interval, and a verdict in words. Differences up to 1e-12 count
+    as ties. With a ``control``, all others are compared with it; without one, all pairs are
+    compared. If one side has no run, as in a study that was interrupted, there is no row; if it has
+    a single one, there is no test, and the pair does not count for Holm's correction.
+
+    Raises a ValueError if ``control`` is not among ``algorithms``, ``significance`` is out of
+    range, an indicator is not known, or a value is NaN or infinite.
+    """
+    level = check_number("significance", significance, above=0.0, below=1.0)
+    if control is not None and control not in algorithms:
+        known = ", ".join(nearest_first(control, algorithms))
+        raise ValueError(f"Expected control among {known}, got {control!r}.")
+    if control is None:
+        pairs = list(combinations(algorithms, 2))
+    else:
+        pairs = [(label, control) for label in algorithms if label != control]
+    without_front = runs.loc[runs["front_size"] == 0, ["mission", "algorithm"]].value_counts()
+    lost: dict[Any, int] = without_front.to_dict()
+    rows: list[dict[str, Any]] = []
+    for (mission, indicator), samples in samples_of(indicators).items():
+        sign = sign_of(indicator)
+        if not sign:
+            continue
+        found = [
+            Pair(
+                algorithm=one,
+                other=other,
+                values=samples[one],
+                other_values=samples[other],
+                sign=sign,
+                level=level,
+                lost=lost.get((mission, one), 0),
+                other_lost=lost.get((mission, other), 0),
+            )
+            for one, other in pairs
+            if one in samples and other in samples
+        ]
+        rows += [
+            {"mission": mission, "indicator": indicator, **row} for row in compare_family(found)
+        ]
+    return as_table("comparisons", rows)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Pair:
-    """The runs of two algorithms on a mission, judged by an indicator.
-
-    Attributes
-    ----------
-    algorithm, other
-        Labels of the two.
-    values, other_values
-        The indicator of their runs, at least one each.
-    sign
-        1 where more is better, -1 where less is.
-    level
-        Significance level.
-    lost, other_lost
-        How many of the runs have no front.
-    """
+    """The runs of two algorithms on a mission, compared by an indicator."""
 
     algorithm: str
     other: str
-    values: FloatArray
+    values: FloatArray  # of the indicator, one for each run, at least one
     other_values: FloatArray
-    sign: int
-    level: float
-    lost: int
+    sign: int  # 1 where more is better, -1 where less is
+    level: float  # of significance
+    lost: int  # runs without a front
     other_lost: int
 
     @cached_property
     def sides(self) -> tuple[FloatArray, FloatArray]:
-        """Both samples, so that more is better and ties are equal."""
+        """Both samples, transformed so that more is better and ties are equal."""
         merged = self.sign * merge_ties(np.concatenate([self.values, self.other_values]))
         return merged[: len(self.values)], merged[len(self.values) :]
 
     @property
     def is_tested(self) -> bool:
-        """Whether both have the two runs without which there is no spread to speak of."""
+        """Whether both have at least two runs, without which there is no spread."""
         return min(len(self.values), len(self.other_values)) >= 2
 
     @cached_property
     def p_value(self) -> float:
-        """That of the Mann-Whitney test; 1 where there is none."""
+        """The p-value of the Mann-Whitney test; 1 where there is no test."""
         return mann_whitney(*self.sides) if self.is_tested else 1.0
 
     @property
     def smallest_p(self) -> float:
-        """What so many runs can reach at best."""
+        """The smallest p-value that so many runs can have."""
         return smallest_p(len(self.values), len(self.other_values))
 
     def row(self, p_holm: float, smallest_holm: float, n_tests: int) -> dict[str, Any]:
         """Give the row of the table ``comparisons``, without mission and indicator.
 
-        Parameters
-        ----------
-        p_holm
-            The corrected p-value.
-        smallest_holm
-            What it could be at best.
-        n_tests
-            Tests that it is corrected for.
+        ``p_holm`` is corrected for ``n_tests``; ``smallest_holm`` is the least that it can be.
         """
         effect = a12(*self.sides)
         low, high = a12_interval(*self.sides, confidence=1.0 - self.level)
@@ -108,7 +144,7 @@ class Pair:
         }
 
     def _no_test(self, smallest_holm: float, n_tests: int) -> str:
-        """Say why so few runs cannot show a difference; empty where they could."""
+        """Say why so few runs cannot show a difference; empty if they can."""
         sizes = f"{len(self.values)} and {len(self.other_values)} runs"
         if not self.is_tested:
             return f"too few runs to test: {sizes}"
@@ -121,7 +157,7 @@ class Pair:
         )
 
     def _losses(self) -> str:
-        """Say how many runs brought no front, which is more than a low value."""
+        """Say how many runs have no front, which says more than a low value."""
         sides = (
             (self.algorithm, self.lost, len(self.values)),
             (self.other, self.other_lost, len(self.other_values)),
@@ -135,10 +171,7 @@ class Pair:
 def compare_family(pairs: Sequence[Pair]) -> list[dict[str, Any]]:
     """Give the comparisons of a mission by an indicator, corrected together.
 
-    Parameters
-    ----------
-    pairs
-        Those to compare; those with too few runs for a test do not count for the correction.
+    Pairs with too few runs for a test do not count for the correction.
     """
     tested = [pair for pair in pairs if pair.is_tested]
     corrected = iter(holm([pair.p_value for pair in tested]).tolist())
@@ -153,12 +186,7 @@ def compare_family(pairs: Sequence[Pair]) -> list[dict[str, Any]]:
 
 
 def effect_size(effect: float) -> str:
-    """Give the word of Vargha and Delaney for an A12, whichever side is better.
-
-    Parameters
-    ----------
-    effect
-        A12, in [0, 1].
+    """Give Vargha and Delaney's word for the size of an A12, whichever side is better.
 
     Examples
     --------

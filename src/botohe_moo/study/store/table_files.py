@@ -1,8 +1,9 @@
-"""Where a study's tables are put: new ones replace the old all at once, or not at all.
+"""The files of a study's tables: new ones replace the old all at once, or not at all.
 
-New files are written to a folder beside the old ones. The manifest, which is replaced in one step,
-says which of both count; then the new ones move to where the old ones were. A reader looks in both
-places, so that at every moment, also after a kill, the tables that the manifest names are there.
+New files are written to a folder of their own. The manifest, which is replaced in one step, holds
+the digests of the tables that count; after it is replaced, the new files move to where the old ones
+were. A reader looks in both places, so the tables that the manifest names are there at every
+moment, even after a kill.
 """
 
 from __future__ import annotations
@@ -16,76 +17,53 @@ from typing import TYPE_CHECKING, Any
 import filelock
 
 from botohe_moo._base.files import read_bytes, replace_file
-from botohe_moo.study.store.manifest import (
-    StudyError,
-    read_manifest,
-    tabled_manifest,
-    write_manifest,
-)
+from botohe_moo.study.file.model import StudyError
+from botohe_moo.study.store.manifest import read_manifest, tabled_manifest, write_manifest
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
     from pathlib import Path
 
-__all__ = ["AGAIN", "note_origin", "put_study", "put_tables", "read_file", "tables_locked"]
+__all__ = ["AGAIN", "note_inputs", "put_study", "put_tables", "read_file", "tables_locked"]
 
 AGAIN = "run the study again to make it"
 
 _NEW = ".tables-"
 _LONGEST_WAIT = 600.0
-_HEAVY = ("kept", "previous")  # of no use where only tables are read
-_OF_TABLES = (
-    "tables",
-    "made_from",
-    "previous",
-)  # in a manifest: what the study itself does not say
+_HEAVY = ("kept", "previous")  # keys that are not needed to read tables
+_OF_TABLES = ("tables", "made_from", "previous")  # keys that speak of tables, not of the study
 
 
 @contextlib.contextmanager
 def tables_locked(folder: Path) -> Iterator[None]:
-    """Keep others from making a study's tables meanwhile, and finish what a killed process began.
+    """Keep other processes from making the tables, and finish a replacement that was killed.
 
-    Parameters
-    ----------
-    folder
-        The study's folder.
-
-    Raises
-    ------
-    StudyError
-        If somebody else is making them and does not come to an end, or nobody may.
+    Raises a StudyError if another process is making them and does not end, or the folder cannot be
+    written to.
     """
     lock = filelock.FileLock(folder / ".tables.lock")
     try:
         lock.acquire(timeout=_LONGEST_WAIT)
     except filelock.Timeout:
         raise StudyError(
-            f"{folder}: somebody else is making its tables and does not end."
+            f"{folder}: another process is making its tables and does not end."
         ) from None
     except OSError as error:
         raise StudyError(f"{folder}: cannot be written to ({error.strerror}).") from None
     try:
-        _end_moving(folder)
+        _finish_replacement(folder)
         yield
     finally:
         lock.release()
 
 
 def put_study(folder: Path, manifest: Mapping[str, Any]) -> None:
-    """Say what the study in a folder is; tables of what it was before stay readable.
-
-    Parameters
-    ----------
-    folder
-        Its folder.
-    manifest
-        What the study is.
-    """
+    """Write the manifest of a study; tables that were made for an earlier one stay readable."""
     new: dict[str, Any] = json.loads(json.dumps(manifest))
     with contextlib.suppress(StudyError):  # there is none, or it is damaged
         there = read_manifest(folder)
         if _study_of(there) == _study_of(new):
-            if there.get("kept") != new.get("kept"):  # another comment in its file, say
+            if there.get("kept") != new.get("kept"):  # such as another comment in its file
                 write_manifest(folder, {**there, "kept": new["kept"]})
             return
         if previous := tabled_manifest(there):
@@ -94,29 +72,16 @@ def put_study(folder: Path, manifest: Mapping[str, Any]) -> None:
 
 
 def _study_of(manifest: Mapping[str, Any]) -> dict[str, Any]:
-    """Give what tables depend on: all but how the study's file is written, and the tables."""
+    """Give the part of a manifest that tables depend on, without the text of the study file."""
     found = {key: value for key, value in manifest.items() if key not in _OF_TABLES}
     kept = found.get("kept", {})
     return {**found, "kept": {key: kept[key] for key in kept if key != "text"}}
 
 
 def put_tables(folder: Path, files: Mapping[str, bytes], manifest: Mapping[str, Any]) -> None:
-    """Put tables in the place of those that are there, in one step.
+    """Replace the tables by new files, in one step; the manifest gets their digests.
 
-    Parameters
-    ----------
-    folder
-        The study's folder.
-    files
-        The tables by the names of their files.
-    manifest
-        What the study is; the digests of the tables are added, so that tables of different
-        moments are never taken for one study's.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be written to: then nothing has changed.
+    Raises an OSError if the folder cannot be written to: then nothing has changed.
     """
     digests = {
         name.removesuffix(".parquet"): hashlib.sha256(data).hexdigest()
@@ -133,38 +98,18 @@ def put_tables(folder: Path, files: Mapping[str, bytes], manifest: Mapping[str, 
             replace_file(new / name, data)
         write_manifest(folder, {**manifest, **kept, "tables": digests})
     finally:
-        _end_moving(folder)
+        _finish_replacement(folder)
 
 
-def note_origin(folder: Path, made_from: str) -> None:
-    """Note what the tables in a folder were made from, to make them again only where it changes.
-
-    Parameters
-    ----------
-    folder
-        The study's folder.
-    made_from
-        Digest of everything they depend on.
-    """
-    write_manifest(folder, {**read_manifest(folder), "made_from": made_from})
+def note_inputs(folder: Path, digest: str) -> None:
+    """Note the digest of all that the tables were made from; they are made again if it changes."""
+    write_manifest(folder, {**read_manifest(folder), "made_from": digest})
 
 
 def read_file(folder: Path, name: str, digests: Mapping[str, str]) -> bytes:
-    """Read the file of a table.
+    """Read the file of a table, whose digest the manifest has.
 
-    Parameters
-    ----------
-    folder
-        The study's folder.
-    name
-        Its name, which ends in ``.parquet``.
-    digests
-        Of all tables, as the manifest has them.
-
-    Raises
-    ------
-    StudyError
-        If there is no such file, or it is another one.
+    Raises a StudyError if there is no such file, or it has another digest.
     """
     missing = True
     for path in (folder / name, _new_folder(folder, digests) / name):
@@ -183,13 +128,13 @@ def read_file(folder: Path, name: str, digests: Mapping[str, str]) -> bytes:
 
 
 def _new_folder(folder: Path, digests: Mapping[str, str]) -> Path:
-    """Give the folder in which tables are until the manifest counts them."""
+    """Give the folder that holds new tables until the manifest names them."""
     named = hashlib.sha256(json.dumps(sorted(digests.items())).encode()).hexdigest()[:16]
     return folder / f"{_NEW}{named}"
 
 
-def _end_moving(folder: Path) -> None:
-    """Move new tables to their place if the manifest counts them; remove what it does not."""
+def _finish_replacement(folder: Path) -> None:
+    """Move new tables to their place if the manifest names them; remove them otherwise."""
     tabled = None
     with contextlib.suppress(StudyError):
         tabled = tabled_manifest(read_manifest(folder))

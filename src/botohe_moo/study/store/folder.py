@@ -1,0 +1,222 @@
+"""A study's folder: a file for each finished run, which is there whole or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import json
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import filelock
+
+from botohe_moo._base.files import read_bytes, replace_file
+from botohe_moo.mission.formats.files import save_mission
+from botohe_moo.study.file.model import MANIFEST, Run, Study, StudyError
+from botohe_moo.study.run.task import Outcome
+from botohe_moo.study.store.index import IndexedFile
+from botohe_moo.study.store.manifest import dump_study, read_manifest
+from botohe_moo.study.store.run_files import DAMAGE, outcome_fields, pack_run, unpack_run
+from botohe_moo.study.store.table_files import put_study, tables_locked
+
+__all__ = ["DamagedError", "StudyFolder", "writing"]
+
+_TEMPORARY = re.compile(r"\.[0-9a-f]{16}\.tmp$")  # as replace_file names them
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+
+
+class DamagedError(Exception):
+    """A run's file cannot be trusted; names the file and says why."""
+
+
+class StudyFolder:
+    """The folder of a study's results; it need not exist, and :meth:`locked` makes it.
+
+    Notes
+    -----
+    ``runs/DIGEST.npz`` holds a finished run, ``failures/DIGEST.json`` the last failure of a run
+    that has never finished. Failures are not results: the run is performed again.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self.path = Path(path)
+        self._runs = self.path / "runs"
+        self._failures = self.path / "failures"
+        self._missions = self.path / "missions"
+        self._lock_file = self.path / ".lock"
+        self._runner_file = self.path / ".runner"
+
+    @contextlib.contextmanager
+    def locked(self, study: Study) -> Iterator[None]:
+        """Make the folder for a study, and keep other runners out of it.
+
+        Raises a StudyError if the folder is not this study's, cannot be made or written to, or
+        another runner is at work in it.
+        """
+        self.check(study)  # while the lock file does not mark the folder as a study's yet
+        _make_folder(self.path)
+        lock = filelock.FileLock(self._lock_file)
+        try:
+            lock.acquire(blocking=False)
+        except filelock.Timeout:
+            raise StudyError(
+                f"{self.path}: another runner is at work in this folder"
+                f"{self._holder()}. Wait for it, or give another folder by --out."
+            ) from None
+        except OSError as error:
+            raise StudyError(f"{self.path}: cannot be written to ({error.strerror}).") from None
+        try:
+            self.check(study)  # another runner may have ended in between
+            # After the lock, which marks the folder as a study's even if it holds nothing else.
+            for folder in (self._runs, self._failures, self._missions):
+                _make_folder(folder)
+            with writing(self.path):
+                replace_file(self._runner_file, f"{os.getpid()}\n".encode())
+            self._tidy()
+            yield
+        finally:
+            self._runner_file.unlink(missing_ok=True)
+            lock.release()
+
+    def _holder(self) -> str:
+        try:
+            return f" (process {int(self._runner_file.read_text())})"
+        except (OSError, ValueError):
+            return ""
+
+    def _tidy(self) -> None:
+        """Remove unfinished files of a runner that was killed."""
+        with tables_locked(self.path):  # tables may be made meanwhile
+            for folder in (self.path, self._runs, self._failures, self._missions):
+                for leftover in folder.glob(".*.tmp"):
+                    if _TEMPORARY.match(leftover.name):
+                        leftover.unlink(missing_ok=True)
+
+    def check(self, study: Study) -> None:
+        """Make sure that the folder is empty, missing, or holds this study.
+
+        Raises a StudyError if it holds a study of another name, or something else.
+        """
+        marks = (MANIFEST, self._lock_file.name)
+        names: list[str] = []
+        with contextlib.suppress(OSError):  # not there, or reported when it is written to
+            names = sorted(path.name for path in self.path.iterdir())
+        if names and not any(mark in names for mark in marks):
+            raise StudyError(
+                f"{self.path}: expected an empty folder or that of a study, found {names[0]!r} "
+                "in it; give another folder by --out."
+            )
+        try:
+            name = read_manifest(self.path)["name"]
+        except StudyError:  # there is none, or it is damaged and will be written again
+            return
+        if name != study.name:
+            raise StudyError(
+                f"{self.path}: holds the study {name!r}, not {study.name!r}; give another "
+                "folder by --out."
+            )
+
+    def write_study(self, study: Study) -> None:
+        """Write the study file, the missions and the manifest; existing tables stay readable.
+
+        Raises a StudyError if the folder cannot be written to.
+        """
+        with writing(self.path):
+            for mission in study.missions:
+                save_mission(mission.mission, self._missions / f"{mission.digest}.json")
+            replace_file(self.path / "study.yaml", study.text.encode())
+            with tables_locked(self.path):
+                put_study(self.path, {**study.manifest(), "kept": dump_study(study)})
+
+    def has_run(self, digest: str) -> bool:
+        """Tell whether there is a file of a run; it may be damaged."""
+        return self._path(digest).exists()
+
+    def check_run(self, run: Run, known: IndexedFile | None = None) -> IndexedFile | None:
+        """Make sure that a run's file is whole; None if there is no file.
+
+        The file is not read again if it is the ``known`` one.
+
+        Raises a DamagedError as :meth:`load` does.
+        """
+        try:
+            state = self._path(run.digest).stat()
+        except OSError:  # such as a link to nowhere
+            return None
+        if known is not None and known.matches(state):
+            return known
+        data, outcome = self._read(run)
+        return IndexedFile.of(state, data, outcome.seconds)
+
+    def failures(self) -> dict[str, bytes]:
+        """Read the files of the last failures, by digest of the run."""
+        found = {}
+        for path in self._failures.glob("*.json"):
+            with contextlib.suppress(OSError):
+                found[path.stem] = read_bytes(path)
+        return found
+
+    def failure(self, digest: str) -> Outcome | None:
+        """Read the last failure of a run; None if there was none, or it cannot be read."""
+        try:
+            content = json.loads(read_bytes(self._failures / f"{digest}.json"))
+            return Outcome(**content)
+        except (OSError, ValueError, TypeError, RecursionError):
+            return None
+
+    def save(self, run: Run, outcome: Outcome) -> IndexedFile | None:
+        """Write the outcome of a run; describe its file, None for a failed run.
+
+        Raises a StudyError if the folder cannot be written to, for example because the disk is
+        full.
+        """
+        failed = self._failures / f"{run.digest}.json"
+        with writing(self.path):
+            if outcome.status == "failed":
+                replace_file(failed, json.dumps(outcome_fields(outcome), indent=1).encode())
+                return None
+            path, data = self._path(run.digest), pack_run(run, outcome)
+            replace_file(path, data)
+            failed.unlink(missing_ok=True)
+            return IndexedFile.of(path.stat(), data, outcome.seconds)
+
+    def load(self, run: Run) -> Outcome:
+        """Read the outcome of a run.
+
+        Raises a DamagedError if its file is truncated, corrupted, or another run's; names it.
+        """
+        return self._read(run)[1]
+
+    def _read(self, run: Run) -> tuple[bytes, Outcome]:
+        path = self._path(run.digest)
+        try:
+            data = read_bytes(path)
+            return data, unpack_run(data, run)
+        except DAMAGE as error:
+            said = f"{type(error).__name__}: {error}".partition("\n")[0]
+            raise DamagedError(f"{path}: damaged ({said})") from error
+
+    def _path(self, digest: str) -> Path:
+        return self._runs / f"{digest}.npz"
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StudyError(f"{folder}: expected a folder to write to; {error.strerror}.") from None
+
+
+@contextlib.contextmanager
+def writing(folder: Path) -> Iterator[None]:
+    """Turn an OSError into the StudyError that says what it means for the study."""
+    try:
+        yield
+    except OSError as error:
+        reason = "the disk is full" if error.errno in _FULL else error.strerror
+        raise StudyError(
+            f"{error.filename or folder}: cannot be written, {reason}. All runs that are finished "
+            "are kept; run the study again to go on."
+        ) from error

@@ -1,0 +1,86 @@
+"""The file of a finished run: its outcome, fronts and final plans as ``npz``."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+import zlib
+from dataclasses import fields, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from botohe_moo.study.run.task import Outcome, Record
+from botohe_moo.trails import PlanBatch
+
+if TYPE_CHECKING:
+    from botohe_moo.study.file.model import Run
+
+__all__ = ["DAMAGE", "outcome_fields", "pack_run", "unpack_run"]
+
+_FORMAT = 1
+# What reading a damaged file may raise.
+DAMAGE = (
+    OSError, ValueError, KeyError, TypeError, EOFError, RuntimeError, MemoryError, OverflowError,
+    zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
+
+
+def outcome_fields(outcome: Outcome) -> dict[str, Any]:
+    """Give all fields of an outcome except its records."""
+    names = [field.name for field in fields(outcome) if field.name != "records"]
+    return {name: getattr(outcome, name) for name in names}
+
+
+def pack_run(run: Run, outcome: Outcome) -> bytes:
+    """Pack a run into the bytes of an npz file, whose checksums tell whether it was damaged."""
+    records = outcome.records
+    header = {
+        "format": _FORMAT,
+        "digest": run.digest,
+        "identity": run.identity,
+        **outcome_fields(outcome),
+    }
+    plans, objectives = (records[-1].plans if records else None) or (None, np.empty((0, 2)))
+    buffer = io.BytesIO()
+    np.savez_compressed(
+        buffer,
+        header=np.frombuffer(json.dumps(header).encode(), np.uint8),
+        evaluations=np.array([record.evaluations for record in records], np.int64),
+        seconds=np.array([record.seconds for record in records], np.float64),
+        ties=np.array([record.ties for record in records], np.int64),
+        n_points=np.array([record.front_size for record in records], np.int64),
+        points=np.concatenate([np.empty((0, 2)), *(r.objectives for r in records)]),
+        plan_objectives=objectives,
+        plan_nodes=np.empty(0, np.int32) if plans is None else plans.nodes,
+        plan_offsets=np.zeros(1, np.int64) if plans is None else plans.offsets,
+    )
+    return buffer.getvalue()
+
+
+def unpack_run(data: bytes, run: Run) -> Outcome:
+    """Read an outcome from the bytes of its file; one of ``DAMAGE`` if it is not that run's."""
+    if not data.startswith(b"PK"):  # numpy would advise to unpickle it
+        raise ValueError("not an npz file")
+    with np.load(io.BytesIO(data)) as file:
+        header: dict[str, Any] = json.loads(file["header"].tobytes())
+        arrays = {name: file[name] for name in file.files if name != "header"}
+    if header.pop("format") != _FORMAT or header.pop("digest") != run.digest:
+        raise ValueError("not the file of this run")
+    del header["identity"]
+    ends = np.cumsum(arrays["n_points"])
+    if len(arrays["points"]) != (ends[-1] if len(ends) else 0):
+        raise ValueError("records and points do not fit")
+    fronts = np.split(arrays["points"], ends[:-1]) if len(ends) else []
+    plans = PlanBatch(arrays["plan_nodes"], arrays["plan_offsets"], run.mission.mission.robots)
+    if "ties" not in arrays:  # before ties were told apart, all plans were counted
+        arrays["ties"] = arrays["front_size"] - arrays["n_points"]
+    columns = (arrays[name].tolist() for name in ("evaluations", "seconds", "ties"))
+    records = [
+        Record(evaluations, seconds, front, ties)
+        for evaluations, seconds, ties, front in zip(*columns, fronts, strict=True)
+    ]
+    if records:
+        records[-1] = replace(records[-1], plans=(plans, arrays["plan_objectives"]))
+    return Outcome(**header, records=tuple(records))
