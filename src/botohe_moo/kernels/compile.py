@@ -38,8 +38,17 @@ def kernel(function: Function) -> Function:
 
 
 def helper(function: Function) -> Function:
-    """Let kernels call a function; it makes no arrays."""
-    shared: Function = register_jitable(**_EVERYWHERE, **_private("_nrt"))(function)
+    """Let kernels call a function; it makes no arrays.
+
+    Numba compiles it once for each kind of caller (kernels, helpers, inlined functions), and the
+    code of what it calls is optimised again in every caller. So what is called in many places is
+    best called from helpers only, and chains of calls are best short.
+    """
+    # Callers hand down ``forceinline`` to whatever does not set it.
+    options = _private("_nrt", "forceinline")
+    if "forceinline" in options:
+        options["forceinline"] = False
+    shared: Function = register_jitable(**_EVERYWHERE, **options)(function)
     return shared
 
 

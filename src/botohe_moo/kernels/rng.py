@@ -4,10 +4,14 @@ Blackman and Vigna, "Scrambled linear pseudorandom number generators", ACM Trans
 Mathematical Software 47(4), 2021. A state is two 64-bit words, not both zero.
 """
 
+from typing import TypeVar
+
 import numpy as np
 
 from botohe_moo._base.types import SeedArray
-from botohe_moo.kernels.compile import inline
+from botohe_moo.kernels.compile import helper, inline
+
+Words = TypeVar("Words", np.uint64, SeedArray)
 
 _A, _B, _C = np.uint64(24), np.uint64(16), np.uint64(37)
 _WORD = np.uint64(64)
@@ -30,6 +34,19 @@ def draw_state(random_state: np.random.Generator) -> SeedArray:
     third of what ``seed_states`` takes.
     """
     return random_state.integers(0, 2**64, (1, 2), np.uint64)
+
+
+@helper
+def mixed(word: Words) -> Words:
+    """Mix the bits of a number, as SplitMix64 (Steele, Lea and Flood, 2014) finishes its own."""
+    word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return word ^ (word >> np.uint64(31))
+
+
+def hash_keys(n: int) -> SeedArray:
+    """Give each of ``n`` indices a key of 64 bits; a set of them hashes to its keys' xor."""
+    return mixed(np.arange(1, n + 1, dtype=np.uint64) * np.uint64(0x9E3779B97F4A7C15))
 
 
 @inline
