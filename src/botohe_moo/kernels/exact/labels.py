@@ -155,7 +155,7 @@ def _stands_for(rule: Rule, labels: Labels, label: int, here: Here) -> bool:
 @inlined
 def _key_of(rule: Rule, here: Here, node: int) -> np.uint64:
     """Hash a node and the goals that the label at hand has reached."""
-    key = rule.node_keys[node]
+    key: np.uint64 = rule.node_keys[node]
     for goal in range(here.reached.shape[0]):
         if here.reached[goal] > 0.0:
             key ^= rule.goal_keys[goal]

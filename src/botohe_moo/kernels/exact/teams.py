@@ -134,9 +134,7 @@ def is_covered(front: Front, n_front: int, reward: float, survivors: float) -> b
 
 
 @helper
-def insert(
-    front: Front, n_front: int, reward: float, survivors: float, team: OffsetArray
-) -> int:
+def insert(front: Front, n_front: int, reward: float, survivors: float, team: OffsetArray) -> int:
     """Take a team that is not covered into the front, and those out that it is as good as.
 
     There must be room for it. Gives how many teams the front has then.
