@@ -9,9 +9,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from botohe_moo.kernels.beam.prospects import Ground
-from botohe_moo.kernels.beam.search import search as beam
-from botohe_moo.kernels.graph.old_paths import nearest
+from botohe_moo.kernels.beam import search as beam
+from botohe_moo.kernels.beam.labels import larger_beam, new_beam
+from botohe_moo.kernels.beam.prospects import Rule, dangers, find_near
 from botohe_moo.mission import Mission, load_mission
 from tests.strategies import missions
 from tests.twins import all_trails, arc_survivals, survival_of
@@ -19,32 +19,19 @@ from tests.twins import all_trails, arc_survivals, survival_of
 WIDE = 100_000
 
 
-def ground_of(mission, n_near=64):
-    walk, n_nodes = mission.walk, len(mission.nodes)
-    n_near = min(n_near, n_nodes - 1)
-    near, reach = np.empty((n_nodes, n_near), np.int32), np.empty((n_nodes, n_near))
-    nearest(walk.first, walk.head, walk.cost, walk.survival, near, reach)
-    parts = (walk.first, walk.tail, walk.head, walk.cost, walk.survival, walk.homeward, walk.home)
-    return Ground(*parts, near, reach)
-
-
-def best_trail(mission, worth, survival_weight, least=0.0, width=WIDE, n_near=64, ground=None):
+def best_trail(
+    mission, worth, survival_weight, least=0.0, width=WIDE, n_near=64, max_labels=beam.MAX_LABELS
+):
     """The trail as nodes, its value, and whether the beam was cut."""
-    walk = mission.walk
-    arcs, value, cut = beam.best_trail(
-        ground or ground_of(mission, n_near),
-        walk.base,
-        walk.balanced,
-        np.array(worth, np.float64),
-        survival_weight,
-        least,
-        width,
-    )
-    assert walk.loop not in arcs
+    graph = mission.arrays
+    near = find_near(graph, n_near)
+    danger, worth = dangers(graph, near, survival_weight), np.array(worth, np.float64)
+    rule = Rule(worth, danger, survival_weight, least, width, max_labels)
+    arcs, value, cut = beam.best_trail(graph, near, rule, new_beam(graph))
     if len(arcs):
-        assert walk.tail[arcs[0]] == walk.base
-        assert np.array_equal(walk.head[arcs[:-1]], walk.tail[arcs[1:]])
-    return [walk.base, *walk.head[arcs].tolist()], value, cut
+        assert graph.tail[arcs[0]] == graph.base
+        assert np.array_equal(graph.head[arcs[:-1]], graph.tail[arcs[1:]])
+    return [graph.base, *graph.head[arcs].tolist()], value, cut
 
 
 def value_of(mission, trail, worth, survival_weight):
@@ -172,13 +159,13 @@ class TestCut:
     @pytest.mark.parametrize("least", [0.0, 0.3])
     def test_the_twin_finds_the_same(self, seed, least):
         mission = random_mission(14, 45, seed)
-        ground, worth = ground_of(mission, 5), mission.arrays.reward / mission.total_reward
+        worth = mission.arrays.reward / mission.total_reward
         cuts = 0
         for width in (1, 3, 10):
             for survival_weight in (0.0, 0.2):
-                twin = Beam(mission, ground, worth, survival_weight, least, width)
+                twin = Beam(mission, 5, worth, survival_weight, least, width)
                 trail, value, cut = best_trail(
-                    mission, worth, survival_weight, least, width, ground=ground
+                    mission, worth, survival_weight, least, width, n_near=5
                 )
                 assert trail == twin.best_trail()
                 assert value == pytest.approx(twin.best_value, rel=1e-12)
@@ -186,13 +173,11 @@ class TestCut:
                 cuts += cut
         assert cuts > 0
 
-    def test_labels_come_to_an_end(self, monkeypatch):
+    def test_labels_come_to_an_end(self):
         museum = load_mission("art_museum")
         worth = museum.arrays.reward / museum.total_reward
         _, value, _ = best_trail(museum, worth, 0.0, width=100)
-        monkeypatch.setattr(beam, "MAX_LABELS", 300)
-        monkeypatch.setattr(beam, "best_trail", beam.best_trail.py_func)  # compiled, it is fixed
-        trail, less, cut = best_trail(museum, worth, 0.0, width=100)
+        trail, less, cut = best_trail(museum, worth, 0.0, width=100, max_labels=300)
         assert cut
         assert 0 < less < value
         museum.with_robots(1).plan([[museum.nodes[node] for node in trail]])
@@ -217,8 +202,9 @@ def random_mission(n_nodes, n_arcs, seed):
 class Beam:
     """The beam search, one rule a line; labels are trails as tuples of nodes."""
 
-    def __init__(self, mission, ground, worth, survival_weight, least, width):
-        self.mission, self.ground, self.worth = mission, ground, worth
+    def __init__(self, mission, n_near, worth, survival_weight, least, width):
+        self.mission, self.graph, self.worth = mission, mission.arrays, worth
+        self.near = find_near(mission.arrays, n_near)
         self.survival_weight, self.least, self.width = survival_weight, least, width
         self.survival, self.base = arc_survivals(mission), mission.arrays.base
         self.cut = False
@@ -232,7 +218,7 @@ class Beam:
 
     def stay(self, trail):
         """What surviving is worth if the robot turns home and every arc may be used."""
-        return self.survival_weight * self.alive(trail) * self.ground.home[trail[-1]]
+        return self.survival_weight * self.alive(trail) * self.graph.home[trail[-1]]
 
     def way_home(self, trail):
         """The nodes of the safest way home over unused arcs; None where there is none."""
@@ -251,7 +237,7 @@ class Beam:
         """Whether an arc of the safest way home with every arc free is used."""
         here, used = trail[-1], set(pairwise(trail))
         while here != self.base:
-            there = int(self.ground.head[self.ground.homeward[here]])
+            there = int(self.graph.head[self.graph.homeward[here]])
             if (here, there) in used:
                 return True
             here = there
@@ -260,7 +246,7 @@ class Beam:
     def ahead(self, trail):
         """Reach, worth and number of each near node that is not visited."""
         here = trail[-1]
-        near = zip(self.ground.near[here].tolist(), self.ground.reach[here], strict=True)
+        near = zip(self.near.near[here].tolist(), self.near.reach[here], strict=True)
         return [(reach, self.worth[node], node) for node, reach in near if node not in trail]
 
     def bound(self, trail):
@@ -268,13 +254,13 @@ class Beam:
         nearby = sum(reach * worth for reach, worth, _ in ahead)
         unvisited = sum(worth for node, worth in enumerate(self.worth) if node not in trail)
         far = unvisited - sum(worth for _, worth, _ in ahead)
-        most = nearby + far * self.ground.reach[trail[-1], -1]
+        most = nearby + far * self.near.reach[trail[-1], -1]
         return self.value(trail) + self.alive(trail) * most + self.stay(trail)
 
     def rank(self, trail):
         promise = 0.0
         for reach, worth, node in self.ahead(trail):
-            detour = self.ground.home[trail[-1]] - reach * self.ground.home[node]
+            detour = self.graph.home[trail[-1]] - reach * self.graph.home[node]
             promise += max(0.0, reach * worth - self.survival_weight * detour)
         return self.value(trail) + self.stay(trail) + 0.5 * self.alive(trail) * promise
 
@@ -332,7 +318,7 @@ class TestNearest:
     @settings(max_examples=50)
     @given(missions(max_nodes=8), st.integers(1, 9))
     def test_it_gives_the_safest_to_reach(self, mission, n_near):
-        ground = ground_of(mission, n_near)
+        found = find_near(mission.arrays, n_near)
         graph = nx.DiGraph()
         for (tail, head), survival in arc_survivals(mission).items():
             graph.add_edge(tail, head, cost=-np.log(survival))
@@ -341,24 +327,45 @@ class TestNearest:
             expected = sorted(
                 (np.exp(-cost) for v, cost in costs.items() if v != node), reverse=True
             )
-            near, reach = ground.near[node].tolist(), ground.reach[node]
+            near, reach = found.near[node].tolist(), found.reach[node]
             assert len({*near, node}) == len(near) + 1
             assert reach == pytest.approx(expected[: len(near)], rel=1e-12)
             assert reach == pytest.approx([np.exp(-costs[v]) for v in near], rel=1e-12)
 
 
+def test_a_search_gets_the_room_that_it_needs():
+    """One that begins with hardly any room finds the same, and keeps the labels it has."""
+    museum = load_mission("art_museum")
+    worth, graph = museum.arrays.reward / museum.total_reward, museum.arrays
+    near = find_near(graph, 64)
+    rule = Rule(worth, dangers(graph, near, 0.1), 0.1, 0.0, 30, beam.MAX_LABELS)
+    usual, small = new_beam(graph), new_beam(graph)
+    level = small.level._replace(children=small.level.children[:1])
+    small = small._replace(labels=small.labels[:2], level=level)
+    arcs, value, cut = beam.best_trail(graph, near, rule, usual)
+    assert len(arcs) > 20
+    for again in (small, usual):  # the latter is used a second time
+        others = beam.best_trail(graph, near, rule, again)
+        assert others[0].tolist() == arcs.tolist()
+        assert others[1:] == (value, cut)
+    larger = larger_beam(usual, 5_000, 100_000)
+    assert len(larger.labels) >= 5_000
+    assert len(larger.level.children) == len(larger.level.order) == 100_000
+    assert len(larger.level.table) >= 200_000
+    assert np.array_equal(larger.labels[: len(usual.labels)], usual.labels)
+
+
 @pytest.mark.parametrize("name", ["art_museum", "power_plant", "terrain_200"])
 def test_large_missions(name):
-    """Trails longer than the first store of labels, ended by reward running out."""
+    """Long trails, ended by reward running out."""
     mission = load_mission(name, robots=1)
     worth = mission.arrays.reward / mission.total_reward
-    ground = ground_of(mission)
-    trail, value, cut = best_trail(mission, worth, 0.0, width=10, ground=ground)
+    trail, value, cut = best_trail(mission, worth, 0.0, width=10)
     reward, _ = mission.evaluate([mission.plan([[mission.nodes[node] for node in trail]])])[0]
     assert value == pytest.approx(reward / mission.total_reward)
     assert cut
     assert len(trail) > 40
-    again = best_trail(mission, worth, 0.0, width=10, ground=ground)
+    again = best_trail(mission, worth, 0.0, width=10)
     assert (trail, value, cut) == again
 
 

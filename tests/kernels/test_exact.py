@@ -9,12 +9,11 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from botohe_moo.kernels.compile import kernel
 from botohe_moo.kernels.exact import labels as labelling
 from botohe_moo.kernels.exact import tables, teams
-from botohe_moo.kernels.exact import trails as kernels
-from botohe_moo.kernels.rng import seed_states
 from botohe_moo.mission import Mission
-from botohe_moo.search.exact import FrontSearch
+from botohe_moo.search.exact_trails import TrailSearch
 from tests.strategies import missions, small_missions, trails
 from tests.twins import arc_survivals, survival_of
 
@@ -35,26 +34,21 @@ def figures_of(mission, trail):
     return [*reached, survival_of(mission, trail)]
 
 
-def search_for(mission, **options):
+def search_for(mission, least=0.0):
     """A search that knows no trail but the one that stays at base."""
-    search = FrontSearch(mission, **options)
-    search._begin()
-    search._counts[tables.TRAILS] = 1
-    return search
+    return TrailSearch(mission, least)
 
 
 def found_trails(search):
     """The table of trails once no label is left, as rows of probabilities with survival last."""
-    counts = search._counts
-    while counts[tables.NEXT] < counts[tables.LABELS]:
-        search._n_tidy = 10**9
-        if kernels.grow(search._site, search._labels, search._trails, counts, search._here, 1_000):
-            search._labels = tables.doubled(search._labels)
-            labelling.chain_again(search._labels, search.n_labels)
-            search._trails = tables.doubled(search._trails)
-    kernels.tidy(search._trails, counts)
-    n = search.n_trails
-    return np.column_stack([search._trails.reached[:n], search._trails.survives[:n]])
+    while not search.advance(1_000, lambda n_bytes: None):
+        pass
+    return np.column_stack([search.reached, search.survives])
+
+
+@kernel
+def look_around(graph, here, node):
+    labelling.look_around(graph, here, node)
 
 
 def covers(some, others):
@@ -76,7 +70,10 @@ class TestLookingAround:
         for arc, ends in enumerate(arcs):
             if ends in used:
                 labelling.put(here.used, arc)
-        labelling.look_around(search._site, here, partial[-1])
+        again = tables.Here(*[part.copy() for part in here])
+        look_around(arrays, here, partial[-1])
+        labelling.look_around(arrays, again, partial[-1])  # uncompiled, as trails are read
+        assert all(map(np.array_equal, here, again))
 
         left = nx.DiGraph(arc for arc in arcs if arc not in used)
         left.add_nodes_from(range(arrays.n_nodes))
@@ -99,7 +96,7 @@ class TestTrails:
     def test_a_team_finds_all_it_may_need(self, case, least):
         mission, every = case
         mission = mission.with_robots(2)
-        found = found_trails(search_for(mission, min_survival=least))
+        found = found_trails(search_for(mission, least))
         rows = np.array([figures_of(mission, trail) for trail in every])
         rows = rows[rows[:, -1] >= least]
         assert covers(found, rows)
@@ -113,7 +110,7 @@ class TestTrails:
     def test_a_single_robot_finds_its_front(self, case, least):
         mission, every = case
         mission = mission.with_robots(1)
-        found = found_trails(search_for(mission, min_survival=least))
+        found = found_trails(search_for(mission, least))
         rows = np.array([figures_of(mission, trail) for trail in every])
         rows = rows[rows[:, -1] >= least]
         reward = mission.arrays.reward[goals_of(mission)]
@@ -155,16 +152,25 @@ class TestTrails:
         assert tables.n_bytes(larger) == 3 * 64
 
 
+class TestChains:
+    def test_they_are_made_again_with_more_room(self):
+        """Each label is in the chain of its key's place, and before those that came later."""
+        labels = tables.new_labels(8, 1, 1)
+        labels.rows["key"] = [3, 11, 4, 3, 19, 0, 0, 0]
+        larger = tables.chained_again(tables.doubled(labels), 5)
+        assert len(larger.last) == 16
+        assert {place: label for place, label in enumerate(larger.last) if label >= 0} == {
+            3: 4,
+            4: 2,
+            11: 1,
+        }
+        assert larger.rows["before"][:5].tolist() == [-1, -1, -1, 0, 3]
+
+
 class TestEstimate:
     def dive(self, search, n, n_rows=256):
-        counts = search._counts.copy()
-        shape = search._labels.reached.shape[1], search._labels.used.shape[1]
-        labels = tables.new_labels(n_rows, *shape)
-        search._here.used[:], search._here.reached[:], counts[tables.LABELS] = 0, 0, 0
-        kernels.begin(search._site, labels, counts, search._here)
-        states, copied = seed_states(np.random.default_rng(1), 1), tables.doubled(search._trails)
-        parts = search._site, labels, copied, counts, search._here, states
-        return [kernels.dive(*parts) for _ in range(n)]
+        probe, rng = search._probe(n_rows), np.random.default_rng(1)
+        return [probe._dive(rng) for _ in range(n)]
 
     def test_without_a_choice_it_is_exact(self):
         graph = nx.path_graph(4).to_directed()
@@ -172,12 +178,14 @@ class TestEstimate:
         nx.set_edge_attributes(graph, 0.5, "survival")
         search = search_for(Mission(graph, base=0, robots=2))
         assert self.dive(search, 1) == [3]  # at the last goal nothing is left
+        assert 2 <= search.estimate(10**6) <= 3  # later descents know the trails of those before
         found_trails(search)
         assert search.n_labels == 3
 
     def test_it_is_above_the_number_of_labels(self):
         search = search_for(generated(7))
         estimate = np.mean(self.dive(search, 1_000, 1_024))
+        assert search.n_labels == 0
         found_trails(search)
         assert search.n_labels < estimate < 10_000 * search.n_labels
 
@@ -188,8 +196,49 @@ class TestEstimate:
         estimates = self.dive(search, 1_000)
         assert min(estimates) > 0
         search._trails = tables.new_trails(tables.SHELF, search._trails.reached.shape[1])
-        search._counts[tables.TRAILS] = 0
-        assert self.dive(search, 1_000)[-1] == -1
+        search._progress["n_trails"] = 0
+        assert self.dive(search, 1_000)[-1] is None
+
+
+class TestKnownTrails:
+    @settings(max_examples=50)
+    @given(small_missions(max_trails=50))
+    def test_nothing_is_missed_beside_them(self, case):
+        mission, every = case
+        mission = mission.with_robots(2)
+        found = found_trails(search_for(mission))
+        knowing = TrailSearch(mission, 0.0, every)
+        assert knowing.n_trails >= len(found)
+        again = found_trails(knowing)
+        assert covers(again, found)
+        assert covers(found, again)
+        for row in range(knowing.n_trails):
+            assert tuple(knowing.trail(row)) in every
+
+    def test_what_they_are_as_good_as_is_not_searched(self):
+        mission = generated(5)
+        search = search_for(mission)
+        found = found_trails(search)
+        known = [tuple(search.trail(row)) for row in range(search.n_trails)]
+        knowing = TrailSearch(mission, 0.0, known)
+        again = found_trails(knowing)
+        assert covers(again, found)
+        assert covers(found, again)
+        assert knowing.n_labels < search.n_labels
+
+    @settings(max_examples=50)
+    @given(small_missions(max_trails=200), st.sampled_from([1, 2]))
+    def test_trails_are_what_the_table_says(self, case, robots):
+        mission, every = case
+        search = search_for(mission.with_robots(robots))
+        found = found_trails(search)
+        for row, figures in enumerate(found):
+            trail = tuple(search.trail(row))
+            assert trail in every
+            survives, reached = search.follow(trail)
+            assert survives == pytest.approx(figures[-1])
+            if robots == 2:
+                assert reached == pytest.approx(figures[:-1])
 
 
 def generated(n_nodes):
@@ -232,12 +281,11 @@ class TestTeams:
         reached, survives, reward, n_robots = pool
         slack = 1e-13 * np.array([reward.sum(), n_robots])
         choices = teams.new_choices(survives, reached, reward, slack, n_robots)
-        front, counts = teams.new_front(1, n_robots), np.zeros(teams.N_COUNTS, np.int64)
-        teams.list_choices(choices, front, 0, 0)
-        while (state := teams.choose_teams(choices, front, counts, n_looks)) != teams.FINISHED:
+        front, turn = teams.new_front(1, n_robots), teams.new_turn()
+        while (state := teams.choose_teams(choices, front, turn, n_looks)) != teams.FINISHED:
             if state == teams.FULL:
                 front = tables.doubled(front)
-        n = counts[teams.FRONT]
+        n = turn["n_front"][0]
         found = np.column_stack([front.reward, front.survivors])[:n]
         every = np.array(list(every_team(*pool)))
         near = ROUNDING * np.array([reward.sum(), n_robots])
@@ -251,17 +299,15 @@ class TestTeams:
     @settings(max_examples=100)
     @given(st.lists(st.tuples(st.integers(0, 6), st.integers(0, 6)), max_size=30))
     def test_the_front_is_a_staircase(self, points):
-        front, counts = teams.new_front(40, 1), np.zeros(teams.N_COUNTS, np.int64)
+        front, n = teams.new_front(40, 1), 0
         kept = set()
         for i, (reward, survivors) in enumerate(points):
             covered = any(r >= reward and s >= survivors for r, s in kept)
-            n_front = counts[teams.FRONT]
-            assert teams.is_covered(front, n_front, reward, survivors) == covered
+            assert teams.is_covered(front, n, reward, survivors) == covered
             if not covered:
                 kept = {(r, s) for r, s in kept if r > reward or s > survivors}
                 kept.add((reward, survivors))
-                teams.insert(front, counts, reward, survivors, np.array([i]))
-        n = counts[teams.FRONT]
+                n = teams.insert(front, n, reward, survivors, np.array([i]))
         assert [*zip(front.reward[:n], front.survivors[:n], strict=True)] == sorted(kept)[::-1]
         for i, row in enumerate(front.team[:n, 0]):
             assert points[row] == (front.reward[i], front.survivors[i])
@@ -272,8 +318,7 @@ class TestTeams:
         reached, survives, reward, n_robots = pool
         assume(n_robots > 1)
         choices = teams.new_choices(survives, reached, reward, np.zeros(2), n_robots)
-        front = teams.new_front(1, n_robots)
-        teams.list_choices(choices, front, 0, 0)
+        teams.choose_teams(choices, teams.new_front(1, n_robots), teams.new_turn(), 0)
         n = choices.n_hull[0]
         xs, ys = choices.hull_gain[0, :n], choices.hull_survives[0, :n]
         assert (np.diff(xs) > 0).all()

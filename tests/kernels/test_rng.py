@@ -3,7 +3,7 @@
 import numpy as np
 
 from botohe_moo.kernels.compile import kernel
-from botohe_moo.kernels.rng import seed_states, uniform
+from botohe_moo.kernels.rng import hash_keys, mixed, seed_states, uniform
 
 MASK = 2**64 - 1
 
@@ -54,3 +54,17 @@ def test_states_differ_and_repeat_with_the_seed():
     assert np.array_equal(states, seed_states(np.random.default_rng(1), 10_000))
     assert not np.array_equal(states, seed_states(np.random.default_rng(2), 10_000))
     assert np.array_equal(states[:7], seed_states(np.random.default_rng(1), 7))
+
+
+@kernel
+def mix(word):
+    return mixed(word)
+
+
+def test_hash_keys_are_what_splitmix64_draws():
+    """As its authors' reference program prints from seed 0."""
+    expected = [0xE220A8397B1DCDAF, 0x6E789E6AA1B965F4, 0x06C45D188009454F]
+    assert hash_keys(3).tolist() == expected
+    assert hash_keys(0).tolist() == []
+    words = [(i * 0x9E3779B97F4A7C15) & MASK for i in (1, 2, 3)]
+    assert [mix(np.uint64(word)) for word in words] == expected

@@ -21,17 +21,16 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 # Options that numba does not document, tried with 0.61 to 0.68. Where a version does not know one,
 # kernels do without: they take longer to compile and to run, and give the same results.
-_PRIVATE = {
-    "_nrt": False,  # makes no arrays, and so does not count who uses those it is given
-    "forceinline": True,  # LLVM copies it into its callers; numba's own inline= compiles for longer
-}
-_KNOWN = {name: on for name, on in _PRIVATE.items() if hasattr(CPUTargetOptions, name)}
+# ``_nrt`` off: makes no arrays, and so does not count who uses those it is given.
+# ``forceinline``: LLVM copies it into its callers; numba's own ``inline`` compiles for longer.
+_PRIVATE = ("_nrt", "forceinline")
+_KNOWN = {name for name in _PRIVATE if hasattr(CPUTargetOptions, name)}
 # IEEE arithmetic: a division by zero is inf, not an exception that a hot loop has to test for.
 _EVERYWHERE = {"error_model": "numpy"}
 
 
-def _private(*names: str) -> dict[str, Any]:
-    return {name: _KNOWN[name] for name in names if name in _KNOWN}
+def _private(**options: bool) -> dict[str, bool]:
+    return {name: value for name, value in options.items() if name in _KNOWN}
 
 
 def kernel(function: Function) -> Function:
@@ -51,10 +50,16 @@ def helper(*, makes_arrays: bool) -> Callable[[Function], Function]: ...
 
 
 def helper(function: Any = None, *, makes_arrays: bool = False) -> Any:
-    """Let kernels call a function; unless it says so, it makes no arrays."""
+    """Let kernels call a function; unless it says so, it makes no arrays.
+
+    Numba compiles it once for each kind of caller (kernels, helpers, inlined functions), and the
+    code of what it calls is optimised again in every caller. So what is called in many places is
+    best called from helpers only, and chains of calls are best short.
+    """
     if function is None:
         return partial(helper, makes_arrays=makes_arrays)
-    options = {} if makes_arrays else _private("_nrt")
+    # Callers hand down to whatever does not set them.
+    options = _private(_nrt=makes_arrays, forceinline=False)
     return register_jitable(**_EVERYWHERE, **options)(function)
 
 
@@ -64,7 +69,7 @@ def inlined(function: Function) -> Function:
     A call hands over every array of every tuple, one word after another: for what is called in hot
     loops this costs more than the work.
     """
-    options = _private("_nrt", "forceinline")
+    options = _private(_nrt=False, forceinline=True)
     shared: Function = register_jitable(**_EVERYWHERE, **options)(function)
     return shared
 

@@ -32,6 +32,19 @@ def draw_state(random_state: np.random.Generator) -> SeedArray:
     return random_state.integers(0, 2**64, (1, 2), np.uint64)
 
 
+@helper
+def mixed(word: Words) -> Words:
+    """Mix the bits of a number, as SplitMix64 (Steele, Lea and Flood, 2014) finishes its own."""
+    word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return word ^ (word >> np.uint64(31))
+
+
+def hash_keys(n: int) -> SeedArray:
+    """Give each of ``n`` indices a key of 64 bits; a set of them hashes to its keys' xor."""
+    return mixed(np.arange(1, n + 1, dtype=np.uint64) * np.uint64(0x9E3779B97F4A7C15))
+
+
 @inlined
 def uniform(states: SeedArray, which: int) -> float:
     """Draw a float in [0, 1) and advance state ``which``."""
@@ -41,14 +54,3 @@ def uniform(states: SeedArray, which: int) -> float:
     states[which, 0] = ((low << _A) | (low >> (_WORD - _A))) ^ high ^ (high << _B)
     states[which, 1] = (high << _C) | (high >> (_WORD - _C))
     return float(drawn >> _DROP) * _SCALE
-
-
-@helper
-def mixed(word: np.uint64) -> np.uint64:
-    """Mix 64 bits, as SplitMix64 finishes its numbers.
-
-    Steele, Lea and Flood, "Fast splittable pseudorandom number generators", OOPSLA 2014.
-    """
-    word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return word ^ (word >> np.uint64(31))

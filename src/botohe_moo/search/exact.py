@@ -4,20 +4,15 @@ from __future__ import annotations
 
 import time
 from functools import cache, reduce
-from itertools import pairwise
-from typing import TypeVar
 
 import networkx as nx
 import numpy as np
 
 from botohe_moo._base.checks import check_number
-from botohe_moo._base.types import FloatArray
 from botohe_moo.kernels.exact import tables, teams
-from botohe_moo.kernels.exact import trails as kernels
-from botohe_moo.kernels.exact.labels import chain_again
 from botohe_moo.kernels.plans.evaluate import either
-from botohe_moo.kernels.rng import seed_states
 from botohe_moo.mission.model import Mission
+from botohe_moo.search.exact_trails import TrailSearch
 from botohe_moo.search.sequential import SequentialPlanner
 from botohe_moo.trails import PlanBatch, TrailPlan
 
@@ -27,12 +22,11 @@ TIME_LIMIT = 60.0
 MEMORY_LIMIT = 2048.0
 
 _MIB = 2**20
-_ROWS = 1024  # that tables have room for at first
+_FRONT_ROWS = 1024  # that the front has room for at first
 # How much is done before limits are looked at: labels gone on from, and choices looked at.
 _LABELS_A_PORTION, _CHOICES_A_PORTION = 1_000, 500_000
-# A search that comes to more labels than this is estimated before it goes on, by descents that
-# meet no more labels than that.
-_UNESTIMATED, _MAX_DIVES, _MAX_MET = 10_000, 1_000, 30_000
+# A search that comes to more labels than this is estimated before it goes on.
+_UNESTIMATED = 10_000
 # On missions that could be solved the estimate has been up to 4 500 times what was needed, since
 # it compares few labels: what it has to exceed the limits by. Searches make 20 000 to 100 000
 # labels a second.
@@ -42,8 +36,6 @@ _N_GUIDES, _GUIDE_WIDTH = 11, 20
 # In shares of all reward and of all robots: by how much less than this a plan is better does not
 # count in the search, and points of the front that differ by no more are one.
 _SLACK, _SAME = 1e-13, 1e-12
-
-AnyTable = TypeVar("AnyTable", tables.Labels, tables.Trails, teams.Front)
 
 
 class TooLargeError(ValueError):
@@ -81,14 +73,14 @@ def exact_front(
     TooLargeError
         If the search reaches a limit, or an estimate says that it would by far.
     TypeError
-        If ``mission`` is no Mission.
+        If ``mission`` is not a Mission.
     ValueError
         If a parameter is out of its range.
 
     Notes
     -----
     First all trails that some best team may need, then all teams of them; see the kernels
-    ``exact_labels``, ``exact_trails`` and ``exact_teams`` for why nothing is missed. Label-setting
+    ``labels``, ``trails`` and ``teams`` for why nothing is missed. Label-setting
     with dominance for resource-constrained paths: Irnich and Desaulniers, "Shortest path problems
     with resource constraints", in: Column Generation, Springer, 2005.
 
@@ -127,8 +119,6 @@ def _compile_kernels() -> None:
         graph.add_edge(node, 0, survival=0.9)
     mission = Mission(graph, base=0, robots=2)
     search = FrontSearch(mission, time_limit=_NO_LIMIT, memory_limit=_NO_LIMIT)
-    search._begin()
-    search._estimate()
     while search.plans is None:
         search._advance()
 
@@ -144,7 +134,7 @@ class FrontSearch:
     Raises
     ------
     TypeError
-        If ``mission`` is no Mission.
+        If ``mission`` is not a Mission.
     ValueError
         If a parameter is out of its range.
 
@@ -171,21 +161,20 @@ class FrontSearch:
         self.time_limit = check_number("time_limit", time_limit, above=0)
         self.memory_limit = check_number("memory_limit", memory_limit, above=0)
         self.plans: PlanBatch | None = None
-        self._site = _site_of(mission, self.min_survival)
+        self._trails: TrailSearch | None = None
+        self._choices: teams.Choices | None = None
         self._spent = 0.0
         self._estimated = False
-        self._choices: teams.Choices | None = None
-        self._counts = np.zeros(tables.N_COUNTS, np.int64)
 
     @property
     def n_labels(self) -> int:
         """How many partial trails have been kept so far."""
-        return int(self._counts[tables.LABELS])
+        return 0 if self._trails is None else self._trails.n_labels
 
     @property
     def n_trails(self) -> int:
         """How many trails are known so far that teams may need; once all are, what is left."""
-        return int(self._counts[tables.TRAILS])
+        return 0 if self._trails is None else self._trails.n_trails
 
     def advance(self) -> None:
         """Do a portion of the work.
@@ -200,12 +189,12 @@ class FrontSearch:
 
     def _advance(self) -> None:
         begun = time.perf_counter()
-        if self.n_trails == 0:
-            self._begin()
+        if self._trails is None:
+            self._trails = self._begin()
         if self._choices is None:
-            self._advance_trails()
+            self._advance_trails(self._trails)
         else:
-            self._advance_teams(self._choices)
+            self._advance_teams(self._trails, self._choices)
         self._spent += time.perf_counter() - begun
         if self.plans is None and self._spent > self.time_limit:
             raise TooLargeError(
@@ -213,24 +202,10 @@ class FrontSearch:
                 f"{self.time_limit:g} seconds. {self._progress()} {_REMEDY}"
             )
 
-    def _begin(self) -> None:
+    def _begin(self) -> TrailSearch:
         self._guides = self._guiding_plans()
-        base, site = self.mission.arrays.base, self._site
-        known = sorted({trail for plan in self._guides for trail in plan.trails} - {(base,)})
-        self._known = [(base,), *known]
-        n_goals, n_words = len(site.reward), len(site.head) // 64 + 1
-        n_columns = 1 if site.single else n_goals
-        self._here = tables.new_here(len(site.goal), n_goals, n_words, n_columns)
-        self._labels = tables.new_labels(_ROWS, n_goals, n_words)
-        self._trails = tables.new_trails(_ROWS, n_columns)
-        for i, trail in enumerate(self._known[:_ROWS]):
-            survives, reached = _follow(site, trail)
-            kernels.as_column(site, self._here, reached)
-            column = self._here.column.copy()
-            kernels.add_trail(self._trails, self._counts, -1 - i, -1, column, survives)
-        self._n_tidy = self.n_trails
-        kernels.begin(site, self._labels, self._counts, self._here)
-        self._require(0)
+        known = sorted({trail for plan in self._guides for trail in plan.trails})
+        return TrailSearch(self.mission, self.min_survival, known)
 
     def _guiding_plans(self) -> list[TrailPlan]:
         """Good plans that the search begins with: what they are as good as need not be found."""
@@ -244,95 +219,68 @@ class FrontSearch:
             found += planner.plans(weight)
         plans = list(dict.fromkeys(found))
         least = self.mission.robot_survival(plans).min(axis=1)
-        return [plan for plan, alive in zip(plans, least, strict=True) if alive >= self._site.least]
+        return [p for p, alive in zip(plans, least, strict=True) if alive >= self.min_survival]
 
-    def _advance_trails(self) -> None:
-        if not self._estimated and self.n_labels > _UNESTIMATED:
+    def _advance_trails(self, trails: TrailSearch) -> None:
+        self._require(0)
+        if not self._estimated and trails.n_labels > _UNESTIMATED:
             self._estimated = True
-            self._refuse_by_estimate()
-        full = kernels.grow(
-            self._site, self._labels, self._trails, self._counts, self._here, _LABELS_A_PORTION
-        )
-        if self.n_trails > 1.5 * self._n_tidy + 64:
-            kernels.tidy(self._trails, self._counts)
-            self._n_tidy = self.n_trails
-        if full:
-            self._labels = self._doubled(self._labels)
-            chain_again(self._labels, self.n_labels)
-            self._trails = self._doubled(self._trails)
-        elif self._counts[tables.NEXT] == self.n_labels:
-            self._begin_teams()
+            self._refuse_by_estimate(trails)
+        if trails.advance(_LABELS_A_PORTION, self._require):
+            self._begin_teams(trails)
 
-    def _refuse_by_estimate(self) -> None:
-        row = tables.n_bytes(self._labels) / len(self._labels.node)
-        room = min(self.memory_limit * _MIB / (1.5 * row), self.time_limit * _LABELS_A_SECOND)
-        if (estimate := self._estimate()) > _DOUBT * room:
+    def _refuse_by_estimate(self, trails: TrailSearch) -> None:
+        n_bytes = self.memory_limit * _MIB
+        room = min(n_bytes / (1.5 * trails.n_label_bytes), self.time_limit * _LABELS_A_SECOND)
+        if (estimate := trails.estimate(int(n_bytes / 4))) > _DOUBT * room:
             raise TooLargeError(
                 f"{self._name()} is too large: the exact front would take up to about "
                 f"{estimate:.0e} partial trails, and time_limit = {self.time_limit:g} seconds and "
                 f"memory_limit = {self.memory_limit:g} MiB allow about {room:.0e}. {_REMEDY}"
             )
 
-    def _estimate(self) -> float:
-        """Estimate from above how many labels there will be, always in the same way."""
-        site, counts = self._site, self._counts.copy()
-        row = tables.n_bytes(self._labels) // len(self._labels.node)
-        room = int(self.memory_limit * _MIB / 4) // row
-        n_rows = min(1 + len(site.head) * int(np.diff(site.first).max()), _MAX_MET, room)
-        n_rows = 1 << max(4, n_rows.bit_length())
-        n_goals, n_words = self._labels.reached.shape[1], self._labels.used.shape[1]
-        labels = tables.new_labels(n_rows, n_goals, n_words)
-        counts[tables.LABELS] = 0
-        self._here.used[:], self._here.reached[:] = 0, 0.0
-        kernels.begin(site, labels, counts, self._here)
-        trails = tables.doubled(self._trails)
-        states = seed_states(np.random.default_rng(0), 1)
-        found: list[float] = []
-        n_met = 0
-        while len(found) < _MAX_DIVES and n_met < _MAX_MET:
-            estimate = kernels.dive(site, labels, trails, counts, self._here, states)
-            if estimate < 0.0:
-                break
-            found.append(estimate)
-            n_met += int(counts[tables.LABELS])
-        return float(np.mean(found)) if found else 0.0
-
-    def _begin_teams(self) -> None:
-        kernels.tidy(self._trails, self._counts)
-        n_robots, n = self.mission.robots, self.n_trails
-        reward, all_reward = self._site.reward, self._site.reward.sum()
-        self._require(n * n_robots * 32)
+    def _begin_teams(self, trails: TrailSearch) -> None:
+        n_robots, reward = self.mission.robots, trails.rule.reward
+        self._require(trails.n_trails * n_robots * 32)
         self._choices = teams.new_choices(
-            self._trails.survives[:n].copy(),
-            self._trails.reached[:n].copy(),
-            np.array([all_reward]) if self._site.single else reward,
-            _SLACK * np.array([all_reward, n_robots]),
+            trails.survives,
+            trails.reached,
+            np.array([reward.sum()]) if trails.rule.single else reward,
+            _SLACK * np.array([reward.sum(), n_robots]),
             n_robots,
         )
-        self._turns = np.zeros(teams.N_COUNTS, np.int64)
-        self._front = teams.new_front(max(_ROWS, len(self._guides)), n_robots)
-        for i, figures in enumerate(self._figures(self._guides)):
-            if not teams.is_covered(self._front, self._turns[teams.FRONT], *figures):
-                teams.insert(self._front, self._turns, *figures, np.full(n_robots, -1 - i))
-        teams.list_choices(self._choices, self._front, self._turns[teams.FRONT], 0)
+        self._turn = teams.new_turn()
+        self._front, n = teams.new_front(max(_FRONT_ROWS, len(self._guides)), n_robots), 0
+        for i, figures in enumerate(self._figures(trails)):
+            if not teams.is_covered(self._front, n, *figures):
+                n = teams.insert(self._front, n, *figures, np.full(n_robots, -1 - i))
+        self._turn["n_front"] = n
 
-    def _advance_teams(self, choices: teams.Choices) -> None:
-        state = teams.choose_teams(choices, self._front, self._turns, _CHOICES_A_PORTION)
+    def _figures(self, trails: TrailSearch) -> list[tuple[float, float]]:
+        """E[R] of the guiding plans, without that of the base, and E[S]."""
+        followed = [[trails.follow(trail) for trail in plan.trails] for plan in self._guides]
+        reached = [reduce(either, [chances for _, chances in team]) for team in followed]
+        rewards = [float(trails.rule.reward @ chances) for chances in reached]
+        return [(r, sum(s for s, _ in t)) for r, t in zip(rewards, followed, strict=True)]
+
+    def _advance_teams(self, trails: TrailSearch, choices: teams.Choices) -> None:
+        state = teams.choose_teams(choices, self._front, self._turn, _CHOICES_A_PORTION)
         if state == teams.FULL:
-            self._front = self._doubled(self._front)
+            self._require(2 * tables.n_bytes(self._front))
+            self._front = tables.doubled(self._front)
         elif state == teams.FINISHED:
-            self.plans = self._plans()
+            self.plans = self._plans(trails)
 
-    def _plans(self) -> PlanBatch:
+    def _plans(self, trails: TrailSearch) -> PlanBatch:
         """Read the front, where points that differ by rounding only are one."""
-        rows = self._front.team[: self._turns[teams.FRONT]].tolist()
+        rows = self._front.team[: self._turn["n_front"][0]].tolist()
         found = [
-            self._guides[-1 - row[0]] if row[0] < 0 else TrailPlan([self._trail(t) for t in row])
+            self._guides[-1 - row[0]] if row[0] < 0 else TrailPlan([trails.trail(t) for t in row])
             for row in rows
         ]
         objectives = self.mission.evaluate(found)
         # E[R] is rounded in shares of a sum that has the base's reward in it.
-        same_reward = _SAME * self._site.reward.sum() + 1e-15 * self.mission.total_reward
+        same_reward = _SAME * trails.rule.reward.sum() + 1e-15 * self.mission.total_reward
         same_survivors = _SAME * self.mission.robots
         kept: list[int] = []
         for i in np.lexsort((-objectives[:, 1], -objectives[:, 0])).tolist():
@@ -344,32 +292,9 @@ class FrontSearch:
             kept.append(i)
         return self.mission.batch([found[i] for i in kept])
 
-    def _trail(self, row: int) -> list[int]:
-        """Give a trail of the table as nodes."""
-        label, arc = int(self._trails.parent[row]), int(self._trails.arc[row])
-        if label < 0:
-            return list(self._known[-1 - label])
-        home = kernels.way_home(self._site, self._labels, self._here, label, arc)
-        nodes: list[int] = home.tolist()
-        while label >= 0:
-            nodes.insert(0, int(self._labels.node[label]))
-            label = int(self._labels.parent[label])
-        return nodes
-
-    def _figures(self, plans: list[TrailPlan]) -> list[tuple[float, float]]:
-        """E[R] of plans, without that of the base, and E[S]."""
-        followed = [[_follow(self._site, trail) for trail in plan.trails] for plan in plans]
-        reached = [reduce(either, [chances for _, chances in team]) for team in followed]
-        rewards = [float(self._site.reward @ chances) for chances in reached]
-        return [(r, sum(s for s, _ in t)) for r, t in zip(rewards, followed, strict=True)]
-
-    def _doubled(self, table: AnyTable) -> AnyTable:
-        self._require(2 * tables.n_bytes(table))
-        return tables.doubled(table)
-
     def _require(self, n_bytes: int) -> None:
         """Raise the error that says so where there is no room for so many more bytes."""
-        held = tables.n_bytes(self._labels) + tables.n_bytes(self._trails)
+        held = 0 if self._trails is None else self._trails.n_bytes
         if self._choices is not None:
             held += tables.n_bytes(self._choices) + tables.n_bytes(self._front)
         if held + n_bytes > self.memory_limit * _MIB:
@@ -380,13 +305,13 @@ class FrontSearch:
 
     def _name(self) -> str:
         mission = self.mission
-        robots = "1 robot" if self._site.single else f"{mission.robots} robots"
+        robots = "1 robot" if mission.robots == 1 else f"{mission.robots} robots"
         n_nodes, n_arcs = len(mission.nodes), mission.arrays.n_arcs
         return f"Mission {mission.name!r} ({n_nodes} nodes, {n_arcs} arcs, {robots})"
 
     def _progress(self) -> str:
         if self._choices is None:
-            n_done = int(self._counts[tables.NEXT])
+            n_done = 0 if self._trails is None else self._trails.n_done
             return (
                 f"The search had gone on from {n_done} of the {self.n_labels} partial trails "
                 "found so far."
@@ -401,34 +326,3 @@ class FrontSearch:
 _REMEDY = (
     "Raise the limits, take fewer robots or a smaller mission, or another algorithm such as BOACO."
 )
-
-
-def _site_of(mission: Mission, least: float) -> tables.Site:
-    """Arrays of its own: a kernel that gets read-only ones is compiled once more."""
-    arrays, walk = mission.arrays, mission.walk
-    is_goal = (arrays.reward > 0) & (np.arange(arrays.n_nodes) != arrays.base)
-    return tables.Site(
-        first=arrays.first.copy(),
-        tail=arrays.tail.copy(),
-        head=arrays.head.copy(),
-        survival=arrays.survival.copy(),
-        goal=np.where(is_goal, np.cumsum(is_goal) - 1, -1).astype(np.int32),
-        reward=arrays.reward[is_goal],
-        home=walk.home.copy(),
-        base=arrays.base,
-        balanced=walk.balanced,
-        single=mission.robots == 1,
-        least=least,
-    )
-
-
-def _follow(site: tables.Site, trail: tuple[int, ...]) -> tuple[float, FloatArray]:
-    """Give the probabilities to survive a trail, and to reach each goal on it."""
-    reached, alive = np.zeros(len(site.reward)), 1.0
-    for tail, head in pairwise(trail):
-        low, high = site.first[tail], site.first[tail + 1]
-        alive *= float(site.survival[low:high][site.head[low:high] == head][0])
-        goal = site.goal[head]
-        if goal >= 0 and reached[goal] == 0.0:
-            reached[goal] = alive
-    return alive, reached

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
-from botohe_moo.kernels.beam.labels import hash_keys
 from botohe_moo.kernels.graph.old_paths import nearest
 from botohe_moo.kernels.local_search.front import (
     N_ENTERED,
@@ -40,7 +39,7 @@ from botohe_moo.kernels.local_search.trail_store import (
     fits,
     new_store,
 )
-from botohe_moo.kernels.rng import draw_state
+from botohe_moo.kernels.rng import draw_state, hash_keys
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import PlanBatch
 

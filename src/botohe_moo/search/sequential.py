@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from botohe_moo._base.checks import check_integer, check_number
-from botohe_moo._base.types import FloatArray, IntArray
-from botohe_moo.kernels.beam.prospects import Ground
-from botohe_moo.kernels.beam.search import best_trail
-from botohe_moo.kernels.graph.old_paths import nearest
+from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo.kernels.beam.labels import new_beam
+from botohe_moo.kernels.beam.prospects import Near, Rule, dangers, find_near
+from botohe_moo.kernels.beam.search import MAX_LABELS, best_trail
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import TrailPlan
 
@@ -115,22 +115,8 @@ class SequentialPlanner:
         self.min_survival = check_number("min_survival", min_survival, at_least=0, at_most=1)
 
     @cached_property
-    def _ground(self) -> Ground:
-        walk, n_nodes = self.mission.walk, len(self.mission.nodes)
-        n_near = min(_N_NEAR, n_nodes - 1)
-        near, reach = np.empty((n_nodes, n_near), np.int32), np.empty((n_nodes, n_near))
-        nearest(walk.first, walk.head, walk.cost, walk.survival, near, reach)
-        return Ground(
-            walk.first,
-            walk.tail,
-            walk.head,
-            walk.cost,
-            walk.survival,
-            walk.homeward,
-            walk.home,
-            near,
-            reach,
-        )
+    def _near(self) -> Near:
+        return find_near(self.mission.arrays, _N_NEAR)
 
     def plan(self, weight: float) -> TrailPlan:
         """Plan the whole team.
@@ -181,37 +167,32 @@ class SequentialPlanner:
     def _trails(self, weight: float) -> list[list[int]]:
         """Plan the trails of those robots that leave the base."""
         weight = check_number("weight", weight, at_least=0, at_most=1)
-        mission, walk = self.mission, self.mission.walk
-        share = mission.arrays.reward / (mission.total_reward or 1.0)
+        mission, graph = self.mission, self.mission.arrays
+        share = graph.reward / (mission.total_reward or 1.0)
         least = self.min_survival
         if weight > 0:
             share, survival_weight = weight * share, (1.0 - weight) / mission.robots
         else:  # everything that risks nothing is worth the same: the most reward decides
             survival_weight, least = 1.0, 1.0
-        unreached = np.ones(len(mission.nodes))
-        unreached[walk.base] = 0.0  # what everybody collects must not drown the differences
+        unreached = np.ones(graph.n_nodes)
+        unreached[graph.base] = 0.0  # what everybody collects must not drown the differences
+        danger, beam = dangers(graph, self._near, survival_weight), new_beam(graph)
         trails: list[list[int]] = []
         for _ in range(mission.robots):
-            arcs, _, _ = best_trail(
-                self._ground,
-                walk.base,
-                walk.balanced,
-                share * unreached,
-                survival_weight,
-                least,
-                self.beam_width,
-            )
+            worth = share * unreached
+            rule = Rule(worth, danger, survival_weight, least, self.beam_width, MAX_LABELS)
+            arcs, _, _ = best_trail(graph, self._near, rule, beam)
             if len(arcs) == 0:  # and nothing changes for those that come after
                 break
-            trails.append([walk.base, *walk.head[arcs].tolist()])
+            trails.append([graph.base, *graph.head[arcs].tolist()])
             self._visit(arcs, unreached)
         return trails
 
-    def _visit(self, arcs: IntArray, unreached: FloatArray) -> None:
+    def _visit(self, arcs: OffsetArray, unreached: FloatArray) -> None:
         """Note what a trail reaches."""
-        walk = self.mission.walk
-        nodes, positions = np.unique(walk.head[arcs], return_index=True)
-        unreached[nodes] *= 1.0 - np.cumprod(walk.survival[arcs])[positions]
+        graph = self.mission.arrays
+        nodes, positions = np.unique(graph.head[arcs], return_index=True)
+        unreached[nodes] *= 1.0 - np.cumprod(graph.survival[arcs])[positions]
 
     def __getstate__(self) -> dict[str, Any]:
-        return {key: value for key, value in self.__dict__.items() if key != "_ground"}
+        return {key: value for key, value in self.__dict__.items() if key != "_near"}

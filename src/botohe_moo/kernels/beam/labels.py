@@ -9,52 +9,42 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
-from botohe_moo.kernels.compile import inline, kernel
+from botohe_moo._base.types import FloatArray, OffsetArray, SeedArray
+from botohe_moo.kernels.compile import helper, inlined
+from botohe_moo.kernels.graph.graph import Graph
+from botohe_moo.kernels.graph.paths import Paths, new_paths
+from botohe_moo.kernels.rng import hash_keys
 
-
-class Label(NamedTuple):
-    """A partial trail.
-
-    Attributes
-    ----------
-    parent, arc, node
-        The label that this one goes on from, by which arc, and to which node; the first has
-        neither parent nor arc (−1).
-    alive
-        Probability to get here.
-    value
-        Worth collected.
-    left
-        Worth of all nodes not visited.
-    used, seen
-        Hashes: of the set of arcs used, and of the set of nodes visited that are worth something.
-    """
-
-    parent: int
-    arc: int
-    node: int
-    alive: float
-    value: float
-    left: float
-    used: np.uint64
-    seen: np.uint64
-
-
-# Many labels are one array: what kernels pay for a tuple grows with the arrays in it.
 LABEL = np.dtype(
     [
-        ("parent", np.int64),
-        ("arc", np.int32),
-        ("node", np.int32),
-        ("alive", np.float64),
-        ("value", np.float64),
-        ("left", np.float64),
-        ("used", np.uint64),
-        ("seen", np.uint64),
+        ("parent", np.int64),  # the label that this one goes on from, −1 for the first one
+        ("arc", np.int64),  # the arc by which, −1 for the first one
+        ("node", np.int64),  # where it ends
+        ("alive", np.float64),  # probability to get there
+        ("value", np.float64),  # worth collected
+        ("left", np.float64),  # worth of all nodes not visited
+        ("used", np.uint64),  # hash of the set of arcs used
+        ("seen", np.uint64),  # hash of the set of nodes visited that are worth something
+        ("key", np.uint64),  # by which children are found in the hash table
+        ("bound", np.float64),  # what decides which children go on; see ``best_trail``
+        ("rank", np.float64),
     ]
 )
-Labels: TypeAlias = NDArray[Any]  # of LABEL
+STATE = np.dtype(
+    [
+        ("low", np.int64),  # the last level is labels low to high
+        ("high", np.int64),
+        ("at", np.int64),  # the label at hand
+        ("cut", np.int64),  # whether a label was dropped for want of width
+        ("value", np.float64),  # value of the best trail known
+        ("label", np.int64),  # the label and the arc after which it goes home, −1 if it stays
+        ("arc", np.int64),
+        ("n_hops", np.int64),  # length of the best trail once the search has ended
+    ]
+)
+Records: TypeAlias = NDArray[Any]
+
+_N_LABELS = 4096  # for which there is room at first
 
 
 class Standing(NamedTuple):
@@ -62,199 +52,145 @@ class Standing(NamedTuple):
 
     Attributes
     ----------
-    label
-        Which label that is (1).
     used
         1 for the arcs it has used, 0 for the others (n_arcs).
     visits
         How often it has visited each node (n_nodes).
-    worth
-        Of each node (n_nodes).
     ahead
         Worth of each node that it has not visited, 0 for the others (n_nodes).
     """
 
-    label: OffsetArray
     used: OffsetArray
     visits: OffsetArray
-    worth: FloatArray
     ahead: FloatArray
 
 
-@kernel
-def new_labels(n: int) -> Labels:
-    """Make room for ``n`` labels.
+class Level(NamedTuple):
+    """The children of one level, of which some go on.
 
-    Parameters
+    Attributes
     ----------
-    n
-        How many.
+    children
+        As ``LABEL``.
+    table
+        A hash table of children, −1 where a slot is empty.
+    order, spare
+        Children, sorted and to be sorted.
     """
-    return np.empty(n, LABEL)
+
+    children: Records
+    table: OffsetArray
+    order: OffsetArray
+    spare: OffsetArray
 
 
-@inline
-def write_label(labels: Labels, row: int, label: Label) -> None:
-    """Put a label into a row.
+class Beam(NamedTuple):
+    """State and scratch of a search for a trail.
 
-    Parameters
+    Attributes
     ----------
-    labels, row
-        Where to; changed in place.
-    label
-        The label.
-    """
-    into = labels[row]
-    into.parent, into.arc, into.node = label.parent, label.arc, label.node
-    into.alive, into.value, into.left = label.alive, label.value, label.left
-    into.used, into.seen = label.used, label.seen
-
-
-@kernel
-def doubled(labels: Labels) -> Labels:
-    """Copy the labels to where there is room for twice as many.
-
-    Parameters
-    ----------
+    state
+        A ``STATE`` (1).
     labels
-        Stay as they are.
+        All labels that went on, as ``LABEL``, level by level.
+    level, standing, paths
+        Scratch.
+    gathered
+        Of each node at least what a robot that is there for sure collects on the safest way home
+        (n_nodes).
+    arc_keys, node_keys, place_keys
+        Keys for hashes: of each arc used, of each node visited, and of the node where a label ends.
+    trail
+        The arcs of the best trail (n_arcs).
     """
-    larger = new_labels(2 * len(labels))
-    larger[: len(labels)] = labels
-    return larger
+
+    state: Records
+    labels: Records
+    level: Level
+    standing: Standing
+    paths: Paths
+    gathered: FloatArray
+    arc_keys: SeedArray
+    node_keys: SeedArray
+    place_keys: SeedArray
+    trail: OffsetArray
 
 
-@kernel
-def first_label(base: int, worth: FloatArray) -> Label:
-    """Give the label of a robot that has not left the base.
-
-    Parameters
-    ----------
-    base
-        Where it is.
-    worth
-        Of each node (n_nodes).
-    """
-    left = worth.sum() - worth[base]
-    return Label(-1, -1, base, 1.0, worth[base], left, np.uint64(0), np.uint64(0))
-
-
-@kernel
-def standing_at_base(base: int, worth: FloatArray, n_arcs: int) -> Standing:
-    """Stand at the first label, whose row is 0.
-
-    Parameters
-    ----------
-    base
-        Where that is.
-    worth
-        Of each node (n_nodes).
-    n_arcs
-        How many arcs there are.
-    """
-    visits, ahead = np.zeros(worth.shape[0], np.int64), worth.copy()
-    visits[base], ahead[base] = 1, 0.0
-    return Standing(np.zeros(1, np.int64), np.zeros(n_arcs, np.int64), visits, worth, ahead)
+def new_beam(graph: Graph) -> Beam:
+    """Make room for a search, which gets more as it needs it."""
+    n_arcs, n_nodes = graph.n_arcs, graph.n_nodes
+    keys = hash_keys(n_arcs + 2 * n_nodes)
+    return Beam(
+        state=np.zeros(1, STATE),
+        labels=np.empty(_N_LABELS, LABEL),
+        level=_new_level(_N_LABELS),
+        standing=Standing(
+            np.empty(n_arcs, np.int64), np.empty(n_nodes, np.int64), np.empty(n_nodes)
+        ),
+        paths=new_paths(graph),
+        gathered=np.empty(n_nodes),
+        arc_keys=keys[:n_arcs].copy(),
+        node_keys=keys[n_arcs : n_arcs + n_nodes].copy(),
+        place_keys=keys[n_arcs + n_nodes :].copy(),
+        trail=np.empty(n_arcs, np.int64),
+    )
 
 
-@kernel
-def stand_at(labels: Labels, label: int, standing: Standing) -> None:
-    """Move from the label at hand to another one.
+def _new_level(n: int) -> Level:
+    table = np.empty(table_size(n), np.int64)
+    return Level(np.empty(n, LABEL), table, np.empty(n, np.int64), np.empty(n, np.int64))
+
+
+def larger_beam(beam: Beam, n_labels: int, n_children: int) -> Beam:
+    """Make room for at least so many labels, and children in a level; labels are kept."""
+    if n_children > len(beam.level.children):
+        beam = beam._replace(level=_new_level(n_children))
+    if n_labels > len(beam.labels):
+        labels = np.empty(max(n_labels, 2 * len(beam.labels)), LABEL)
+        labels[: len(beam.labels)] = beam.labels
+        beam = beam._replace(labels=labels)
+    return beam
+
+
+@helper
+def stand_at(
+    labels: Records, standing: Standing, worth: FloatArray, before: int, label: int
+) -> None:
+    """Move from the label ``before`` to another one.
 
     Only as far up from both as to where they part: mostly not far, however long the trails are.
-
-    Parameters
-    ----------
-    labels, label
-        Where the other one is.
-    standing
-        Changed in place.
     """
-    before, standing.label[0] = standing.label[0], label
+    used, visits, ahead = standing.used, standing.visits, standing.ahead
     while before != label:
         leave = before > label
-        at = before if leave else label
-        arc, node, parent = labels[at].arc, labels[at].node, labels[at].parent
+        at = labels[before if leave else label]
         if leave:
-            standing.used[arc] -= 1
-            standing.visits[node] -= 1
-            if standing.visits[node] == 0:
-                standing.ahead[node] = standing.worth[node]
-            before = parent
+            used[at.arc] -= 1
+            visits[at.node] -= 1
+            if visits[at.node] == 0:
+                ahead[at.node] = worth[at.node]
+            before = at.parent
         else:
-            standing.used[arc] += 1
-            standing.visits[node] += 1
-            standing.ahead[node] = 0.0
-            label = parent
+            used[at.arc] += 1
+            visits[at.node] += 1
+            ahead[at.node] = 0.0
+            label = at.parent
 
 
-@kernel
-def hash_keys(n: int) -> SeedArray:
-    """Give each index a key of 64 bits, as SplitMix64 finishes its numbers.
-
-    A set of indices hashes to the exclusive or of their keys.
-
-    Parameters
-    ----------
-    n
-        How many indices.
-    """
-    keys = np.empty(n, np.uint64)
-    for i in range(n):
-        mixed = np.uint64(i + 1) * np.uint64(0x9E3779B97F4A7C15)
-        mixed = (mixed ^ (mixed >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-        mixed = (mixed ^ (mixed >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-        keys[i] = mixed ^ (mixed >> np.uint64(31))
-    return keys
-
-
-@kernel
-def new_table(n: int) -> OffsetArray:
-    """Make an empty hash table with room for ``n`` labels; see ``find``.
-
-    Parameters
-    ----------
-    n
-        How many.
-    """
+@inlined
+def table_size(n: int) -> int:
+    """Give the size of a hash table of ``n`` children: a power of two, at least 2n."""
     size = 16
     while size < 2 * n:
         size *= 2
-    return np.full(size, -1, np.int64)
+    return size
 
 
-@inline
-def find(
-    table: OffsetArray,
-    nodes: IntArray,
-    hashes: SeedArray,
-    node: int,
-    hashed: np.uint64,
-    node_key: np.uint64,
-) -> int:
-    """Find a label by its node and a hash.
-
-    Parameters
-    ----------
-    table
-        Rows of labels, −1 where a slot is empty.
-    nodes, hashes
-        Of all labels.
-    node, hashed
-        What to look for.
-    node_key
-        The key of the node.
-
-    Returns
-    -------
-    int
-        The slot that holds the label, or the empty one where it belongs.
-    """
-    last = table.shape[0] - 1
-    slot = np.int64((hashed ^ node_key) & np.uint64(last))
-    while table[slot] >= 0:
-        known = table[slot]
-        if hashes[known] == hashed and nodes[known] == node:
-            break
+@inlined
+def find(level: Level, size: int, key: np.uint64) -> int:
+    """Find the slot of the child with a key, or the empty one where it belongs."""
+    table, children, last = level.table, level.children, size - 1
+    slot = np.int64(key & np.uint64(last))
+    while table[slot] >= 0 and children[table[slot]].key != key:
         slot = (slot + 1) & last
     return int(slot)

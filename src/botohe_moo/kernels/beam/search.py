@@ -3,190 +3,34 @@
 Labels are partial trails that leave the base; a level holds those of one number of hops.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
-from botohe_moo.kernels.beam.labels import (
-    Label,
-    Labels,
-    Standing,
-    doubled,
-    find,
-    first_label,
-    new_labels,
-    new_table,
-    stand_at,
-    standing_at_base,
-    write_label,
-)
+from botohe_moo._base.types import OffsetArray, SeedArray
+from botohe_moo.kernels.beam.labels import Beam, Level, find, larger_beam, stand_at, table_size
 from botohe_moo.kernels.beam.prospects import (
-    Ground,
-    Search,
-    Task,
-    enough,
+    TOLERANCE,
+    Near,
+    Rule,
+    close,
     is_hopeless,
     judge,
-    new_search,
-    write_way_home,
+    write_gathered,
 )
-from botohe_moo.kernels.compile import inline, kernel
+from botohe_moo.kernels.compile import helper, kernel
+from botohe_moo.kernels.graph.graph import Graph
+from botohe_moo.kernels.graph.paths import way_home
 
 # A search keeps no more labels than this, whatever its width: a few hundred megabytes.
 MAX_LABELS = 5_000_000
 
+# A trail that comes to less than this share of the best one known does so by more than rounding.
+_NEARLY = 1 - 1e-9
 
-class _Children(NamedTuple):
-    """Labels of the next level, and from their prospects what decides which of them go on."""
-
-    labels: Labels
-    bound: FloatArray
-    rank: FloatArray
+_STARTING = 0
+_ENDED = 0
 
 
-class _Best(NamedTuple):
-    """The best trail known: its value, and the label and the arc after which it goes home."""
-
-    value: float
-    label: int
-    arc: int
-
-
-@inline
-def _child(
-    ground: Ground, search: Search, ahead: FloatArray, labels: Labels, parent: int, arc: int
-) -> Label:
-    """Go on by one arc from the label at hand."""
-    label, node = labels[parent], ground.head[arc]
-    fresh = ahead[node]
-    alive = label.alive * ground.survival[arc]
-    return Label(
-        parent,
-        arc,
-        node,
-        alive,
-        label.value + alive * fresh,
-        label.left - fresh,
-        label.used ^ search.arc_keys[arc],
-        label.seen ^ search.node_keys[node] if fresh > 0.0 else label.seen,
-    )
-
-
-@kernel
-def _expand(
-    ground: Ground,
-    task: Task,
-    search: Search,
-    standing: Standing,
-    labels: Labels,
-    low: int,
-    high: int,
-    best: _Best,
-    children: _Children,
-) -> tuple[int, _Best]:
-    """Go on by one hop from the labels ``low`` to ``high``.
-
-    A child is left out that cannot get home, or home with probability ``least``; that cannot beat
-    the best trail known; or that another child equals in node and arcs used, at no less value.
-    Gives how many children there are, and the best trail known now.
-    """
-    used, ahead, found = standing.used, standing.ahead, children.labels
-    nodes, hashes = found["node"], found["used"]
-    table = new_table(len(found))
-    n = 0
-    for parent in range(low, high):
-        stand_at(labels, parent, standing)
-        here = labels[parent].node
-        for arc in range(ground.first[here], ground.first[here + 1]):
-            if used[arc] == 1 or ground.head[arc] == here:  # the latter is the base's self-loop
-                continue
-            child = _child(ground, search, ahead, labels, parent, arc)
-            if is_hopeless(ground, task, child, best.value):
-                continue
-            key = search.node_keys[child.node]
-            slot = find(table, nodes, hashes, child.node, child.used, key)
-            if table[slot] >= 0 and found[table[slot]].value >= child.value:
-                continue
-            prospect = judge(ground, task, search, used, ahead, child, best.value)
-            if prospect.survives < task.least:
-                continue
-            if prospect.closed > best.value:
-                best = _Best(prospect.closed, parent, arc)
-            if table[slot] < 0:
-                table[slot] = n
-                n += 1
-            row = table[slot]
-            write_label(found, row, child)
-            children.bound[row], children.rank[row] = prospect.bound, prospect.rank
-    return n, best
-
-
-@kernel
-def _select(labels: Labels, order: OffsetArray, node_keys: SeedArray, width: int) -> OffsetArray:
-    """Choose the children that go on; ``order`` lists the candidates, the best ranked first.
-
-    When there are more than ``width``, first the best of each kind: children at the same node that
-    have visited the same nodes of any worth mostly come to the same.
-    """
-    if len(order) <= width:
-        return order
-    table, nodes, kinds = new_table(len(order)), labels["node"], labels["seen"]
-    chosen, others = np.empty(width, np.int64), np.empty(len(order), np.int64)
-    n = n_others = 0
-    for child in order:
-        slot = find(table, nodes, kinds, nodes[child], kinds[child], node_keys[nodes[child]])
-        if table[slot] >= 0:
-            others[n_others] = child
-            n_others += 1
-        elif n < width:
-            table[slot] = chosen[n] = child
-            n += 1
-    chosen[n:] = others[: width - n]
-    return chosen
-
-
-@kernel
-def _room(ground: Ground, labels: Labels, low: int, high: int) -> _Children:
-    """Make room for all children of the labels ``low`` to ``high``."""
-    n = 0
-    for label in range(low, high):
-        here = labels[label].node
-        n += ground.first[here + 1] - ground.first[here]
-    return _Children(new_labels(n), np.empty(n), np.empty(n))
-
-
-@kernel
-def _trail(
-    ground: Ground, base: int, search: Search, standing: Standing, labels: Labels, best: _Best
-) -> IntArray:
-    """Give the arcs of the best trail."""
-    if best.arc < 0:
-        return np.empty(0, np.int32)
-    stand_at(labels, best.label, standing)
-    n_before = int(standing.used.sum())
-    standing.used[best.arc] = 1
-    n_home = write_way_home(ground, base, search, standing.used, ground.head[best.arc])
-    arcs = np.empty(n_before + 1 + n_home, np.int32)
-    label = best.label
-    for i in range(n_before - 1, -1, -1):
-        arcs[i] = labels[label].arc
-        label = labels[label].parent
-    arcs[n_before] = best.arc
-    arcs[n_before + 1 :] = search.path[:n_home]
-    return arcs
-
-
-@kernel
-def best_trail(
-    ground: Ground,
-    base: int,
-    balanced: bool,
-    worth: FloatArray,
-    survival_weight: float,
-    least: float,
-    width: int,
-) -> tuple[IntArray, float, bool]:
+def best_trail(graph: Graph, near: Near, rule: Rule, beam: Beam) -> tuple[OffsetArray, float, bool]:
     """Find a closed trail of the greatest value for one robot.
 
     A trail's value is Σ over the nodes it visits of worth · (probability to reach the node), and
@@ -194,64 +38,218 @@ def best_trail(
 
     Labels go on hop by hop, also those that are back at base. Each is closed at once by the safest
     way home over arcs it has not used, so that no good trail is lost when labels are dropped;
-    where there is no such way the label is none. (Where the usual way home is blocked, another one
-    is looked for only if it may lead to the best trail known.) Labels that end at the same node and
-    have used the same arcs are one state, of which the most valuable stays. A label stays out that
-    could not beat the best trail known, were every node not visited reached by its safest path.
-    Of the rest the ``width`` go on that rank highest by
+    where there is no such way the label is dropped. (Where the usual way home is blocked, another
+    one is looked for only if it may lead to the best trail known.) Labels that end at the same node
+    and have used the same arcs are one state, of which the most valuable stays. A label is left out
+    if it could not beat the best trail known, were every node not visited reached by its safest
+    path. Of the rest the ``width`` go on that rank highest by
 
     value + survival_weight · (survival of going home) + FORESIGHT · (probability to be here) ·
     Σ over near nodes v not visited of max(0, worth of v · reach of v − what the detour over v
     costs in survival_weight · (survival of going home)),
 
     one of each kind first, where labels of a kind are at the same node and have visited the same
-    nodes of any worth. Ties go by the order of arcs.
-
-    Parameters
-    ----------
-    ground
-        The walk graph, and the nodes near each node.
-    base
-        Where the trail begins and ends.
-    balanced
-        Whether as many arcs enter every node as leave it, so that there always is a way home.
-    worth
-        Of each node at least 0, to a robot that reaches it for sure (n_nodes).
-    survival_weight
-        What surviving for sure is worth, at least 0.
-    least
-        Survival floor: the least probability to survive the trail; 0 sets none.
-    width
-        Labels that go on from each level, at least 1. Time and memory grow with it, with the
-        number of hops, and with the arcs that leave a node; the search ends when it has kept
-        ``MAX_LABELS``.
+    nodes of any worth. Ties go by the order of arcs. Time and memory grow with the width, with the
+    number of hops, and with the arcs that leave a node; the search ends when it has kept
+    ``max_labels``.
 
     Returns
     -------
     tuple
-        The arcs of the trail, without the self-loop that ends it (none for the trail that stays
-        at base), its value, and whether any label was dropped for want of width. If none was, no
-        trail is better by more than a 10⁻¹² of the value (but for a collision of 64-bit hashes).
+        The arcs of the trail (none for the trail that stays at base), its value, and whether any
+        label was dropped for want of width. If none was, no trail is better by more than a 10⁻¹²
+        of the value (but for a collision of 64-bit hashes).
     """
-    task = Task(base, balanced, survival_weight, least)
-    search = new_search(ground, survival_weight)
-    standing = standing_at_base(base, worth, len(ground.head))
-    labels = new_labels(1024)
-    write_label(labels, 0, first_label(base, worth))
-    best = _Best(worth[base] + survival_weight, -1, -1)  # to stay at base
-    cut = False
-    low, high = 0, 1
-    while low < high:
-        children = _room(ground, labels, low, high)
-        n, best = _expand(ground, task, search, standing, labels, low, high, best, children)
-        order = np.argsort(-children.rank[:n], kind="mergesort")
-        order = order[children.bound[order] > enough(best.value)]
-        room = min(width, MAX_LABELS - high)
-        cut = cut or len(order) > room
-        low = high
-        for child in _select(children.labels, order, search.node_keys, room):
-            if high == len(labels):
-                labels = doubled(labels)
-            labels[high] = children.labels[child]
-            high += 1
-    return _trail(ground, base, search, standing, labels, best), best.value, cut
+    state = beam.state[0]
+    state["high"] = _STARTING
+    while (n_children := _search(graph, near, rule, beam)) != _ENDED:
+        beam = larger_beam(beam, int(state["high"]) + min(n_children, rule.width), n_children)
+    return beam.trail[: state["n_hops"]].copy(), float(state["value"]), bool(state["cut"])
+
+
+@kernel
+def _search(graph: Graph, near: Near, rule: Rule, beam: Beam) -> int:
+    """Go on until the search has ended, or there is no room for a level of so many children."""
+    state, labels, level = beam.state[0], beam.labels, beam.level
+    if state.high == _STARTING:
+        _start_at_base(graph, rule, beam)
+    while state.low < state.high:
+        n_most = 0
+        for label in range(state.low, state.high):
+            here = labels[label].node
+            n_most += graph.first[here + 1] - graph.first[here]
+        n_go_on = min(rule.width, rule.max_labels - state.high)
+        if n_most > len(level.children) or state.high + min(n_most, n_go_on) > len(labels):
+            return n_most
+        n = _expand(graph, near, rule, beam, n_most)
+        n = _rank(level, n, state.value + TOLERANCE * state.value)
+        if n > n_go_on:
+            state.cut = 1
+            _choose(level, beam.place_keys, n, n_go_on)
+        state.low = state.high
+        for i in range(min(n, n_go_on)):
+            labels[state.high] = level.children[level.order[i]]
+            state.high += 1
+    _write_trail(graph, rule, beam)
+    return _ENDED
+
+
+@helper
+def _start_at_base(graph: Graph, rule: Rule, beam: Beam) -> None:
+    """Put the label of a robot that has not left the base into row 0, and stand there."""
+    state, label, standing, base = beam.state[0], beam.labels[0], beam.standing, graph.base
+    worth, n_nodes, left = rule.worth, rule.worth.shape[0], 0.0
+    for arc in range(standing.used.shape[0]):
+        standing.used[arc] = 0
+    for node in range(n_nodes):
+        left += worth[node]
+        standing.visits[node], standing.ahead[node] = 0, worth[node]
+    standing.visits[base], standing.ahead[base] = 1, 0.0
+    label.parent = label.arc = -1
+    label.node, label.alive, label.value, label.left = base, 1.0, worth[base], left - worth[base]
+    label.used = label.seen = np.uint64(0)
+    state.low, state.high, state.at, state.cut = 0, 1, 0, 0
+    state.value, state.label, state.arc = worth[base] + rule.survival_weight, -1, -1
+    write_gathered(graph, worth, beam.gathered)
+
+
+@helper
+def _expand(graph: Graph, near: Near, rule: Rule, beam: Beam, n_most: int) -> int:
+    """Go on by one hop from the labels of the last level; give how many children there are.
+
+    A child is left out that cannot get home, or home with probability ``least``; that cannot beat
+    the best trail known; or that another child equals in node and arcs used, at no less value.
+    """
+    state, labels, level, standing = beam.state[0], beam.labels, beam.level, beam.standing
+    children, table, used, ahead = level.children, level.table, standing.used, standing.ahead
+    size = table_size(n_most)
+    for slot in range(size):
+        table[slot] = -1
+    # Where a robot that may take any way home surely gets there, only the best go home.
+    some = graph.balanced and rule.least == 0.0
+    n = 0
+    for parent in range(state.low, state.high):
+        stand_at(labels, standing, rule.worth, state.at, parent)
+        state.at = parent
+        label = labels[parent]
+        for arc in range(graph.first[label.node], graph.first[label.node + 1]):
+            if used[arc] == 1:
+                continue
+            node, child = graph.head[arc], children[n]
+            fresh, enough = ahead[node], state.value + TOLERANCE * state.value
+            child.parent, child.arc, child.node = parent, arc, node
+            child.alive = label.alive * graph.survival[arc]
+            child.value = label.value + child.alive * fresh
+            child.left = label.left - fresh
+            stay = rule.survival_weight * child.alive * graph.home[node]
+            if is_hopeless(graph, rule, child, stay, enough):
+                continue
+            child.used = label.used ^ beam.arc_keys[arc]
+            child.seen = label.seen ^ beam.node_keys[node] if fresh > 0.0 else label.seen
+            child.key = child.used ^ beam.place_keys[node]
+            slot = find(level, size, child.key)
+            known = table[slot]
+            if known >= 0 and children[known].value >= child.value:
+                continue
+            used[arc], ahead[node] = 1, 0.0
+            judge(near, rule, ahead, child, stay)
+            value, survives = -1.0, -1.0
+            if child.bound > enough:
+                gathered = child.value + child.alive * beam.gathered[node] + stay
+                if some and gathered < _NEARLY * state.value:
+                    survives = child.alive
+                else:
+                    value, survives = close(
+                        graph, rule, standing, beam.paths, child, stay, state.value
+                    )
+            used[arc], ahead[node] = 0, fresh
+            if survives < rule.least:
+                continue
+            if value > state.value:
+                state.value, state.label, state.arc = value, parent, arc
+            if known >= 0:
+                children[known] = child
+            else:
+                table[slot] = n
+                n += 1
+    return n
+
+
+@helper
+def _rank(level: Level, n_children: int, enough: float) -> int:
+    """List the children that may come to more than ``enough``, the highest rank first.
+
+    Gives how many they are. Equal ranks stay in order.
+    """
+    children, order, spare = level.children, level.order, level.spare
+    n = 0
+    for child in range(n_children):
+        if children[child].bound > enough:
+            order[n] = child
+            n += 1
+    length = 1
+    while length < n:
+        for start in range(0, n, 2 * length):
+            left, middle, stop = start, min(start + length, n), min(start + 2 * length, n)
+            right = middle
+            for i in range(start, stop):
+                if right == stop or (
+                    left < middle and children[order[left]].rank >= children[order[right]].rank
+                ):
+                    spare[i] = order[left]
+                    left += 1
+                else:
+                    spare[i] = order[right]
+                    right += 1
+        for i in range(n):
+            order[i] = spare[i]
+        length *= 2
+    return n
+
+
+@helper
+def _choose(level: Level, place_keys: SeedArray, n: int, n_go_on: int) -> None:
+    """Put those of the first ``n`` in order first that go on: the best of each kind, then others.
+
+    Children at the same node that have visited the same nodes of any worth mostly come to the same.
+    """
+    children, table, order, others = level.children, level.table, level.order, level.spare
+    size = table_size(n)
+    for slot in range(size):
+        table[slot] = -1
+    n_chosen = n_others = 0
+    for i in range(n):
+        row = order[i]
+        child = children[row]
+        child.key = child.seen ^ place_keys[child.node]
+        slot = find(level, size, child.key)
+        if table[slot] >= 0:
+            others[n_others] = row
+            n_others += 1
+        elif n_chosen < n_go_on:
+            table[slot] = order[n_chosen] = row
+            n_chosen += 1
+    for i in range(n_go_on - n_chosen):
+        order[n_chosen + i] = others[i]
+
+
+@helper
+def _write_trail(graph: Graph, rule: Rule, beam: Beam) -> None:
+    """Write the arcs of the best trail."""
+    state, labels, trail, used = beam.state[0], beam.labels, beam.trail, beam.standing.used
+    state.n_hops = 0
+    if state.arc < 0:
+        return
+    stand_at(labels, beam.standing, rule.worth, state.at, state.label)
+    used[state.arc] = 1
+    n, label = 0, state.label
+    while label > 0:
+        trail[n] = labels[label].arc
+        n, label = n + 1, labels[label].parent
+    for i in range(n // 2):
+        trail[i], trail[n - 1 - i] = trail[n - 1 - i], trail[i]
+    trail[n] = state.arc
+    n_home = way_home(graph, beam.paths, used, 1, graph.head[state.arc])
+    for i in range(n_home):
+        trail[n + 1 + i] = beam.paths.path[i]
+    state.n_hops = n + 1 + n_home

@@ -19,206 +19,169 @@ sooner.
 
 import numpy as np
 
-from botohe_moo._base.types import OffsetArray, SeedArray
-from botohe_moo.kernels.compile import inline, kernel
-from botohe_moo.kernels.exact.tables import LABELS, Here, Labels, Site
+from botohe_moo._base.types import SeedArray
+from botohe_moo.kernels.compile import helper, inlined
+from botohe_moo.kernels.exact.tables import Here, Labels, Records, Rule
+from botohe_moo.kernels.graph.graph import Graph
 
 
-@inline
+@inlined
 def has(bits: SeedArray, i: int) -> bool:
     """Tell whether bit ``i`` is set."""
     return bool((bits[i >> 6] >> np.uint64(i & 63)) & np.uint64(1))
 
 
-@inline
-def mixed(i: int) -> np.uint64:
-    """Mix a number to 64 bits, as SplitMix64 finishes its numbers."""
-    bits = np.uint64(i + 1) * np.uint64(0x9E3779B97F4A7C15)
-    bits = (bits ^ (bits >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    bits = (bits ^ (bits >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return bits ^ (bits >> np.uint64(31))
-
-
-@inline
+@inlined
 def put(bits: SeedArray, i: int) -> None:
     """Set bit ``i``."""
     bits[i >> 6] |= np.uint64(1) << np.uint64(i & 63)
 
 
-@kernel
-def look_around(site: Site, here: Here, node: int) -> None:
+@helper
+def look_around(graph: Graph, here: Here, node: int) -> None:
     """Find the safest ways from a node over arcs that can be used, and give up arcs of no use.
 
-    Parameters
-    ----------
-    site
-        The mission.
-    here
-        ``used`` is read and gets the arcs of no use; the rest is written.
-    node
-        Where the label is.
+    ``here.used`` is read, and gets the arcs of no use. This is not ``search_paths``: used arcs are
+    bits, few nodes wait at a time, and figures are compared that must be products of survivals.
     """
-    n_nodes = len(site.goal)
-    here.reach[:], here.settled[:], here.entry[:] = 0.0, 0, -1
-    here.reach[node] = 1.0
-    while True:
-        at, best = -1, 0.0
-        for v in range(n_nodes):
-            if here.settled[v] == 0 and here.reach[v] > best:
-                at, best = v, here.reach[v]
-        if at < 0:
-            break
-        here.settled[at] = 1
-        for arc in range(site.first[at], site.first[at + 1]):
-            there = site.head[arc]
-            alive = best * site.survival[arc]
-            if alive > here.reach[there] and here.settled[there] == 0 and not has(here.used, arc):
-                here.reach[there], here.entry[there] = alive, arc
-    here.homeward[:] = 1
-    if not site.balanced:  # otherwise what can be reached leads home
-        here.homeward[:] = 0
-        here.homeward[site.base] = 1
-        grows = True
-        while grows:
-            grows = False
-            for arc in range(len(site.head)):
-                tail, leads = site.tail[arc], here.homeward[site.head[arc]] == 1
-                if leads and here.homeward[tail] == 0 and not has(here.used, arc):
-                    here.homeward[tail] = 1
-                    grows = True
-    for arc in range(len(site.head)):
-        if here.reach[site.tail[arc]] == 0.0 or here.homeward[site.head[arc]] == 0:
-            put(here.used, arc)
+    reach, entry, waiting, used = here.reach, here.entry, here.waiting, here.used
+    n_nodes, n_arcs = reach.shape[0], graph.head.shape[0]
+    for v in range(n_nodes):
+        reach[v], entry[v] = 0.0, -1
+    reach[node], waiting[0] = 1.0, node
+    n = 1
+    while n > 0:
+        first = 0  # of those that wait the safest to reach, or of equals the one that comes first
+        for i in range(1, n):
+            v, best = waiting[i], waiting[first]
+            if reach[v] > reach[best] or (reach[v] == reach[best] and v < best):
+                first = i
+        at = waiting[first]
+        n -= 1
+        waiting[first] = waiting[n]
+        for arc in range(graph.first[at], graph.first[at + 1]):
+            there = graph.head[arc]
+            alive = reach[at] * graph.survival[arc]
+            if alive > reach[there] and not has(used, arc):
+                if reach[there] == 0.0:
+                    waiting[n] = there
+                    n += 1
+                reach[there], entry[there] = alive, arc
+    _look_home(graph, here)
+    for arc in range(n_arcs):
+        if reach[graph.tail[arc]] == 0.0 or here.homeward[graph.head[arc]] == 0:
+            put(used, arc)
 
 
-@kernel
-def look_ahead(site: Site, here: Here, alive: float) -> float:
-    """Bound what a label may still get, after ``look_around``.
+@helper
+def _look_home(graph: Graph, here: Here) -> None:
+    """Find the nodes from which arcs that can be used lead home."""
+    homeward, waiting = here.homeward, here.waiting
+    for v in range(homeward.shape[0]):
+        homeward[v] = 1 if graph.balanced else 0  # what can be reached leads home
+    if graph.balanced:
+        return
+    homeward[graph.base], waiting[0] = 1, graph.base
+    n = 1
+    while n > 0:
+        n -= 1
+        at = waiting[n]
+        for i in range(graph.first_entering[at], graph.first_entering[at + 1]):
+            arc = graph.entering[i]
+            tail = graph.tail[arc]
+            if homeward[tail] == 0 and not has(here.used, arc):
+                homeward[tail], waiting[n] = 1, tail
+                n += 1
 
-    Parameters
-    ----------
-    site
-        The mission.
-    here
-        ``prospect`` is written.
-    alive
-        Probability to have got to where the label is.
 
-    Returns
-    -------
-    float
-        At most with what probability the robot survives if it goes on to a goal that it has not
-        reached; −1 where there is none.
+@helper
+def look_ahead(graph: Graph, rule: Rule, here: Here, alive: float) -> float:
+    """Write ``prospect`` of a label after ``look_around``, given the probability to get there.
+
+    Gives at most with what probability the robot survives if it goes on to a goal that it has not
+    reached; −1 where there is none.
     """
     survives = -1.0
-    here.prospect[:] = here.reached
-    for node in range(len(site.goal)):
-        goal = site.goal[node]
-        if goal < 0 or here.reached[goal] > 0.0 or here.homeward[node] == 0:
+    reached, prospect = here.reached, here.prospect
+    for goal in range(reached.shape[0]):
+        prospect[goal] = reached[goal]
+    for node in range(rule.goal.shape[0]):
+        goal = rule.goal[node]
+        if goal < 0 or reached[goal] > 0.0 or here.homeward[node] == 0:
             continue
         reach = alive * here.reach[node]
         if reach > 0.0:
-            here.prospect[goal] = reach
-            survives = max(survives, reach * site.home[node])
+            prospect[goal] = reach
+            survives = max(survives, reach * graph.home[node])
     return survives
 
 
-@kernel
-def stands_for(site: Site, labels: Labels, label: int, here: Here, alive: float) -> bool:
-    """Tell whether a label that is known makes the one at hand needless.
+@helper
+def is_needless(
+    rule: Rule, labels: Labels, here: Here, node: int, alive: float, itself: int
+) -> bool:
+    """Tell whether some known label, other than ``itself``, stands for the one at hand."""
+    key = _key_of(rule, here, node)
+    label = labels.last[np.int64(key & np.uint64(labels.last.shape[0] - 1))]
+    while label >= 0:
+        row = labels.rows[label]
+        same = label != itself and row.key == key and row.node == node
+        if same and row.alive >= alive and _stands_for(rule, labels, label, here):
+            return True
+        label = row.before
+    return False
 
-    Parameters
-    ----------
-    site, labels, label
-        The label that is known, at the same node.
-    here, alive
-        The label at hand: ``used``, ``reached``, ``prospect``, and the probability to get there.
-    """
-    if labels.alive[label] < alive:
-        return False
-    for word in range(len(here.used)):
+
+@inlined
+def _stands_for(rule: Rule, labels: Labels, label: int, here: Here) -> bool:
+    """Tell whether a label at the same node, as probably alive, makes the one at hand needless."""
+    for word in range(here.used.shape[0]):
         if labels.used[label, word] & ~here.used[word]:
             return False
-    if not site.single:
-        for goal in range(len(here.reached)):
+    if not rule.single:
+        for goal in range(here.reached.shape[0]):
             if labels.reached[label, goal] < here.reached[goal]:
                 return False
         return True
     ahead = 0.0
-    for goal in range(len(here.reached)):
+    for goal in range(here.reached.shape[0]):
         known, own = labels.reached[label, goal], here.reached[goal]
         if known > 0.0 and own == 0.0:
             own = here.prospect[goal]
-        ahead += site.reward[goal] * (known - own)
+        ahead += rule.reward[goal] * (known - own)
     return ahead >= 0.0
 
 
-@kernel
-def key_of(here: Here, node: int) -> np.uint64:
-    """Hash a node and the goals that have been reached.
-
-    Parameters
-    ----------
-    here, node
-        The label at hand.
-    """
-    key = mixed(node)
-    for goal in range(len(here.reached)):
+@inlined
+def _key_of(rule: Rule, here: Here, node: int) -> np.uint64:
+    """Hash a node and the goals that the label at hand has reached."""
+    key: np.uint64 = rule.node_keys[node]
+    for goal in range(here.reached.shape[0]):
         if here.reached[goal] > 0.0:
-            key ^= mixed(-2 - goal)
+            key ^= rule.goal_keys[goal]
     return key
 
 
-@kernel
-def is_needless(
-    site: Site, labels: Labels, here: Here, node: int, alive: float, itself: int
-) -> bool:
-    """Tell whether some known label, other than ``itself``, stands for the one at hand."""
-    key = key_of(here, node)
-    label = labels.last[np.int64(key & np.uint64(len(labels.last) - 1))]
-    while label >= 0:
-        same = label != itself and labels.key[label] == key and labels.node[label] == node
-        if same and stands_for(site, labels, label, here, alive):
-            return True
-        label = labels.before[label]
-    return False
-
-
-@kernel
+@helper
 def add_label(
-    labels: Labels, counts: OffsetArray, here: Here, parent: int, arc: int, node: int, alive: float
+    rule: Rule,
+    labels: Labels,
+    progress: Records,
+    here: Here,
+    parent: int,
+    arc: int,
+    node: int,
+    alive: float,
 ) -> None:
     """Put the label at hand into the next row, and into its chain; there must be room for it."""
-    row = counts[LABELS]
-    counts[LABELS] += 1
-    labels.parent[row], labels.arc[row], labels.node[row] = parent, arc, node
-    labels.alive[row], labels.reached[row], labels.used[row] = alive, here.reached, here.used
-    labels.key[row] = key_of(here, node)
-    chain(labels, row)
-
-
-@kernel
-def chain(labels: Labels, row: int) -> None:
-    """Put a label at the end of its chain.
-
-    Parameters
-    ----------
-    labels, row
-        Which label; ``before`` and ``last`` are changed.
-    """
-    place = np.int64(labels.key[row] & np.uint64(len(labels.last) - 1))
-    labels.before[row], labels.last[place] = labels.last[place], row
-
-
-@kernel
-def chain_again(labels: Labels, n_labels: int) -> None:
-    """Make all chains anew, where there is room for more of them.
-
-    Parameters
-    ----------
-    labels, n_labels
-        Which labels; ``before`` and ``last`` are changed.
-    """
-    labels.last[:] = -1
-    for row in range(n_labels):
-        chain(labels, row)
+    n = progress[0].n_labels
+    progress[0].n_labels += 1
+    row = labels.rows[n]
+    row.parent, row.arc, row.node, row.alive = parent, arc, node, alive
+    row.key = _key_of(rule, here, node)
+    for goal in range(here.reached.shape[0]):
+        labels.reached[n, goal] = here.reached[goal]
+    for word in range(here.used.shape[0]):
+        labels.used[n, word] = here.used[word]
+    place = np.int64(row.key & np.uint64(labels.last.shape[0] - 1))
+    row.before, labels.last[place] = labels.last[place], n

@@ -1,52 +1,65 @@
 """What the search for all trails of a mission works on: tables of labels and trails that grow."""
 
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
-from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
+from botohe_moo._base.types import FloatArray, OffsetArray, SeedArray
 
 SHELF = 32  # trails that are looked at together
 
-# Places in the array of counts, and how many there are.
-LABELS, TRAILS, NEXT = 0, 1, 2
-N_COUNTS = 3
-
+LABEL = np.dtype(
+    [
+        ("parent", np.int64),  # the label that this one goes on from, −1 for the first one
+        ("arc", np.int64),  # the arc by which, −1 for the first one
+        ("node", np.int64),  # where it ends
+        ("alive", np.float64),  # probability to get there
+        ("key", np.uint64),  # a hash of the node and the goals reached
+        ("before", np.int64),  # the label before it in its chain, or −1
+    ]
+)
+TRAIL = np.dtype(
+    [
+        # The label and the arc after which the trail goes home by the safest way; parents below 0
+        # number trails known from elsewhere.
+        ("parent", np.int64),
+        ("arc", np.int64),
+        ("survives", np.float64),  # probability to survive
+    ]
+)
+PROGRESS = np.dtype(
+    [
+        ("n_labels", np.int64),
+        ("next", np.int64),  # the next label to go on from
+        ("n_trails", np.int64),
+    ]
+)
+Records: TypeAlias = NDArray[Any]
 Table = TypeVar("Table", bound=tuple[Any, ...])
 
 
-class Site(NamedTuple):
-    """A mission's arcs, and what decides about trails.
+class Rule(NamedTuple):
+    """What decides about trails.
 
     Attributes
     ----------
-    first, tail, head, survival
-        The arcs, grouped by tail node, the base's self-loop not among them.
     goal
-        Of each node, which goal it is, −1 for those without reward and for the base.
+        Of each node, which goal it is, −1 for those without reward and for the base (n_nodes).
     reward
         Of each goal (n_goals).
-    home
-        Survival of each node's safest way home over all arcs.
-    base
-        Index of the base.
-    balanced
-        Whether as many arcs enter every node as leave it.
+    node_keys, goal_keys
+        Keys for hashes.
     single
         Whether the team is one robot.
     least
         Survival floor.
     """
 
-    first: OffsetArray
-    tail: IntArray
-    head: IntArray
-    survival: FloatArray
-    goal: IntArray
+    goal: OffsetArray
     reward: FloatArray
-    home: FloatArray
-    base: int
-    balanced: bool
+    node_keys: SeedArray
+    goal_keys: SeedArray
     single: bool
     least: float
 
@@ -56,29 +69,20 @@ class Labels(NamedTuple):
 
     Attributes
     ----------
-    parent, arc, node
-        The label that each goes on from, by which arc, and to which node; −1 for the first one.
-    alive
-        Probability to get there.
+    rows
+        As ``LABEL``.
     reached
         Probability to have reached each goal, 0 where it has not been visited (n, n_goals).
     used
         Bits of the arcs that it cannot use any more (n, n_words).
-    key, before
-        A hash of the node and the goals reached, and the label before it in its chain or −1.
     last
         The last label of each chain, −1 for none, by the low bits of its key; as many as there are
         rows at most, a power of two. Chains that share a place are one.
     """
 
-    parent: OffsetArray
-    arc: IntArray
-    node: IntArray
-    alive: FloatArray
+    rows: Records
     reached: FloatArray
     used: SeedArray
-    key: SeedArray
-    before: OffsetArray
     last: OffsetArray
 
 
@@ -87,35 +91,32 @@ class Trails(NamedTuple):
 
     Attributes
     ----------
-    parent, arc
-        The label and the arc after which each goes home by the safest way; parents below 0 number
-        trails known from elsewhere.
-    survives
-        Probability to survive.
+    rows
+        As ``TRAIL``.
     reached
         Probability to reach each goal; for a single robot the share of the reward (n, n_columns).
     shelf_survives, shelf_reached
         The largest of them on each shelf.
     """
 
-    parent: OffsetArray
-    arc: IntArray
-    survives: FloatArray
+    rows: Records
     reached: FloatArray
     shelf_survives: FloatArray
     shelf_reached: FloatArray
 
 
 class Here(NamedTuple):
-    """Room for what a label at hand may still reach.
+    """Scratch: what a label at hand may still reach.
 
     Attributes
     ----------
-    reach, entry, settled
-        Survival of the safest way to each node over arcs that it can use, 0 for none, the last arc
-        of that way, and whether it is known for good.
+    reach, entry
+        Survival of the safest way to each node over arcs that it can use, 0 for none, and the last
+        arc of that way.
     homeward
         Whether arcs that it can use lead from each node home.
+    waiting
+        Nodes to go on from.
     used
         Its arcs (n_words).
     reached, prospect
@@ -125,9 +126,9 @@ class Here(NamedTuple):
     """
 
     reach: FloatArray
-    entry: IntArray
-    settled: OffsetArray
+    entry: OffsetArray
     homeward: OffsetArray
+    waiting: OffsetArray
     used: SeedArray
     reached: FloatArray
     prospect: FloatArray
@@ -135,20 +136,12 @@ class Here(NamedTuple):
 
 
 def new_here(n_nodes: int, n_goals: int, n_words: int, n_columns: int) -> Here:
-    """Make room for a label at hand, whose robot has not left the base.
-
-    Parameters
-    ----------
-    n_nodes, n_goals, n_words
-        How many nodes, goals, and words of bits for the arcs.
-    n_columns
-        Columns of ``Trails.reached``.
-    """
+    """Make room for a label at hand."""
     return Here(
         reach=np.zeros(n_nodes),
-        entry=np.zeros(n_nodes, np.int32),
-        settled=np.zeros(n_nodes, np.int64),
+        entry=np.zeros(n_nodes, np.int64),
         homeward=np.zeros(n_nodes, np.int64),
+        waiting=np.zeros(n_nodes, np.int64),
         used=np.zeros(n_words, np.uint64),
         reached=np.zeros(n_goals),
         prospect=np.zeros(n_goals),
@@ -157,42 +150,19 @@ def new_here(n_nodes: int, n_goals: int, n_words: int, n_columns: int) -> Here:
 
 
 def new_labels(n: int, n_goals: int, n_words: int) -> Labels:
-    """Make room for labels.
-
-    Parameters
-    ----------
-    n
-        For how many, a power of two.
-    n_goals, n_words
-        How many goals, and words of bits for the arcs.
-    """
+    """Make room for ``n`` labels, a power of two."""
     return Labels(
-        parent=np.zeros(n, np.int64),
-        arc=np.zeros(n, np.int32),
-        node=np.zeros(n, np.int32),
-        alive=np.zeros(n),
+        rows=np.zeros(n, LABEL),
         reached=np.zeros((n, n_goals)),
         used=np.zeros((n, n_words), np.uint64),
-        key=np.zeros(n, np.uint64),
-        before=np.zeros(n, np.int64),
         last=np.full(n, -1, np.int64),
     )
 
 
 def new_trails(n: int, n_columns: int) -> Trails:
-    """Make room for trails.
-
-    Parameters
-    ----------
-    n
-        For how many, a multiple of SHELF.
-    n_columns
-        Columns of ``reached``.
-    """
+    """Make room for ``n`` trails, a multiple of SHELF."""
     return Trails(
-        parent=np.zeros(n, np.int64),
-        arc=np.zeros(n, np.int32),
-        survives=np.zeros(n),
+        rows=np.zeros(n, TRAIL),
         reached=np.zeros((n, n_columns)),
         shelf_survives=np.zeros(n // SHELF),
         shelf_reached=np.zeros((n // SHELF, n_columns)),
@@ -200,23 +170,24 @@ def new_trails(n: int, n_columns: int) -> Trails:
 
 
 def doubled(table: Table) -> Table:
-    """Copy a named tuple of arrays to where there is room for twice as many rows.
-
-    Parameters
-    ----------
-    table
-        Stays as it is.
-    """
+    """Copy a named tuple of arrays to where there is room for twice as many rows."""
     larger = [np.concatenate([column, np.zeros_like(column)]) for column in table]
     return type(table)(*larger)
 
 
-def n_bytes(table: tuple[Any, ...]) -> int:
-    """Count the bytes of a named tuple of arrays.
+def chained_again(labels: Labels, n_labels: int) -> Labels:
+    """Make all chains anew, where there is room for more of them."""
+    labels.last[:] = -1
+    rows = labels.rows[:n_labels]
+    place = (rows["key"] & np.uint64(len(labels.last) - 1)).astype(np.int64)
+    order = np.argsort(place, kind="stable")
+    follows = place[order[1:]] == place[order[:-1]]
+    rows["before"] = -1
+    rows["before"][order[1:][follows]] = order[:-1][follows]
+    labels.last[place[order]] = order  # the last one of each place stays
+    return labels
 
-    Parameters
-    ----------
-    table
-        The arrays.
-    """
+
+def n_bytes(table: tuple[Any, ...]) -> int:
+    """Count the bytes of a named tuple of arrays."""
     return sum(column.nbytes for column in table)

@@ -13,10 +13,16 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
-from botohe_moo.kernels.compile import inline, kernel
+from botohe_moo.kernels.compile import helper, kernel
+from botohe_moo.kernels.exact.tables import Records
 
-DEPTH, FRONT, LOOKS = 0, 1, 2
-N_COUNTS = 3
+TURN = np.dtype(
+    [
+        ("robot", np.int64),  # whose turn it is to choose, −1 before the first one's
+        ("n_front", np.int64),  # teams in the front
+        ("n_looks", np.int64),  # how many trails have been looked at as choices
+    ]
+)
 FINISHED, FULL, PAUSED = 0, 1, 2
 
 
@@ -75,17 +81,7 @@ class Front(NamedTuple):
 def new_choices(
     survives: FloatArray, reached: FloatArray, reward: FloatArray, slack: FloatArray, n_robots: int
 ) -> Choices:
-    """Make room for a search in which no robot has chosen.
-
-    Parameters
-    ----------
-    survives, reached, slack
-        As in :class:`Choices`.
-    reward
-        Of each goal.
-    n_robots
-        How many robots choose.
-    """
+    """Make room for a search in which no robot has chosen."""
     shape = (n_robots, len(survives))
     left = np.zeros((n_robots, len(reward)))
     left[0] = reward
@@ -106,20 +102,19 @@ def new_choices(
 
 
 def new_front(n: int, n_robots: int) -> Front:
-    """Make room for a front.
-
-    Parameters
-    ----------
-    n
-        For how many teams.
-    n_robots
-        How many robots each has.
-    """
+    """Make room for a front of ``n`` teams."""
     return Front(np.zeros(n), np.zeros(n), np.zeros((n, n_robots), np.int64))
 
 
-@inline
-def _covering(front: Front, n_front: int, reward: float) -> int:
+def new_turn() -> Records:
+    """Make the state of a search that has not begun."""
+    turn = np.zeros(1, TURN)
+    turn["robot"] = -1
+    return turn
+
+
+@helper
+def _n_as_rewarding(front: Front, n_front: int, reward: float) -> int:
     """Count the teams of the front with at least that reward."""
     low, high = 0, n_front
     while low < high:
@@ -131,52 +126,40 @@ def _covering(front: Front, n_front: int, reward: float) -> int:
     return low
 
 
-@kernel
+@helper
 def is_covered(front: Front, n_front: int, reward: float, survivors: float) -> bool:
-    """Tell whether a team of the front is at least as good.
-
-    Parameters
-    ----------
-    front, n_front
-        The front.
-    reward, survivors
-        What to compare it with.
-    """
-    n = _covering(front, n_front, reward)
-    return n > 0 and front.survivors[n - 1] >= survivors
+    """Tell whether a team of the front is at least as good."""
+    n = _n_as_rewarding(front, n_front, reward)
+    return bool(n > 0 and front.survivors[n - 1] >= survivors)
 
 
-@kernel
-def insert(
-    front: Front, counts: OffsetArray, reward: float, survivors: float, team: OffsetArray
-) -> None:
+@helper
+def insert(front: Front, n_front: int, reward: float, survivors: float, team: OffsetArray) -> int:
     """Take a team that is not covered into the front, and those out that it is as good as.
 
-    There must be room for it.
+    There must be room for it. Gives how many teams the front has then.
     """
-    n = counts[FRONT]
     start = 0
-    while start < n and front.reward[start] > reward:
+    while start < n_front and front.reward[start] > reward:
         start += 1
     stop = start
-    while stop < n and front.survivors[stop] <= survivors:
+    while stop < n_front and front.survivors[stop] <= survivors:
         stop += 1
     shift = start + 1 - stop
-    if shift > 0:
-        for i in range(n - 1, stop - 1, -1):
-            front.reward[i + 1], front.survivors[i + 1] = front.reward[i], front.survivors[i]
-            front.team[i + 1] = front.team[i]
-    elif shift < 0:
-        for i in range(stop, n):
-            front.reward[i + shift] = front.reward[i]
-            front.survivors[i + shift] = front.survivors[i]
-            front.team[i + shift] = front.team[i]
-    front.reward[start], front.survivors[start], front.team[start] = reward, survivors, team
-    counts[FRONT] = n + shift
+    for i in range(n_front - stop):
+        old = n_front - 1 - i if shift > 0 else stop + i  # from the end where they move up
+        front.reward[old + shift] = front.reward[old]
+        front.survivors[old + shift] = front.survivors[old]
+        for robot in range(team.shape[0]):
+            front.team[old + shift, robot] = front.team[old, robot]
+    front.reward[start], front.survivors[start] = reward, survivors
+    for robot in range(team.shape[0]):
+        front.team[start, robot] = team[robot]
+    return n_front + shift
 
 
-@kernel
-def make_hull(choices: Choices, robot: int) -> None:
+@helper
+def _make_hull(choices: Choices, robot: int) -> None:
     """Find the upper concave hull of a robot's choices, which come by descending survival."""
     xs, ys = choices.hull_gain[robot], choices.hull_survives[robot]
     n = 0
@@ -195,8 +178,8 @@ def make_hull(choices: Choices, robot: int) -> None:
     choices.n_hull[robot] = n
 
 
-@kernel
-def is_hopeful(
+@helper
+def _is_hopeful(
     choices: Choices,
     front: Front,
     n_front: int,
@@ -205,16 +188,9 @@ def is_hopeful(
     reward: float,
     survivors: float,
 ) -> bool:
-    """Tell whether a team may get beyond the front with more robots.
+    """Tell whether a team may get beyond the front with more robots, who choose from a hull.
 
-    Parameters
-    ----------
-    choices, front, n_front
-        The hulls, and the front.
-    robot, n_more
-        Whose hull to take, and how many robots choose from it.
-    reward, survivors
-        E[R] and E[S] of the team without them.
+    ``reward`` and ``survivors`` are the team's without them, ``robot`` is whose hull it is.
     """
     reward -= choices.slack[0]
     survivors -= choices.slack[1]
@@ -222,7 +198,7 @@ def is_hopeful(
         return not is_covered(front, n_front, reward, survivors)
     xs, ys, last = choices.hull_gain[robot], choices.hull_survives[robot], choices.n_hull[robot] - 1
     most_reward, most_survivors = reward + n_more * xs[last], survivors + n_more * ys[0]
-    start = _covering(front, n_front, most_reward)
+    start = _n_as_rewarding(front, n_front, most_reward)
     if start == 0 or most_survivors > front.survivors[n_front - 1]:
         return True
     # The front is a staircase: the bound gets beyond it where it gets beyond an inner corner.
@@ -241,21 +217,11 @@ def is_hopeful(
     return False
 
 
-@kernel
-def list_choices(choices: Choices, front: Front, n_front: int, robot: int) -> None:
-    """List the trails that a robot may choose, given those before it.
-
-    Parameters
-    ----------
-    choices
-        Changed in place, for ``robot`` only.
-    front, n_front
-        The front.
-    robot
-        Which robot.
-    """
-    n_robots = len(choices.at)
-    start, stop = 0, len(choices.survives)
+@helper
+def _list_choices(choices: Choices, front: Front, n_front: int, robot: int) -> None:
+    """List the trails that a robot may choose, given those before it."""
+    n_robots = choices.at.shape[0]
+    start, stop = 0, choices.survives.shape[0]
     if robot > 0:
         start, stop = choices.at[robot - 1], choices.n_listed[robot - 1]
     n = 0
@@ -269,64 +235,59 @@ def list_choices(choices: Choices, front: Front, n_front: int, robot: int) -> No
     choices.n_listed[robot], choices.at[robot] = n, 0
     n_more = n_robots - robot - 1
     if n_more > 0:
-        make_hull(choices, robot)
+        _make_hull(choices, robot)
     n_kept = 0
-    reward, survivors = choices.figures[robot]
+    reward, survivors = choices.figures[robot, 0], choices.figures[robot, 1]
     for i in range(n):
         trail, gain = choices.listed[robot, i], choices.gain[robot, i]
         alive = survivors + choices.survives[trail]
-        if is_hopeful(choices, front, n_front, robot, n_more, reward + gain, alive):
+        if _is_hopeful(choices, front, n_front, robot, n_more, reward + gain, alive):
             choices.listed[robot, n_kept], choices.gain[robot, n_kept] = trail, gain
             n_kept += 1
     choices.n_listed[robot] = n_kept
 
 
 @kernel
-def choose_teams(choices: Choices, front: Front, counts: OffsetArray, n_looks: int) -> int:
-    """Go on with the search for teams.
+def choose_teams(choices: Choices, front: Front, turn: Records, n_looks: int) -> int:
+    """Go on with the search for teams, and come back after so many looks at choices.
 
-    Parameters
-    ----------
-    choices, front, counts
-        Its state; changed in place. ``counts`` has the robot whose turn it is, the teams in the
-        front, and how many trails have been looked at as choices.
-    n_looks
-        After how many of those looks to come back.
-
-    Returns
-    -------
-    int
-        Whether it is FINISHED, the front is FULL, or it has only PAUSED.
+    Gives whether it is FINISHED, the front is FULL, or it has only PAUSED.
     """
-    n_robots, limit = len(choices.at), counts[LOOKS] + n_looks
+    state, n_robots = turn[0], len(choices.at)
+    limit = state.n_looks + n_looks
     team = np.empty(n_robots, np.int64)
-    while counts[LOOKS] < limit:
-        robot = counts[DEPTH]
+    if state.robot < 0:
+        state.robot = 0
+        _list_choices(choices, front, state.n_front, 0)
+    while state.n_looks < limit:
+        robot = state.robot
         at = choices.at[robot]
         if at == choices.n_listed[robot]:
             if robot == 0:
                 return FINISHED
-            counts[DEPTH] -= 1
+            state.robot -= 1
             choices.at[robot - 1] += 1
             continue
-        n_front, n_more = counts[FRONT], n_robots - robot - 1
+        n_front, n_more = state.n_front, n_robots - robot - 1
         if n_front == len(front.reward):
             return FULL
-        counts[LOOKS] += 1
+        state.n_looks += 1
         trail = choices.listed[robot, at]
         reward = choices.figures[robot, 0] + choices.gain[robot, at]
         survivors = choices.figures[robot, 1] + choices.survives[trail]
-        if not is_hopeful(choices, front, n_front, robot, n_more, reward, survivors):
+        if not _is_hopeful(choices, front, n_front, robot, n_more, reward, survivors):
             choices.at[robot] += 1
         elif n_more > 0:
-            counts[DEPTH] += 1
-            counts[LOOKS] += choices.n_listed[robot] - at
-            choices.figures[robot + 1] = reward, survivors
-            choices.left[robot + 1] = choices.left[robot] * (1.0 - choices.reached[trail])
-            list_choices(choices, front, n_front, robot + 1)
+            state.robot += 1
+            state.n_looks += choices.n_listed[robot] - at
+            choices.figures[robot + 1, 0], choices.figures[robot + 1, 1] = reward, survivors
+            for goal in range(choices.left.shape[1]):
+                missed = 1.0 - choices.reached[trail, goal]
+                choices.left[robot + 1, goal] = choices.left[robot, goal] * missed
+            _list_choices(choices, front, n_front, robot + 1)
         else:
             for i in range(n_robots):
                 team[i] = choices.listed[i, choices.at[i]]
-            insert(front, counts, reward, survivors, team)
+            state.n_front = insert(front, n_front, reward, survivors, team)
             choices.at[robot] += 1
     return PAUSED

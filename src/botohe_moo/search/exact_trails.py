@@ -1,0 +1,239 @@
+"""All trails that the exact front may need: tables that grow, and an estimate of how far."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Iterable
+from itertools import pairwise
+
+import numpy as np
+
+from botohe_moo._base.types import FloatArray
+from botohe_moo.kernels.exact import tables
+from botohe_moo.kernels.exact.labels import look_around, put
+from botohe_moo.kernels.exact.trails import add_trails, as_column, grow
+from botohe_moo.kernels.graph.arcs import find_arc
+from botohe_moo.kernels.graph.graph import Graph
+from botohe_moo.kernels.rng import hash_keys
+from botohe_moo.mission.model import Mission
+
+__all__ = ["TrailSearch"]
+
+_ROWS = 1024  # that tables have room for at first
+# An estimate ends after so many descents, or when they have met so many labels.
+_MAX_DIVES, _MAX_MET = 1_000, 30_000
+
+
+class TrailSearch:
+    """The search for all trails of a mission that some best team may need, a portion at a time.
+
+    Parameters
+    ----------
+    mission
+        What to search.
+    least
+        Survival floor.
+    known
+        Trails that are known: what they are as good as need not be found.
+
+    Attributes
+    ----------
+    graph, rule
+        The mission.
+    """
+
+    def __init__(
+        self, mission: Mission, least: float, known: Iterable[tuple[int, ...]] = ()
+    ) -> None:
+        self.graph = graph = mission.arrays
+        self.rule = rule = _rule_of(graph, mission.robots == 1, least)
+        n_goals, n_columns = len(rule.reward), 1 if rule.single else len(rule.reward)
+        n_words = graph.n_arcs // 64 + 1
+        self._here = tables.new_here(graph.n_nodes, n_goals, n_words, n_columns)
+        self._labels = tables.new_labels(_ROWS, n_goals, n_words)
+        self._trails = tables.new_trails(_ROWS, n_columns)
+        self._progress = np.zeros(1, tables.PROGRESS)
+        self._known = [(graph.base,), *(trail for trail in known if trail != (graph.base,))]
+        self._add_known()
+        self._n_tidy = self.n_trails
+
+    def _add_known(self) -> None:
+        others, n = tables.new_trails(_ROWS, self._trails.reached.shape[1]), 0
+        for n, trail in enumerate(self._known[:_ROWS], 1):
+            survives, reached = self.follow(trail)
+            others.rows[n - 1] = -n, -1, survives
+            as_column(self.rule, reached, others.reached[n - 1])
+        add_trails(self._trails, self._progress, others, np.arange(n))
+
+    @property
+    def n_labels(self) -> int:
+        """How many partial trails have been kept so far."""
+        return int(self._progress["n_labels"][0])
+
+    @property
+    def n_done(self) -> int:
+        """From how many of them the search has gone on."""
+        return int(self._progress["next"][0])
+
+    @property
+    def n_trails(self) -> int:
+        """How many trails are known so far that teams may need."""
+        return int(self._progress["n_trails"][0])
+
+    @property
+    def n_bytes(self) -> int:
+        """Bytes that the tables take."""
+        return tables.n_bytes(self._labels) + tables.n_bytes(self._trails)
+
+    @property
+    def n_label_bytes(self) -> int:
+        """Bytes that a partial trail takes."""
+        return tables.n_bytes(self._labels) // len(self._labels.rows)
+
+    @property
+    def survives(self) -> FloatArray:
+        """Survivals of the trails that are known; descending once the search has ended."""
+        return self._trails.rows["survives"][: self.n_trails].copy()
+
+    @property
+    def reached(self) -> FloatArray:
+        """How probably those trails reach each goal; with one robot their share of all reward."""
+        return self._trails.reached[: self.n_trails].copy()
+
+    def advance(self, n_looks: int, require: Callable[[int], None]) -> bool:
+        """Go on from some labels; tell whether all trails are known.
+
+        Parameters
+        ----------
+        n_looks
+            From how many labels at most.
+        require
+            Called with a number of bytes before so many more are taken.
+        """
+        full = self._grow(n_looks, True)
+        if self.n_trails > 1.5 * self._n_tidy + 64:
+            self._tidy()
+        if full:
+            require(tables.n_bytes(self._labels))
+            self._labels = tables.chained_again(tables.doubled(self._labels), self.n_labels)
+            require(tables.n_bytes(self._trails))
+            self._trails = tables.doubled(self._trails)
+        ended = self.n_done == self.n_labels
+        if ended:
+            self._tidy()
+        return ended
+
+    def _grow(self, n_looks: int, again: bool) -> bool:
+        known = self._labels, self._trails, self._progress
+        return grow(self.graph, self.rule, *known, self._here, n_looks, again)
+
+    def _tidy(self) -> None:
+        """Sort the trails by descending survival, and drop those that another is as good as."""
+        n, others = self.n_trails, tables.Trails(*[column.copy() for column in self._trails])
+        total = sum(others.reached[:n].T, np.zeros(n))
+        self._progress["n_trails"] = 0
+        # Of trails that survive alike, one that another is as good as comes after it.
+        order = np.lexsort((-total, -others.rows["survives"][:n]))
+        add_trails(self._trails, self._progress, others, order)
+        self._n_tidy = self.n_trails
+
+    def estimate(self, n_bytes: int) -> float:
+        """Estimate from above how many labels there will be, always in the same way.
+
+        Parameters
+        ----------
+        n_bytes
+            What the estimate may take.
+        """
+        most = 1 + self.graph.n_arcs * int(np.diff(self.graph.first).max())
+        n_rows = min(most, _MAX_MET, n_bytes // self.n_label_bytes)
+        n_rows = 1 << max(4, n_rows.bit_length())
+        probe, rng = self._probe(n_rows), np.random.default_rng(0)
+        found: list[float] = []
+        n_met = 0
+        while len(found) < _MAX_DIVES and n_met < _MAX_MET:
+            estimate = probe._dive(rng)
+            if estimate is None:
+                break
+            found.append(estimate)
+            n_met += probe.n_labels
+        return float(np.mean(found)) if found else 0.0
+
+    def _probe(self, n_rows: int) -> TrailSearch:
+        """Give a search that knows the same trails, and has other labels."""
+        probe = copy.copy(self)
+        probe._labels = tables.new_labels(
+            n_rows, self._labels.reached.shape[1], self._labels.used.shape[1]
+        )
+        probe._trails, probe._progress = tables.doubled(self._trails), self._progress.copy()
+        return probe
+
+    def _dive(self, rng: np.random.Generator) -> float | None:
+        """Estimate the number of labels from those that one random descent meets.
+
+        A label has n children that go on, one of which is drawn, and counts for the product of the
+        n before it: Knuth, "Estimating the efficiency of backtrack programs", Mathematics of
+        Computation 29(129), 1975. Without bias for the labels of a search that compares them with
+        those of the same descent only; where all are compared there are fewer.
+
+        Gives the estimate from as far down as there was room for labels; None where there was none
+        for trails.
+        """
+        self._progress["n_labels"] = label = 0
+        weight = total = 1.0
+        low = 1
+        while True:
+            self._progress["next"] = label
+            if self._grow(1, False):
+                self._tidy()
+                if self._grow(1, False):
+                    node = self._labels.rows["node"][label]
+                    degree = self.graph.first[node + 1] - self.graph.first[node]
+                    return None if len(self._trails.rows) - self.n_trails < degree else total
+            n = self.n_labels - low
+            if n <= 0:
+                return total
+            weight *= n
+            total += weight
+            label, low = low + int(rng.random() * n), self.n_labels
+
+    def trail(self, row: int) -> list[int]:
+        """Give a trail of the table as nodes."""
+        graph, here = self.graph, self._here
+        label, arc, _ = self._trails.rows[row].tolist()
+        if label < 0:
+            return list(self._known[-1 - label])
+        here.used[:] = self._labels.used[label]
+        put(here.used, arc)
+        look_around(graph, here, int(graph.head[arc]))
+        home = [graph.base]
+        while (last := here.entry[home[-1]]) >= 0:
+            home.append(int(graph.tail[last]))
+        out: list[int] = []
+        while label >= 0:
+            label, _, node, *_ = self._labels.rows[label].tolist()
+            out.append(node)
+        return out[::-1] + home[::-1]
+
+    def follow(self, trail: tuple[int, ...]) -> tuple[float, FloatArray]:
+        """Give the probabilities to survive a trail, and to reach each goal on it."""
+        graph, reached, alive = self.graph, np.zeros(len(self.rule.reward)), 1.0
+        for tail, head in pairwise(trail):
+            alive *= float(graph.survival[find_arc(graph, tail, head)])
+            goal = self.rule.goal[head]
+            if goal >= 0 and reached[goal] == 0.0:
+                reached[goal] = alive
+        return alive, reached
+
+
+def _rule_of(graph: Graph, single: bool, least: float) -> tables.Rule:
+    is_goal = (graph.reward > 0) & (np.arange(graph.n_nodes) != graph.base)
+    keys = hash_keys(2 * graph.n_nodes)
+    return tables.Rule(
+        goal=np.where(is_goal, np.cumsum(is_goal) - 1, -1),
+        reward=graph.reward[is_goal],
+        node_keys=keys[: graph.n_nodes].copy(),
+        goal_keys=keys[graph.n_nodes :].copy(),
+        single=single,
+        least=least,
+    )
