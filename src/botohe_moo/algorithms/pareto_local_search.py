@@ -12,7 +12,7 @@ from pymoo.core.population import Population
 from botohe_moo._base.checks import check_flag, check_integer, check_number, nearest_first
 from botohe_moo._base.types import FloatArray, ObjectArray, OffsetArray
 from botohe_moo.algorithms.base import ArchiveAlgorithm
-from botohe_moo.kernels.local_search.rule import SearchRule
+from botohe_moo.kernels.local_search.workspace import SearchRule
 from botohe_moo.problem import BOTOHE
 from botohe_moo.search.archive import PlanArchive
 from botohe_moo.search.local_search import DEFAULT_MOVES, MOVES, LocalSearch
@@ -26,7 +26,6 @@ __all__ = ["ParetoLocalSearch"]
 _WIDE_BEAM, _NARROW_BEAM = 20, 5
 _WIDE_UP_TO = 20_000  # nodes times robots
 
-_UNLIMITED = 0
 _FIRST_GENERATION = 100
 
 
@@ -125,10 +124,6 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         evaluations_per_generation: int = 20_000,
         n_children: int = 24,
         n_drawn: int = 2,
-        reserve_size: int = 256,
-        reserve_share: float = 0.1,
-        reserve_slack: float = 0.02,
-        response_hops: float = 0.1,
         moves: Mapping[str, float] | None = None,
         greedy_start: bool = True,
         max_size: int | None = None,
@@ -145,12 +140,6 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         )
         self.n_children = check_integer("n_children", n_children, at_least=1, at_most=100_000)
         self.n_drawn = check_integer("n_drawn", n_drawn, at_least=1, at_most=1_000)
-        self.reserve_size = check_integer(
-            "reserve_size", reserve_size, at_least=1, at_most=1_000_000
-        )
-        self.reserve_share = check_number("reserve_share", reserve_share, at_least=0, at_most=1)
-        self.reserve_slack = check_number("reserve_slack", reserve_slack, at_least=0, at_most=1)
-        self.response_hops = check_number("response_hops", response_hops, at_least=0)
         self.moves = _checked_moves(DEFAULT_MOVES if moves is None else moves)
         self.greedy_start = check_flag("greedy_start", greedy_start)
         self.max_size = max_size
@@ -164,18 +153,14 @@ class ParetoLocalSearch(ArchiveAlgorithm):
             n_children_busy=(self.n_children + 2) // 3,
             n_drawn=self.n_drawn,
             n_drawn_busy=1 if self.n_drawn == 1 else 4 * self.n_drawn,
-            p_reserve=self.reserve_share,
-            slack=self.reserve_slack,
-            hops_each=self.response_hops,
             min_survival=problem.planning_floor,
-            max_size=_UNLIMITED if self.max_size is None else self.max_size,
         )
         self._search = LocalSearch(
             problem.mission,
             rule,
             moves=self.moves,
-            reserve_size=self.reserve_size,
             random_state=self.random_state,
+            max_size=self.max_size,
         )
         constrain = problem.constrain_batch if problem.n_ieq_constr else None
         self.archive = _SearchArchive(self._search, problem.mission.robots, constrain)

@@ -19,8 +19,11 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 # kernels do without: they take longer to compile and to run, and give the same results.
 _PRIVATE = {
     "_nrt": False,  # makes no arrays, and so does not count who uses those it is given
+    "no_cpython_wrapper": True,  # no way in from Python, which has the function itself
+    "no_cfunc_wrapper": True,
     "forceinline": True,  # LLVM copies it into its callers; numba's own inline= compiles for longer
 }
+_INTERNAL = ("_nrt", "no_cpython_wrapper", "no_cfunc_wrapper")
 # IEEE arithmetic: a division by zero is inf, not an exception that a hot loop has to test for.
 _EVERYWHERE = {"error_model": "numpy"}
 
@@ -39,7 +42,7 @@ def kernel(function: Function) -> Function:
 
 def helper(function: Function) -> Function:
     """Let kernels call a function; it makes no arrays."""
-    shared: Function = register_jitable(**_EVERYWHERE, **_private("_nrt"))(function)
+    shared: Function = register_jitable(**_EVERYWHERE, **_private(*_INTERNAL))(function)
     return shared
 
 
@@ -49,7 +52,7 @@ def inlined(function: Function) -> Function:
     A call hands over every array of every tuple, one word after another: for what is called in hot
     loops this costs more than the work.
     """
-    options = _private("_nrt", "forceinline")
+    options = _private(*_INTERNAL, "forceinline")
     shared: Function = register_jitable(**_EVERYWHERE, **options)(function)
     return shared
 

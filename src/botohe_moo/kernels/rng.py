@@ -7,7 +7,7 @@ Mathematical Software 47(4), 2021. A state is two 64-bit words, not both zero.
 import numpy as np
 
 from botohe_moo._base.types import SeedArray
-from botohe_moo.kernels.compile import inline
+from botohe_moo.kernels.compile import inlined
 
 _A, _B, _C = np.uint64(24), np.uint64(16), np.uint64(37)
 _WORD = np.uint64(64)
@@ -32,7 +32,7 @@ def draw_state(random_state: np.random.Generator) -> SeedArray:
     return random_state.integers(0, 2**64, (1, 2), np.uint64)
 
 
-@inline
+@inlined
 def uniform(states: SeedArray, which: int) -> float:
     """Draw a float in [0, 1) and advance state ``which``."""
     low, high = states[which, 0], states[which, 1]
