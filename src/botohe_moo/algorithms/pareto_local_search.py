@@ -35,9 +35,10 @@ class ParetoLocalSearch(ArchiveAlgorithm):
     The search keeps all non-dominated plans. It takes one of them as a parent, and one of its
     robots, and makes children in which that robot's trail is cut and reconnected: through other
     nodes, with a piece of a trail of another plan, or by a whole one. Children that no plan
-    dominates enter the front; those that nearly do are kept in a small reserve, from which parents
-    are taken now and then, so that the search gets across to where single changes do not lead.
-    All of it runs in a kernel, many evaluations to an iteration (a pymoo generation).
+    dominates enter the front. When nothing has entered for long, the search now and then goes on
+    for a while from a front of one robot's trails, the other robots' being fixed, so that it gets
+    to where single changes do not lead. All of it runs in a kernel, many evaluations to an
+    iteration (a pymoo generation).
 
     Parameters
     ----------
@@ -52,35 +53,19 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         the largest area, divided by how often it was taken before, from 1 to 1 000. With 1, all
         plans are equally likely. As long as plans enter every hundred evaluations or so, four times
         as many (but 1 stays 1).
-    reserve_size
-        Plans in the reserve, from 1 to 1 000 000.
-    reserve_share
-        Probability to take a parent from the reserve, in [0, 1].
-    reserve_slack
-        How much less expected reward than the front, relative, a plan in the reserve may have, in
-        [0, 1].
-    response_hops
-        Hops for each evaluation, at least 0, that go into best responses: all trails of one robot
-        that improve the front, the other robots' trails being fixed, found by branch and bound (or
-        nearly all, where that takes too long). On missions of up to 64 nodes, and as long as most
-        of these searches come to an end; the first after some 10 000 evaluations, sooner where
-        nothing enters, for one robot alone. A search that the end of a generation cuts off begins
-        anew: generations of less than a thousand evaluations leave little of this. 0 looks for
-        none.
     moves
         How likely each move is to be drawn, relative, by name; those left out are not drawn.
         ``shortcut``, ``visit``, ``visit-two``: cut out a segment, and reconnect by safest paths
         through no node, one, or two. ``splice``: go on along another plan's trail to its end.
         ``graft``: replace a segment by one of another plan's trail. ``adopt``: take over a whole
-        trail. ``swap-loops``: walk the loops at a node in another order. ``reverse``: walk a
-        segment the other way round. Default: ``DEFAULT_MOVES``.
+        trail. ``reverse``: walk a segment the other way round. Default: ``DEFAULT_MOVES``.
     greedy_start
         Whether to begin with plans that :func:`~botohe_moo.plan_sequentially` makes for reward
         alone, for the whole team and for fewer robots, beside that in which everybody stays at
         base.
     max_size
-        Plans that the front keeps at most, at least 10; None keeps all. Where there are more, one
-        goes that contributes little area.
+        Plans that the front keeps after each generation, at least 10; None keeps all. Where there
+        are more, that which contributes the least area goes, and so on.
     sampling
         Trail plans to start from, evaluated first: an iterable of plans, or ``X`` of another
         result.
@@ -92,7 +77,8 @@ class ParetoLocalSearch(ArchiveAlgorithm):
     ValueError
         If a parameter is out of its range.
     TypeError
-        If an option is unknown, or the problem is no :class:`BOTOHE` or overrides its evaluation.
+        If an option is unknown, or the problem is not a :class:`BOTOHE` problem or overrides its
+        evaluation.
 
     Attributes
     ----------

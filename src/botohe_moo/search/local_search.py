@@ -21,16 +21,17 @@ from botohe_moo.trails import PlanBatch
 __all__ = ["DEFAULT_MOVES", "MOVES", "LocalSearch"]
 
 # Names of the moves, in the order in which the kernels number them.
-MOVES = ("shortcut", "visit", "visit-two", "splice", "graft", "reverse")
+MOVES = ("shortcut", "visit", "visit-two", "splice", "graft", "reverse", "adopt")
 
 # How likely each is to be drawn: `make bench` shows what each is good for.
 DEFAULT_MOVES: Mapping[str, float] = {
     "shortcut": 0.07,
-    "visit": 0.2,
-    "visit-two": 0.12,
-    "splice": 0.27,
-    "graft": 0.27,
-    "reverse": 0.07,
+    "visit": 0.18,
+    "visit-two": 0.11,
+    "splice": 0.25,
+    "graft": 0.25,
+    "reverse": 0.06,
+    "adopt": 0.1,
 }
 
 _FIRST_PLANS = 256

@@ -29,7 +29,8 @@ VISIT_TWO = 2
 SPLICE = 3
 GRAFT = 4
 REVERSE = 5
-N_KINDS = 6
+ADOPT = 6
+N_KINDS = 7
 
 # How many nodes nearby are compared, at most, when one is chosen to be visited: one, two or three.
 _MOST_COMPARED = 3
@@ -183,7 +184,7 @@ def _take_steps(graph: Graph, work: Workspace, here: int, n_steps: int) -> int:
 
 
 @inlined
-def _draw_trail(front: OrderedFront, work: Workspace, rule: SearchRule) -> int:
+def draw_trail(front: OrderedFront, work: Workspace, rule: SearchRule) -> int:
     """Draw a trail of another plan: of one near the parent, or of any."""
     states = work.states
     if uniform(states, 0) < rule.p_neighbour:
@@ -276,7 +277,7 @@ def change(
     elif kind == REVERSE:
         made = _draw_reversed(graph, work, rule)
     else:
-        donor = _draw_trail(front, work, rule)
+        donor = draw_trail(front, work, rule)
         made = _draw_piece(graph, store, work, donor, kind == SPLICE, rule.p_meet)
     if not made:
         return False
@@ -330,7 +331,7 @@ def write_child(work: Workspace) -> int:
     for i in range(now.suffix, now.length):
         child[n] = work.steps[i].arc
         n += 1
-    return n
+    return int(n)
 
 
 @inlined
@@ -348,27 +349,44 @@ def appraise(
     """
     now, steps, nodes = work.now, work.steps, work.nodes
     now.mark += 1
-    kept, after = steps[now.prefix], steps[now.suffix]
-    alive, gained = kept.alive, kept.gained
+    mark, prefix, suffix, length = now.mark, now.prefix, now.suffix, now.length
+    alive, gained = steps[prefix].alive, steps[prefix].gained
     for i in range(now.middle):
         arc = work.middle[i]
         alive *= graph.survival[arc]
         node = nodes[graph.head[arc]]
-        if node.met > now.prefix and node.seen != now.mark:
-            node.seen = now.mark
+        if node.met > prefix and node.seen != mark:
+            node.seen = mark
             gained += node.left * alive
-    ratio = alive / after.alive
-    home = steps[now.length].alive * ratio
+    ratio = alive / steps[suffix].alive
+    home = steps[length].alive * ratio
     if home < rule.min_survival:
         return -1.0, home
     needed = best_reward(front, (survivors + home) * (1.0 - TOLERANCE))
-    bound = (others + gained + alive * after.ahead) * (1.0 + TOLERANCE)
+    bound = (others + gained + alive * steps[suffix].ahead) * (1.0 + TOLERANCE)
     if needed >= bound:
         return -1.0, home
-    for i in range(now.suffix + 1, now.length + 1):
-        step = steps[i]
-        node = nodes[step.node]
-        if node.met > now.prefix and node.seen != now.mark:
-            node.seen = now.mark
-            gained += node.left * step.alive * ratio
+    for i in range(suffix + 1, length + 1):
+        node = nodes[steps[i].node]
+        if node.met > prefix and node.seen != mark:
+            node.seen = mark
+            gained += node.left * steps[i].alive * ratio
     return (gained if (others + gained) * (1.0 - TOLERANCE) > needed else -1.0), home
+
+
+@inlined
+def adopt(
+    store: TrailStore,
+    front: OrderedFront,
+    work: Workspace,
+    trail: int,
+    others: float,
+    survivors: float,
+) -> tuple[float, float]:
+    """Give the same as ``appraise`` for a child that takes a stored trail."""
+    taken = store.trails[trail]
+    gained = 0.0
+    for i in range(taken.first_visit, taken.first_visit + taken.n_visits):
+        gained += work.nodes[store.node[i]].left * store.reach[i]
+    needed = best_reward(front, (survivors + taken.alive) * (1.0 - TOLERANCE))
+    return (gained if (others + gained) * (1.0 - TOLERANCE) > needed else -1.0), taken.alive

@@ -17,7 +17,15 @@ from botohe_moo.kernels.fronts.ordered import (
 )
 from botohe_moo.kernels.graph.arcs import find_arc
 from botohe_moo.kernels.graph.graph import Graph
-from botohe_moo.kernels.local_search.moves import N_KINDS, appraise, change, write_child
+from botohe_moo.kernels.local_search.moves import (
+    ADOPT,
+    N_KINDS,
+    adopt,
+    appraise,
+    change,
+    draw_trail,
+    write_child,
+)
 from botohe_moo.kernels.local_search.routes import Routes
 from botohe_moo.kernels.local_search.trail_store import (
     TrailStore,
@@ -41,6 +49,9 @@ from botohe_moo.kernels.rng import uniform
 
 # Parents in a row without any child, after which there is nothing left to try.
 MAX_FRUITLESS = 10_000
+
+# Instead of a trail: the child's is not stored.
+NOBODY = -1
 
 
 class Given(NamedTuple):
@@ -290,16 +301,25 @@ def _raise_children(
     for _ in range(rule.n_children_busy if memory.idle <= rule.busy else rule.n_children):
         if n == n_most:
             break
-        kind = _draw_kind(work)
-        if not change(graph, routes, store, front, work, rule, kind):
+        kind, trail = _draw_kind(work), NOBODY
+        if kind == ADOPT:
+            trail = draw_trail(front, work, rule)
+            if trail == parent:
+                continue
+            gained, alive = adopt(store, goal, work, trail, others, survivors)
+        elif change(graph, routes, store, front, work, rule, kind):
+            gained, alive = appraise(graph, goal, work, rule, others, survivors)
+        else:
             continue
         n += 1
         memory.idle += 1
         work.tally[0, kind] += 1
-        gained, alive = appraise(graph, goal, work, rule, others, survivors)
         if gained < 0.0:
             continue
-        trail = add_trail(graph, store, work, write_child(work))
+        if trail == NOBODY:
+            trail = add_trail(graph, store, work, write_child(work))
+        else:
+            store.trails[trail].n_users += 1
         if is_alone:
             _enter_alone(store, goal, work, trail, gained, alive)
             needed = best_reward(front, (now.survivors + alive) * (1.0 - TOLERANCE))
