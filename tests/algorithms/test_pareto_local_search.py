@@ -2,7 +2,6 @@
 
 import copy
 import pickle
-from pathlib import Path
 
 import networkx as nx
 import numpy as np
@@ -24,8 +23,6 @@ from botohe_moo import (
 )
 from botohe_moo.operators import RandomTrailSampling
 from botohe_moo.search.local_search import MOVES
-
-DATA = Path(__file__).parents[1] / "data"
 
 
 @pytest.fixture(scope="module")
@@ -124,15 +121,6 @@ class TestTrueFronts:
         longer = -solve(museum, 200_000).F
         assert weakly_dominates(longer * [1.06, 1.0], colony)
 
-    @pytest.mark.parametrize("seed", [1, 2])
-    def test_best_responses_find_all_that_one_robot_can_do(self, museum, seed):
-        """Its front is ``museum.evaluate(exact_front(load_mission("art_museum", robots=1)))``."""
-        alone = np.loadtxt(DATA / "museum_alone.csv", delimiter=",", skiprows=1) + np.array([0, 2])
-        found = -solve(museum, 30_000, seed=seed).F * (1 + 1e-12)
-        without = -solve(museum, 30_000, seed=seed, response_hops=0).F * (1 + 1e-12)
-        assert weakly_dominates(found, alone)
-        assert not weakly_dominates(without, alone)
-
     def test_the_area_after_a_million_evaluations(self, museum):
         result = solve(museum, 1_000_000, seed=3)
         assert area_indicator(-result.F, museum) >= 0.5329
@@ -209,12 +197,6 @@ class TestFront:
             limited = solve(museum, n_eval, sampling=given, max_size=10)
             assert len(limited.F) == 10
             assert limited.algorithm.evaluator.n_eval == n_eval
-
-    @pytest.mark.parametrize("response_hops", [20.0, 1e6])
-    def test_best_responses_spend_no_more_and_no_less(self, response_hops):
-        toy = load_mission("toy")  # solved soon, and then no response finds anything
-        result = solve(toy, 30_000, response_hops=response_hops)
-        assert result.algorithm.evaluator.n_eval == 30_000
 
     def test_plans_that_differ_by_rounding_alone(self):
         """Where many trails survive alike, the last bits do not keep a worse plan in the front."""
@@ -364,14 +346,7 @@ class TestErrors:
             ),
             ({"n_children": 0}, r"Expected n_children in \[1, 100000\], got 0\."),
             ({"n_drawn": 2.5}, r"Expected n_drawn to be an integer in \[1, 1000\], got 2\.5\."),
-            ({"reserve_size": 0}, r"Expected reserve_size in \[1, 1000000\], got 0\."),
-            ({"reserve_share": 1.5}, r"Expected reserve_share in \[0, 1\], got 1\.5\."),
-            ({"reserve_slack": -0.1}, r"Expected reserve_slack in \[0, 1\], got -0\.1\."),
-            ({"response_hops": -1}, r"Expected response_hops >= 0, got -1\."),
-            (
-                {"response_hops": float("inf")},
-                r"Expected response_hops to be a finite number >= 0, got inf\.",
-            ),
+            (),
             ({"max_size": 9}, r"Expected max_size in \[10, 1000000000\], got 9\."),
             ({"greedy_start": 1}, r"Expected greedy_start to be "),
             (

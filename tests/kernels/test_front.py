@@ -7,18 +7,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from botohe_moo.kernels.local_search import front as kernels
-from botohe_moo.kernels.local_search import members
-from botohe_moo.kernels.local_search.front import BLOCK
-from botohe_moo.kernels.local_search.trail_store import N_SPARE_TRAILS, new_store
+from botohe_moo.kernels.fronts import ordered as kernels
+from botohe_moo.kernels.fronts.ordered import BLOCK
+from botohe_moo.kernels.local_search import search
+from botohe_moo.kernels.local_search.trail_store import copy_trails, new_store, release
 from botohe_moo.kernels.rng import seed_states
-from botohe_moo.search import local_search
-from tests.twins import plain_local_search
+from botohe_moo.search.local_search import _most_contributing
 
 
-@pytest.fixture(autouse=True, scope="module")
-def plain():
-    with plain_local_search():
+@pytest.fixture(autouse=True)
+def no_warnings():
+    """Kernels' integers wrap around, also where numpy would warn."""
+    with np.errstate(all="ignore"):
         yield
 
 
@@ -26,18 +26,16 @@ class Pair:
     """A front of plans with one trail each, and its twin: lists by ascending E[S]."""
 
     def __init__(self, n_slots):
-        self.front, self.store = kernels.new_front(n_slots, 1), new_store(n_slots + 1, 0, 0, 1)
+        self.front, self.store = kernels.new_front(n_slots, 1), new_store(n_slots + 1, 0, 0)
         self.survivors, self.rewards, self.trails = [], [], []
 
     def enter(self, reward, survivors):
         """Put a plan into both."""
-        counts = self.store.counts
-        counts[N_SPARE_TRAILS] -= 1
-        trail = int(self.store.spare[counts[N_SPARE_TRAILS]])
-        self.store.n_users[trail] = 1
-        trails = np.array([trail], np.int32)
-        entered = members.enter(self.store, self.front, trails, reward, survivors)
-        members.release(self.store, trail)
+        self.store.n.spare -= 1
+        trail = int(self.store.spare[self.store.n.spare])
+        self.store.trails[trail].n_users = 1
+        entered = search._enter(self.store, self.front, np.array([trail]), reward, survivors)
+        release(self.store, trail)
         assert entered == self._enter_list(reward, survivors, trail)
 
     def _enter_list(self, reward, survivors, trail):
@@ -56,7 +54,7 @@ class Pair:
         """Take the plan at an index out of both."""
         at, place = self.place(index)
         slot = kernels.remove_place(self.front, at, place)
-        members.release(self.store, self.front.plan[slot, 0])
+        release(self.store, self.front.plan[slot, 0])
         self._leave(index)
 
     def _leave(self, index):
@@ -69,7 +67,7 @@ class Pair:
 
     def place(self, index):
         """Where the plan at an index should be: block in the directory, and place."""
-        n_blocks = int(self.front.counts[kernels.N_BLOCKS])
+        n_blocks = int(self.front.n.blocks)
         for at in range(n_blocks):
             size = int(self.front.size[self.front.directory[at]])
             if index < size:
@@ -78,9 +76,8 @@ class Pair:
         return n_blocks, 0
 
     def read(self):
-        n = int(self.front.counts[kernels.N_PLANS])
-        slots, objectives = np.empty(n, np.int32), np.empty((n, 2))
-        kernels.read_front(self.front, slots, objectives)
+        slots, objectives = kernels.read_front(self.front)
+        assert len(slots) == len(objectives) == self.front.n.plans
         return slots, objectives
 
     def check(self):
@@ -90,14 +87,14 @@ class Pair:
             map(list, zip(self.rewards, self.survivors, strict=True))
         )
         assert front.plan[slots, 0].tolist() == self.trails
-        used = np.flatnonzero(self.store.n_users)
+        users = self.store.trails["n_users"]
+        used = np.flatnonzero(users)
         assert sorted(self.trails) == used.tolist()
-        assert (self.store.n_users[used] == 1).all()
-        counts = front.counts
-        spare = front.spare_slots[: counts[kernels.N_SPARE_SLOTS]].tolist()
+        assert (users[used] == 1).all()
+        spare = front.spare_slots[: front.n.spare].tolist()
         assert sorted([*slots.tolist(), *spare]) == list(range(len(front.serial)))
-        blocks = front.directory[: counts[kernels.N_BLOCKS]].tolist()
-        spare = front.spare_blocks[: counts[kernels.N_SPARE_BLOCKS]].tolist()
+        blocks = front.directory[: front.n.blocks].tolist()
+        spare = front.free_blocks[: front.n.free].tolist()
         assert sorted([*blocks, *spare]) == list(range(len(front.directory)))
         sizes = front.size[blocks]
         assert ((sizes > 0) & (sizes <= BLOCK)).all()
@@ -154,7 +151,7 @@ def test_thousands_of_plans_come_and_go(noise):
             pair.check_finding(survivors)
         for index in range(0, len(pair.trails), 17):
             pair.check_contribution(index)
-        most = max(most, int(pair.front.counts[kernels.N_BLOCKS]))
+        most = max(most, int(pair.front.n.blocks))
     assert most > (10 if noise < 0.01 else 1)
 
 
@@ -164,9 +161,9 @@ def test_a_full_block_splits_where_a_plan_enters(place):
     for i in range(BLOCK + 1):
         if i != place:
             pair.enter(100.0 - i, float(i))
-    assert pair.front.counts[kernels.N_BLOCKS] == 1
+    assert pair.front.n.blocks == 1
     pair.enter(100.0 - place, float(place))
-    assert pair.front.counts[kernels.N_BLOCKS] == 2
+    assert pair.front.n.blocks == 2
     pair.check()
 
 
@@ -185,7 +182,7 @@ def test_plans_are_drawn_uniformly(n):
     pair = Pair(n)
     for i in np.random.default_rng(1).permutation(n).tolist():
         pair.enter(float(n - i), float(i))
-    sizes = pair.front.size[pair.front.directory[: pair.front.counts[kernels.N_BLOCKS]]]
+    sizes = pair.front.size[pair.front.directory[: pair.front.n.blocks]]
     assert n < 300 or len(set(sizes.tolist())) > 2
     starts = np.concatenate([[0], np.cumsum(sizes)])
     states, drawn = seed_states(np.random.default_rng(7), 1), np.zeros(n)
@@ -210,7 +207,8 @@ def test_room_is_there_until_it_is_not():
 
 
 @pytest.mark.parametrize("n", [0, 1, 40, 300])
-def test_a_larger_front_holds_the_same_and_goes_on(n):
+@pytest.mark.parametrize("every", [1, 3])
+def test_a_larger_front_holds_the_same_and_goes_on(n, every):
     rng = np.random.default_rng(n)
     pair = Pair(300)
     for _ in range(n):
@@ -218,13 +216,22 @@ def test_a_larger_front_holds_the_same_and_goes_on(n):
         pair.enter(1.0 - survivors, survivors)
     for index in rng.permutation(len(pair.trails))[: n // 3]:
         pair.remove(int(index) % len(pair.trails))
-    serials = pair.front.serial[pair.read()[0]].tolist()
-    pair.front = local_search._larger_front(pair.front, 5)
+    slots = pair.read()[0]
+    kept = slots[::every]
+    serials, tried = pair.front.serial[kept].tolist(), rng.integers(0, 9, len(kept))
+    pair.front.tried[kept] = tried
+    pair.front = kernels.copy_front(pair.front, kept, 605)
+    for index in reversed(range(len(slots))):
+        if index % every:
+            release(pair.store, pair.trails[index])
+            pair._leave(index)
     assert len(pair.front.serial) == 605
     pair.store = larger_store(pair.store, 606)
     pair.check()
-    assert pair.front.serial[pair.read()[0]].tolist() == serials
-    assert pair.front.counts[kernels.N_ENTERED] == n
+    slots = pair.read()[0]
+    assert pair.front.serial[slots].tolist() == serials
+    assert pair.front.tried[slots].tolist() == tried.tolist()
+    assert pair.front.n.entered == n
     for _ in range(300):
         survivors = rng.random()
         pair.enter(1.0 - survivors, survivors)
@@ -232,30 +239,30 @@ def test_a_larger_front_holds_the_same_and_goes_on(n):
 
 
 def larger_store(store, n_trails):
-    larger = new_store(n_trails, 0, 0, 1)
-    local_search.copy_trails(store, larger)
+    larger = new_store(n_trails, 0, 0)
+    copy_trails(store, larger)
     return larger
 
 
 def test_thinning_takes_what_contributes_least_and_leaves_the_ends():
-    pair = Pair(100)
-    for i in range(100):
-        pair.enter(100.0 - i - 0.9 * (i == 50), float(i))  # the next one stands close to it
-    states = seed_states(np.random.default_rng(3), 1)
-    areas = [kernels.contribution(pair.front, *pair.place(i)) for i in range(100)]
-    before = pair.trails.copy()
-    gone = []
-    for n in range(99, 1, -1):
-        members.thin(pair.store, pair.front, n, states)
-        trails = pair.front.plan[pair.read()[0], 0].tolist()
-        gone += set(before) - set(trails)
-        before = trails
-        assert len(trails) == n
-        assert (trails[0], trails[-1]) == (pair.trails[0], pair.trails[-1])
-        if n == 99:
-            # Sixteen of a hundred are drawn: the worst of them is among the worse half.
-            assert areas[pair.trails.index(gone[0])] <= np.median(areas)
-    for max_size in (0, 2, 3):  # no limit, or kept: nothing to take
-        members.thin(pair.store, pair.front, max_size, states)
-    assert pair.front.counts[kernels.N_PLANS] == 2
-    assert pair.store.n_users.sum() == 2
+    n = 100
+    objectives = np.column_stack([100.0 - np.arange(n), np.arange(n)])
+    objectives[50, 0] -= 0.9  # the next one stands close to it
+    assert np.delete(np.arange(n), 51).tolist() == _most_contributing(objectives, n - 1).tolist()
+    for n_most in range(n, 1, -1):
+        kept = _most_contributing(objectives, n_most)
+        assert len(kept) == n_most
+        assert (kept[0], kept[-1]) == (0, n - 1)
+        assert (np.diff(kept) > 0).all()
+    # Evenly spaced plans: no gap is wide.
+    assert np.diff(_most_contributing(objectives, 50)).max() <= 3
+
+
+@settings(max_examples=60)
+@given(st.integers(2, 40), st.integers(2, 40), st.integers(0, 9))
+def test_thinning_any_front(n, n_most, seed):
+    rng = np.random.default_rng(seed)
+    objectives = np.column_stack([np.sort(rng.random(n))[::-1], np.sort(rng.random(n))])
+    kept = _most_contributing(objectives, n_most)
+    assert len(kept) == min(n, n_most)
+    assert {0, n - 1} <= set(kept.tolist())

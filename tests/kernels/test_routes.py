@@ -3,7 +3,6 @@
 from math import log
 
 import networkx as nx
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -11,15 +10,7 @@ from hypothesis import strategies as st
 from botohe_moo import load_mission
 from botohe_moo.kernels.local_search import routes as kernels
 from botohe_moo.kernels.local_search.routes import UNKNOWN
-from botohe_moo.search.local_search import _routes
 from tests.strategies import missions
-from tests.twins import plain_local_search
-
-
-@pytest.fixture(autouse=True, scope="module")
-def plain():
-    with plain_local_search():
-        yield
 
 
 def distances_to(mission, goal):
@@ -37,7 +28,7 @@ def assert_routes(mission, routes, goal, n_known):
     """Whether a row leads to its goal, as safely as possible, from the nodes nearest to it."""
     arrays, safest = mission.arrays, distances_to(mission, goal)
     assert routes.n_known[goal] == n_known
-    sources = routes.source[goal, :n_known].tolist()
+    sources = routes.entries["source"][goal, :n_known].tolist()
     assert sources == sorted(set(sources))
     known = max(safest[node] for node in sources)
     assert all(safest[node] >= known - 1e-9 for node in set(safest) - set(sources))
@@ -46,27 +37,26 @@ def assert_routes(mission, routes, goal, n_known):
         assert (entry == UNKNOWN) == (node not in sources)
         if entry == UNKNOWN:
             continue
-        assert routes.cost[goal, entry] == pytest.approx(safest[node], rel=1e-12, abs=1e-12)
+        assert routes.entries[goal, entry].cost == pytest.approx(safest[node], rel=1e-12, abs=1e-12)
         cost, here = 0.0, node
         while here != goal:
-            arc = routes.arc[goal, entry]
+            arc = routes.entries[goal, entry].arc
             assert arrays.tail[arc] == here
             cost -= log(arrays.survival[arc])
-            here, entry = arrays.head[arc], routes.onward[goal, entry]
-            assert routes.source[goal, entry] == here
-        assert routes.arc[goal, entry] == -1
+            here, entry = arrays.head[arc], routes.entries[goal, entry].onward
+            assert routes.entries[goal, entry].source == here
+        assert routes.entries[goal, entry].arc == -1
         assert cost == pytest.approx(safest[node], rel=1e-12, abs=1e-12)
 
 
 def search(mission, routes, goal):
-    cost = -np.log(mission.arrays.survival) + 0.0
-    kernels.search_routes(mission.arrays.tail, mission.arrays.head, cost, routes, goal)
+    kernels.search_routes(mission.arrays, routes, goal)
 
 
 @settings(max_examples=60)
 @given(missions(min_nodes=1, max_nodes=9), st.data())
 def test_rows_hold_the_safest_paths_from_all_nodes(mission, data):
-    routes, n_nodes = _routes(mission), mission.arrays.n_nodes
+    routes, n_nodes = kernels.new_routes(mission.arrays), mission.arrays.n_nodes
     assert not routes.n_known.any()  # nothing is searched before somebody asks
     goals = data.draw(st.permutations(range(n_nodes)))
     for i, goal in enumerate(goals):
@@ -82,29 +72,48 @@ def test_on_larger_missions_rows_are_truncated(mission, near):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(kernels, "FULL_UP_TO", 3)
         patch.setattr(kernels, "NEAR", near)
-        routes = _routes(mission)
-    assert routes.source.shape == (mission.arrays.n_nodes, near)
+        routes = kernels.new_routes(mission.arrays)
+    assert routes.entries.shape == (mission.arrays.n_nodes, near)
     for goal in range(mission.arrays.n_nodes):
         search(mission, routes, goal)
         assert_routes(mission, routes, goal, near)
 
 
 @settings(max_examples=40)
+@given(missions(min_nodes=2, max_nodes=9), st.integers(1, 8))
+def test_the_nearest_nodes_are_those_that_are_safest_to_reach(mission, n_near):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(kernels, "_N_NEIGHBOURS", n_near)
+        routes = kernels.new_routes(mission.arrays)
+    n_nodes = mission.arrays.n_nodes
+    assert routes.near.shape == (n_nodes, min(n_near, n_nodes - 1))
+    safest = [distances_to(mission, goal) for goal in range(n_nodes)]
+    for node in range(n_nodes):
+        assert (routes.near[node] == -1).all()
+        kernels.search_near(mission.arrays, routes, node)
+        near = routes.near[node].tolist()
+        assert len({*near, node}) == len(near) + 1
+        found = [safest[goal][node] for goal in near]
+        others = sorted(safest[goal][node] for goal in range(n_nodes) if goal != node)
+        assert found == pytest.approx(others[: len(near)], rel=1e-12, abs=1e-12)
+
+
+@settings(max_examples=40)
 @given(missions(min_nodes=1, max_nodes=9))
 def test_everywhere_the_way_home_is_known(mission):
-    routes, arrays, safest = _routes(mission), mission.arrays, distances_to(mission, 0)
+    arrays, safest = mission.arrays, distances_to(mission, 0)
     for node in range(arrays.n_nodes):
         cost, here = 0.0, node
         while here != arrays.base:
-            assert arrays.tail[routes.homeward[here]] == here
-            cost -= log(arrays.survival[routes.homeward[here]])
-            here = arrays.head[routes.homeward[here]]
+            assert arrays.tail[arrays.homeward[here]] == here
+            cost -= log(arrays.survival[arrays.homeward[here]])
+            here = arrays.head[arrays.homeward[here]]
         assert cost == pytest.approx(safest[node], rel=1e-12, abs=1e-12)
 
 
 def test_a_named_mission():
     museum = load_mission("art_museum")
-    routes = _routes(museum)
+    routes = kernels.new_routes(museum.arrays)
     for goal in range(len(museum.nodes)):
         search(museum, routes, goal)
         assert_routes(museum, routes, goal, len(museum.nodes))

@@ -9,50 +9,44 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from botohe_moo import Mission, TrailPlan
+from botohe_moo.kernels.graph.arcs import find_arc
 from botohe_moo.kernels.local_search import trail_store as kernels
-from botohe_moo.kernels.plans.evaluate import find_arc
+from botohe_moo.kernels.local_search import workspace
 from tests.strategies import missions, missions_with_plans, trails
-from tests.twins import plain_local_search
-
-
-@pytest.fixture(autouse=True, scope="module")
-def plain():
-    with plain_local_search():
-        yield
 
 
 class Stored:
     """A store, and the trails put into it, as node indices by number."""
 
     def __init__(self, mission, n_trails=40):
-        arrays = mission.arrays
         self.mission, self.nodes = mission, {}
-        self.store = kernels.new_store(n_trails, 1_000, 1_000, arrays.n_nodes)
+        self.store = kernels.new_store(n_trails, 1_000, 1_000)
+        self.work = workspace.new_workspace(
+            mission.arrays, mission.robots, memory=None, tally=None, states=None, weights=None
+        )
 
     def add(self, nodes):
-        arrays = self.mission.arrays
-        arcs = [find_arc(arrays.first, arrays.head, u, v) for u, v in pairwise(nodes)]
-        longer = np.array([*arcs, -1, -1], np.int32)  # callers hand in more than they use
-        trail = kernels.add_trail(
-            arrays.head, arrays.survival, arrays.reward, arrays.base, self.store, longer, len(arcs)
-        )
-        self.store.n_users[trail] += 1
+        arcs = [find_arc(self.mission.arrays, u, v) for u, v in pairwise(nodes)]
+        self.work.child[: len(arcs)] = arcs
+        self.work.child[len(arcs) :] = -1  # there is room for more than is used
+        trail = workspace.add_trail(self.mission.arrays, self.store, self.work, len(arcs))
         self.nodes[trail] = tuple(nodes)
         return trail
 
     def release(self, trail):
         kernels.release(self.store, trail)
-        if self.store.n_users[trail] == 0:
+        if self.store.trails[trail].n_users == 0:
             del self.nodes[trail]
 
     def check(self):
         """Whether the store holds these trails, with what they reach, and has the others free."""
         store, arrays = self.store, self.mission.arrays
-        assert set(np.flatnonzero(store.n_users).tolist()) == set(self.nodes)
-        spare = store.spare[: store.counts[kernels.N_SPARE_TRAILS]].tolist()
-        assert sorted([*spare, *self.nodes]) == list(range(len(store.n_users)))
+        assert set(np.flatnonzero(store.trails["n_users"]).tolist()) == set(self.nodes)
+        spare = store.spare[: store.n.spare].tolist()
+        assert sorted([*spare, *self.nodes]) == list(range(len(store.trails)))
         for trail, nodes in self.nodes.items():
-            arcs = store.arc[store.arcs_from[trail] :][: store.n_arcs[trail]]
+            stored = store.trails[trail]
+            arcs = store.arc[stored.first_arc :][: stored.n_arcs]
             assert (arrays.base, *arrays.head[arcs].tolist()) == nodes
             reached, alive = {}, 1.0
             for arc in arcs:
@@ -60,10 +54,10 @@ class Stored:
                 node = int(arrays.head[arc])
                 if arrays.reward[node] > 0 and node != arrays.base:
                     reached.setdefault(node, alive)
-            start, n = store.visits_from[trail], store.n_visits[trail]
+            start, n = stored.first_visit, stored.n_visits
             assert store.node[start : start + n].tolist() == list(reached)
             assert store.reach[start : start + n].tolist() == list(reached.values())
-            assert store.alive[trail] == alive
+            assert stored.alive == alive
 
 
 @settings(max_examples=60)
@@ -74,19 +68,19 @@ def test_trails_are_kept_as_long_as_somebody_has_them(data):
     for _ in range(data.draw(st.integers(0, 12))):
         trail = stored.add(data.draw(trails(mission)))
         again = data.draw(st.integers(0, 2))
-        stored.store.n_users[trail] += again
+        stored.store.trails[trail].n_users += again
         for _ in range(data.draw(st.integers(0, again + 1))):
             stored.release(trail)
     stored.check()
     # The copy has no gaps, room for more, and the same numbers.
     n_arcs = sum(len(nodes) - 1 for nodes in stored.nodes.values())
-    n_visits = int(stored.store.n_visits[list(stored.nodes)].sum())
-    into = kernels.new_store(60, n_arcs + 500, n_visits + 500, mission.arrays.n_nodes)
-    users = stored.store.n_users.copy()
+    n_visits = int(stored.store.trails["n_visits"][list(stored.nodes)].sum())
+    into = kernels.new_store(60, n_arcs + 500, n_visits + 500)
+    users = stored.store.trails["n_users"].copy()
     kernels.copy_trails(stored.store, into)
-    assert into.counts[kernels.N_ARCS] == n_arcs
-    assert into.counts[kernels.N_VISITS] == n_visits
-    assert into.n_users[:40].tolist() == users.tolist()
+    assert into.n.arcs == n_arcs
+    assert into.n.visits == n_visits
+    assert into.trails["n_users"][:40].tolist() == users.tolist()
     stored.store = into
     stored.check()
     for _ in range(3):
@@ -98,21 +92,12 @@ def test_trails_are_kept_as_long_as_somebody_has_them(data):
 @given(missions_with_plans(min_nodes=1, max_robots=5), st.randoms())
 def test_objectives_have_the_bits_of_evaluate(case, random):
     mission, plan = case
-    arrays, n_nodes = mission.arrays, mission.arrays.n_nodes
     stored = Stored(mission)
     nodes = list(plan.trails)
     random.shuffle(nodes)
-    in_order = sorted(map(stored.add, nodes), key=stored.nodes.get)
-    scratch = np.empty(n_nodes), np.empty(n_nodes, np.int32), np.full(n_nodes, -1, np.int64)
-    for mark in (1, 2):
-        objectives = kernels.evaluate_trails(
-            arrays.reward,
-            arrays.base,
-            stored.store,
-            np.array(in_order, np.int32),
-            *scratch,
-            mark,
-        )
+    stored.work.trails[:] = sorted(map(stored.add, nodes), key=stored.nodes.get)
+    for _ in range(2):
+        objectives = workspace.evaluate_trails(mission.arrays, stored.store, stored.work)
         assert list(objectives) == mission.evaluate([TrailPlan(nodes)])[0].tolist()
 
 
@@ -123,17 +108,23 @@ def test_trails_are_in_lexicographic_order(data):
     stored = Stored(mission)
     one, other = (stored.add(data.draw(trails(mission))) for _ in range(2))
     before = stored.nodes[one] < stored.nodes[other]
-    assert kernels.precedes(stored.store, one, other) == before
-    assert not kernels.precedes(stored.store, one, one)
+    assert kernels.comes_before(stored.store, one, other) == before
+    assert not kernels.comes_before(stored.store, one, one)
 
 
 def test_room_for_trails_arcs_and_visits():
-    store = kernels.new_store(10, 100, 30, 5)
-    assert kernels.fits(store, 10, 10, 3)
-    assert not kernels.fits(store, 11, 9, 2)
-    assert not kernels.fits(store, 10, 11, 3)
-    assert not kernels.fits(store, 10, 10, 4)
-    assert kernels.fits(store, 5, 20, 6)
+    graph = nx.DiGraph([(0, 1), (1, 2), (2, 0), (1, 0), (2, 1)], robots=1)  # 3 nodes, 5 arcs
+    nx.set_node_attributes(graph, 1.0, "reward")
+    nx.set_edge_attributes(graph, 0.9, "survival")
+    arrays, store = Mission(graph, base=0).arrays, kernels.new_store(10, 40, 30)
+    assert kernels.fits(arrays, store, 8)
+    assert not kernels.fits(arrays, store, 9)  # 45 arcs
+    store.n.visits = 7
+    assert kernels.fits(arrays, store, 7)
+    assert not kernels.fits(arrays, store, 8)  # 24 visits and 7
+    store.n.spare = 6
+    assert kernels.fits(arrays, store, 6)
+    assert not kernels.fits(arrays, store, 7)
 
 
 def test_a_released_trail_gives_its_number_to_the_next():
@@ -146,11 +137,12 @@ def test_a_released_trail_gives_its_number_to_the_next():
     )
     stored = Stored(Mission(graph, base=0, robots=1))
     trail = stored.add((0, 2, 0, 1, 0))
-    store = stored.store
-    assert store.alive[trail] == pytest.approx(0.8 * 0.8 * 0.5 * 0.5)
+    store, first = stored.store, stored.store.trails[trail]
+    assert first.alive == pytest.approx(0.8 * 0.8 * 0.5 * 0.5)
     # The base's reward is everybody's, and there is none at node 2.
-    assert store.node[: store.n_visits[trail]].tolist() == [1]
+    assert store.node[: first.n_visits].tolist() == [1]
     assert store.reach[0] == pytest.approx(0.8 * 0.8 * 0.5)
     stored.release(trail)
     assert stored.add((0,)) == trail
-    assert (store.n_arcs[trail], store.n_visits[trail], store.alive[trail]) == (0, 0, 1.0)
+    again = store.trails[trail]
+    assert (again.n_arcs, again.n_visits, again.alive) == (0, 0, 1.0)

@@ -172,7 +172,7 @@ for budget in (1, 97, 331):
     def test_nor_is_local_search(self, budget, monkeypatch):
         counted = Counted(monkeypatch)
         with plain_local_search() as patch:
-            for name in ("appraise", "adopt"):  # either gives the objectives of a child
+            for name in ("appraise", "adopt"):  # either tells what a child brings
                 patch.setattr(search, name, counted.calls_of(getattr(search, name)))
             outcome, records = performed(make_task("pareto-local-search", evaluations=budget))
         assert outcome.status == "done", outcome.error

@@ -10,3 +10,5 @@ IntArray: TypeAlias = NDArray[np.integer[Any]]  # node and arc indices
 OffsetArray: TypeAlias = NDArray[np.int64]  # where the pieces of a ragged array begin
 SeedArray: TypeAlias = NDArray[np.uint64]
 ObjectArray: TypeAlias = NDArray[Any]
+Record: TypeAlias = Any  # a numpy.record, whose fields are attributes
+RecordArray: TypeAlias = Any  # a numpy.recarray of these

@@ -12,11 +12,11 @@ from pymoo.core.population import Population
 from botohe_moo._base.checks import ParameterError, check_weights, quoted
 from botohe_moo._base.types import FloatArray, ObjectArray, OffsetArray
 from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.ranges import Count, NotNegative, Probability
 from botohe_moo.algorithms.base import ArchiveAlgorithm
-from botohe_moo.kernels.local_search.rule import SearchRule
+from botohe_moo.algorithms.individuals import PopulationArchive
+from botohe_moo.kernels.fronts.archive import Archive
+from botohe_moo.kernels.local_search.workspace import SearchRule
 from botohe_moo.problem import BOTOHE
-from botohe_moo.search.archive import PlanArchive
 from botohe_moo.search.local_search import DEFAULT_MOVES, MOVES, LocalSearch
 from botohe_moo.search.sequential import SequentialPlanner
 from botohe_moo.trails import PlanBatch, TrailPlan
@@ -28,7 +28,6 @@ __all__ = ["ParetoLocalSearch"]
 _WIDE_BEAM, _NARROW_BEAM = 20, 5
 _WIDE_UP_TO = 20_000  # nodes times robots
 
-_UNLIMITED = 0
 _FIRST_GENERATION = 100
 
 
@@ -38,9 +37,10 @@ class ParetoLocalSearch(ArchiveAlgorithm):
     The search keeps all non-dominated plans. It takes one of them as a parent, and one of its
     robots, and makes children in which that robot's trail is cut and reconnected: through other
     nodes, with a piece of a trail of another plan, or by a whole one. Children that no plan
-    dominates enter the front; those that nearly do are kept in a small reserve, from which parents
-    are taken now and then, so that the search gets across to where single changes do not lead.
-    All of it runs in a kernel, many evaluations to an iteration (a pymoo generation).
+    dominates enter the front. When nothing has entered for long, the search now and then goes on
+    for a while from a front of one robot's trails, the other robots' being fixed, so that it gets
+    to where single changes do not lead. All of it runs in a kernel, many evaluations to an
+    iteration (a pymoo generation).
 
     Parameters
     ----------
@@ -55,34 +55,19 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         the largest area, divided by how often it was taken before. With 1, all plans are equally
         likely. As long as plans enter every hundred evaluations or so, four times as many (but 1
         stays 1).
-    reserve_size
-        Plans in the reserve.
-    reserve_share
-        Probability to take a parent from the reserve.
-    reserve_slack
-        How much less expected reward than the front, relative, a plan in the reserve may have.
-    response_hops
-        Hops for each evaluation that go into best responses: all trails of one robot
-        that improve the front, the other robots' trails being fixed, found by branch and bound (or
-        nearly all, where that takes too long). On missions of up to 64 nodes, and as long as most
-        of these searches come to an end; the first after some 10 000 evaluations, sooner where
-        nothing enters, for one robot alone. A search that the end of a generation cuts off begins
-        anew: generations of less than a thousand evaluations leave little of this. 0 looks for
-        none.
     moves
         How likely each move is to be drawn, relative, by name; those left out are not drawn.
         ``shortcut``, ``visit``, ``visit-two``: cut out a segment, and reconnect by safest paths
         through no node, one, or two. ``splice``: go on along another plan's trail to its end.
         ``graft``: replace a segment by one of another plan's trail. ``adopt``: take over a whole
-        trail. ``swap-loops``: walk the loops at a node in another order. ``reverse``: walk a
-        segment the other way round. Default: ``DEFAULT_MOVES``.
+        trail. ``reverse``: walk a segment the other way round. Default: ``DEFAULT_MOVES``.
     greedy_start
         Whether to begin with plans that :func:`~botohe_moo.plan_sequentially` makes for reward
         alone, for the whole team and for fewer robots, beside that in which everybody stays at
         base.
     max_size
-        Plans that the front keeps at most; None keeps all. Where there are more, one
-        goes that contributes little area.
+        Plans that the front keeps after each generation; None keeps all. Where there are more, that
+        which contributes the least area goes, and so on.
     sampling
         Trail plans to start from, evaluated first: an iterable of plans, or ``X`` of another
         result.
@@ -126,10 +111,6 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         evaluations_per_generation: Annotated[int, Field(ge=1, le=1_000_000_000)] = 20_000,
         n_children: Annotated[int, Field(ge=1, le=100_000)] = 24,
         n_drawn: Annotated[int, Field(ge=1, le=1_000)] = 2,
-        reserve_size: Count = 256,
-        reserve_share: Probability = 0.1,
-        reserve_slack: Probability = 0.02,
-        response_hops: NotNegative = 0.1,
         moves: Mapping[str, float] | None = None,
         greedy_start: bool = True,
         max_size: Annotated[int, Field(ge=10, le=1_000_000_000)] | None = None,
@@ -141,10 +122,6 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         self.evaluations_per_generation = evaluations_per_generation
         self.n_children = n_children
         self.n_drawn = n_drawn
-        self.reserve_size = reserve_size
-        self.reserve_share = reserve_share
-        self.reserve_slack = reserve_slack
-        self.response_hops = response_hops
         self.moves = check_weights("moves", DEFAULT_MOVES if moves is None else moves, MOVES)
         if not any(self.moves.values()):
             raise ParameterError(
@@ -160,18 +137,14 @@ class ParetoLocalSearch(ArchiveAlgorithm):
             n_children_busy=(self.n_children + 2) // 3,
             n_drawn=self.n_drawn,
             n_drawn_busy=1 if self.n_drawn == 1 else 4 * self.n_drawn,
-            p_reserve=self.reserve_share,
-            slack=self.reserve_slack,
-            hops_each=self.response_hops,
             min_survival=problem.planning_floor,
-            max_size=_UNLIMITED if self.max_size is None else self.max_size,
         )
         self._search = LocalSearch(
             problem.mission,
             rule,
             moves=self.moves,
-            reserve_size=self.reserve_size,
             random_state=self.random_state,
+            max_size=self.max_size,
         )
         constrain = problem.constrain_batch if problem.n_ieq_constr else None
         self.archive = _SearchArchive(self._search, problem.mission.robots, constrain)
@@ -211,7 +184,7 @@ class ParetoLocalSearch(ArchiveAlgorithm):
             self.termination.force_termination = True
 
 
-class _SearchArchive(PlanArchive):
+class _SearchArchive(PopulationArchive):
     """The current front of a search, read when it is asked for, plans only when they are.
 
     Writing all plans of a large team takes longer than many a generation.
@@ -234,9 +207,14 @@ class _SearchArchive(PlanArchive):
     @property
     def objectives(self) -> FloatArray:
         if self._read_version != self._search.version:
-            self._objectives = self._search.objectives()
+            self._held = self._held._replace(objectives=self._search.objectives())
             self._read_version = self._search.version
         return super().objectives
+
+    @property
+    def held(self) -> Archive:
+        self._write()
+        return super().held
 
     @property
     def plans(self) -> PlanBatch:
@@ -262,7 +240,7 @@ class _SearchArchive(PlanArchive):
     def _write(self) -> None:
         if self._written_version == self._search.version:
             return
-        batch, self._objectives, self._ids = self._search.plans()
-        self._nodes, self._offsets = batch.nodes, batch.offsets
+        batch, objectives, numbers = self._search.plans()
+        self._held = Archive(objectives, self._held.hashes, numbers, batch.nodes, batch.offsets)
         self._population = None
         self._read_version = self._written_version = self._search.version

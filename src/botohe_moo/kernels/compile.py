@@ -22,14 +22,16 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 # Options that numba does not document, tried with 0.61 to 0.68. Where a version does not know one,
 # kernels do without: they take longer to compile and to run, and give the same results.
 # ``_nrt`` off: makes no arrays, and so does not count who uses those it is given.
+# ``no_..._wrapper``: no way in from Python or C, which have the function itself.
 # ``forceinline``: LLVM copies it into its callers; numba's own ``inline`` compiles for longer.
-_PRIVATE = ("_nrt", "forceinline")
+_PRIVATE = ("_nrt", "no_cpython_wrapper", "no_cfunc_wrapper", "forceinline")
 _KNOWN = {name for name in _PRIVATE if hasattr(CPUTargetOptions, name)}
 # IEEE arithmetic: a division by zero is inf, not an exception that a hot loop has to test for.
 _EVERYWHERE = {"error_model": "numpy"}
 
 
-def _private(**options: bool) -> dict[str, bool]:
+def _private(*, makes_arrays: bool, forceinline: bool) -> dict[str, bool]:
+    options = dict.fromkeys(_PRIVATE, True) | {"_nrt": makes_arrays, "forceinline": forceinline}
     return {name: value for name, value in options.items() if name in _KNOWN}
 
 
@@ -59,7 +61,7 @@ def helper(function: Any = None, *, makes_arrays: bool = False) -> Any:
     if function is None:
         return partial(helper, makes_arrays=makes_arrays)
     # Callers hand down to whatever does not set them.
-    options = _private(_nrt=makes_arrays, forceinline=False)
+    options = _private(makes_arrays=makes_arrays, forceinline=False)
     return register_jitable(**_EVERYWHERE, **options)(function)
 
 
@@ -69,7 +71,7 @@ def inlined(function: Function) -> Function:
     A call hands over every array of every tuple, one word after another: for what is called in hot
     loops this costs more than the work.
     """
-    options = _private(_nrt=False, forceinline=True)
+    options = _private(makes_arrays=False, forceinline=True)
     shared: Function = register_jitable(**_EVERYWHERE, **options)(function)
     return shared
 
@@ -106,32 +108,3 @@ class _WithoutCollecting(event.Listener):
 
 _register: Any = event.register
 _register("numba:compile", _WithoutCollecting())
-
-
-# What remains of the former decorators, until all kernels take the one graph.
-def inline(function: Function) -> Function:
-    """Compile a small helper."""
-    return cast("Function", _compile(function, nogil=True, inline="always"))
-
-
-def frugal(function: Function) -> Function:
-    """Compile a kernel that makes no arrays."""
-    return cast("Function", _compile(function, nogil=True, _nrt=False))
-
-
-def part(function: Function) -> Function:
-    """Compile a part of a kernel."""
-    options = {"forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    return cast("Function", _compile(function, _nrt=False, **options))
-
-
-def routine(function: Function) -> Function:
-    """Compile a larger part of a kernel."""
-    options = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    return cast("Function", _compile(function, _nrt=False, **options))
-
-
-def everywhere(function: Function) -> Function:
-    """Leave a small function as it is for Python."""
-    shared: Function = register_jitable(function)
-    return shared

@@ -4,10 +4,14 @@ Blackman and Vigna, "Scrambled linear pseudorandom number generators", ACM Trans
 Mathematical Software 47(4), 2021. A state is two 64-bit words, not both zero.
 """
 
+from typing import TypeVar
+
 import numpy as np
 
 from botohe_moo._base.types import SeedArray
 from botohe_moo.kernels.compile import helper, inlined
+
+Words = TypeVar("Words", np.uint64, SeedArray)
 
 _A, _B, _C = np.uint64(24), np.uint64(16), np.uint64(37)
 _WORD = np.uint64(64)

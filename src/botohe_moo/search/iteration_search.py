@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
-from botohe_moo.kernels.local_search.rule import SearchRule
+from botohe_moo.kernels.local_search.workspace import SearchRule
 from botohe_moo.mission.model import Mission
 from botohe_moo.search.local_search import DEFAULT_MOVES, LocalSearch
 from botohe_moo.trails import PlanBatch
@@ -43,9 +43,8 @@ class IterationSearch:
         self.evaluations_each = evaluations_each
         self._search = LocalSearch(
             mission,
-            SearchRule(p_reserve=0.0, hops_each=0.0, min_survival=min_survival),
+            SearchRule(min_survival=min_survival),
             moves=DEFAULT_MOVES,
-            reserve_size=1,
             random_state=random_state,
         )
 

@@ -1,309 +1,343 @@
 """Pareto local search: parents from a front, children of one changed trail, back into it."""
 
-from botohe_moo._base.types import FloatArray, SeedArray
-from botohe_moo.kernels.compile import frugal, part, routine
-from botohe_moo.kernels.local_search.children import (
+from typing import NamedTuple
+
+import numpy as np
+
+from botohe_moo._base.types import IntArray, OffsetArray
+from botohe_moo.kernels.compile import helper, inlined, kernel
+from botohe_moo.kernels.fronts.ordered import (
+    OrderedFront,
+    add_place,
+    best_reward,
+    contribution,
+    draw_place,
+    find_place,
+    remove_place,
+)
+from botohe_moo.kernels.graph.arcs import find_arc
+from botohe_moo.kernels.graph.graph import Graph
+from botohe_moo.kernels.local_search.moves import (
+    ADOPT,
+    N_KINDS,
     adopt,
     appraise,
     change,
-    draw_kind,
     draw_trail,
     write_child,
 )
-from botohe_moo.kernels.local_search.choose import (
-    WHEN_IDLE,
-    draw_parent,
-    keep_in_reserve,
-    take_safest,
-)
-from botohe_moo.kernels.local_search.front import (
-    N_BLOCKS,
-    Front,
-    best_reward,
-    draw_place,
-    has_room,
-)
-from botohe_moo.kernels.local_search.members import bring_in, empty, enter, put_in_order
-from botohe_moo.kernels.local_search.moves import ADOPT
-from botohe_moo.kernels.local_search.parent import (
-    LENGTH,
-    WANTED,
-    Ground,
-    Workspace,
-    clear_others,
-    clear_trail,
-    lay_out,
-    set_aside,
-)
-from botohe_moo.kernels.local_search.response import THROUGH, TOO_LONG, respond
-from botohe_moo.kernels.local_search.routes import Routes, search_routes
-from botohe_moo.kernels.local_search.rule import (
-    CREDIT,
-    FAILED,
-    FOUND,
-    IDLE,
-    NEWEST,
-    NOBODY,
-    ROUGH,
-    TOLERANCE,
-    Reserve,
-    SearchRule,
-    most_new,
-)
+from botohe_moo.kernels.local_search.routes import Routes
 from botohe_moo.kernels.local_search.trail_store import (
     TrailStore,
-    add_trail,
+    comes_before,
     fits,
     release,
+)
+from botohe_moo.kernels.local_search.workspace import (
+    TOLERANCE,
+    SearchRule,
+    Workspace,
+    add_trail,
+    clear_others,
+    clear_trail,
+    evaluate_trails,
+    lay_out,
+    put_in_order,
+    set_aside,
 )
 from botohe_moo.kernels.rng import uniform
 
 # Parents in a row without any child, after which there is nothing left to try.
 MAX_FRUITLESS = 10_000
 
-# Trails of a robot's front that go to the reserve, with the other robots', when it is left.
-_N_KEPT = 4
-
-# How many more best responses may be given up than found.
-_N_FAILURES = 2.0
+# Instead of a trail: the child's is not stored.
+NOBODY = -1
 
 
-@part
-def _may_respond(remembered: FloatArray) -> bool:
-    """Tell whether hops are left for a best response, and enough of them have been found."""
-    return bool(remembered[CREDIT] >= 0.0 and remembered[FAILED] <= remembered[FOUND] + _N_FAILURES)
+class Given(NamedTuple):
+    """Valid plans from elsewhere, ragged: they are evaluated first."""
+
+    nodes: IntArray
+    offsets: OffsetArray
 
 
-@part
-def _is_good(reward: float, needed: float, slack: float) -> tuple[bool, bool]:
-    """Tell whether a plan of so much reward enters, and if not, whether it does so nearly."""
-    better = reward * (1.0 - TOLERANCE) > needed
-    return better, needed * (1.0 - slack) < reward * (1.0 + TOLERANCE) < needed
+class Fronts(NamedTuple):
+    """The front, and another one for trails of one robot, which is empty between two calls."""
+
+    team: OrderedFront
+    alone: OrderedFront
 
 
-@part
-def _let_go(ground: Ground, store: TrailStore, work: Workspace) -> None:
-    """Be done with the parent held."""
-    clear_others(ground, work)
-    for k in range(work.held.shape[0]):
-        release(store, work.held[k])
+@kernel
+def search(
+    graph: Graph,
+    routes: Routes,
+    store: TrailStore,
+    fronts: Fronts,
+    work: Workspace,
+    rule: SearchRule,
+    given: Given,
+    n_evaluations: int,
+) -> int:
+    """Take plans from elsewhere into the front, then search from there.
+
+    Parameters
+    ----------
+    graph, routes
+        The mission, and its safest paths.
+    store, fronts, work
+        Trails, the front, and scratch.
+    rule
+        How to search.
+    given
+        Plans that count as evaluations, too, and come first.
+    n_evaluations
+        How many plans to evaluate.
+
+    Returns
+    -------
+    int
+        How many have been; where these are fewer there is no room for more, or no move that makes
+        another plan.
+    """
+    front, alone = fronts.team, fronts.alone
+    n_robots = work.held.shape[0]
+    n_given = (given.offsets.shape[0] - 1) // n_robots
+    most_new = max(rule.n_children, rule.n_children_busy) + 1
+    n = fruitless = 0
+    while n < n_evaluations and fruitless < MAX_FRUITLESS:
+        if not fits(graph, store, max(most_new, n_robots)) or front.n.spare < most_new:
+            break
+        if n < n_given:
+            _take_in(graph, store, front, work, given, n)
+            n += 1
+            continue
+        if alone.n.plans == 0:
+            _take_parent(graph, store, fronts, work, rule)
+        n_more = _raise_children(graph, routes, store, fronts, work, rule, n_evaluations - n)
+        n += n_more
+        fruitless = 0 if n_more > 0 else fruitless + 1
+        work.now.alone -= max(1, n_more)
+        if work.now.alone <= 0 or alone.n.spare < most_new:
+            _let_go(graph, store, alone, work)
+    if alone.n.plans > 0:
+        _let_go(graph, store, alone, work)
+    return n
 
 
-@routine
+@helper
+def _take_in(
+    graph: Graph, store: TrailStore, front: OrderedFront, work: Workspace, given: Given, plan: int
+) -> None:
+    """Put a given plan into the front, unless that has one as good."""
+    n_robots, trails = work.held.shape[0], work.trails
+    for k in range(n_robots):
+        start = given.offsets[plan * n_robots + k]
+        length = given.offsets[plan * n_robots + k + 1] - start - 1
+        for i in range(start, start + length):
+            work.child[i - start] = find_arc(graph, given.nodes[i], given.nodes[i + 1])
+        trail = add_trail(graph, store, work, length)
+        place = k
+        while place > 0 and comes_before(store, trail, trails[place - 1]):
+            trails[place] = trails[place - 1]
+            place -= 1
+        trails[place] = trail
+    _bring_in(graph, store, front, work)
+    for k in range(n_robots):
+        release(store, trails[k])
+
+
+@helper
+def _bring_in(graph: Graph, store: TrailStore, front: OrderedFront, work: Workspace) -> bool:
+    """Put the plan in ``work.trails`` into the front, unless that has one as good."""
+    reward, survivors = evaluate_trails(graph, store, work)
+    if not _enter(store, front, work.trails, reward, survivors):
+        return False
+    work.memory.newest, work.memory.idle = survivors, 0
+    return True
+
+
+@helper
+def _enter(
+    store: TrailStore, front: OrderedFront, trails: OffsetArray, reward: float, survivors: float
+) -> bool:
+    """Put a plan into a front, unless that has one as good; those that it dominates leave."""
+    if best_reward(front, survivors) >= reward:
+        return False
+    no_more = survivors * (1.0 + TOLERANCE)
+    while True:
+        # Those dominated, but for rounding, are the last that survive no more.
+        at, place = find_place(front, no_more)
+        behind = at == front.n.blocks
+        if behind or front.places[front.directory[at], place].survivors > no_more:
+            place -= 1
+            if place < 0:
+                at -= 1
+                if at < 0:
+                    break
+                place = front.size[front.directory[at]] - 1
+        if front.places[front.directory[at], place].reward > reward:
+            break
+        _leave(store, front, at, place)
+    slot = add_place(front, reward, survivors)
+    for k in range(trails.shape[0]):
+        front.plan[slot, k] = trails[k]
+        store.trails[trails[k]].n_users += 1
+    return True
+
+
+@helper
+def _leave(store: TrailStore, front: OrderedFront, at: int, place: int) -> None:
+    """Take a plan out of a front."""
+    slot = remove_place(front, at, place)
+    for k in range(front.plan.shape[1]):
+        release(store, front.plan[slot, k])
+
+
+@helper
+def _take_parent(
+    graph: Graph, store: TrailStore, fronts: Fronts, work: Workspace, rule: SearchRule
+) -> None:
+    """Hold a parent, and set aside all its robots but one, which may go on alone for a while.
+
+    The robot is rather one that is under way, which has more to change.
+    """
+    now, held = work.now, work.held
+    now.at, place = _draw_parent(fronts.team, work, rule)
+    slot = fronts.team.places[fronts.team.directory[now.at], place].slot
+    fronts.team.tried[slot] += 1
+    for k in range(held.shape[0]):
+        held[k] = fronts.team.plan[slot, k]
+        store.trails[held[k]].n_users += 1
+    now.robot = int(uniform(work.states, 0) * held.shape[0])
+    if store.trails[held[now.robot]].n_arcs == 0:
+        now.robot = int(uniform(work.states, 0) * held.shape[0])
+    set_aside(graph, store, work)
+    now.alone = 0
+    is_stuck = held.shape[0] > 1 and work.memory.idle > rule.patience
+    if is_stuck and uniform(work.states, 0) < rule.p_alone:
+        now.alone = rule.n_alone
+        lay_out(graph, store, work, held[now.robot])
+        last = work.steps[now.length]
+        _enter_alone(store, fronts.alone, work, held[now.robot], last.gained, last.alive)
+        clear_trail(graph, work)
+
+
+@inlined
+def _draw_parent(front: OrderedFront, work: Workspace, rule: SearchRule) -> tuple[int, int]:
+    """Draw a plan of the front: the newest, that of most reward, or one with much room beside it.
+
+    That room is the area that its neighbours leave it, less with every time it was a parent.
+    """
+    memory, states = work.memory, work.states
+    newest = memory.newest
+    memory.newest = -1.0
+    if newest >= 0.0 and uniform(states, 0) < rule.p_newest:
+        at, place = find_place(front, newest)
+        if at == front.n.blocks:
+            at -= 1
+            place = front.size[front.directory[at]] - 1
+        return at, place
+    if uniform(states, 0) < rule.p_end:
+        return 0, 0
+    best, best_place, most = 0, 0, -1.0
+    for _ in range(rule.n_drawn_busy if memory.idle <= rule.busy else rule.n_drawn):
+        at, place = draw_place(front, states)
+        tried = front.tried[front.places[front.directory[at], place].slot]
+        promise = contribution(front, at, place) / (1.0 + tried)
+        if promise > most:
+            best, best_place, most = at, place, promise
+    return best, best_place
+
+
+@helper
 def _enter_alone(
     store: TrailStore,
-    alone: Front,
+    alone: OrderedFront,
     work: Workspace,
     trail: int,
     gained: float,
     alive: float,
 ) -> None:
     """Put a trail of the robot at hand into the front of its trails."""
-    work.alone[0] = trail
-    enter(store, alone, work.alone, gained, alive)
+    work.single[0] = trail
+    _enter(store, alone, work.single, gained, alive)
 
 
-@frugal
-def search(
-    ground: Ground,
+@inlined
+def _draw_kind(work: Workspace) -> int:
+    """Draw a kind of move, by weights summed up to each."""
+    weights = work.weights
+    drawn = uniform(work.states, 0) * weights[N_KINDS - 1]
+    kind = 0
+    while weights[kind] <= drawn and kind < N_KINDS - 1:
+        kind += 1
+    return kind
+
+
+@helper
+def _raise_children(
+    graph: Graph,
     routes: Routes,
     store: TrailStore,
-    front: Front,
-    reserve: Reserve,
-    alone: Front,
+    fronts: Fronts,
     work: Workspace,
     rule: SearchRule,
-    weights: FloatArray,
-    tally: FloatArray,
-    remembered: FloatArray,
-    n_evaluations: int,
-    states: SeedArray,
+    n_most: int,
 ) -> int:
-    """Search until so many plans have been evaluated, or there is no room for more.
-
-    Parameters
-    ----------
-    ground, routes
-        The mission, and its safest paths.
-    store, front, reserve
-        Trails, the front, at least one plan in it, and plans that were nearly good enough.
-    alone
-        Trails of one robot, the others' being fixed: a front of its own; empty.
-    work
-        Scratch.
-    rule
-        How to search.
-    weights
-        How likely each kind of move is, relative, summed up to each (``N_KINDS``).
-    tally
-        How often each kind of move gave a child, and one that entered; added to (2, N_KINDS).
-    remembered
-        What goes on from one parent to the next: ``NEWEST`` to ``CREDIT``.
-    n_evaluations
-        How many.
-    states
-        Random numbers, one state (1, 2), advanced.
-
-    Returns
-    -------
-    int
-        How many plans have been evaluated; where these are fewer there is no room for more, or no
-        move that makes another plan.
-    """
-    n_robots = work.held.shape[0]
-    longest, n_more = ground.head.shape[0], most_new(rule)
-    at = robot = n = fruitless = n_alone = 0
-    others = survivors_of_others = 0.0
-    p_alone = rule.p_alone if n_robots > 1 else 0.0
-    while n < n_evaluations and fruitless < MAX_FRUITLESS:
-        before = n
-        if not (fits(store, n_more, longest, ground.most_visits) and has_room(front, n_more)):
+    """Make children of the parent, or of a trail that it may have; give how many."""
+    front, now, memory = fronts.team, work.now, work.memory
+    goal, others, survivors = front, now.others, now.survivors
+    parent = work.held[now.robot]
+    is_alone, needed = fronts.alone.n.plans > 0, -1.0
+    if is_alone:
+        goal, others, survivors = fronts.alone, 0.0, 0.0
+        at, place = draw_place(goal, work.states)
+        slot = goal.places[goal.directory[at], place].slot
+        parent = int(np.int64(goal.plan[slot, 0]))
+    store.trails[parent].n_users += 1
+    lay_out(graph, store, work, parent)
+    n = 0
+    for _ in range(rule.n_children_busy if memory.idle <= rule.busy else rule.n_children):
+        if n == n_most:
             break
-        idle = remembered[IDLE] > rule.patience
-        if n_alone > 0:
-            single, place = draw_place(alone, states)
-            parent = alone.plan[alone.slot[alone.directory[single], place], 0]
+        kind, trail = _draw_kind(work), NOBODY
+        if kind == ADOPT:
+            trail = draw_trail(front, work, rule)
+            if trail == parent:
+                continue
+            gained, alive = adopt(store, goal, work, trail, others, survivors)
+        elif change(graph, routes, store, front, work, rule, kind):
+            gained, alive = appraise(graph, goal, work, rule, others, survivors)
         else:
-            responding = (
-                ground.by_return.shape[0] > 0 and rule.hops_each > 0.0 and _may_respond(remembered)
-            )
-            if responding and remembered[FOUND] + remembered[FAILED] == 0.0:
-                at = take_safest(front, work.held)
-            else:
-                at = draw_parent(front, reserve, rule, remembered, work.held, states)
-                remembered[NEWEST] = -1.0
-            for k in range(n_robots):
-                store.n_users[work.held[k]] += 1
-            robot = int(uniform(states, 0) * n_robots)
-            if store.n_arcs[work.held[robot]] == 0:  # those under way have more to change
-                robot = int(uniform(states, 0) * n_robots)
-            others, survivors_of_others = set_aside(ground, store, work, robot)
-            parent = work.held[robot]
-            if responding:
-                rough = remembered[ROUGH] == 1.0
-                ended, n_hops, n_responses = respond(
-                    ground,
-                    store,
-                    front,
-                    work,
-                    rule,
-                    remembered,
-                    robot,
-                    others,
-                    survivors_of_others,
-                    n_evaluations - n,
-                    rough,
-                    states,
-                )
-                remembered[FOUND] += ended == THROUGH
-                if ended == TOO_LONG and not rough:  # once: the next is a rough one, and at once
-                    remembered[ROUGH] = 1.0
-                else:
-                    remembered[FAILED] += ended == TOO_LONG
-                    remembered[CREDIT] -= n_hops
-                n += n_responses
-                fruitless = 0 if n > before else fruitless  # it has cost hops, which have an end
-                _let_go(ground, store, work)
-                continue
-        store.n_users[parent] += 1
-        lay_out(ground, store, work, parent)
-        if n_alone == 0 and idle and uniform(states, 0) < p_alone:
-            n_alone = rule.n_alone
-            length = work.now[LENGTH]
-            _enter_alone(store, alone, work, parent, work.gained[length], work.alive[length])
-        # What a child is measured by: the front, or the trails known for this robot.
-        goal, fixed_reward, fixed_survivors = front, others, survivors_of_others
-        slack = min(1.0, rule.slack / (1.0 - uniform(states, 0)))
-        if rule.p_reserve == 0.0 or (not idle and uniform(states, 0) >= rule.p_keep):
-            slack = 0.0
-        goal_slack = slack
-        if n_alone > 0:
-            goal, fixed_reward, fixed_survivors, goal_slack = alone, 0.0, 0.0, 0.0
-        busy = remembered[IDLE] <= rule.busy
-        for _ in range(rule.n_children_busy if busy else rule.n_children):
-            if n == n_evaluations:
-                break
-            at = min(at, front.counts[N_BLOCKS] - 1)
-            kind = draw_kind(weights, states)
-            trail = NOBODY
-            if kind == ADOPT:
-                trail = draw_trail(front, at, rule.p_neighbour, states)
-                if trail == parent:
-                    continue
-                reward, survivors, needed = adopt(
-                    store, goal, work, trail, fixed_reward, fixed_survivors
-                )
-            else:
-                low, high = states[0, 0], states[0, 1]
-                while True:
-                    work.now[WANTED] = -1
-                    made = change(ground, routes, store, front, work, rule, kind, at, states)
-                    if work.now[WANTED] < 0:
-                        break
-                    # The same child again, from the same random numbers: what has been searched
-                    # before does not matter.
-                    search_routes(ground.tail, ground.head, ground.cost, routes, work.now[WANTED])
-                    states[0, 0], states[0, 1] = low, high
-                if not made:
-                    continue
-                reward, survivors, needed = appraise(
-                    ground,
-                    goal,
-                    work,
-                    rule.min_survival,
-                    goal_slack,
-                    fixed_reward,
-                    fixed_survivors,
-                )
-            n += 1
-            remembered[IDLE] += 1.0
-            tally[0, kind] += 1.0
-            better, near = _is_good(reward, needed, goal_slack)
-            if reward < 0.0 or not (better or near):
-                continue
-            if trail == NOBODY:
-                trail = add_trail(
-                    ground.head,
-                    ground.survival,
-                    ground.reward,
-                    ground.base,
-                    store,
-                    work.child,
-                    write_child(work),
-                )
-            store.n_users[trail] += 1
-            if n_alone > 0:
-                _enter_alone(store, alone, work, trail, reward, survivors)
-                reward += others
-                survivors += survivors_of_others
-                needed = best_reward(front, survivors * (1.0 - TOLERANCE))
-                better, near = _is_good(reward, needed, slack)
-            if better or near:
-                put_in_order(store, work, robot, trail)
-            if better:
-                tally[1, kind] += bring_in(ground, store, front, work, rule, remembered, states)
-            elif near:
-                keep_in_reserve(store, reserve, work.trails, survivors, states)
-            release(store, trail)
-        earned = rule.hops_each * (WHEN_IDLE if idle else 1.0)
-        remembered[CREDIT] = min(remembered[CREDIT] + earned * (n - before), rule.n_hops)
-        fruitless = 0 if n > before else fruitless + 1
-        clear_trail(ground, work)
-        release(store, parent)
-        if n_alone > 0:
-            n_alone -= max(1, n - before)
-            if n_alone > 0 and has_room(alone, n_more):
-                continue
-            n_alone = 0
-            for _ in range(_N_KEPT if rule.p_reserve > 0.0 else 0):
-                single, place = draw_place(alone, states)
-                block = alone.directory[single]
-                put_in_order(store, work, robot, alone.plan[alone.slot[block, place], 0])
-                survivors = survivors_of_others + alone.survivors[block, place]
-                keep_in_reserve(store, reserve, work.trails, survivors, states)
-            empty(store, alone)
-        _let_go(ground, store, work)
-    if n_alone > 0:
-        empty(store, alone)
-        _let_go(ground, store, work)
+            continue
+        n += 1
+        memory.idle += 1
+        work.tally[0, kind] += 1
+        if gained < 0.0:
+            continue
+        if trail == NOBODY:
+            trail = add_trail(graph, store, work, write_child(work))
+        else:
+            store.trails[trail].n_users += 1
+        if is_alone:
+            _enter_alone(store, goal, work, trail, gained, alive)
+            needed = best_reward(front, (now.survivors + alive) * (1.0 - TOLERANCE))
+        if not is_alone or (now.others + gained) * (1.0 - TOLERANCE) > needed:
+            put_in_order(store, work, trail)
+            work.tally[1, kind] += _bring_in(graph, store, front, work)
+        release(store, trail)
+    clear_trail(graph, work)
+    release(store, parent)
     return n
+
+
+@helper
+def _let_go(graph: Graph, store: TrailStore, alone: OrderedFront, work: Workspace) -> None:
+    """Be done with the parent held."""
+    while alone.n.blocks > 0:
+        last = alone.n.blocks - 1
+        _leave(store, alone, last, alone.size[alone.directory[last]] - 1)
+    clear_others(graph, work)
+    for k in range(work.held.shape[0]):
+        release(store, work.held[k])

@@ -8,16 +8,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
-from botohe_moo.kernels.compile import everywhere, frugal, part, routine
-from botohe_moo.kernels.plans.evaluate import either
+from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, Record, RecordArray
+from botohe_moo.kernels.compile import helper, inlined
+from botohe_moo.kernels.graph.graph import Graph
+from botohe_moo.kernels.plans.order import precedes
 
-# Indices into ``TrailStore.counts``.
-N_ARCS = 0  # used of the pool
-N_VISITS = 1
-N_SPARE_TRAILS = 2
-WALK = 3  # number of the last walk that marked ``TrailStore.walked``
-N_COUNTS = 4
+_COUNTS = np.dtype([(name, np.int64) for name in ("arcs", "visits", "spare")])
+_TRAIL = np.dtype(
+    [
+        ("first_arc", np.int64),
+        ("n_arcs", np.int64),
+        ("first_visit", np.int64),
+        ("n_visits", np.int64),
+        ("n_users", np.int64),
+        ("alive", np.float64),
+    ]
+)
 
 
 class TrailStore(NamedTuple):
@@ -25,244 +31,96 @@ class TrailStore(NamedTuple):
 
     Attributes
     ----------
-    counts
-        ``N_ARCS`` to ``WALK``.
+    n
+        How many ``arcs`` and ``visits`` are in use, and how many trails are ``spare``.
+    trails
+        Of each trail, where its arcs and visits begin, how many there are, how many plans have it
+        (``n_users``), and with what probability a robot survives it (``alive``).
     arc
         The arcs of all trails, one trail after another.
     node, reach
         Likewise the nodes with a reward, the base left out, by first visit, and the probability
         to reach each.
-    arcs_from, n_arcs, visits_from, n_visits
-        Where a trail's arcs and visits are, and how many there are (n_trails).
-    alive
-        Probability to survive the trail (n_trails).
-    n_users
-        How many plans have the trail (n_trails).
     spare
         Numbers that are free, as a stack.
-    walked
-        The last walk that met each node (n_nodes).
     """
 
-    counts: OffsetArray
+    n: Record
+    trails: RecordArray
     arc: IntArray
     node: IntArray
     reach: FloatArray
-    arcs_from: OffsetArray
-    n_arcs: IntArray
-    visits_from: OffsetArray
-    n_visits: IntArray
-    alive: FloatArray
-    n_users: OffsetArray
-    spare: IntArray
-    walked: OffsetArray
+    spare: OffsetArray
 
 
-def new_store(n_trails: int, n_arcs: int, n_visits: int, n_nodes: int) -> TrailStore:
-    """Make room for trails.
-
-    Parameters
-    ----------
-    n_trails, n_arcs, n_visits
-        How many trails, and how many arcs and visits they have together.
-    n_nodes
-        Nodes of the mission.
-    """
+def new_store(n_trails: int, n_arcs: int, n_visits: int) -> TrailStore:
+    """Make room for so many trails, which have so many arcs and visits together."""
     store = TrailStore(
-        counts=np.zeros(N_COUNTS, np.int64),
+        n=np.zeros(1, _COUNTS).view(np.recarray)[0],
+        trails=np.zeros(n_trails, _TRAIL).view(np.recarray),
         arc=np.zeros(n_arcs, np.int32),
         node=np.zeros(n_visits, np.int32),
         reach=np.zeros(n_visits),
-        arcs_from=np.zeros(n_trails, np.int64),
-        n_arcs=np.zeros(n_trails, np.int32),
-        visits_from=np.zeros(n_trails, np.int64),
-        n_visits=np.zeros(n_trails, np.int32),
-        alive=np.zeros(n_trails),
-        n_users=np.zeros(n_trails, np.int64),
-        spare=np.empty(n_trails, np.int32),
-        walked=np.zeros(n_nodes, np.int64),
+        spare=np.arange(n_trails)[::-1].copy(),
     )
-    clear_store(store)
+    store.n.spare = n_trails
     return store
 
 
-def clear_store(store: TrailStore) -> None:
-    """Forget all trails.
-
-    Parameters
-    ----------
-    store
-        Changed in place.
-    """
-    n_trails = len(store.spare)
-    store.counts[N_ARCS] = store.counts[N_VISITS] = 0
-    store.counts[N_SPARE_TRAILS] = n_trails
-    store.n_users[:] = 0
-    store.spare[:] = np.arange(n_trails)[::-1]
-
-
-@routine
-def add_trail(
-    head: IntArray,
-    survival: FloatArray,
-    reward: FloatArray,
-    base: int,
-    store: TrailStore,
-    arcs: IntArray,
-    length: int,
-) -> int:
-    """Store a trail, which nobody uses yet, and give its number.
-
-    Parameters
-    ----------
-    head, survival, reward, base
-        The mission's arcs, rewards and base.
-    store
-        Must have room for it (``fits``).
-    arcs, length
-        The arcs of a valid trail, of which there are ``length``.
-    """
-    counts = store.counts
-    counts[WALK] += 1
-    counts[N_SPARE_TRAILS] -= 1
-    trail = store.spare[counts[N_SPARE_TRAILS]]
-    store.arcs_from[trail], store.n_arcs[trail] = counts[N_ARCS], length
-    store.visits_from[trail] = counts[N_VISITS]
-    store.walked[base] = counts[WALK]
-    n = counts[N_VISITS]
-    alive = 1.0
-    for i in range(length):
-        arc = arcs[i]
-        store.arc[counts[N_ARCS] + i] = arc
-        alive *= survival[arc]
-        node = head[arc]
-        if reward[node] > 0.0 and store.walked[node] != counts[WALK]:
-            store.walked[node] = counts[WALK]
-            store.node[n], store.reach[n] = node, alive
-            n += 1
-    counts[N_ARCS] += length
-    store.n_visits[trail] = n - counts[N_VISITS]
-    counts[N_VISITS] = n
-    store.alive[trail] = alive
-    store.n_users[trail] = 0
-    return int(trail)
+def copy_trails(store: TrailStore, into: TrailStore) -> None:
+    """Copy the trails that some plan has into an empty store, without gaps; they keep numbers."""
+    used = np.flatnonzero(store.trails["n_users"])
+    into.trails[used] = store.trails[used]
+    pools = ((("arc",), "first_arc", "n_arcs"), (("node", "reach"), "first_visit", "n_visits"))
+    for names, first, length in pools:
+        lengths = store.trails[length][used]
+        old = pieces(store.trails[first][used], lengths)
+        into.trails[first][used] = np.cumsum(lengths) - lengths
+        for name in names:
+            getattr(into, name)[: len(old)] = getattr(store, name)[old]
+    into.n.arcs, into.n.visits = (int(into.trails[name].sum()) for name in ("n_arcs", "n_visits"))
+    free = np.setdiff1d(np.arange(len(into.trails)), used)[::-1]
+    into.spare[: len(free)] = free
+    into.n.spare = len(free)
 
 
-@part
+def pieces(first: OffsetArray, lengths: OffsetArray) -> OffsetArray:
+    """Give the indices of some stretches of an array, one stretch after another."""
+    ends = np.cumsum(lengths)
+    return np.arange(lengths.sum()) + np.repeat(first - ends + lengths, lengths)
+
+
+@helper
+def fits(graph: Graph, store: TrailStore, n_trails: int) -> bool:
+    """Tell whether so many trails can be stored, however long they are."""
+    n, longest, most_visits = store.n, graph.head.shape[0], graph.reward.shape[0]
+    return bool(
+        n.spare >= n_trails
+        and n.arcs + n_trails * longest <= store.arc.shape[0]
+        and n.visits + n_trails * most_visits <= store.node.shape[0]
+    )
+
+
+@inlined
 def release(store: TrailStore, trail: int) -> None:
     """Note that one plan less has a trail, which is free when it was the last."""
-    store.n_users[trail] -= 1
-    if store.n_users[trail] == 0:
-        store.spare[store.counts[N_SPARE_TRAILS]] = trail
-        store.counts[N_SPARE_TRAILS] += 1
+    store.trails[trail].n_users -= 1
+    if store.trails[trail].n_users == 0:
+        store.spare[store.n.spare] = trail
+        store.n.spare += 1
 
 
-@everywhere
-def fits(store: TrailStore, n_trails: int, longest: int, most_visits: int) -> bool:
-    """Tell whether so many trails of at most so many arcs and visits can be stored."""
-    counts = store.counts
-    enough = (
-        counts[N_SPARE_TRAILS] >= n_trails
-        and counts[N_ARCS] + n_trails * longest <= store.arc.shape[0]
-        and counts[N_VISITS] + n_trails * most_visits <= store.node.shape[0]
-    )
-    return bool(enough)
-
-
-@frugal
-def copy_trails(store: TrailStore, into: TrailStore) -> None:
-    """Copy the trails that somebody uses into another store, which has room, under their numbers.
-
-    Parameters
-    ----------
-    store
-        Where they are; may have gaps.
-    into
-        New, with room for as many trails or more; has no gaps afterwards.
-    """
-    counts = into.counts
-    n_trails, n_more = store.n_users.shape[0], into.n_users.shape[0]
-    n = 0
-    for trail in range(n_more - 1, -1, -1):
-        if trail >= n_trails or store.n_users[trail] == 0:
-            into.spare[n] = trail
-            n += 1
-    counts[N_SPARE_TRAILS] = n
-    counts[WALK] = store.counts[WALK]
-    for node in range(store.walked.shape[0]):
-        into.walked[node] = store.walked[node]
-    for trail in range(n_trails):
-        if store.n_users[trail] == 0:
-            continue
-        start, length = store.arcs_from[trail], store.n_arcs[trail]
-        into.arcs_from[trail], into.n_arcs[trail] = counts[N_ARCS], length
-        for i in range(length):
-            into.arc[counts[N_ARCS] + i] = store.arc[start + i]
-        counts[N_ARCS] += length
-        start, length = store.visits_from[trail], store.n_visits[trail]
-        into.visits_from[trail], into.n_visits[trail] = counts[N_VISITS], length
-        for i in range(length):
-            into.node[counts[N_VISITS] + i] = store.node[start + i]
-            into.reach[counts[N_VISITS] + i] = store.reach[start + i]
-        counts[N_VISITS] += length
-        into.alive[trail], into.n_users[trail] = store.alive[trail], store.n_users[trail]
-
-
-@routine
-def precedes(store: TrailStore, one: int, other: int) -> bool:
+@helper
+def comes_before(store: TrailStore, one: int, other: int) -> bool:
     """Tell whether a trail comes before another in lexicographic order.
 
     Arcs are numbered by tail, then by head: the order by arcs is that by nodes.
     """
-    length, other_length = store.n_arcs[one], store.n_arcs[other]
-    start, other_start = store.arcs_from[one], store.arcs_from[other]
-    for i in range(min(length, other_length)):
-        arc, other_arc = store.arc[start + i], store.arc[other_start + i]
-        if arc != other_arc:
-            return bool(arc < other_arc)
-    return bool(length < other_length)
-
-
-@routine
-def evaluate_trails(
-    reward: FloatArray,
-    base: int,
-    store: TrailStore,
-    trails: IntArray,
-    reached: FloatArray,
-    touched: IntArray,
-    touched_by: OffsetArray,
-    mark: int,
-) -> tuple[float, float]:
-    """Give E[R] and E[S] of a plan whose trails are in order: the bits of ``evaluate``.
-
-    Parameters
-    ----------
-    reward, base
-        The mission's rewards and base.
-    store, trails
-        The plan's trails, by number, in lexicographic order.
-    reached, touched, touched_by
-        Scratch (n_nodes).
-    mark
-        No entry of ``touched_by`` is ``mark`` yet.
-    """
-    n = 0
-    survivors = 0.0
-    for k in range(trails.shape[0]):
-        trail = trails[k]
-        start = store.visits_from[trail]
-        for i in range(start, start + store.n_visits[trail]):
-            node = store.node[i]
-            if touched_by[node] != mark:
-                touched_by[node] = mark
-                reached[node] = store.reach[i]
-                touched[n] = node
-                n += 1
-            else:
-                reached[node] = either(reached[node], store.reach[i])
-        survivors += store.alive[trail]
-    expected_reward = reward[base]
-    for i in range(n):
-        expected_reward += reward[touched[i]] * reached[touched[i]]
-    return expected_reward, survivors
+    first, second = store.trails[one], store.trails[other]
+    return precedes(
+        store.arc,
+        first.first_arc,
+        first.first_arc + first.n_arcs,
+        second.first_arc,
+        second.first_arc + second.n_arcs,
+    )

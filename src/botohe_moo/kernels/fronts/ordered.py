@@ -1,0 +1,280 @@
+"""A front of plans in order of their objectives, for a search that changes it all the time.
+
+Places are kept by descending E[R], hence by ascending E[S], one plan for each pair of objectives.
+They lie in blocks of at most ``BLOCK``, so that finding a place takes the logarithm of the front's
+size, and changing it the length of a block: the two upper levels of a B+-tree (Bayer and McCreight,
+"Organization and maintenance of large ordered indexes", Acta Informatica 1, 1972).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, Record, RecordArray, SeedArray
+from botohe_moo.kernels.compile import helper, inlined
+from botohe_moo.kernels.rng import uniform
+
+BLOCK = 64
+
+_COUNTS = np.dtype([(name, np.int64) for name in ("blocks", "plans", "entered", "free", "spare")])
+_PLACE = np.dtype([("slot", np.int64), ("reward", np.float64), ("survivors", np.float64)])
+
+
+class OrderedFront(NamedTuple):
+    """Places for plans, in order of their objectives.
+
+    Attributes
+    ----------
+    n
+        How many ``blocks`` and ``plans`` there are, how many plans ever ``entered``, and how many
+        blocks are ``free`` and slots ``spare``.
+    directory
+        The blocks in order.
+    size
+        Plans in each block.
+    places
+        Of each place of each block, which ``slot`` holds the plan, and its E[R] and E[S]
+        (``reward`` and ``survivors``; n_blocks, BLOCK).
+    free_blocks, spare_slots
+        Those that are not in use, as stacks.
+    plan
+        The plan in each slot: numbers of its trails, in lexicographic order (n_slots, n_robots).
+    serial, tried
+        How many plans had entered before it, and how often it has been a parent (n_slots).
+    """
+
+    n: Record
+    directory: OffsetArray
+    size: OffsetArray
+    places: RecordArray
+    free_blocks: OffsetArray
+    spare_slots: OffsetArray
+    plan: IntArray
+    serial: OffsetArray
+    tried: OffsetArray
+
+
+def new_front(n_slots: int, n_robots: int) -> OrderedFront:
+    """Make room for ``n_slots`` plans of ``n_robots`` trails."""
+    n_blocks = n_slots // 8 + 2  # two neighbours always hold more than half a block together
+    front = OrderedFront(
+        n=np.zeros(1, _COUNTS).view(np.recarray)[0],
+        directory=np.zeros(n_blocks, np.int64),
+        size=np.zeros(n_blocks, np.int64),
+        places=np.zeros((n_blocks, BLOCK), _PLACE).view(np.recarray),
+        free_blocks=np.arange(n_blocks)[::-1].copy(),
+        spare_slots=np.arange(n_slots)[::-1].copy(),
+        plan=np.zeros((n_slots, n_robots), np.int32),
+        serial=np.zeros(n_slots, np.int64),
+        tried=np.zeros(n_slots, np.int64),
+    )
+    front.n.free, front.n.spare = n_blocks, n_slots
+    return front
+
+
+def read_front(front: OrderedFront) -> tuple[OffsetArray, FloatArray]:
+    """Give the slots of all plans in order, and their E[R] and E[S] (n_plans, 2)."""
+    blocks = front.directory[: front.n.blocks]
+    places = front.places[blocks][np.arange(BLOCK) < front.size[blocks, np.newaxis]]
+    return places["slot"].copy(), np.column_stack([places["reward"], places["survivors"]])
+
+
+def copy_front(front: OrderedFront, kept: OffsetArray, n_slots: int) -> OrderedFront:
+    """Copy the plans of some slots, given in order, to a front with room for ``n_slots``."""
+    copy, n = new_front(n_slots, front.plan.shape[1]), len(kept)
+    slots, objectives = read_front(front)
+    rows = np.flatnonzero(np.isin(slots, kept))
+    full = BLOCK // 2 + 1  # as few as two neighbours may have together: there is room to enter
+    n_blocks = -(-n // full)
+    at, place = np.divmod(np.arange(n), full)
+    copy.directory[:n_blocks] = np.arange(n_blocks)
+    copy.size[:n_blocks] = np.bincount(at, minlength=n_blocks)
+    copy.places["slot"][at, place] = np.arange(n)
+    copy.places["reward"][at, place] = objectives[rows, 0]
+    copy.places["survivors"][at, place] = objectives[rows, 1]
+    for name in ("plan", "serial", "tried"):
+        getattr(copy, name)[:n] = getattr(front, name)[kept]
+    counts = copy.n
+    counts.blocks, counts.plans, counts.entered = n_blocks, n, front.n.entered
+    counts.free -= n_blocks
+    counts.spare -= n
+    return copy
+
+
+def has_room(front: OrderedFront, n: int) -> bool:
+    """Tell whether so many plans can still enter."""
+    # So are the blocks then: two neighbours hold more than half a block together.
+    return bool(front.n.spare >= n)
+
+
+@inlined
+def find_place(front: OrderedFront, survivors: float) -> tuple[int, int]:
+    """Find the first plan with at least so many survivors: of those it has the largest reward.
+
+    Gives its block's number in the directory, and its place there; behind the last block where
+    there is none.
+    """
+    low, high = 0, front.n.blocks
+    while low < high:
+        middle = (low + high) // 2
+        block = front.directory[middle]
+        if front.places[block, front.size[block] - 1].survivors >= survivors:
+            high = middle
+        else:
+            low = middle + 1
+    at = low
+    if at == front.n.blocks:
+        return at, 0
+    block = front.directory[at]
+    low, high = 0, front.size[block] - 1
+    while low < high:
+        middle = (low + high) // 2
+        if front.places[block, middle].survivors >= survivors:
+            high = middle
+        else:
+            low = middle + 1
+    return at, low
+
+
+@inlined
+def best_reward(front: OrderedFront, survivors: float) -> float:
+    """Give the largest E[R] of the plans with at least so many survivors; −1 without any."""
+    at, place = find_place(front, survivors)
+    if at == front.n.blocks:
+        return -1.0
+    return float(front.places[front.directory[at], place].reward)
+
+
+@inlined
+def draw_place(front: OrderedFront, states: SeedArray) -> tuple[int, int]:
+    """Draw a plan uniformly: blocks are drawn again by how full they are."""
+    n = front.n.blocks
+    while True:
+        at = int(uniform(states, 0) * n)
+        size = front.size[front.directory[at]]
+        place = int(uniform(states, 0) * (BLOCK if n > 1 else size))
+        if place < size:
+            return at, place
+
+
+@helper
+def contribution(front: OrderedFront, at: int, place: int) -> float:
+    """Give the area between the two plans beside one, on both sides of it.
+
+    At the ends it is what a front of evenly spaced plans has there.
+    """
+    block, n = front.directory[at], front.n.blocks
+    is_first = at == 0 and place == 0
+    is_last = at == n - 1 and place == front.size[block] - 1
+    if is_first or is_last:
+        last_block = front.directory[n - 1]
+        first = front.places[front.directory[0], 0]
+        last = front.places[last_block, front.size[last_block] - 1]
+        gap = 2.0 / front.n.plans
+        width, height = first.reward - last.reward, last.survivors - first.survivors
+        return float(gap * width * gap * height)
+    if place > 0:
+        left = front.places[block, place - 1]
+    else:
+        before = front.directory[at - 1]
+        left = front.places[before, front.size[before] - 1]
+    if place < front.size[block] - 1:
+        right = front.places[block, place + 1]
+    else:
+        right = front.places[front.directory[at + 1], 0]
+    return float((left.reward - right.reward) * (right.survivors - left.survivors))
+
+
+@helper
+def remove_place(front: OrderedFront, at: int, place: int) -> int:
+    """Take a plan out; give its slot, which is free now."""
+    n, block = front.n, front.directory[at]
+    slot = front.places[block, place].slot
+    front.size[block] -= 1
+    for i in range(place, front.size[block]):
+        front.places[block, i] = front.places[block, i + 1]
+    front.spare_slots[n.spare] = slot
+    n.spare += 1
+    n.plans -= 1
+    if front.size[block] == 0:
+        _drop_block(front, at)
+    else:
+        _merge(front, at)
+    _merge(front, at - 1)
+    return int(slot)
+
+
+@helper
+def _drop_block(front: OrderedFront, at: int) -> None:
+    """Free an empty block."""
+    n = front.n
+    front.free_blocks[n.free] = front.directory[at]
+    n.free += 1
+    n.blocks -= 1
+    for i in range(at, n.blocks):
+        front.directory[i] = front.directory[i + 1]
+
+
+@helper
+def _merge(front: OrderedFront, at: int) -> None:
+    """Make one block of two neighbours, if there are two, where they leave half of it free."""
+    if at < 0 or at + 1 >= front.n.blocks:
+        return
+    block, after = front.directory[at], front.directory[at + 1]
+    size, more = front.size[block], front.size[after]
+    if size + more > BLOCK // 2:
+        return
+    for i in range(more):
+        front.places[block, size + i] = front.places[after, i]
+    front.size[block] += more
+    front.size[after] = 0
+    _drop_block(front, at + 1)
+
+
+@helper
+def add_place(front: OrderedFront, reward: float, survivors: float) -> int:
+    """Put in a plan that none in the front dominates or equals; give the slot for its trails.
+
+    Those that it dominates must have been removed.
+    """
+    n = front.n
+    if n.blocks == 0:
+        _open_block(front, 0)
+    at, place = find_place(front, survivors)
+    if at == n.blocks:
+        at -= 1
+        place = front.size[front.directory[at]]
+    block = front.directory[at]
+    if front.size[block] == BLOCK:
+        _open_block(front, at + 1)
+        after = front.directory[at + 1]
+        half = BLOCK // 2
+        for i in range(half):
+            front.places[after, i] = front.places[block, half + i]
+        front.size[block], front.size[after] = half, half
+        if place > half:
+            block, place = after, place - half
+    for i in range(front.size[block], place, -1):
+        front.places[block, i] = front.places[block, i - 1]
+    front.size[block] += 1
+    n.spare -= 1
+    slot = front.spare_slots[n.spare]
+    new = front.places[block, place]
+    new.slot, new.reward, new.survivors = slot, reward, survivors
+    front.serial[slot], front.tried[slot] = n.entered, 0
+    n.entered += 1
+    n.plans += 1
+    return int(slot)
+
+
+@helper
+def _open_block(front: OrderedFront, at: int) -> None:
+    """Put an empty block into the directory."""
+    n = front.n
+    n.free -= 1
+    block = front.free_blocks[n.free]
+    front.size[block] = 0
+    for i in range(n.blocks, at, -1):
+        front.directory[i] = front.directory[i - 1]
+    front.directory[at] = block
+    n.blocks += 1
