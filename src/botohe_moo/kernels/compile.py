@@ -8,9 +8,12 @@ import gc
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
+import numba
 from numba import njit
-from numba.core import event
-from numba.core.cpu import CPUTargetOptions
+from numba.core import event, targetconfig
+from numba.core.caching import NullCache
+from numba.core.codegen import CPUCodeLibrary
+from numba.core.cpu import CPUContext, CPUTargetOptions
 from numba.extending import register_jitable
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -89,6 +92,61 @@ class _WithoutCollecting(event.Listener):
 
 _register: Any = event.register
 _register("numba:compile", _WithoutCollecting())
+
+
+class _Unfinished(event.Listener):
+    """Leaves helpers to the kernels that contain them, which optimise them again in any case.
+
+    numba optimises every function as a library of its own and makes machine code of it, and does so
+    again wherever that library is linked in: for helpers that nobody calls from Python, in vain.
+    """
+
+    def __init__(self) -> None:
+        self._uncached: list[bool] = []
+
+    def on_start(self, event: Any) -> None:
+        self._uncached.append(isinstance(event.data["dispatcher"]._cache, NullCache))
+
+    def on_end(self, event: Any) -> None:  # noqa: ARG002
+        self._uncached.pop()
+
+    def applies(self) -> bool:
+        """Tell whether a helper is being compiled, within a kernel."""
+        flags = targetconfig.ConfigStack.top_or_none()
+        nested = len(self._uncached) > 1 and self._uncached[-1]
+        return bool(nested and flags is not None and flags.no_cpython_wrapper)
+
+    def install(self) -> None:
+        library: Any = CPUCodeLibrary
+        optimize, finish = library._optimize_final_module, library._finalize_final_module
+        executable = CPUContext.get_executable
+
+        def optimize_kernel(self_: Any) -> None:
+            if not self.applies():
+                optimize(self_)
+
+        def finish_kernel(self_: Any) -> None:
+            if not self.applies():
+                finish(self_)
+                return
+            self_._finalize_dynamic_globals()
+            self_._finalized = True
+
+        def executable_kernel(self_: Any, of: Any, *rest: Any) -> Any:
+            if not self.applies():
+                return executable(self_, of, *rest)
+            of._ensure_finalized()
+            return [].append  # stands for a way in that nobody takes; each is another one
+
+        library._optimize_final_module = optimize_kernel
+        library._finalize_final_module = finish_kernel
+        CPUContext.get_executable = executable_kernel
+        _register("numba:compile", self)
+
+
+# Where numba may be made otherwise, kernels compile as it does it: for longer, to the same results.
+if (0, 61) <= numba.version_info.short <= (0, 68):
+    _Unfinished().install()
 
 
 # What remains of the former decorators, until all kernels take the one graph.
