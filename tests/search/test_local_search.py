@@ -7,11 +7,12 @@ import networkx as nx
 import numpy as np
 import pytest
 
-from botohe_moo import BOTOHE, Mission, TrailPlan, load_mission, local_search
+from botohe_moo import BOTOHE, Mission, TrailPlan, load_mission
 from botohe_moo.kernels.fronts.ordered import has_room
 from botohe_moo.kernels.local_search.trail_store import fits
 from botohe_moo.kernels.local_search.workspace import SearchRule
 from botohe_moo.operators import RandomTrailSampling
+from botohe_moo.search import local_search
 from botohe_moo.search.local_search import DEFAULT_MOVES, MOVES, LocalSearch
 from botohe_moo.trails import PlanBatch
 
@@ -106,7 +107,7 @@ def test_children_find_room(museum, n_children):
     assert search.run(7_001) == 7_001
     check(search)
     room = n_children + 1
-    search._make_room(room)
+    search._make_room()
     assert has_room(search._front, room)
     assert fits(museum.arrays, search._store, room)
 

@@ -8,6 +8,7 @@ that run for less than a millisecond make their scratch themselves.
 """
 
 import gc
+import os
 from collections.abc import Callable
 from functools import partial
 from typing import Any, TypeVar, cast, overload
@@ -17,7 +18,12 @@ from numba.core import event
 from numba.core.cpu import CPUTargetOptions
 from numba.extending import register_jitable
 
+from botohe_moo.kernels.linking import leave_helpers_to_kernels
+
 Function = TypeVar("Function", bound=Callable[..., Any])
+
+PLAIN = bool(os.environ.get("BOTOHE_PLAIN_NUMBA"))
+"""Whether to do without everything that numba does not document."""
 
 # Options that numba does not document, tried with 0.61 to 0.68. Where a version does not know one,
 # kernels do without: they take longer to compile and to run, and give the same results.
@@ -26,6 +32,8 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 # ``forceinline``: LLVM copies it into its callers; numba's own ``inline`` compiles for longer.
 _PRIVATE = ("_nrt", "no_cpython_wrapper", "no_cfunc_wrapper", "forceinline")
 _KNOWN = {name for name in _PRIVATE if hasattr(CPUTargetOptions, name)}
+if PLAIN:
+    _KNOWN.clear()
 # IEEE arithmetic: a division by zero is inf, not an exception that a hot loop has to test for.
 _EVERYWHERE = {"error_model": "numpy"}
 
@@ -108,3 +116,5 @@ class _WithoutCollecting(event.Listener):
 
 _register: Any = event.register
 _register("numba:compile", _WithoutCollecting())
+if not PLAIN:
+    leave_helpers_to_kernels()
