@@ -199,6 +199,11 @@ class TestMovesByHand:
         found = self.made(mission, (0, 3, 0, 2, 1, 0), "shortcut")
         assert found == {(0,), (0, 2, 1, 0), (0, 3, 0), (0, 3, 0, 1, 0), (0, 3, 0, 2, 0), (0, 1, 0)}
 
+    def test_swap_loops(self, mission):
+        # Loops: 1, 2 and 3; the order by which 3 comes first is the best, and is the parent.
+        found = self.made(mission, (0, 3, 0, 2, 0, 1, 0), "swap-loops")
+        assert found == {(0, 2, 0, 3, 0, 1, 0), (0, 3, 0, 1, 0, 2, 0)}
+
     def test_reverse(self, mission):
         found = self.made(mission, (0, 3, 0, 2, 1, 0), "reverse")
         assert found == {

@@ -60,7 +60,8 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         ``shortcut``, ``visit``, ``visit-two``: cut out a segment, and reconnect by safest paths
         through no node, one, or two. ``splice``: go on along another plan's trail to its end.
         ``graft``: replace a segment by one of another plan's trail. ``adopt``: take over a whole
-        trail. ``reverse``: walk a segment the other way round. Default: ``DEFAULT_MOVES``.
+        trail. ``swap-loops``: walk the loops at a node in another order. ``reverse``: walk a
+        segment the other way round. Default: ``DEFAULT_MOVES``.
     greedy_start
         Whether to begin with plans that :func:`~botohe_moo.plan_sequentially` makes for reward
         alone, for the whole team and for fewer robots, beside that in which everybody stays at

@@ -21,7 +21,7 @@ from botohe_moo.trails import PlanBatch
 __all__ = ["DEFAULT_MOVES", "MOVES", "LocalSearch"]
 
 # Names of the moves, in the order in which the kernels number them.
-MOVES = ("shortcut", "visit", "visit-two", "splice", "graft", "reverse", "adopt")
+MOVES = ("shortcut", "visit", "visit-two", "splice", "graft", "swap-loops", "reverse", "adopt")
 
 # How likely each is to be drawn: `make bench` shows what each is good for.
 DEFAULT_MOVES: Mapping[str, float] = {
@@ -30,6 +30,7 @@ DEFAULT_MOVES: Mapping[str, float] = {
     "visit-two": 0.11,
     "splice": 0.25,
     "graft": 0.25,
+    "swap-loops": 0.02,
     "reverse": 0.06,
     "adopt": 0.1,
 }

@@ -28,9 +28,10 @@ VISIT = 1
 VISIT_TWO = 2
 SPLICE = 3
 GRAFT = 4
-REVERSE = 5
-ADOPT = 6
-N_KINDS = 7
+SWAP_LOOPS = 5
+REVERSE = 6
+ADOPT = 7
+N_KINDS = 8
 
 # How many nodes nearby are compared, at most, when one is chosen to be visited: one, two or three.
 _MOST_COMPARED = 3
@@ -251,6 +252,29 @@ def _draw_reversed(graph: Graph, work: Workspace, rule: SearchRule) -> bool:
 
 
 @inlined
+def _draw_loops(work: Workspace) -> bool:
+    """Draw two loops, one after the other at a node, to change places: survival stays as it is."""
+    now, steps = work.now, work.steps
+    low = _below(work.states, now.length + 1)
+    middle = high = -1
+    for i in range(low + 1, now.length + 1):
+        if steps[i].node == steps[low].node:
+            if middle >= 0:
+                high = i
+                break
+            middle = i
+    if high < 0:
+        return False
+    now.prefix, now.suffix = low, high
+    work.goals[0], now.goals = steps[low].node, 1
+    now.piece = high - low
+    for i in range(low, high):
+        later = i - low + high - middle if i < middle else i - middle
+        work.piece[later] = steps[i].arc
+    return True
+
+
+@inlined
 def change(
     graph: Graph,
     routes: Routes,
@@ -274,6 +298,8 @@ def change(
             n_steps = n_visits
         else:
             _draw_visits(graph, routes, work, rule, n_visits)
+    elif kind == SWAP_LOOPS:
+        made = _draw_loops(work)
     elif kind == REVERSE:
         made = _draw_reversed(graph, work, rule)
     else:
