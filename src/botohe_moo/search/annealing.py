@@ -192,8 +192,11 @@ class Annealing:
     def start_from(self, archive: PlanArchive) -> None:
         """Put the archive's best plan for the weight in the best one's place, if it is better."""
         best, objectives = self.state.best, archive.objectives
-        row = int(np.argmax(self.scores(np.vstack([best.objectives, objectives])))) - 1
-        if row < 0:
+        if len(archive) == 0:
+            return
+        scores = self.scores(objectives)
+        row = int(np.argmax(scores))
+        if scores[row] <= self.scores(best.objectives[np.newaxis])[0]:
             return
         plan = archive.plans[row]
         for robot, (start, stop) in enumerate(pairwise(plan.offsets.tolist())):
@@ -227,7 +230,7 @@ class Annealing:
                 n_made = -1 - n_made
                 moves = new_move_scratch(graph, detours=True)
                 self.state = self.state._replace(moves=moves)
-            elif n_made < n_steps:
+            elif n_made == 0:  # not even one plan finds room
                 larger = np.empty(2 * len(records.nodes), np.int32)
                 self._records = records._replace(nodes=larger)
             n_steps -= n_made
@@ -238,4 +241,6 @@ class Annealing:
             objectives.append(records.objectives[:n_plans].copy())
         if self.schedule.journal and self.steps_left == 0:
             return self.best()
+        if len(batches) == 1:
+            return batches[0], objectives[0]
         return PlanBatch.concatenate(batches), np.concatenate(objectives)

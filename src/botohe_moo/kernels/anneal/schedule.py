@@ -12,7 +12,7 @@ from botohe_moo.kernels.anneal.state import (
     TeamScratch,
     Walked,
 )
-from botohe_moo.kernels.compile import helper, kernel
+from botohe_moo.kernels.compile import helper, inlined, kernel
 from botohe_moo.kernels.graph.arcs import find_arc
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.plans.change import MoveRule, change_trail
@@ -24,7 +24,7 @@ from botohe_moo.kernels.rng import uniform
 Number = TypeVar("Number", float, FloatArray)
 
 
-@helper
+@inlined
 def _walk(graph: Graph, walked: Walked, team: TeamScratch, slot: int) -> None:
     """List the nodes of a trail by first visit, with the chance to reach each, and to survive."""
     nodes, met, reach, visited = walked.nodes, walked.met, walked.reach, team.visited
@@ -47,7 +47,7 @@ def _walk(graph: Graph, walked: Walked, team: TeamScratch, slot: int) -> None:
     walked.n_met[slot], walked.alive[slot] = n, alive
 
 
-@helper
+@inlined
 def _change(
     graph: Graph,
     rule: MoveRule,
@@ -76,7 +76,7 @@ def _change(
     return other
 
 
-@helper
+@inlined
 def _go_to_best(
     graph: Graph, best: Best, here: OffsetArray, walked: Walked, team: TeamScratch
 ) -> None:
@@ -91,7 +91,7 @@ def _go_to_best(
         _walk(graph, walked, team, slot)
 
 
-@helper
+@inlined
 def _evaluate(
     reward: FloatArray, slots: OffsetArray, walked: Walked, team: TeamScratch
 ) -> tuple[float, float]:
@@ -151,7 +151,7 @@ def _dominates(objectives: FloatArray, reward: float, survivors: float) -> bool:
     return bool((better and objectives[1] >= survivors) or (safer and objectives[0] >= reward))
 
 
-@helper
+@inlined
 def _has_room(records: Records, here: OffsetArray, lengths: OffsetArray, n_more: int) -> bool:
     """Tell whether a plan of ``n_more`` nodes more than the one at hand can be recorded."""
     n_robots, n = here.shape[0], records.n_plans[0]
@@ -163,7 +163,7 @@ def _has_room(records: Records, here: OffsetArray, lengths: OffsetArray, n_more:
     return bool(size <= records.nodes.shape[0])
 
 
-@helper
+@inlined
 def _record(
     records: Records, slots: OffsetArray, walked: Walked, reward: float, survivors: float
 ) -> None:
@@ -181,7 +181,7 @@ def _record(
     records.n_plans[0] += 1
 
 
-@helper
+@inlined
 def _remember(
     best: Best, slots: OffsetArray, walked: Walked, reward: float, survivors: float
 ) -> None:
