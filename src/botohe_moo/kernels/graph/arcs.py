@@ -1,12 +1,12 @@
 """Single arcs of a graph."""
 
-from botohe_moo.kernels.compile import inlined
+from botohe_moo.kernels.compile import helper
 from botohe_moo.kernels.graph.graph import Graph
 
 _LINEAR_SEARCH_UP_TO = 12
 
 
-@inlined
+@helper
 def find_arc(graph: Graph, tail: int, head: int) -> int:
     """Give the arc between two nodes, which the graph must have, or −1."""
     low, high = graph.first[tail], graph.first[tail + 1]

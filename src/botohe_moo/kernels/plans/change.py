@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
-from botohe_moo.kernels.compile import inlined, kernel
+from botohe_moo.kernels.compile import helper, inlined, kernel
 from botohe_moo.kernels.graph.arcs import find_arc
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.plans.marks import (
@@ -60,7 +60,7 @@ def _draw_kind(weights: FloatArray, states: SeedArray) -> int:
     return kind if weights[kind] > 0.0 else -1
 
 
-@inlined
+@helper
 def survive_trail(graph: Graph, nodes: OffsetArray, length: int) -> float:
     """Multiply the survivals along a trail, in the order and with the bits of ``evaluate``."""
     alive = 1.0

@@ -87,7 +87,7 @@ def _add_node(
     return length + longer
 
 
-@inlined
+@helper
 def _delete(
     graph: Graph, scratch: MoveScratch, nodes: OffsetArray, length: int, start: int, stop: int
 ) -> int:
