@@ -128,14 +128,9 @@ class Annealing:
     ) -> None:
         """Begin the turn of the next weight.
 
-        Parameters
-        ----------
-        archive
-            Plans to begin from, where one is better than the last weight's best plan.
-        n_left
-            Evaluations that are left, None where nothing limits them.
-        n_generations
-            Generations that there will be in all, or infinity.
+        It begins from the best plan of the last one, or a better one of the archive. ``n_left`` is
+        how many evaluations are left, None without a limit, and ``n_generations`` how many
+        generations there will be in all.
         """
         schedule, state = self.schedule, self.state
         if self._turn == self._sweep[1] * self._sweep[2]:
@@ -205,19 +200,11 @@ class Annealing:
         best.objectives[:] = objectives[row]
 
     def run(self, n_steps: int) -> tuple[PlanBatch, FloatArray]:
-        """Make steps of the weight's turn, each of which evaluates a plan.
+        """Make at most ``steps_left`` steps of the weight's turn, each of which evaluates a plan.
 
-        Parameters
-        ----------
-        n_steps
-            How many, at most ``steps_left``.
-
-        Returns
-        -------
-        tuple
-            What may belong to the front, with E[R] and E[S] (n, 2): of the plans evaluated those
-            that the plans at hand did not dominate; with the journal's schedule the best plan when
-            the turn ends.
+        Gives what may belong to the front, with E[R] and E[S] (n, 2): of the plans evaluated those
+        that the plans at hand did not dominate; with the journal's schedule the best plan when the
+        turn ends.
         """
         graph = self.mission.arrays
         self.steps_left -= n_steps

@@ -210,23 +210,9 @@ def anneal(
     back to the best plan with ``return_probability``. Kirkpatrick, Gelatt and Vecchi,
     "Optimization by simulated annealing", Science 220, 1983.
 
-    Parameters
-    ----------
-    graph, rule
-        Where and how to search.
-    state
-        Where the search is; advanced.
-    records
-        Where to write each plan that is evaluated, but for those that the plan the search is at or
-        its best dominates. Those that are there stay.
-    n_steps
-        How many steps to make at most.
-
-    Returns
-    -------
-    int
-        How many steps were made: fewer where there may be no room to record another plan; −1 less
-        that where the next step needs scratch for detours.
+    Each plan that is evaluated is recorded, but for those that the plan the search is at or its
+    best dominates. Gives how many steps were made: fewer where there may be no room to record
+    another plan; −1 less that where the next step needs scratch for detours.
     """
     best, walked, team, states = state.best, state.walked, state.team, state.random
     here, tried, at, temperature = state.here, state.tried, state.objectives, state.temperature

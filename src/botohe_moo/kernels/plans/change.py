@@ -123,24 +123,9 @@ def _change_plans(
 ) -> int:
     """Change one trail, or every trail, of plans by one move, while there is room to write them.
 
-    Parameters
-    ----------
-    graph, rule, scratch
-        Where and how; a trail with which no draw can be made stays as it is.
-    plans, n_robots
-        Valid plans, and trails per plan.
-    states
-        State of the random numbers (1, 2), advanced.
-    n_done
-        How many trails have been written before: those of whole plans.
-    out
-        Output; as many offsets as ``plans`` has, the first one 0.
-
-    Returns
-    -------
-    int
-        How many trails have been written; −1 less that where the next plan needs scratch for
-        detours.
+    A trail with which no draw can be made stays as it is. ``n_done`` trails, those of whole plans,
+    have been written to ``out`` before. Gives how many have been written; −1 less that where the
+    next plan needs scratch for detours.
     """
     n_trails, room = plans.offsets.shape[0] - 1, graph.head.shape[0] + 1
     trail_nodes = np.empty(room, np.int64)
