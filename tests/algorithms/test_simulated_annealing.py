@@ -253,6 +253,17 @@ class TestJournal:
 
 
 class TestCooled:
+    def test_long_generations_need_no_more_room_than_short_ones(self, museum):
+        """More plans are recorded than there is room for, again and again."""
+        parameters = {"initial_temperature": 20.0, "final_temperature": 20.0, "n_weights": 1}
+        short, long = (
+            solve(museum, 40_000, n_passes=1, steps_per_generation=steps, **parameters)
+            for steps in (1_000, 40_000)
+        )
+        assert short.F.tobytes() == long.F.tobytes()
+        rooms = [len(r.algorithm._search._records.nodes) for r in (short, long)]
+        assert rooms[0] == rooms[1] < 100_000
+
     def test_temperatures_end_where_they_should(self, museum):
         rewards = museum.arrays.reward
         share = (rewards**2).sum() / rewards.sum() ** 2

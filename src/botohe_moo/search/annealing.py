@@ -128,14 +128,9 @@ class Annealing:
     ) -> None:
         """Begin the turn of the next weight.
 
-        Parameters
-        ----------
-        archive
-            Plans to begin from, where one is better than the last weight's best plan.
-        n_left
-            Evaluations that are left, None where nothing limits them.
-        n_generations
-            Generations that there will be in all, or infinity.
+        It begins from the best plan of the last one, or a better one of the archive. ``n_left`` is
+        how many evaluations are left, None without a limit, and ``n_generations`` how many
+        generations there will be in all.
         """
         schedule, state = self.schedule, self.state
         if self._turn == self._sweep[1] * self._sweep[2]:
@@ -192,8 +187,11 @@ class Annealing:
     def start_from(self, archive: PlanArchive) -> None:
         """Put the archive's best plan for the weight in the best one's place, if it is better."""
         best, objectives = self.state.best, archive.objectives
-        row = int(np.argmax(self.scores(np.vstack([best.objectives, objectives])))) - 1
-        if row < 0:
+        if len(archive) == 0:
+            return
+        scores = self.scores(objectives)
+        row = int(np.argmax(scores))
+        if scores[row] <= self.scores(best.objectives[np.newaxis])[0]:
             return
         plan = archive.plans[row]
         for robot, (start, stop) in enumerate(pairwise(plan.offsets.tolist())):
@@ -202,19 +200,11 @@ class Annealing:
         best.objectives[:] = objectives[row]
 
     def run(self, n_steps: int) -> tuple[PlanBatch, FloatArray]:
-        """Make steps of the weight's turn, each of which evaluates a plan.
+        """Make at most ``steps_left`` steps of the weight's turn, each of which evaluates a plan.
 
-        Parameters
-        ----------
-        n_steps
-            How many, at most ``steps_left``.
-
-        Returns
-        -------
-        tuple
-            What may belong to the front, with E[R] and E[S] (n, 2): of the plans evaluated those
-            that the plans at hand did not dominate; with the journal's schedule the best plan when
-            the turn ends.
+        Gives what may belong to the front, with E[R] and E[S] (n, 2): of the plans evaluated those
+        that the plans at hand did not dominate; with the journal's schedule the best plan when the
+        turn ends.
         """
         graph = self.mission.arrays
         self.steps_left -= n_steps
@@ -227,7 +217,7 @@ class Annealing:
                 n_made = -1 - n_made
                 moves = new_move_scratch(graph, detours=True)
                 self.state = self.state._replace(moves=moves)
-            elif n_made < n_steps:
+            elif n_made == 0:  # not even one plan finds room
                 larger = np.empty(2 * len(records.nodes), np.int32)
                 self._records = records._replace(nodes=larger)
             n_steps -= n_made
@@ -238,4 +228,6 @@ class Annealing:
             objectives.append(records.objectives[:n_plans].copy())
         if self.schedule.journal and self.steps_left == 0:
             return self.best()
+        if len(batches) == 1:
+            return batches[0], objectives[0]
         return PlanBatch.concatenate(batches), np.concatenate(objectives)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
-from botohe_moo.kernels.compile import helper, kernel
+from botohe_moo.kernels.compile import helper, inlined, kernel
 from botohe_moo.kernels.graph.arcs import find_arc
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.plans.marks import (
@@ -45,7 +45,7 @@ class MoveRule(NamedTuple):
     min_survival: float
 
 
-@helper
+@inlined
 def _draw_kind(weights: FloatArray, states: SeedArray) -> int:
     """Draw a kind of move, −1 where rounding has run past the last kind that may be drawn."""
     n_kinds = weights.shape[0]
@@ -69,7 +69,7 @@ def survive_trail(graph: Graph, nodes: OffsetArray, length: int) -> float:
     return alive
 
 
-@helper
+@inlined
 def change_trail(
     graph: Graph,
     rule: MoveRule,
@@ -123,24 +123,9 @@ def _change_plans(
 ) -> int:
     """Change one trail, or every trail, of plans by one move, while there is room to write them.
 
-    Parameters
-    ----------
-    graph, rule, scratch
-        Where and how; a trail with which no draw can be made stays as it is.
-    plans, n_robots
-        Valid plans, and trails per plan.
-    states
-        State of the random numbers (1, 2), advanced.
-    n_done
-        How many trails have been written before: those of whole plans.
-    out
-        Output; as many offsets as ``plans`` has, the first one 0.
-
-    Returns
-    -------
-    int
-        How many trails have been written; −1 less that where the next plan needs scratch for
-        detours.
+    A trail with which no draw can be made stays as it is. ``n_done`` trails, those of whole plans,
+    have been written to ``out`` before. Gives how many have been written; −1 less that where the
+    next plan needs scratch for detours.
     """
     n_trails, room = plans.offsets.shape[0] - 1, graph.head.shape[0] + 1
     trail_nodes = np.empty(room, np.int64)

@@ -144,28 +144,8 @@ def _repair(
 ) -> int:
     """Make valid trails out of drafts, as long as there is room to write them.
 
-    Parameters
-    ----------
-    graph
-        Where the trails have to lead.
-    kind
-        Which repair.
-    scratch
-        New, or used for the drafts before.
-    drafts
-        Sequences of any integers.
-    n_done
-        How many of them have been repaired before, into ``out``.
-    out
-        Output; as many offsets as ``drafts`` has, the first one 0.
-    changes
-        Output (n_trails): arcs added and hops dropped.
-
-    Returns
-    -------
-    int
-        How many have been repaired: fewer than all where the next trail, of up to n_arcs + 1
-        nodes, may find no room in ``out.nodes``.
+    ``n_done`` drafts have been repaired before, into ``out``. Gives how many have been repaired:
+    fewer than all where the next trail, of up to n_arcs + 1 nodes, may find no room.
     """
     for trail in range(n_done, changes.shape[0]):
         size = out.offsets[trail]

@@ -13,14 +13,8 @@ from botohe_moo.kernels.plans.ragged import Trails
 def follow(graph: Graph, trails: Trails, alive: FloatArray, pays: FloatArray) -> None:
     """Write how likely each position of a valid plan's trails is reached, and what it may pay.
 
-    Parameters
-    ----------
-    graph, trails
-        Where the trails lead, and one plan's trails.
-    alive
-        Output (n_positions): product of the survivals along the trail up to each position.
-    pays
-        Output (n_positions): reward of the node where its trail visits it first, else 0.
+    At each position ``alive`` is the product of the survivals along the trail up to there, and
+    ``pays`` the reward of the node where its trail visits it first, else 0 (n_positions).
     """
     nodes, offsets = trails.nodes, trails.offsets
     visited_by = np.full(graph.reward.shape[0], -1, np.int64)
@@ -49,19 +43,9 @@ def play(
 ) -> None:
     """Play missions: one draw settles how far a robot gets, by inverse transform.
 
-    Parameters
-    ----------
-    reward
-        Reward of every node (n_nodes).
-    trails, alive
-        One plan's trails, and how likely each of their positions is reached, from ``follow``.
-    draws
-        Uniform in [0, 1) (n_missions, n_robots).
-    hops
-        Output (n_missions, n_robots): the arcs that each robot survived.
-    rewards
-        Output (n_missions): team rewards, each summed in the order of the nodes, so that the same
-        nodes always bring the same floating-point number.
+    ``draws`` are uniform in [0, 1), and ``hops``, the arcs that each robot survived, are written
+    (n_missions, n_robots). Team rewards (n_missions) are each summed in the order of the nodes, so
+    that the same nodes always bring the same floating-point number.
     """
     nodes, offsets = trails.nodes, trails.offsets
     n_nodes = reward.shape[0]

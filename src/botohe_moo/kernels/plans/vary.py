@@ -127,23 +127,15 @@ def cross(
     states: SeedArray,
     pieces: OffsetArray,
 ) -> None:
-    """Draft two children of each pair of plans.
+    """Draft two children of each pair of plans: those of pair m are the plans 2m and 2m + 1.
 
-    Parameters
-    ----------
-    trails
-        The plans: all first parents, then all second ones.
-    kinds
-        Of each pair: with ``EXCHANGE`` the children share out whole trails, a random part of
-        those of one parent and the rest of the other's; with ``SPLICE`` one trail of each parent
-        goes on as the other's from a node that both visit (where there is none the two trails
-        change places).
-    orders, counts
-        Scratch: twice the numbers of the robots (2, n_robots), and zeros (n_nodes).
-    states
-        State of the random numbers (1, 2), advanced.
-    pieces
-        Output, all 0 before: the children of pair m are the plans 2m and 2m + 1.
+    ``trails`` are all first parents, then all second ones. With ``EXCHANGE`` the children share out
+    whole trails, a random part of those of one parent and the rest of the other's; with ``SPLICE``
+    one trail of each parent goes on as the other's from a node that both visit (where there is none
+    the two trails change places).
+
+    Scratch are ``orders``, twice the numbers of the robots (2, n_robots), and ``counts``, zeros
+    (n_nodes). ``states`` (1, 2) are advanced; ``pieces`` are 0 before.
     """
     offsets, n_pairs, n_robots = trails.offsets, kinds.shape[0], orders.shape[1]
     for pair in range(n_pairs):
@@ -183,19 +175,8 @@ def ruin(
 ) -> None:
     """Cut a random segment out of one trail of each plan, and put in nodes to visit instead.
 
-    Parameters
-    ----------
-    trails, n_robots
-        The plans, and trails per plan.
-    n_nodes
-        Nodes of the mission, every one of which may be put in.
-    states
-        As for ``cross``.
-    via
-        Output (n_plans, max_via): what is put in. Every number of nodes is equally likely. The
-        pieces take these to lie behind the trails' nodes.
-    pieces
-        Output, the whole trails before.
+    These are written to ``via`` (n_plans, max_via), every number of them being equally likely, and
+    the pieces take them to lie behind the trails' nodes. ``pieces`` are the whole trails before.
     """
     offsets, max_via = trails.offsets, via.shape[1]
     for plan in range(via.shape[0]):
@@ -217,7 +198,7 @@ def ruin(
 
 @kernel
 def send_home(trails: Trails, n_robots: int, states: SeedArray, pieces: OffsetArray) -> None:
-    """Let one robot of each plan that leaves the base stay there; arguments as for ``ruin``.
+    """Let one robot of each plan that leaves the base stay there, as ``ruin`` does.
 
     The pieces take the base to lie behind the trails' nodes.
     """
@@ -239,17 +220,7 @@ def share(
     """Let one robot of each plan take over another's trail, or two robots swap how they go on.
 
     They swap from a node that both visit, where there is none from any place of their trails.
-
-    Parameters
-    ----------
-    trails, n_robots
-        The plans, and trails per plan, at least two.
-    counts, states
-        As for ``cross``.
-    prob_copy
-        Probability of taking over rather than swapping.
-    pieces
-        Output, the whole trails before.
+    There are at least two robots; ``pieces`` are the whole trails before.
     """
     offsets = trails.offsets
     for plan in range(pieces.shape[0] // n_robots):
