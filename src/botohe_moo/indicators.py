@@ -9,8 +9,6 @@ from numpy.typing import ArrayLike
 from botohe_moo._base.types import FloatArray
 from botohe_moo.mission.model import Mission
 
-__all__ = ["TIE", "area_indicator", "epsilon_indicator", "igd_plus_indicator"]
-
 # Indicators that differ by less are equal: such differences come from the order of sums.
 TIE = 1e-12
 _ROUNDING = 1e-9

@@ -16,8 +16,6 @@ from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import PlanBatch
 
-__all__ = ["BOTOHE", "FrontOutput"]
-
 _ROUNDING = 1e-12
 
 

@@ -13,8 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 from botohe_moo._base.checks import check_integer
 from botohe_moo._base.types import IntArray, ObjectArray, OffsetArray
 
-__all__ = ["PlanBatch", "TrailPlan", "listed_plans"]
-
 _MAX_INDEX = np.iinfo(np.int32).max
 
 

@@ -97,11 +97,12 @@ def check_choice(parameter: str, name: Any, known: Collection[str]) -> None:
 
 
 def check_weights(
-    parameter: str, given: Any, known: Collection[str], *, what: str = ""
+    parameter: str, given: Any, known: Collection[str], *, what: str = "", needed: str = ""
 ) -> dict[str, float]:
     """Give a mapping from known names to weights >= 0 of finite sum, or raise a ParameterError.
 
-    ``what`` the names are of is by default the parameter.
+    ``what`` the names are of is by default the parameter. With ``needed``, what one of them is
+    called, some weight has to be above 0.
     """
     what = what or parameter
     if not isinstance(given, Mapping):
@@ -116,6 +117,9 @@ def check_weights(
             raise ParameterError(str(error), parameter) from None
     if sum(weights.values()) == math.inf:
         message = f"Expected weights of {what} with a finite sum, got {quoted(given)}."
+        raise ParameterError(message, parameter)
+    if needed and not any(weights.values()):
+        message = f"Expected a {needed} of weight above 0, got {quoted(given)}."
         raise ParameterError(message, parameter)
     return weights
 

@@ -11,8 +11,6 @@ import stat
 from collections.abc import Iterator
 from pathlib import Path
 
-__all__ = ["new_folder", "read_bytes", "replace_file"]
-
 
 @contextlib.contextmanager
 def new_folder(wanted: Path) -> Iterator[Path]:

@@ -11,8 +11,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-__all__ = ["hold_interrupt"]
-
 
 @contextmanager
 def hold_interrupt(*, answer: str | None = None) -> Iterator[threading.Event]:

@@ -10,3 +10,4 @@ IntArray: TypeAlias = NDArray[np.integer[Any]]  # node and arc indices
 OffsetArray: TypeAlias = NDArray[np.int64]  # where the pieces of a ragged array begin
 SeedArray: TypeAlias = NDArray[np.uint64]
 ObjectArray: TypeAlias = NDArray[Any]
+Rng: TypeAlias = np.random.Generator

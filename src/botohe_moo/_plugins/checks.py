@@ -13,8 +13,6 @@ from botohe_moo._plugins.messages import fault_messages
 from botohe_moo._plugins.stated import Accepted, Factory, Parameter, signature_parameters
 from botohe_moo._plugins.types import is_scalar
 
-__all__ = ["Fault", "call_factory", "check_values", "checked", "raised_fault"]
-
 P = ParamSpec("P")
 R = TypeVar("R")
 

@@ -18,8 +18,6 @@ from botohe_moo._base.checks import nearest_first
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-__all__ = ["PluginError", "PluginGroup", "imported", "same_factory"]
-
 _OURS = "botohe-moo"
 
 

@@ -15,8 +15,6 @@ from typing import Annotated, Any, Self, get_args, get_origin
 from botohe_moo._plugins.entry_points import PluginError, PluginGroup, imported
 from botohe_moo._plugins.types import UNIONS
 
-__all__ = ["declared_factory", "named", "says_it_makes"]
-
 _CACHED = type(functools.cache(callable))
 
 

@@ -8,8 +8,6 @@ from typing import Any, TypeAlias
 from botohe_moo._base.checks import quoted
 from botohe_moo._plugins.types import bound_text
 
-__all__ = ["Error", "fault_messages", "wrong_value"]
-
 Error: TypeAlias = Mapping[str, Any]
 
 _EXPECTED = {

@@ -13,19 +13,6 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 import numpy as np
 from pydantic.fields import FieldInfo
 
-__all__ = [
-    "UNIONS",
-    "SameResult",
-    "bound_text",
-    "changes_nothing",
-    "is_plain",
-    "is_scalar",
-    "plain_number",
-    "plain_value",
-    "range_text",
-    "type_text",
-]
-
 UNIONS = (Union, types.UnionType)
 # What lists and mappings of a text file can stand for.
 _LISTS = (list, Sequence, Iterable, collections.abc.Collection)

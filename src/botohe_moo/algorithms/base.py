@@ -22,8 +22,6 @@ from botohe_moo.algorithms.individuals import PopulationArchive
 from botohe_moo.problem import BOTOHE, FrontOutput
 from botohe_moo.trails import PlanBatch, TrailPlan, listed_plans
 
-__all__ = ["ArchiveAlgorithm"]
-
 MaxTies: TypeAlias = Annotated[int, Field(ge=1, le=1_000_000_000)]
 
 PYMOO_OPTIONS = (

@@ -13,8 +13,6 @@ from botohe_moo._plugins.entry_points import PluginError, PluginGroup
 from botohe_moo._plugins.factories import declared_factory
 from botohe_moo._plugins.stated import Accepted, accepted_parameters
 
-__all__ = ["PLUGINS", "accepted_by", "find_algorithm", "is_path"]
-
 PLUGINS = PluginGroup("botohe_moo.algorithms", "algorithm")
 # Who runs an algorithm decides on these, through ``minimize``.
 _PYMOOS_OWN = frozenset(inspect.signature(Algorithm).parameters)

@@ -13,8 +13,6 @@ from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.search.archive import PlanArchive
 from botohe_moo.trails import PlanBatch, TrailPlan
 
-__all__ = ["PopulationArchive"]
-
 
 class PopulationArchive(PlanArchive):
     """An archive that makes pymoo's individuals when somebody looks at them.

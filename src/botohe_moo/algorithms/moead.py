@@ -16,8 +16,6 @@ from botohe_moo._plugins.ranges import Probability
 from botohe_moo.algorithms.population import PopulationAlgorithm, PopulationSize, even_weights
 from botohe_moo.problem import BOTOHE
 
-__all__ = ["PlanMOEAD"]
-
 
 class _BoundedTchebicheff(Tchebicheff):
     """Tchebicheff with each objective measured by its bound."""

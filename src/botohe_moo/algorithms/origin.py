@@ -17,8 +17,6 @@ from botohe_moo._plugins.factories import named
 from botohe_moo._plugins.types import plain_value
 from botohe_moo.algorithms.finding import PLUGINS, accepted_by, find_algorithm, is_path
 
-__all__ = ["AlgorithmIdentity", "algorithm_identity", "algorithm_origin"]
-
 # Their versions identify them; all other modules are identified by their file.
 _VERSIONED = frozenset({"botohe_moo", "pymoo"})
 

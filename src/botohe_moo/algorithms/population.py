@@ -36,8 +36,6 @@ from botohe_moo.operators.wiring import (
 from botohe_moo.problem import BOTOHE, FrontOutput
 from botohe_moo.trails import TrailPlan
 
-__all__ = ["PlanGeneticAlgorithm", "PopulationAlgorithm"]
-
 PopulationSize: TypeAlias = Annotated[int, Field(ge=2, le=1_000_000)]
 
 

@@ -13,16 +13,6 @@ from botohe_moo._plugins.docstrings import summary_of
 from botohe_moo._plugins.stated import Accepted, Parameter
 from botohe_moo.algorithms.endless import never_ends
 from botohe_moo.algorithms.finding import PLUGINS, accepted_by, find_algorithm
-from botohe_moo.algorithms.origin import algorithm_origin
-
-__all__ = [
-    "algorithm_names",
-    "algorithm_origin",
-    "algorithm_parameters",
-    "check_algorithm",
-    "describe_algorithm",
-    "make_algorithm",
-]
 
 
 def make_algorithm(name: str, /, **parameters: Any) -> Algorithm:

@@ -21,8 +21,6 @@ from botohe_moo.algorithms.population import (
     genetic_sizes,
 )
 
-__all__ = ["wired"]
-
 # What the wiring, or whoever runs the algorithm, gives to every class of pymoo's.
 _TAKEN_CARE_OF = frozenset(
     {"sampling", "crossover", "mutation", "repair", "eliminate_duplicates", "output", "mating"}

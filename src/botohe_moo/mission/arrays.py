@@ -13,8 +13,6 @@ if TYPE_CHECKING:
 
     import networkx as nx
 
-__all__ = ["as_arrays"]
-
 
 def as_arrays(graph: nx.DiGraph[Any], index: dict[Any, int], base: Hashable) -> Graph:
     """Put a valid graph into arrays.

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
     from botohe_moo._base.types import FloatArray, OffsetArray
 
-__all__ = ["complete", "random", "terrain", "two_communities"]
-
 Nodes: TypeAlias = Annotated[int, Field(ge=2)]
 Seed: TypeAlias = Annotated[int, Field(ge=0)]
 

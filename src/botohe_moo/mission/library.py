@@ -19,18 +19,6 @@ from botohe_moo.mission.formats.files import SUFFIXES, read_mission
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.validation import MissionError
 
-__all__ = [
-    "art_museum",
-    "check_mission",
-    "describe_mission",
-    "load_mission",
-    "mission_names",
-    "mission_parameters",
-    "power_plant",
-    "terrain_200",
-    "toy",
-]
-
 _PLUGINS = PluginGroup("botohe_moo.missions", "mission")
 
 

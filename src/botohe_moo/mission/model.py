@@ -18,8 +18,6 @@ from botohe_moo.trails import PlanBatch, TrailPlan
 if TYPE_CHECKING:
     from botohe_moo._base.types import FloatArray, ObjectArray
 
-__all__ = ["Mission", "PlanError"]
-
 
 class Mission:
     """Robots that leave a base on a directed graph of dangerous arcs and rewarding nodes.

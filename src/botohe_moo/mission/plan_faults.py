@@ -12,8 +12,6 @@ from botohe_moo.kernels.plans import evaluate as kernels
 if TYPE_CHECKING:
     from botohe_moo.trails import PlanBatch
 
-__all__ = ["PlanError", "fault_text", "trail_indices"]
-
 _FAULTS = {
     kernels.BAD_OFFSETS: "expected the batch's offsets to cut its nodes into trails",
     kernels.EMPTY_TRAIL: "expected a trail of at least one node, the base, got an empty one",

@@ -16,8 +16,6 @@ from botohe_moo.mission.memory import MAX_ROBOTS, in_gib, team_bytes
 if TYPE_CHECKING:
     from collections.abc import Hashable, Iterator
 
-__all__ = ["MissionError", "mission_faults", "team_size_fault"]
-
 _MAX_SHOWN = 100  # a file may have a million faults
 
 

@@ -13,8 +13,6 @@ from botohe_moo._base.types import FloatArray
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["ROUNDING", "Distribution"]
-
 ROUNDING = 1e-12  # relative; values and probabilities that differ by less are equal
 
 

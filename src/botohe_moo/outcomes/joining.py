@@ -15,8 +15,6 @@ from botohe_moo.mission import Mission
 from botohe_moo.outcomes.distribution import ROUNDING
 from botohe_moo.trails import TrailPlan
 
-__all__ = ["Followed", "States", "TooManyOutcomesError", "follow", "join_robots", "merged"]
-
 
 class Followed(NamedTuple):
     """The trails of a valid plan, and for each position what the kernel ``follow`` computes.

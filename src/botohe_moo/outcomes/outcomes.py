@@ -19,14 +19,6 @@ from botohe_moo.trails import TrailPlan
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = [
-    "Outcomes",
-    "plan_outcomes",
-    "reward_distribution",
-    "simulate",
-    "survivors_distribution",
-]
-
 
 @dataclass(frozen=True, eq=False)
 class Outcomes:

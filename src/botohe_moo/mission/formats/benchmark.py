@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
     from botohe_moo._base.types import FloatArray
 
-__all__ = ["near_pairs", "read_benchmark", "spanning_pairs"]
-
 _HEADER = ("n", "m", "tmax")
 
 

@@ -20,8 +20,6 @@ from botohe_moo.mission.validation import MissionError, mission_faults
 if TYPE_CHECKING:
     import networkx as nx
 
-__all__ = ["SUFFIXES", "file_content", "read_mission", "save_mission"]
-
 # A reader takes a file's bytes and keyword-only options; it returns the graph, and the faults of
 # those parts of the file that it had to leave out.
 _Reader = Callable[..., tuple[Any, list[str]]]

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     import networkx as nx
 
-__all__ = ["read_graphml", "write_graphml"]
-
 _NAMESPACE = "http://graphml.graphdrawing.org/xmlns"
 _NOT_IN_XML = re.compile("[^\t\n\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _TYPES = {bool: "boolean", int: "long", float: "double", str: "string"}

@@ -20,15 +20,6 @@ if TYPE_CHECKING:
 
     from botohe_moo.mission.model import Mission
 
-__all__ = [
-    "decode",
-    "graph_from",
-    "mission_content",
-    "read_label",
-    "read_node_link",
-    "write_node_link",
-]
-
 _MAX_DEPTH = 50
 # Checked by the validation of the mission.
 _CHECKED = {"the graph": ("base", "robots"), "node": ("reward",), "arc": ("survival",)}
