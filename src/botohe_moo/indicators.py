@@ -15,23 +15,17 @@ _ROUNDING = 1e-9
 
 
 def area_indicator(objectives: ArrayLike, mission: Mission) -> float:
-    """Compute the share of the objective space that a front dominates.
+    """Compute the share of the objective space that a front dominates, in [0, 1].
 
-    The hypervolume with the origin as reference, divided by (total reward × robots). Both bounds
-    belong to the mission, so that areas compare across runs and studies.
+    The hypervolume with the origin as reference, divided by (total reward × robots), by which areas
+    compare across runs and studies. 0 if there are no plans, or the mission has no reward.
 
     Parameters
     ----------
     objectives
-        Shape (n, 2): E[R] and E[S] of each plan, both to be maximised (``-result.F``); dominated
-        plans add nothing.
+        Shape (n, 2): E[R] and E[S] of each plan (``-result.F``); dominated plans add nothing.
     mission
         The mission of the plans.
-
-    Returns
-    -------
-    float
-        In [0, 1]; 0 if there are no plans, or the mission has no reward.
 
     Raises
     ------

@@ -24,13 +24,7 @@ def is_path(name: str) -> bool:
 
 
 def find_algorithm(name: str) -> Callable[..., Any]:
-    """Import what makes an algorithm.
-
-    Raises
-    ------
-    ValueError
-        If there is no such algorithm, it cannot be imported, or does not say that it is one.
-    """
+    """Import what makes an algorithm; a ValueError says why it cannot be had or called."""
     if not isinstance(name, str):
         raise ValueError(f"Expected the name of an algorithm, got {name!r}.")
     try:

@@ -34,11 +34,6 @@ class AlgorithmIdentity:
 def algorithm_identity(name: str, parameters: Mapping[str, Any]) -> AlgorithmIdentity:
     """Say what results of an algorithm depend on, given parameters that are known to be right.
 
-    Raises
-    ------
-    ValueError
-        If there is no such algorithm, or it cannot be imported.
-
     Examples
     --------
     >>> spelt = algorithm_identity("botohe_moo:BOACO", {"n_ants": 100, "evaporation": 0.5})
@@ -116,11 +111,6 @@ def algorithm_origin(name: str) -> dict[str, str | None]:
     its module; None where there is none. ``source`` is the SHA-256 of its module's file, and None
     for modules of this package and pymoo's, which their versions identify. Other modules that it
     imports are not looked at.
-
-    Raises
-    ------
-    ValueError
-        If there is no such algorithm, or it cannot be imported.
     """
     factory = find_algorithm(name)
     name = _one_name(name)

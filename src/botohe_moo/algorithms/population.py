@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import inspect
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Annotated, Any, TypeAlias
 
 import numpy as np
@@ -21,7 +21,14 @@ from pymoo.core.survival import Survival
 from botohe_moo._base.types import FloatArray, ObjectArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.ranges import Count, Probability
-from botohe_moo.algorithms.base import MaxTies, check_budget, check_options, evaluations_left
+from botohe_moo.algorithms.base import (
+    MaxTies,
+    check_budget,
+    check_options,
+    check_problem,
+    evaluations_left,
+    with_termination,
+)
 from botohe_moo.algorithms.individuals import PopulationArchive
 from botohe_moo.operators.duplicates import PlanDuplicates
 from botohe_moo.operators.repair import PenaltyOnly, PlanRepair
@@ -33,7 +40,7 @@ from botohe_moo.operators.wiring import (
     make_repair,
     make_sampling,
 )
-from botohe_moo.problem import BOTOHE, FrontOutput
+from botohe_moo.problem import FrontOutput
 from botohe_moo.trails import TrailPlan
 
 PopulationSize: TypeAlias = Annotated[int, Field(ge=2, le=1_000_000)]
@@ -42,9 +49,8 @@ PopulationSize: TypeAlias = Annotated[int, Field(ge=2, le=1_000_000)]
 class PopulationAlgorithm(Algorithm):
     """What this package adds to a population-based algorithm of pymoo's.
 
-    Operators for trail plans, an external archive, and an exact budget. The population and its
-    selection stay what pymoo makes them; ``opt``, and with it the result, is the set of all
-    non-dominated feasible plans that were evaluated.
+    Operators for trail plans, an archive of all non-dominated feasible plans that were evaluated,
+    which is the result, and an exact budget. The population and its selection stay pymoo's.
 
     To be put before a class of pymoo's: ``class PlanNSGA2(PopulationAlgorithm, NSGA2)``.
 
@@ -101,11 +107,7 @@ class PopulationAlgorithm(Algorithm):
         if "__signature__" in vars(cls):
             return
         own = list(inspect.signature(cls.__init__).parameters.values())[1:]
-        operators = [
-            parameter
-            for parameter in inspect.signature(PopulationAlgorithm.__init__).parameters.values()
-            if parameter.kind is parameter.KEYWORD_ONLY
-        ]
+        operators = keyword_only(PopulationAlgorithm.__init__)
         cls.__signature__ = inspect.Signature([*own[:-1], *operators, own[-1]])
 
     @checked
@@ -161,30 +163,19 @@ class PopulationAlgorithm(Algorithm):
     def setup(self, problem: Any, **kwargs: Any) -> Algorithm:
         """Prepare to solve ``problem``; pymoo's ``minimize`` calls this.
 
-        Without any termination the run ends after 100 000 evaluations.
-
         Parameters
         ----------
         problem
-            What to solve.
+            What to solve: a :class:`BOTOHE`, or a TypeError is raised.
         **kwargs
-            pymoo's options, such as ``termination`` and ``seed``.
-
-        Raises
-        ------
-        TypeError
-            If ``problem`` is not a :class:`BOTOHE`.
-        ValueError
-            If the budget is less than one evaluation.
+            pymoo's options, such as ``termination`` (default: 100 000 evaluations; a ValueError is
+            raised for less than one) and ``seed``.
         """
-        if not isinstance(problem, BOTOHE):
-            raise TypeError(f"Expected a BOTOHE problem, got {type(problem).__name__}.")
+        check_problem(problem)
         if any(isinstance(repair, PenaltyOnly) for repair in self._repairs()):
             problem = problem.allowing_invalid()
-        if self.termination is None and kwargs.get("termination") is None:
-            kwargs["termination"] = ("n_eval", 100_000)
         self.archive = PopulationArchive(problem.mission.robots, max_ties=self.max_ties)
-        super().setup(problem, **kwargs)
+        super().setup(problem, **with_termination(self, kwargs))
         check_budget(self.termination)
         return self
 
@@ -235,7 +226,7 @@ class PopulationAlgorithm(Algorithm):
 class PlanGeneticAlgorithm(PopulationAlgorithm):
     """A population-based algorithm of pymoo's with two sizes and a survival operator.
 
-    To be put before a class of pymoo's, as :class:`PopulationAlgorithm`.
+    To be put before a class of pymoo's, as :class:`PopulationAlgorithm`, whose options it takes.
 
     Parameters
     ----------
@@ -244,7 +235,7 @@ class PlanGeneticAlgorithm(PopulationAlgorithm):
     n_offsprings
         Plans that a generation adds; default: as many as the population holds.
     **options
-        Operators, as for :class:`PopulationAlgorithm`, and pymoo's own options.
+        Operators, and pymoo's own options.
     """
 
     @checked
@@ -284,6 +275,12 @@ def _picklable(selection: Any) -> Any:
                 selection.func_comp = _NamedFunction(module, name)
                 return selection
     return selection
+
+
+def keyword_only(function: Callable[..., Any]) -> list[inspect.Parameter]:
+    """List the parameters of a function that can only be given by name."""
+    parameters = inspect.signature(function).parameters.values()
+    return [parameter for parameter in parameters if parameter.kind is parameter.KEYWORD_ONLY]
 
 
 def genetic_sizes(pop_size: int, n_offsprings: int | None) -> dict[str, Any]:

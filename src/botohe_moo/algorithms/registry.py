@@ -26,11 +26,6 @@ def make_algorithm(name: str, /, **parameters: Any) -> Algorithm:
         Its parameters; :func:`algorithm_parameters` lists them. pymoo's own options, such as
         ``callback`` and ``verbose``, are for ``minimize``.
 
-    Returns
-    -------
-    pymoo.core.algorithm.Algorithm
-        Ready for pymoo's ``minimize``.
-
     Raises
     ------
     ValueError
@@ -43,8 +38,7 @@ def make_algorithm(name: str, /, **parameters: Any) -> Algorithm:
     that return a pymoo algorithm. They state their parameters by a typed signature, with ranges as
     in ``Annotated[float, Field(gt=0)]``, or by a pydantic model, their attribute ``Parameters``,
     which checks and converts values before these are handed over as keywords. Only parameters that
-    are stated can be given: what pymoo's algorithms take as ``**kwargs`` would swallow every
-    misspelt name.
+    are stated can be given: ``**kwargs`` would swallow every misspelt name.
 
     ``module:Class`` names one that is not registered: a class derived from pymoo's
     ``Algorithm``, or a function whose annotation says that it returns one. Nothing else is called,
@@ -101,26 +95,12 @@ def algorithm_names() -> tuple[str, ...]:
 
 
 def algorithm_parameters(name: str) -> tuple[Parameter, ...]:
-    """List the parameters that an algorithm states, in the order of its signature.
-
-    A factory such as :meth:`BOACO.journal` states what it changes, and its class the rest.
-
-    Raises
-    ------
-    ValueError
-        If there is no such algorithm, or it cannot be imported.
-    """
+    """List the parameters that an algorithm states, in the order of its signature."""
     return accepted_by(find_algorithm(name)).parameters
 
 
 def describe_algorithm(name: str) -> str:
-    """Give the summary that an algorithm's docstring begins with; may be empty.
-
-    Raises
-    ------
-    ValueError
-        If there is no such algorithm, or it cannot be imported.
-    """
+    """Give the summary that an algorithm's docstring begins with; may be empty."""
     return summary_of(find_algorithm(name))
 
 

@@ -156,12 +156,8 @@ def mission_names() -> tuple[str, ...]:
 def mission_origin(name_or_path: str | os.PathLike[str]) -> dict[str, str | None]:
     """Say which ``package`` in which ``version`` registers a mission.
 
-    Both are None for files, and for missions that are not registered.
-
-    Raises
-    ------
-    MissionError
-        If two packages claim the name.
+    Both are None for files, and for missions that are not registered. A MissionError is raised if
+    two packages claim the name.
     """
     owner = None
     if isinstance(name_or_path, str) and name_or_path in _PLUGINS.claims():
@@ -176,13 +172,7 @@ def mission_origin(name_or_path: str | os.PathLike[str]) -> dict[str, str | None
 
 
 def mission_parameters(name_or_path: str | os.PathLike[str]) -> tuple[Parameter, ...]:
-    """List the parameters that a named mission states besides ``robots``; a file has none.
-
-    Raises
-    ------
-    MissionError
-        If there is no such mission, or it cannot be imported.
-    """
+    """List the parameters that a named mission states besides ``robots``; a file has none."""
     function = _factory(name_or_path)
     stated = () if function is None else accepted_parameters(function).parameters
     return tuple(parameter for parameter in stated if parameter.name != "robots")
@@ -210,10 +200,9 @@ def _factory(name: str | os.PathLike[str]) -> Callable[..., Any] | None:
             return _PLUGINS.load(name)
         return declared_factory(name, _PLUGINS, Mission)
     except PluginError as error:
-        hint = (
-            "" if known or ":" in name else f"; mission files end in one of {', '.join(SUFFIXES)}"
-        )
-        raise MissionError(f"{error}{hint}", _PLUGINS.source(name)) from error
+        hint = f"; mission files end in one of {', '.join(SUFFIXES)}"
+        message = f"{error}{'' if known or ':' in name else hint}"
+        raise MissionError(message, _PLUGINS.source(name)) from error
 
 
 def _make(

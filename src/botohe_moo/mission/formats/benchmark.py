@@ -4,36 +4,39 @@ from __future__ import annotations
 
 import math
 import re
-from numbers import Real
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from typing import Annotated, Any
 
 import networkx as nx
 import numpy as np
+from pydantic import Field
 
-from botohe_moo._base.checks import check_integer
+from botohe_moo._base.types import FloatArray
+from botohe_moo._plugins.checks import checked
+from botohe_moo._plugins.ranges import Positive
 from botohe_moo.mission.formats.nodelink import decode
 from botohe_moo.mission.memory import check_memory
 from botohe_moo.mission.validation import MissionError
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from botohe_moo._base.types import FloatArray
-
 _HEADER = ("n", "m", "tmax")
 
 
+@checked
 def read_benchmark(
-    data: bytes, /, *, neighbours: int = 8, scale: float | None = None
+    data: bytes,
+    /,
+    *,
+    neighbours: Annotated[int, Field(ge=1)] = 8,
+    scale: Positive | None = None,
 ) -> tuple[nx.DiGraph[Any], list[str]]:
     """Read a team-orienteering instance as a nearest-neighbours mission.
 
     The file has the lines ``n N``, ``m M`` and ``tmax T``, and then N lines ``x y score``;
     separators are spaces, tabs and semicolons. Its points become the nodes 0 to N − 1, point 0 the
     base, M the number of robots, and scores rewards. Arcs lead both ways between each point and the
-    ``neighbours`` (at least 1) nearest ones, of equally distant ones the first, and along the edges
-    of a Euclidean minimum spanning tree, so that the base reaches all points. An arc's survival is
-    exp(−distance / ``scale``), with tmax as the default scale (> 0).
+    ``neighbours`` nearest ones, of equally distant ones the first, and along the edges of a
+    Euclidean minimum spanning tree, so that the base reaches all points. An arc's survival is
+    exp(−distance / ``scale``), with tmax as the default scale.
 
     Returns the graph and an empty list of faults.
 
@@ -50,11 +53,6 @@ def read_benchmark(
     Chao, Golden and Wasil, "The team orienteering problem", European Journal of Operational
     Research 88 (1996) 464-474.
     """
-    neighbours = check_integer("neighbours", neighbours, at_least=1)
-    if scale is not None and (
-        isinstance(scale, bool) or not isinstance(scale, Real) or not 0 < scale < math.inf
-    ):
-        raise ValueError(f"Expected a finite scale > 0, got {scale!r}.")
     robots, tmax, points, scores = _parse(decode(data))
     if scale is None:
         scale = tmax
@@ -139,9 +137,8 @@ def _numbers(number: int, fields: list[str], faults: list[str]) -> tuple[float, 
 def spanning_pairs(points: FloatArray) -> list[tuple[int, int]]:
     """Return the edges of a Euclidean minimum spanning tree of points (n, 2), by Prim's method.
 
-    It takes time in the square and memory in the number of points, gives the same tree on every
-    platform, also for equal distances, and allows points that coincide. Edges are pairs of indices,
-    the lower one first.
+    Points may coincide, and the tree is the same on every platform. Edges are pairs of indices, the
+    lower one first. Takes time in the square of the number of points, and memory in proportion.
     """
     outside = np.arange(1, len(points))
     squares = np.full(len(points) - 1, np.inf)

@@ -6,19 +6,19 @@ import os
 import stat
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from botohe_moo._base.checks import check_parameters, keyword_names
+import networkx as nx
+
+from botohe_moo._base.checks import check_parameters
 from botohe_moo._base.files import replace_file
+from botohe_moo._plugins.stated import signature_parameters
 from botohe_moo.mission.formats.benchmark import read_benchmark
 from botohe_moo.mission.formats.graphml import read_graphml, write_graphml
 from botohe_moo.mission.formats.nodelink import mission_content, read_node_link, write_node_link
 from botohe_moo.mission.memory import MAX_FILE_BYTES, in_gib
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.validation import MissionError, mission_faults
-
-if TYPE_CHECKING:
-    import networkx as nx
 
 # A reader takes a file's bytes and keyword-only options; it returns the graph, and the faults of
 # those parts of the file that it had to leave out.
@@ -70,7 +70,8 @@ def read_mission(
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
         raise MissionError(_unknown_suffix(path, SUFFIXES), str(path))
-    check_parameters(f"Mission file {path}", options, keyword_names(reader), also=("robots",))
+    known = [parameter.name for parameter in signature_parameters(reader)]
+    check_parameters(f"Mission file {path}", options, known, also=("robots",))
     try:
         graph: nx.DiGraph[Any]
         graph, faults = reader(file_content(path), **options)
@@ -88,8 +89,8 @@ def read_mission(
 def save_mission(mission: Mission, path: str | os.PathLike[str]) -> None:
     """Write a mission file; `read_mission` reads an equal mission from it.
 
-    The file holds the node labels and all attributes of graph, nodes and arcs; numpy's numbers
-    become plain ones, tuples and arrays lists. It appears at ``path`` complete or not at all.
+    It holds all attributes of graph, nodes and arcs; numpy's numbers become plain ones, tuples and
+    arrays lists. The file appears complete or not at all.
 
     Parameters
     ----------

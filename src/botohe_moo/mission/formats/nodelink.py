@@ -6,19 +6,16 @@ import contextlib
 import json
 import math
 from collections import Counter
+from collections.abc import Hashable, Iterator
 from numbers import Integral, Real
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import networkx as nx
 import numpy as np
 
 from botohe_moo._base.checks import quoted
+from botohe_moo.mission.model import Mission
 from botohe_moo.mission.validation import MissionError
-
-if TYPE_CHECKING:
-    from collections.abc import Hashable, Iterator
-
-    from botohe_moo.mission.model import Mission
 
 _MAX_DEPTH = 50
 # Checked by the validation of the mission.
@@ -71,8 +68,8 @@ def graph_from(content: object) -> tuple[nx.Graph[Any], list[str]]:
     networkx' own ``node_link_graph`` would add nodes that only arcs name, let the last of several
     equal nodes or arcs win, and keep the base's label as a list.
 
-    Returns the graph, which is empty if ``content`` is not of a directed simple graph, and the
-    faults: nodes and arcs that had to be left out, and attributes that no file can hold.
+    Gives the graph, empty if it is not directed and simple, and the faults: nodes and arcs that had
+    to be left out, and attributes that no file can hold.
 
     Raises
     ------
@@ -128,12 +125,10 @@ def read_label(value: object) -> Hashable:
     if value is None or isinstance(value, dict) or value != value:
         expected = "a string, a number, a boolean or a list of them"
         raise ValueError(f"expected a label, {expected}, got {quoted(value)}")
-    plain = _plain(value)
-    return _tuples(plain) if isinstance(plain, list) else plain
-
-
-def _tuples(items: list[Any]) -> tuple[Hashable, ...]:
-    return tuple(None if item is None else read_label(item) for item in items)
+    plain: Hashable | list[Any] = _plain(value)
+    if isinstance(plain, list):
+        return tuple(None if item is None else read_label(item) for item in plain)
+    return plain
 
 
 def _value_faults(kind: str, owner: str, attributes: dict[str, Any]) -> Iterator[str]:
