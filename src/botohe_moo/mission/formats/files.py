@@ -45,8 +45,8 @@ def read_mission(
 
         - ``.json``: networkx node-link JSON (``nx.node_link_data(graph, edges="edges")``) in UTF-8,
           with the graph attributes ``base`` and ``robots``, optionally ``name`` and ``title``, the
-          node attribute ``reward`` and the arc attribute ``survival``. Labels that are
-          lists are read as tuples.
+          node attribute ``reward`` and the arc attribute ``survival``. Lists as labels become
+          tuples.
         - ``.graphml``: the same attributes; node labels are strings, and the node attributes ``x``
           and ``y`` become ``pos`` [x, y].
         - ``.txt``: the team-orienteering benchmark of Chao, Golden and Wasil, made into a
