@@ -39,15 +39,12 @@ class BOTOHE(Problem):
 
     Raises
     ------
-    TypeError
-        If ``mission`` is not a Mission.
-    ValueError
-        If another parameter is not of its type or range.
+    TypeError, ValueError
+        If ``mission`` is not a Mission, or another parameter is out of its range.
 
     Notes
     -----
-    Simon, Richley, Overbey and Perez-Lavin, "Bi-objective trail-planning for a robot team
-    orienteering in a hazardous environment", 2025. The survival floor is that of the team
+    The problem is that of :meth:`Mission.evaluate`. The survival floor is that of the team
     surviving orienteers problem: Jorgensen, Chen, Milam and Pavone, "The team surviving
     orienteers problem: routing teams of robots in uncertain environments with survival
     constraints", Autonomous Robots 42(4), 2018.
@@ -68,42 +65,28 @@ class BOTOHE(Problem):
         self.allow_invalid = allow_invalid
 
     def evaluate_batch(self, batch: PlanBatch) -> FloatArray:
-        """Compute the objectives of many plans; every evaluation of every algorithm passes here.
+        """Compute F (n, 2), −E[R] and −E[S]; every evaluation of every algorithm passes here.
 
         Parameters
         ----------
         batch
-            Plans for the mission's team, valid ones unless ``allow_invalid`` is set.
-
-        Returns
-        -------
-        numpy.ndarray
-            F of shape (n, 2): −E[R] and −E[S]. On an invalid trail a robot is lost at the first
-            fault.
-
-        Raises
-        ------
-        PlanError
-            If a plan is not valid; names the plan, robot, position and arc.
+            Plans for the mission's team. A PlanError names what is not valid; with
+            ``allow_invalid`` a robot is lost at the first fault of its trail.
         """
         if self.allow_invalid:
             return -self.mission.evaluate_drafts(batch)[0]
         return -self.mission.evaluate(batch)
 
     def constrain_batch(self, batch: PlanBatch) -> FloatArray:
-        """Compute the inequality constraints of many plans.
+        """Compute the inequality constraints G (n, n_ieq_constr), at most 0 where they are kept.
+
+        With ``allow_invalid`` the number of faults (:meth:`Mission.evaluate_drafts`), and with a
+        survival floor by how much the robot in the greatest danger falls short of it.
 
         Parameters
         ----------
         batch
             As for ``evaluate_batch``.
-
-        Returns
-        -------
-        numpy.ndarray
-            G of shape (n, n_ieq_constr), at most 0 where a constraint is kept: with
-            ``allow_invalid`` the number of faults (:meth:`Mission.evaluate_drafts`), and with a
-            survival floor by how much the robot in the greatest danger falls short of it.
         """
         columns = []
         if self.allow_invalid:
@@ -140,7 +123,7 @@ class BOTOHE(Problem):
             out["G"] = self.checked("G", self.constrain_batch(batch), len(batch))
 
     def checked(self, what: str, values: Any, n_plans: int) -> FloatArray:
-        """Check the shape of what a subclass may have computed, and that it is finite.
+        """Refuse, by a ValueError, values of a wrong shape, and those that are not finite.
 
         Parameters
         ----------
@@ -148,11 +131,6 @@ class BOTOHE(Problem):
             ``"F"``, of ``evaluate_batch``, or ``"G"``, of ``constrain_batch``.
         values, n_plans
             What was computed, and for how many plans.
-
-        Raises
-        ------
-        ValueError
-            If it has another shape, or is not finite.
         """
         method = "evaluate_batch" if what == "F" else "constrain_batch"
         shape = (n_plans, self.n_obj if what == "F" else self.n_ieq_constr)

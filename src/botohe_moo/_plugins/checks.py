@@ -9,7 +9,7 @@ from typing import Any, ParamSpec, TypeAlias, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from botohe_moo._base.checks import ParameterError, check_parameters, unknown_parameters
-from botohe_moo._plugins.messages import Error, fault_messages
+from botohe_moo._plugins.messages import Error, fault_messages, own_message
 from botohe_moo._plugins.stated import Accepted, Factory, Parameter, signature_parameters
 from botohe_moo._plugins.types import is_scalar
 
@@ -174,8 +174,8 @@ def _by_model(
         if (name := parameter.name) in values and keys[name] in errors  # else: said to be missing
         for message in fault_messages(name, values[name], errors[keys[name]], parameter.range)
     ]
-    of_the_whole = [(detail.get("ctx") or {}, detail["msg"]) for detail in errors.get(None, ())]
-    return [*faults, *((None, str(ctx.get("error", message))) for ctx, message in of_the_whole)], {}
+    faults += [(None, own_message(error)) for error in errors.get(None, ())]
+    return faults, {}
 
 
 def _scalar_errors(model: type[BaseModel], given: Mapping[str, Any]) -> dict[Any, list[Any]]:

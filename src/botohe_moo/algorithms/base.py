@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 import sys
 from collections.abc import Iterable
@@ -24,17 +25,7 @@ from botohe_moo.trails import PlanBatch, TrailPlan, listed_plans
 
 MaxTies: TypeAlias = Annotated[int, Field(ge=1, le=1_000_000_000)]
 
-PYMOO_OPTIONS = (
-    "callback",
-    "display",
-    "evaluator",
-    "output",
-    "return_least_infeasible",
-    "save_history",
-    "seed",
-    "termination",
-    "verbose",
-)
+PYMOO_OPTIONS = sorted({*inspect.signature(Algorithm).parameters} - {"archive", "kwargs"})
 
 
 class ArchiveAlgorithm(Algorithm):
@@ -122,7 +113,7 @@ class ArchiveAlgorithm(Algorithm):
         self._advance()
 
     def _take_in(self, batch: PlanBatch) -> tuple[FloatArray, OffsetArray]:
-        """Evaluate new plans, within the budget, and archive those feasible that nothing dominates.
+        """Evaluate new plans, and archive those feasible that nothing dominates.
 
         Gives their E[R] and E[S] (n, 2), and the indices of the Pareto set of those feasible.
         """

@@ -46,6 +46,12 @@ from botohe_moo.trails import TrailPlan
 PopulationSize: TypeAlias = Annotated[int, Field(ge=2, le=1_000_000)]
 
 
+def keyword_only(function: Callable[..., Any]) -> list[inspect.Parameter]:
+    """List the parameters of a function that can only be given by name."""
+    parameters = inspect.signature(function).parameters.values()
+    return [parameter for parameter in parameters if parameter.kind is parameter.KEYWORD_ONLY]
+
+
 class PopulationAlgorithm(Algorithm):
     """What this package adds to a population-based algorithm of pymoo's.
 
@@ -275,12 +281,6 @@ def _picklable(selection: Any) -> Any:
                 selection.func_comp = _NamedFunction(module, name)
                 return selection
     return selection
-
-
-def keyword_only(function: Callable[..., Any]) -> list[inspect.Parameter]:
-    """List the parameters of a function that can only be given by name."""
-    parameters = inspect.signature(function).parameters.values()
-    return [parameter for parameter in parameters if parameter.kind is parameter.KEYWORD_ONLY]
 
 
 def genetic_sizes(pop_size: int, n_offsprings: int | None) -> dict[str, Any]:

@@ -11,8 +11,7 @@ from botohe_moo._base.checks import mapping_of
 from botohe_moo._plugins.checks import Fault, call_factory, check_values, raised_fault
 from botohe_moo._plugins.docstrings import summary_of
 from botohe_moo._plugins.stated import Accepted, Parameter
-from botohe_moo.algorithms.endless import never_ends
-from botohe_moo.algorithms.finding import PLUGINS, accepted_by, find_algorithm
+from botohe_moo.algorithms.finding import PLUGINS, accepted_by, find_algorithm, never_ends
 
 
 def make_algorithm(name: str, /, **parameters: Any) -> Algorithm:
@@ -40,11 +39,9 @@ def make_algorithm(name: str, /, **parameters: Any) -> Algorithm:
     which checks and converts values before these are handed over as keywords. Only parameters that
     are stated can be given: ``**kwargs`` would swallow every misspelt name.
 
-    ``module:Class`` names one that is not registered: a class derived from pymoo's
-    ``Algorithm``, or a function whose annotation says that it returns one. Nothing else is called,
-    but importing the module runs it. Classes of pymoo's own are wired with
-    this package's operators and an archive of all non-dominated plans, as ``nsga2`` is
-    (:class:`PopulationAlgorithm`).
+    ``module:Class`` names one that is not registered: a class derived from pymoo's ``Algorithm``,
+    or a function whose annotation says that it returns one. Nothing else is called, but importing
+    the module runs it. pymoo's own classes are wired as ``nsga2`` is (:class:`PopulationAlgorithm`).
 
     Examples
     --------
@@ -86,11 +83,7 @@ def check_algorithm(
 
 
 def algorithm_names() -> tuple[str, ...]:
-    """Give the names that :func:`make_algorithm` knows, sorted.
-
-    What cannot be imported, or has the name of another package's algorithm, is left out with a
-    warning that names it.
-    """
+    """Give the names that :func:`make_algorithm` knows; what cannot be loaded is warned of."""
     return PLUGINS.names()
 
 

@@ -37,8 +37,8 @@ class Mission:
     Raises
     ------
     MissionError
-        If survivals, rewards, team size or base are out of their ranges, or a node has an arc to
-        itself or no way from or to the base. Every fault is listed.
+        If something is out of its range, or a node has an arc to itself or no way from or to the
+        base. Every fault is listed.
 
     Examples
     --------
@@ -140,9 +140,7 @@ class Mission:
         Raises
         ------
         PlanError
-            If the number of trails is not the team's, a label is unknown, or a trail does not
-            begin and end at base, uses a missing arc, or uses an arc twice. Robots and positions
-            count from 0.
+            If a label is unknown, or as for ``evaluate``.
         """
         indices = [trail_indices(self.name, self._index, *trail) for trail in enumerate(trails)]
         if len(indices) != self.robots:
@@ -160,12 +158,7 @@ class Mission:
         Parameters
         ----------
         plan
-            A plan of this mission.
-
-        Raises
-        ------
-        PlanError
-            If the plan visits a node that the mission does not have.
+            A plan of this mission; a PlanError is raised if it visits other nodes.
         """
         for node in (int(plan.nodes.min()), int(plan.nodes.max())):
             if not 0 <= node < len(self.nodes):
@@ -190,8 +183,9 @@ class Mission:
         Raises
         ------
         PlanError
-            If a trail is not valid, which names the plan, robot, position and arc (all counted
-            from 0), or a plan has another number of trails than the team has robots.
+            If a plan has another number of trails than the team has robots, or a trail does not
+            begin and end at base, uses a missing arc, or uses an arc twice. Plans, robots and
+            positions count from 0.
         TypeError
             If something in ``plans`` is not a TrailPlan.
 

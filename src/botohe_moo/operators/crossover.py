@@ -77,7 +77,7 @@ class TrailExchange(PlanCrossover):
 
     The first gets a random part of the first parent's trails and fills up with trails of the
     second, drawn at random; the second child gets what is left. A single robot's trails are
-    spliced instead, as in :class:`TrailSplice`: there is nothing to share out.
+    spliced instead, as in :class:`TrailSplice`.
     """
 
     def _kinds(self, n_pairs: int, rng: Rng) -> OffsetArray:  # noqa: ARG002

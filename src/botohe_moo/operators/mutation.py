@@ -48,15 +48,10 @@ class PlanMutation(Mutation):
         Parameters
         ----------
         mission, plans
-            A mission, and plans for its team.
+            A mission, and plans for its team. A PlanError is raised for another number of trails,
+            and for a trail without a node.
         random_state
             Where all random numbers come from.
-
-        Raises
-        ------
-        PlanError
-            If a plan has another number of trails than the mission has robots, or one without a
-            node.
         """
         plans = mission.batch(plans)
         lengths = np.diff(plans.offsets)
@@ -82,7 +77,7 @@ MOVES = ("insert", "delete", "substitute", "swap", "grab", "delete-segment", "re
 
 
 class TrailMoves(PlanMutation):
-    """One of the seven moves of the paper's simulated annealing in one robot's trail.
+    """One of the seven moves of the journal paper's simulated annealing, in one robot's trail.
 
     Insert, delete or substitute a node, swap two, grab a neighbour's reward and come straight back,
     delete a segment, reverse the trail. A move that would use a missing arc, an arc twice, or
@@ -94,19 +89,14 @@ class TrailMoves(PlanMutation):
     ----------
     weights
         How likely each move is to be drawn, relative: a mapping from ``insert``, ``delete``,
-        ``substitute``, ``swap``, ``grab``, ``delete-segment`` and ``reverse`` to numbers of at
-        least 0; a move that is not named is not drawn. By default the first six are equally
-        likely, and the last a tenth as likely as each of them.
+        ``substitute``, ``swap``, ``grab``, ``delete-segment`` and ``reverse``; a move that is not
+        named is not drawn. By default the last is a tenth as likely as each of the others.
     every_robot
         Whether every robot's trail is changed, rather than that of one drawn at random.
     max_tries
         How often a move is drawn before detours are tried.
     **options
         As for :class:`PlanMutation`: ``prob`` and ``repair``.
-
-    Notes
-    -----
-    Simon, Richley, Overbey and Perez-Lavin, PeerJ Computer Science, 2025.
     """
 
     @checked
@@ -142,8 +132,7 @@ class RuinRecreate(PlanMutation):
     """Cut a segment out of one robot's trail and put in up to a few other nodes instead.
 
     The robot and both ends of the cut are drawn uniformly, so is how many nodes are put in, but at
-    least one where nothing would be cut. The repair joins what is left:
-    :class:`SafestPathRepair` along safest paths.
+    least one where nothing would be cut. The repair joins what is left.
 
     Parameters
     ----------
@@ -218,8 +207,7 @@ class MixedMutation(PlanMutation):
     Parameters
     ----------
     mutations
-        What is drawn from: mutations, or a mapping from them to their weights (above 0). Each
-        repairs its own children; their own ``prob`` does not matter.
+        Mutations, whose own ``prob`` does not matter, or a mapping from them to weights above 0.
     prob
         Probability of changing a plan at all.
     """

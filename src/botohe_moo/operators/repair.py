@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from pymoo.core.repair import Repair
 
-from botohe_moo._base.types import ObjectArray, OffsetArray
+from botohe_moo._base.types import ObjectArray
 from botohe_moo.kernels.plans.ragged import read_trails
 from botohe_moo.kernels.plans.repair import SAFEST_PATH, TRUNCATE, repair
 from botohe_moo.mission.model import Mission
@@ -68,29 +68,21 @@ class PlanRepair(Repair):
         mission
             Where the trails have to lead.
         drafts
-            Plans of any integers, with as many trails as the mission has robots.
-
-        Raises
-        ------
-        PlanError
-            If the drafts have another number of trails.
+            Plans of any integers, for the mission's team (otherwise a PlanError is raised).
         """
         started = time.perf_counter()
-        drafts = mission.batch(drafts)
-        repaired, changes = self._repair(mission, drafts)
+        repaired = drafts = mission.batch(drafts)
+        changes = np.zeros(len(drafts.offsets) - 1, np.int64)
+        if self._kind is not None:
+            given = read_trails(drafts.nodes, drafts.offsets)
+            nodes, offsets, changes = repair(mission.arrays, self._kind, given)
+            repaired = PlanBatch._wrap(nodes, offsets, drafts.n_robots)
         per_plan = changes.reshape(len(drafts), drafts.n_robots).sum(axis=1)
         self.counts.plans += len(drafts)
         self.counts.repaired += int(np.count_nonzero(per_plan))
         self.counts.arcs_changed += int(per_plan.sum())
         self.counts.seconds += time.perf_counter() - started
         return repaired
-
-    def _repair(self, mission: Mission, drafts: PlanBatch) -> tuple[PlanBatch, OffsetArray]:
-        if self._kind is None:
-            return drafts, np.zeros(len(drafts.offsets) - 1, np.int64)
-        given = read_trails(drafts.nodes, drafts.offsets)
-        nodes, offsets, changes = repair(mission.arrays, self._kind, given)
-        return PlanBatch._wrap(nodes, offsets, drafts.n_robots), changes
 
     def _do(self, problem: BOTOHE, X: ObjectArray, **_: Any) -> ObjectArray:
         return self.repair_batch(problem.mission, problem.mission.batch(X)).to_array()
@@ -128,7 +120,7 @@ class TruncateRepair(PlanRepair):
 class PenaltyOnly(PlanRepair):
     """Leave every plan as it is and let its faults count as constraint violation.
 
-    The classic comparison: what does repairing bring? The problem has to evaluate plans that are
-    not valid: ``BOTOHE(mission, allow_invalid=True)``. The algorithms that
+    It shows what repairing brings. The problem has to evaluate plans that are not valid:
+    ``BOTOHE(mission, allow_invalid=True)``. The algorithms that
     :func:`~botohe_moo.make_algorithm` wires see to that themselves.
     """

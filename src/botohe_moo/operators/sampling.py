@@ -30,11 +30,6 @@ class PlanSampling(Sampling):
             How many plans are wanted, at least 1; :class:`GivenSampling` may give more.
         random_state
             Where all random numbers come from.
-
-        Raises
-        ------
-        PlanError
-            If a given plan is not valid.
         """
         n_samples = check_integer("n_samples", n_samples, at_least=1)
         return self._sample(problem, n_samples, random_state)
@@ -137,14 +132,10 @@ class GivenSampling(PlanSampling):
     Parameters
     ----------
     plans
-        What to start from: trail plans, or ``X`` or the population of another result.
+        What to start from: trail plans, or ``X`` or the population of another result. Sampling
+        raises a PlanError if one is not valid.
     rest
         Gives the other plans that are wanted; default: :class:`GuidedTrailSampling`.
-
-    Raises
-    ------
-    PlanError
-        When sampling, if a given plan is not valid; names the plan, robot, position and arc.
     """
 
     def __init__(

@@ -131,18 +131,16 @@ def reward_distribution(
 
     Notes
     -----
-    A robot's outcome is how many of its rewarding nodes it reaches, in the order of its trail. The
-    robots are joined one after another; outcomes with the same reward (up to rounding) that agree
-    on the nodes that later robots may reach are merged. Groups of robots without a common node are
-    joined separately, and their rewards convolved.
+    A robot's outcome is how many of its rewarding nodes it reaches. The robots are joined one after
+    another; outcomes of the same reward (up to rounding) that agree on the nodes that later robots
+    may reach are merged. Groups of robots without a common node are convolved.
 
     Examples
     --------
     >>> import networkx as nx
-    >>> graph = nx.DiGraph(base="dock", robots=2)
-    >>> graph.add_nodes_from([("dock", {"reward": 1}), ("reef", {"reward": 5})])
-    >>> graph.add_edge("dock", "reef", survival=0.5)
-    >>> graph.add_edge("reef", "dock", survival=0.8)
+    >>> graph = nx.DiGraph([("dock", "reef"), ("reef", "dock")], base="dock", robots=2)
+    >>> nx.set_node_attributes(graph, {"dock": 1, "reef": 5}, "reward")
+    >>> nx.set_edge_attributes(graph, 0.5, "survival")
     >>> mission = Mission(graph)
     >>> plan = mission.plan([["dock", "reef", "dock"], ["dock", "reef", "dock"]])
     >>> reward_distribution(mission, plan).to_frame()
@@ -183,8 +181,7 @@ def simulate(
     -------
     pandas.DataFrame
         One row per mission: ``reward`` (team reward), ``survivors`` (number of robots), and for
-        robot k, from 0 in the order of the plan, ``hops_k``: the number of arcs it
-        survived, which is that of its trail if it returned.
+        robot k, from 0 in the order of the plan, ``hops_k``: the number of arcs it survived.
 
     Examples
     --------

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator
 from typing import Annotated, Any
 
@@ -38,15 +37,8 @@ def read_benchmark(
     Euclidean minimum spanning tree, so that the base reaches all points. An arc's survival is
     exp(−distance / ``scale``), with tmax as the default scale.
 
-    Returns the graph and an empty list of faults.
-
-    Raises
-    ------
-    MissionError
-        If a line is missing, superfluous or wrong, or an arc's survival is 0 in floating-point
-        numbers.
-    ValueError
-        If an option is out of its range.
+    Gives the graph and an empty list of faults. A MissionError is raised if a line is missing,
+    superfluous or wrong, or an arc's survival is 0 in floating-point numbers.
 
     References
     ----------
@@ -54,10 +46,8 @@ def read_benchmark(
     Research 88 (1996) 464-474.
     """
     robots, tmax, points, scores = _parse(decode(data))
-    if scale is None:
-        scale = tmax
-        if scale <= 0:
-            raise MissionError(f"expected tmax > 0 to be the scale, got {tmax:g}; give a scale")
+    if scale is None and tmax <= 0:
+        raise MissionError(f"expected tmax > 0 to be the scale, got {tmax:g}; give a scale")
     check_memory("points", len(points), nodes=len(points), arcs=0, remedy="their number")
     arcs = 2 * len(points) * (min(neighbours, len(points) - 1) + 1)
     check_memory("neighbours", neighbours, nodes=len(points), arcs=arcs)
@@ -65,7 +55,7 @@ def read_benchmark(
     graph: nx.DiGraph[Any] = nx.DiGraph(base=0, robots=robots, title=title)
     for node, (point, score) in enumerate(zip(points.tolist(), scores, strict=True)):
         graph.add_node(node, reward=score, pos=point)
-    _add_arcs(graph, points, neighbours, scale)
+    _add_arcs(graph, points, neighbours, tmax if scale is None else scale)
     return graph, []
 
 
@@ -87,10 +77,8 @@ def _add_arcs(graph: nx.DiGraph[Any], points: FloatArray, neighbours: int, scale
 
 def _parse(text: str) -> tuple[int, float, FloatArray, list[float]]:
     """Return the number of robots, tmax, the points (n, 2) and their scores."""
-    lines = (
-        (i, re.sub(r"[\s;]+", " ", line).split()) for i, line in enumerate(text.splitlines(), 1)
-    )
-    rows = [(i, fields) for i, fields in lines if fields]
+    lines = enumerate(text.replace(";", " ").splitlines(), 1)
+    rows = [(i, line.split()) for i, line in lines if line.strip()]
     if len(rows) < len(_HEADER):
         raise MissionError(f"expected the lines n, m and tmax first, found {len(rows)} lines")
     faults: list[str] = []

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import stat
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ from typing import Any
 import networkx as nx
 
 from botohe_moo._base.checks import check_parameters
-from botohe_moo._base.files import replace_file
+from botohe_moo._base.files import read_bytes, replace_file
 from botohe_moo._plugins.stated import signature_parameters
 from botohe_moo.mission.formats.benchmark import read_benchmark
 from botohe_moo.mission.formats.graphml import read_graphml, write_graphml
@@ -63,8 +62,6 @@ def read_mission(
     MissionError
         If there is no such file, it is not in its format, its mission is not valid, or it holds
         something that `save_mission` could not write again; every fault is listed.
-    ValueError
-        If an option is unknown or out of its range.
     """
     path = Path(path)
     reader = _READERS.get(path.suffix.lower())
@@ -104,8 +101,6 @@ def save_mission(mission: Mission, path: str | os.PathLike[str]) -> None:
     ------
     ValueError
         If the suffix is unknown, or the format cannot hold a label or an attribute: names it.
-    OSError
-        If the file cannot be written.
     """
     path = Path(path)
     writer = _WRITERS.get(path.suffix.lower())
@@ -133,15 +128,10 @@ def _text(stem: str) -> str:
 def file_content(path: Path) -> bytes:
     """Read a file of at most 512 MiB; raises MissionError, which does not name the file."""
     try:
-        status = path.stat()
-        if not (stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode)):
-            raise MissionError("expected a file, found a device or a pipe")
-        if status.st_size > MAX_FILE_BYTES:
-            raise MissionError(
-                f"expected a file of at most {in_gib(MAX_FILE_BYTES)}, "
-                f"got one of {in_gib(status.st_size)}"
-            )
-        return path.read_bytes()
+        if (size := path.stat().st_size) > MAX_FILE_BYTES:
+            limit = in_gib(MAX_FILE_BYTES)
+            raise MissionError(f"expected a file of at most {limit}, got one of {in_gib(size)}")
+        return read_bytes(path)
     except MissionError:
         raise
     except FileNotFoundError:

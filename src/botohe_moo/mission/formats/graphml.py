@@ -37,17 +37,11 @@ class _Key(NamedTuple):
 
 
 def read_graphml(data: bytes, /) -> tuple[nx.Graph[Any], list[str]]:
-    """Read GraphML; see `botohe_moo.mission.formats.nodelink.graph_from`.
+    """Read GraphML with one graph; see `botohe_moo.mission.formats.nodelink.graph_from`.
 
     Node labels are the nodes' ids, hence strings, and so is the base, whatever its declared type. A
     value that is not of its declared type stays a string, and the mission's validation names its
-    node or arc.
-
-    Raises
-    ------
-    MissionError
-        If ``data`` is not XML, declares a document type (which could define entities that grow
-        without end), or is not GraphML with one graph.
+    node or arc. Document types are refused: they could define entities that grow without end.
     """
     root = _parse(data)
     if root.tag.rpartition("}")[2] != "graphml":
@@ -148,17 +142,12 @@ def _line_ends(text: str) -> str:
 
 
 def _entry(
-    element: ET.Element,
-    scope: str,
-    keys: dict[str, _Key | None],
-    faults: list[str],
-    *labels: str,
+    element: ET.Element, scope: str, keys: dict[str, _Key | None], faults: list[str], *labels: str
 ) -> dict[str, Any]:
     values = _values(element, scope, keys, faults)
     entry = {key: value for key, value in values.items() if key not in labels}
-    entry.update(
-        (label, _line_ends(element.attrib[label])) for label in labels if label in element.attrib
-    )
+    ends = {label: _line_ends(text) for label, text in element.attrib.items() if label in labels}
+    entry = {**entry, **ends}
     position = [entry.get("x"), entry.get("y")]
     if scope == "node" and "pos" in entry:
         owner = f"node {quoted(entry.get('id'))}"
@@ -170,13 +159,7 @@ def _entry(
 
 
 def write_graphml(content: dict[str, Any]) -> bytes:
-    """Write node-link data as GraphML.
-
-    Raises
-    ------
-    ValueError
-        If a label is not a string, or an attribute is not a number, boolean or string.
-    """
+    """Write node-link data as GraphML; a ValueError names what GraphML cannot hold."""
     root = ET.Element("graphml", xmlns=_NAMESPACE)
     graph = ET.Element("graph", edgedefault="directed")
     ids: dict[tuple[str, str, str], str] = {}
