@@ -201,16 +201,13 @@ class PlanBatch:
             raise ValueError(
                 f"Expected a multiple of n_robots = {n_robots} trails, got {len(offsets) - 1}."
             )
-        self._adopt(nodes, offsets, n_robots)
-
-    def _adopt(self, nodes: IntArray, offsets: OffsetArray, n_robots: int) -> None:
         self.nodes, self.offsets, self.n_robots = nodes, offsets, n_robots
 
     @classmethod
     def _wrap(cls, nodes: IntArray, offsets: OffsetArray, n_robots: int) -> Self:
         """Wrap arrays that a kernel has made, without checks and copies."""
         batch = cls.__new__(cls)
-        batch._adopt(nodes, offsets, n_robots)
+        batch.nodes, batch.offsets, batch.n_robots = nodes, offsets, n_robots
         return batch
 
     @classmethod
@@ -272,9 +269,7 @@ class PlanBatch:
             raise IndexError(f"Expected a plan index below {n_plans}, got {i}.")
         cut = (i % n_plans) * self.n_robots
         offsets = self.offsets[cut : cut + self.n_robots + 1]
-        return TrailPlan._wrap(
-            self.nodes[offsets[0] : offsets[-1]].copy(), np.asarray(offsets - offsets[0])
-        )
+        return TrailPlan._wrap(self.nodes[offsets[0] : offsets[-1]].copy(), offsets - offsets[0])
 
     def take(self, plans: ArrayLike) -> Self:
         """Return some of the plans, by their indices in that order or a mask (n_plans,)."""

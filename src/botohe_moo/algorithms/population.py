@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import functools
 import inspect
 import sys
 from collections.abc import Callable, Iterable, Mapping
@@ -257,14 +258,9 @@ class PlanGeneticAlgorithm(PopulationAlgorithm):
         raise NotImplementedError
 
 
-class _NamedFunction:
-    """A function of a module's, found anew after unpickling."""
-
-    def __init__(self, module: str, name: str) -> None:
-        self.module, self.name = module, name
-
-    def __call__(self, *args: Any, **kwargs: Any) -> Any:
-        return getattr(sys.modules[self.module], self.name)(*args, **kwargs)
+def _call(module: str, function: str, /, *args: Any, **kwargs: Any) -> Any:
+    """Call a function by its name, as a partial that can be pickled."""
+    return getattr(sys.modules[module], function)(*args, **kwargs)
 
 
 def _picklable(selection: Any) -> Any:
@@ -278,7 +274,7 @@ def _picklable(selection: Any) -> Any:
         for name, value in vars(sys.modules[module]).items():
             if compare is not None and value is compare:
                 selection = copy.copy(selection)
-                selection.func_comp = _NamedFunction(module, name)
+                selection.func_comp = functools.partial(_call, module, name)
                 return selection
     return selection
 

@@ -11,7 +11,8 @@ from botohe_moo._base.checks import mapping_of
 from botohe_moo._plugins.checks import Fault, call_factory, check_values, raised_fault
 from botohe_moo._plugins.docstrings import summary_of
 from botohe_moo._plugins.stated import Accepted, Parameter
-from botohe_moo.algorithms.finding import PLUGINS, accepted_by, find_algorithm, never_ends
+from botohe_moo.algorithms.endless import never_ends
+from botohe_moo.algorithms.finding import PLUGINS, accepted_by, find_algorithm
 
 
 def make_algorithm(name: str, /, **parameters: Any) -> Algorithm:
@@ -41,7 +42,7 @@ def make_algorithm(name: str, /, **parameters: Any) -> Algorithm:
 
     ``module:Class`` names one that is not registered: a class derived from pymoo's ``Algorithm``,
     or a function whose annotation says that it returns one. Nothing else is called, but importing
-    the module runs it. pymoo's own classes are wired as ``nsga2`` is (:class:`PopulationAlgorithm`).
+    the module runs it. Classes of pymoo's are wired as ``nsga2`` is (:class:`PopulationAlgorithm`).
 
     Examples
     --------

@@ -13,7 +13,7 @@ from pymoo.algorithms.base.genetic import GeneticAlgorithm
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.factories import named
 from botohe_moo._plugins.ranges import Count
-from botohe_moo.algorithms.finding import never_ends
+from botohe_moo.algorithms.endless import never_ends
 from botohe_moo.algorithms.population import (
     PopulationAlgorithm,
     PopulationSize,

@@ -193,9 +193,9 @@ def _data(
         if name in _BOOKKEEPING:
             continue
         if type(value) not in _TYPES:
-            raise ValueError(
+            raise _unwritable(
                 f"{owner}: attribute {name!r}, {value!r}, is not a number, boolean or string, "
-                "and GraphML has nothing else; a .json file can hold it."
+                "and GraphML has nothing else"
             )
         key = (scope, _text("an attribute's name", name), _TYPES[type(value)])
         text = str(value).lower() if isinstance(value, bool) else str(value)
@@ -207,23 +207,20 @@ def _with_coordinates(label: str, node: dict[str, Any]) -> dict[str, Any]:
         return node
     numbers = isinstance(node["pos"], list) and all(type(p) in (int, float) for p in node["pos"])
     if not numbers or len(node["pos"]) != 2 or "x" in node or "y" in node:
-        raise ValueError(
-            f"node {label!r}: expected pos to be [x, y] for GraphML's attributes x and y, "
-            f"got {node}; a .json file can hold it."
-        )
+        expected = "expected pos to be [x, y] for GraphML's attributes x and y"
+        raise _unwritable(f"node {label!r}: {expected}, got {node}")
     x, y = node.pop("pos")
     return {**node, "x": x, "y": y}
 
 
 def _text(what: str, value: object) -> str:
     if not isinstance(value, str):
-        raise ValueError(
-            f"expected {what} to be a string, as GraphML knows no other, got {value!r}; "
-            "a .json file can hold it."
-        )
+        expected = f"expected {what} to be a string, as GraphML knows no other"
+        raise _unwritable(f"{expected}, got {value!r}")
     if forbidden := _NOT_IN_XML.search(value):
-        raise ValueError(
-            f"{what}: XML has no character {forbidden.group()!r}, got {value!r}; "
-            "a .json file can hold it."
-        )
+        raise _unwritable(f"{what}: XML has no character {forbidden.group()!r}, got {value!r}")
     return value
+
+
+def _unwritable(reason: str) -> ValueError:
+    return ValueError(f"{reason}; a .json file can hold it.")
