@@ -150,15 +150,12 @@ class PopulationAlgorithm(Algorithm):
         super().__init__(**{"output": FrontOutput(), **arguments, **operators, **options})
         self.archive = PopulationArchive(1)
         self.repair = made
-        if self._n_children == 1 and operators["crossover"].n_offsprings != 1:
-            raise ValueError(
-                f"Expected a crossover with n_offsprings = 1 for {type(self).__name__}, got "
-                f"{operators['crossover'].n_offsprings}."
-            )
-        if getattr(self.mating, "crossover", None) is not operators["crossover"]:
-            raise ValueError(
-                f"{type(self).__name__} mates in a way of its own, which trail plans do not have."
-            )
+        mine, crossing = type(self).__name__, operators["crossover"]
+        if self._n_children == 1 and crossing.n_offsprings != 1:
+            expected = f"a crossover with n_offsprings = 1 for {mine}"
+            raise ValueError(f"Expected {expected}, got {crossing.n_offsprings}.")
+        if getattr(self.mating, "crossover", None) is not crossing:
+            raise ValueError(f"{mine} mates in a way of its own, which trail plans do not have.")
         self.mating.selection = _picklable(self.mating.selection)
         if not isinstance(self.eliminate_duplicates, NoDuplicateElimination):
             self.eliminate_duplicates = PlanDuplicates()
@@ -208,15 +205,11 @@ class PopulationAlgorithm(Algorithm):
             Whatever the pymoo class takes.
         """
         if infills is not None:
-            self._archive(infills)
+            feasible = infills[infills.get("feas")] if self.problem.has_constraints() else infills
+            if len(feasible):
+                batch = self.problem.mission.batch(feasible.get("X"))
+                self.archive.absorb(batch, -feasible.get("F"), feasible)
         return super().advance(infills, **kwargs)
-
-    def _archive(self, evaluated: Population) -> None:
-        constrained = self.problem.has_constraints()
-        feasible = evaluated[evaluated.get("feas")] if constrained else evaluated
-        if len(feasible):
-            batch = self.problem.mission.batch(feasible.get("X"))
-            self.archive.absorb(batch, -feasible.get("F"), feasible)
 
     @property
     def opt(self) -> Population | None:
