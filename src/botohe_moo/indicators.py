@@ -9,31 +9,23 @@ from numpy.typing import ArrayLike
 from botohe_moo._base.types import FloatArray
 from botohe_moo.mission.model import Mission
 
-__all__ = ["TIE", "area_indicator", "epsilon_indicator", "igd_plus_indicator"]
-
 # Indicators that differ by less are equal: such differences come from the order of sums.
 TIE = 1e-12
 _ROUNDING = 1e-9
 
 
 def area_indicator(objectives: ArrayLike, mission: Mission) -> float:
-    """Compute the share of the objective space that a front dominates.
+    """Compute the share of the objective space that a front dominates, in [0, 1].
 
-    The hypervolume with the origin as reference, divided by (total reward × robots). Both bounds
-    belong to the mission, so that areas compare across runs and studies.
+    The hypervolume with the origin as reference, divided by (total reward × robots), by which areas
+    compare across runs and studies. 0 if there are no plans, or the mission has no reward.
 
     Parameters
     ----------
     objectives
-        Shape (n, 2): E[R] and E[S] of each plan, both to be maximised (``-result.F``); dominated
-        plans add nothing.
+        Shape (n, 2): E[R] and E[S] of each plan (``-result.F``); dominated plans add nothing.
     mission
         The mission of the plans.
-
-    Returns
-    -------
-    float
-        In [0, 1]; 0 if there are no plans, or the mission has no reward.
 
     Raises
     ------

@@ -10,13 +10,12 @@ from pymoo.core.problem import Problem
 from pymoo.util.display.column import Column
 from pymoo.util.display.output import Output
 
-from botohe_moo._base.checks import check_flag, check_number
 from botohe_moo._base.types import FloatArray, ObjectArray
+from botohe_moo._plugins.checks import checked
+from botohe_moo._plugins.ranges import Probability
 from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import PlanBatch
-
-__all__ = ["BOTOHE", "FrontOutput"]
 
 _ROUNDING = 1e-12
 
@@ -35,77 +34,59 @@ class BOTOHE(Problem):
         Survival floor: every robot has to survive with at least this probability, in [0, 1]. It
         becomes an inequality constraint of pymoo's; 0 sets none.
     allow_invalid
-        Evaluate plans that are no trails, too, and count their faults as constraint violation,
-        instead of refusing them: what operators without a repair need
-        (:class:`~botohe_moo.operators.PenaltyOnly`).
+        Evaluate invalid plans, too, and count their faults as constraint violation, as operators
+        without a repair need (:class:`~botohe_moo.operators.PenaltyOnly`).
 
     Raises
     ------
-    TypeError
-        If ``mission`` is no Mission.
-    ValueError
-        If ``min_survival`` is no number in [0, 1].
+    TypeError, ValueError
+        If ``mission`` is not a Mission, or another parameter is out of its range.
 
     Notes
     -----
-    Simon, Richley, Overbey and Perez-Lavin, "Bi-objective trail-planning for a robot team
-    orienteering in a hazardous environment", 2025. The survival floor is that of the team
+    The problem is that of :meth:`Mission.evaluate`. The survival floor is that of the team
     surviving orienteers problem: Jorgensen, Chen, Milam and Pavone, "The team surviving
     orienteers problem: routing teams of robots in uncertain environments with survival
     constraints", Autonomous Robots 42(4), 2018.
     """
 
+    @checked
     def __init__(
-        self, mission: Mission, *, min_survival: float = 0.0, allow_invalid: bool = False
+        self, mission: Mission, *, min_survival: Probability = 0.0, allow_invalid: bool = False
     ) -> None:
         if not isinstance(mission, Mission):
             raise TypeError(
                 f"Expected a Mission, got {mission!r}; load_mission(name_or_path) gives one."
             )
-        self.min_survival = check_number("min_survival", min_survival, at_least=0, at_most=1)
-        self.allow_invalid = check_flag("allow_invalid", allow_invalid)
-        n_constraints = int(self.allow_invalid) + int(self.min_survival > 0)
+        n_constraints = int(allow_invalid) + int(min_survival > 0)
         super().__init__(n_var=1, n_obj=2, n_ieq_constr=n_constraints, vtype=object)
         self.mission = mission
+        self.min_survival = min_survival
+        self.allow_invalid = allow_invalid
 
     def evaluate_batch(self, batch: PlanBatch) -> FloatArray:
-        """Compute the objectives of many plans; every evaluation of every algorithm passes here.
+        """Compute F (n, 2), −E[R] and −E[S]; every evaluation of every algorithm passes here.
 
         Parameters
         ----------
         batch
-            Plans for the mission's team, valid ones unless ``allow_invalid`` is set.
-
-        Returns
-        -------
-        numpy.ndarray
-            F of shape (n, 2): −E[R] and −E[S], both to be minimised. A robot whose trail is no
-            trail counts up to the first fault, and does not survive.
-
-        Raises
-        ------
-        PlanError
-            If a plan is not valid; names the plan, robot, position and arc.
+            Plans for the mission's team. A PlanError names what is not valid; with
+            ``allow_invalid`` a robot is lost at the first fault of its trail.
         """
         if self.allow_invalid:
             return -self.mission.evaluate_drafts(batch)[0]
         return -self.mission.evaluate(batch)
 
     def constrain_batch(self, batch: PlanBatch) -> FloatArray:
-        """Compute the inequality constraints of many plans.
+        """Compute the inequality constraints G (n, n_ieq_constr), at most 0 where they are kept.
+
+        With ``allow_invalid`` the number of faults (:meth:`Mission.evaluate_drafts`), and with a
+        survival floor by how much the robot in the greatest danger falls short of it.
 
         Parameters
         ----------
         batch
             As for ``evaluate_batch``.
-
-        Returns
-        -------
-        numpy.ndarray
-            G of shape (n, n_ieq_constr), at most 0 where a constraint is kept. With
-            ``allow_invalid`` first the number of faults: trails that do not begin or do not end
-            at base, missing arcs, arcs used again. With a survival floor then by how much the
-            robot in the greatest danger falls short of it.
         """
         columns = []
         if self.allow_invalid:
@@ -142,33 +123,22 @@ class BOTOHE(Problem):
             out["G"] = self.checked("G", self.constrain_batch(batch), len(batch))
 
     def checked(self, what: str, values: Any, n_plans: int) -> FloatArray:
-        """Give what ``evaluate_batch`` or ``constrain_batch`` computed, if it is well-formed.
+        """Refuse, by a ValueError, values of a wrong shape, and those that are not finite.
 
         Parameters
         ----------
         what
-            ``"F"`` or ``"G"``.
-        values
-            What was computed.
-        n_plans
-            For how many plans.
-
-        Raises
-        ------
-        ValueError
-            If it has another shape, or is not finite: a subclass may compute anything.
+            ``"F"``, of ``evaluate_batch``, or ``"G"``, of ``constrain_batch``.
+        values, n_plans
+            What was computed, and for how many plans.
         """
-        method, n_columns = (
-            ("evaluate_batch", self.n_obj)
-            if what == "F"
-            else ("constrain_batch", self.n_ieq_constr)
-        )
+        method = "evaluate_batch" if what == "F" else "constrain_batch"
+        shape = (n_plans, self.n_obj if what == "F" else self.n_ieq_constr)
         owner = f"{method} of {type(self).__name__}"
         computed = np.asarray(values, np.float64)
-        if computed.shape != (n_plans, n_columns):
+        if computed.shape != shape:
             raise ValueError(
-                f"Expected {owner} to give {what} of shape {(n_plans, n_columns)}, got "
-                f"{computed.shape}."
+                f"Expected {owner} to give {what} of shape {shape}, got {computed.shape}."
             )
         finite = np.isfinite(computed).all(axis=1)
         if not finite.all():
@@ -191,13 +161,7 @@ class FrontOutput(Output):
         self.columns += [self.area, self.reward, self.size]
 
     def update(self, algorithm: Any) -> None:
-        """Read the algorithm's current optimum.
-
-        Parameters
-        ----------
-        algorithm
-            A pymoo algorithm that solves a :class:`BOTOHE`.
-        """
+        """Read the current optimum of an algorithm that solves a :class:`BOTOHE`."""
         super().update(algorithm)
         opt = algorithm.opt
         objectives = np.empty((0, 2))

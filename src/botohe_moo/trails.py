@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from operator import index as as_index
-from typing import Any, Self, overload
+from typing import Any, Self, TypeAlias, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,9 +13,12 @@ from numpy.typing import ArrayLike, NDArray
 from botohe_moo._base.checks import check_integer
 from botohe_moo._base.types import IntArray, ObjectArray, OffsetArray
 
-__all__ = ["PlanBatch", "TrailPlan", "listed_plans"]
-
 _MAX_INDEX = np.iinfo(np.int32).max
+
+
+def _offsets(lengths: ArrayLike) -> OffsetArray:
+    """Give where pieces of these lengths begin, and the end of the last one."""
+    return np.concatenate([[0], np.cumsum(lengths, dtype=np.int64)])
 
 
 class TrailPlan:
@@ -33,8 +36,7 @@ class TrailPlan:
     Raises
     ------
     ValueError
-        If there is no trail, a trail is empty, or a node index is not an integer of at least 0;
-        names the robot.
+        If there is no trail, or a robot's is empty or has anything but node indices.
     TypeError
         If ``trails`` is not iterable.
 
@@ -61,9 +63,7 @@ class TrailPlan:
         arrays = [_indices(trail, robot) for robot, trail in enumerate(trails)]
         if not arrays:
             raise ValueError("Expected at least one trail, got none.")
-        offsets = np.zeros(len(arrays) + 1, np.int64)
-        np.cumsum([len(array) for array in arrays], out=offsets[1:])
-        self._adopt(np.concatenate(arrays), offsets)
+        self._adopt(np.concatenate(arrays), _offsets([len(array) for array in arrays]))
 
     def _adopt(self, nodes: IntArray, offsets: OffsetArray) -> None:
         nodes.setflags(write=False)
@@ -166,8 +166,8 @@ class PlanBatch:
     Parameters
     ----------
     nodes
-        Node indices of all trails of all plans, one after another (int32). They are
-        checked against the mission when it evaluates the plans.
+        Node indices of all trails of all plans, one after another (int32). A mission checks them
+        when it evaluates the plans.
     offsets
         Where each trail begins in ``nodes``, and their length at the end
         (n_plans · n_robots + 1, int64).
@@ -177,8 +177,7 @@ class PlanBatch:
     Raises
     ------
     ValueError
-        If an array does not hold integers, or the offsets do not cut ``nodes`` into plans of
-        ``n_robots`` trails.
+        If these are not integers, or do not fit together.
     """
 
     __slots__ = ("n_robots", "nodes", "offsets")
@@ -202,28 +201,18 @@ class PlanBatch:
             raise ValueError(
                 f"Expected a multiple of n_robots = {n_robots} trails, got {len(offsets) - 1}."
             )
-        self._adopt(nodes, offsets, n_robots)
-
-    def _adopt(self, nodes: IntArray, offsets: OffsetArray, n_robots: int) -> None:
         self.nodes, self.offsets, self.n_robots = nodes, offsets, n_robots
 
     @classmethod
     def _wrap(cls, nodes: IntArray, offsets: OffsetArray, n_robots: int) -> Self:
         """Wrap arrays that a kernel has made, without checks and copies."""
         batch = cls.__new__(cls)
-        batch._adopt(nodes, offsets, n_robots)
+        batch.nodes, batch.offsets, batch.n_robots = nodes, offsets, n_robots
         return batch
 
     @classmethod
     def from_plans(cls, plans: Iterable[TrailPlan] | ObjectArray, n_robots: int) -> Self:
-        """Pack plans, for example ``result.X``, into one batch.
-
-        Parameters
-        ----------
-        plans
-            Trail plans: any iterable, or an object array of shape (n,) or (n, 1).
-        n_robots
-            Number of trails of every plan.
+        """Pack plans of ``n_robots`` trails, for example ``result.X``, into one batch.
 
         Raises
         ------
@@ -249,30 +238,16 @@ class PlanBatch:
         if not listed:
             return cls._wrap(np.empty(0, np.int32), np.zeros(1, np.int64), n_robots)
         cuts = np.concatenate([plan._offsets for plan in listed]).reshape(-1, n_robots + 1)
-        offsets = np.zeros(len(listed) * n_robots + 1, np.int64)
-        np.cumsum(np.diff(cuts, axis=1), out=offsets[1:])
-        return cls._wrap(np.concatenate([plan._nodes for plan in listed]), offsets, n_robots)
+        nodes = np.concatenate([plan._nodes for plan in listed])
+        return cls._wrap(nodes, _offsets(np.diff(cuts, axis=1)), n_robots)
 
     @classmethod
     def concatenate(cls, batches: Sequence[Self]) -> Self:
-        """Concatenate batches of one team size.
-
-        Parameters
-        ----------
-        batches
-            At least one.
-
-        Raises
-        ------
-        ValueError
-            If there is none, or they are for teams of different sizes.
-        """
+        """Concatenate at least one batch; a ValueError for teams of different sizes."""
         sizes = {batch.n_robots for batch in batches}
         if len(sizes) != 1:
             raise ValueError(f"Expected batches of one team size, got {sorted(sizes) or 'none'}.")
-        lengths = np.concatenate([np.diff(batch.offsets) for batch in batches])
-        offsets = np.zeros(len(lengths) + 1, np.int64)
-        np.cumsum(lengths, out=offsets[1:])
+        offsets = _offsets(np.concatenate([np.diff(batch.offsets) for batch in batches]))
         return cls._wrap(np.concatenate([batch.nodes for batch in batches]), offsets, sizes.pop())
 
     def __len__(self) -> int:
@@ -284,7 +259,7 @@ class PlanBatch:
     def __getitem__(self, index: slice) -> Self: ...
     def __getitem__(self, index: int | slice) -> TrailPlan | Self:
         if isinstance(index, slice):
-            return self._slice(index)
+            return self.take(np.arange(len(self))[index])
         try:
             i = as_index(index)
         except TypeError:
@@ -294,27 +269,15 @@ class PlanBatch:
             raise IndexError(f"Expected a plan index below {n_plans}, got {i}.")
         cut = (i % n_plans) * self.n_robots
         offsets = self.offsets[cut : cut + self.n_robots + 1]
-        return TrailPlan._wrap(
-            self.nodes[offsets[0] : offsets[-1]].copy(), np.asarray(offsets - offsets[0])
-        )
-
-    def _slice(self, cut: slice) -> Self:
-        return self.take(np.arange(len(self))[cut])
+        return TrailPlan._wrap(self.nodes[offsets[0] : offsets[-1]].copy(), offsets - offsets[0])
 
     def take(self, plans: ArrayLike) -> Self:
-        """Return a batch of some of the plans.
-
-        Parameters
-        ----------
-        plans
-            Their indices, in the order wanted, or a mask of shape (n_plans,).
-        """
+        """Return some of the plans, by their indices in that order or a mask (n_plans,)."""
         chosen = np.asarray(plans)
         chosen = np.flatnonzero(chosen) if chosen.dtype == bool else chosen.astype(np.int64)
         trails = (chosen[:, np.newaxis] * self.n_robots + np.arange(self.n_robots)).ravel()
         lengths = np.diff(self.offsets)[trails]
-        offsets = np.zeros(len(trails) + 1, np.int64)
-        np.cumsum(lengths, out=offsets[1:])
+        offsets = _offsets(lengths)
         shift = np.repeat(self.offsets[trails] - offsets[:-1], lengths)
         return self._wrap(self.nodes[np.arange(len(shift)) + shift], offsets, self.n_robots)
 
@@ -341,13 +304,14 @@ class PlanBatch:
         return f"<PlanBatch of {len(self)} plans, {self.n_robots} robots, {len(self.nodes)} nodes>"
 
 
+# A batch, any iterable of plans, or an array such as ``result.X``.
+Plans: TypeAlias = PlanBatch | Iterable[TrailPlan] | ObjectArray
+
+
 def listed_plans(plans: Iterable[TrailPlan] | ObjectArray) -> list[TrailPlan]:
     """List plans to start from: any iterable of them, an array like ``result.X``, or a population.
 
-    Raises
-    ------
-    TypeError
-        If something among them is not a TrailPlan.
+    Anything else among them raises a TypeError.
     """
     held = plans.get("X") if hasattr(plans, "get") and not isinstance(plans, Mapping) else plans
     if isinstance(held, np.ndarray):

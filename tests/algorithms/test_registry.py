@@ -12,9 +12,8 @@ from pymoo.optimize import minimize
 
 from botohe_moo import BOACO, BOTOHE, RandomTrails, algorithm_names, load_mission, make_algorithm
 from botohe_moo._plugins import entry_points as plugins
-from botohe_moo.algorithms.origin import algorithm_identity
+from botohe_moo.algorithms.origin import algorithm_identity, algorithm_origin
 from botohe_moo.algorithms.registry import (
-    algorithm_origin,
     algorithm_parameters,
     check_algorithm,
     describe_algorithm,

@@ -4,7 +4,6 @@ import math
 import pickle
 from decimal import Decimal
 from fractions import Fraction
-from functools import partial
 
 import numpy as np
 import pytest
@@ -12,12 +11,10 @@ import pytest
 from botohe_moo._base.checks import (
     ParameterError,
     check_choice,
-    check_flag,
     check_integer,
     check_number,
     check_parameters,
     check_weights,
-    keyword_names,
     nearest_first,
     quoted,
 )
@@ -128,22 +125,6 @@ class TestNumber:
             check_number("x", 10**400)
 
 
-class TestFlag:
-    @pytest.mark.parametrize("value", [True, np.True_])
-    def test_true(self, value):
-        assert check_flag("heuristic", value) is True
-
-    @pytest.mark.parametrize("value", [False, np.False_])
-    def test_false(self, value):
-        assert check_flag("heuristic", value) is False
-
-    @pytest.mark.parametrize("value", [1, 0, "true", None, np.int64(1), 1.0, []])
-    def test_neither(self, value):
-        with pytest.raises(ValueError, match=r"^Expected") as error:
-            check_flag("heuristic", value)
-        assert str(error.value) == f"Expected heuristic to be true or false, got {value!r}."
-
-
 class TestChoice:
     def test_known_names(self):
         assert check_choice("move", "visit", {"visit": 1, "splice": 2}) is None
@@ -236,35 +217,6 @@ class TestParameters:
             ValueError, match=r"^Algorithm 'x': there is no parameter 'a'; it takes none\.$"
         ):
             check_parameters("Algorithm 'x'", ["a"], [])
-
-
-class TestKeywordNames:
-    def test_keyword_and_ordinary_parameters(self):
-        def function(a, /, b, *rest, c, d=1): ...
-
-        assert keyword_names(function) == ("b", "c", "d")
-
-    def test_any(self):
-        assert keyword_names(lambda a, **rest: None) is None
-
-    def test_none(self):
-        assert keyword_names(lambda: None) == ()
-
-    def test_a_class_takes_what_its_constructor_takes(self):
-        class Thing:
-            def __init__(self, size, *, colour): ...
-
-            def paint(self, colour): ...
-
-        assert keyword_names(Thing) == ("size", "colour")
-        assert keyword_names(Thing(1, colour=2).paint) == ("colour",)
-
-    def test_what_a_partial_has_filled_in_by_position_is_gone(self):
-        assert keyword_names(partial(lambda a, b: None, 1)) == ("b",)
-
-    def test_what_does_not_tell_takes_any(self):
-        assert keyword_names(dict.update) is None  # has **kwargs in C only
-        assert keyword_names(type) is None
 
 
 class TestNearestFirst:

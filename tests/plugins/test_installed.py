@@ -283,7 +283,7 @@ class TestInstalled:
 
     def test_where_they_are_from(self, third_party_site):
         code = (
-            "from botohe_moo.algorithms.registry import algorithm_origin as origin\n"
+            "from botohe_moo.algorithms.origin import algorithm_origin as origin\n"
             "print(origin('diver') == origin('botohe_divers:Diver'), *origin('diver').values())"
         )
         done = subprocess.run(

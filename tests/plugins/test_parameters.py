@@ -16,7 +16,7 @@ from pydantic import BaseModel, BeforeValidator, Field, field_validator, model_v
 from botohe_moo._base.checks import ParameterError
 from botohe_moo._plugins.checks import call_factory, check_values, checked, raised_fault
 from botohe_moo._plugins.messages import wrong_value
-from botohe_moo._plugins.stated import Parameter, accepted_parameters
+from botohe_moo._plugins.stated import Parameter, accepted_parameters, signature_parameters
 from botohe_moo._plugins.types import (
     SameResult,
     is_plain,
@@ -689,3 +689,34 @@ class TestResults:
         found = plain_value(value)
         assert found == plain
         assert type(found) is type(plain)
+
+
+class TestSignatureParameters:
+    """Those that can be given by name."""
+
+    def test_keyword_and_ordinary_parameters(self):
+        def function(a, /, b, *rest, c, d=1): ...
+
+        assert names(function) == ["b", "c", "d"]
+
+    def test_none(self):
+        assert names(lambda: None) == []
+
+    def test_a_class_takes_what_its_constructor_takes(self):
+        class Thing:
+            def __init__(self, size, *, colour): ...
+
+            def paint(self, colour): ...
+
+        assert names(Thing) == ["size", "colour"]
+        assert names(Thing(1, colour=2).paint) == ["colour"]
+
+    def test_what_a_partial_has_filled_in_by_position_is_gone(self):
+        assert names(functools.partial(lambda a, b: None, 1)) == ["b"]
+
+    def test_what_does_not_tell_has_none(self):
+        assert names(type) == []
+
+
+def names(function):
+    return [parameter.name for parameter in signature_parameters(function)]

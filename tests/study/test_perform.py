@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from pymoo.optimize import minimize
 
 from botohe_moo import BOTOHE, Mission, load_mission, make_algorithm
-from botohe_moo.algorithms.registry import algorithm_origin
+from botohe_moo.algorithms.origin import algorithm_origin
 from botohe_moo.kernels.local_search import search
 from botohe_moo.study.run.metered import BudgetSpentError, MeteredBOTOHE
 from botohe_moo.study.run.perform import perform

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import inspect
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from difflib import SequenceMatcher
 from numbers import Integral, Real
 from reprlib import Repr
@@ -20,13 +19,7 @@ _REPR.maxstring, _REPR.maxother = 60, _LONG
 
 
 class ParameterError(ValueError):
-    """A parameter that is wrong: the message says what was expected, and what was given.
-
-    Attributes
-    ----------
-    parameter : str or None
-        Its name, where the message is about a single one.
-    """
+    """Says what was expected and what was given; ``parameter`` is its name, if it is one."""
 
     def __init__(self, message: str, parameter: str | None = None) -> None:
         super().__init__(message)
@@ -56,7 +49,7 @@ def check_number(
     at_most: float = math.inf,
 ) -> float:
     """Give ``value`` as a finite float, or raise the ParameterError that says what was expected."""
-    number = _as_float(value)
+    number = as_float(value)
     if math.isfinite(number) and above < number < below and at_least <= number <= at_most:
         return number
     open_low = above >= at_least
@@ -73,20 +66,13 @@ def check_number(
     raise ParameterError(f"Expected {expected}, got {quoted(value)}.", name)
 
 
-def _as_float(value: Any) -> float:
+def as_float(value: Any) -> float:
     """Convert a number; NaN for anything else."""
     number = isinstance(value, Real) and not isinstance(value, bool | np.bool_)
     try:
         return float(value) if number else math.nan
     except OverflowError:
         return math.inf if value > 0 else -math.inf
-
-
-def check_flag(name: str, value: Any) -> bool:
-    """Give ``value`` as a bool, or raise the ParameterError that says what was expected."""
-    if not isinstance(value, bool | np.bool_):
-        raise ParameterError(f"Expected {name} to be true or false, got {quoted(value)}.", name)
-    return bool(value)
 
 
 def check_choice(parameter: str, name: Any, known: Collection[str]) -> None:
@@ -97,11 +83,12 @@ def check_choice(parameter: str, name: Any, known: Collection[str]) -> None:
 
 
 def check_weights(
-    parameter: str, given: Any, known: Collection[str], *, what: str = ""
+    parameter: str, given: Any, known: Collection[str], *, what: str = "", needed: str = ""
 ) -> dict[str, float]:
     """Give a mapping from known names to weights >= 0 of finite sum, or raise a ParameterError.
 
-    ``what`` the names are of is by default the parameter.
+    ``what`` the names are of is by default the parameter. With ``needed``, what one of them is
+    called, some weight has to be above 0.
     """
     what = what or parameter
     if not isinstance(given, Mapping):
@@ -116,6 +103,9 @@ def check_weights(
             raise ParameterError(str(error), parameter) from None
     if sum(weights.values()) == math.inf:
         message = f"Expected weights of {what} with a finite sum, got {quoted(given)}."
+        raise ParameterError(message, parameter)
+    if needed and not any(weights.values()):
+        message = f"Expected a {needed} of weight above 0, got {quoted(given)}."
         raise ParameterError(message, parameter)
     return weights
 
@@ -150,18 +140,6 @@ def unknown_parameters(unknown: list[str], known: Iterable[str]) -> str:
     among = ", ".join(nearest_first(str(unknown[0]), known))
     remedy = f"known are {among}" if among else "it takes none"
     return f"there is no parameter {named}; {remedy}."
-
-
-def keyword_names(function: Callable[..., object]) -> tuple[str, ...] | None:
-    """Give the names that ``function`` takes as keywords, or None if it takes any."""
-    try:
-        parameters = inspect.signature(function).parameters.values()
-    except (TypeError, ValueError):  # some compiled callables do not tell
-        return None
-    if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters):
-        return None
-    named = (inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
-    return tuple(parameter.name for parameter in parameters if parameter.kind in named)
 
 
 def nearest_first(word: str, words: Iterable[str]) -> list[str]:

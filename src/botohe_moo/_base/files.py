@@ -11,17 +11,12 @@ import stat
 from collections.abc import Iterator
 from pathlib import Path
 
-__all__ = ["new_folder", "read_bytes", "replace_file"]
-
 
 @contextlib.contextmanager
 def new_folder(wanted: Path) -> Iterator[Path]:
     """Make a folder that was not there; it goes again, with its parents, if it is left empty.
 
-    Parameters
-    ----------
-    wanted
-        What to call it; where there is one, ``-2``, ``-3`` and so on is added.
+    Where there is a folder of the ``wanted`` name, ``-2``, ``-3`` and so on is added.
     """
     missing = [path for path in wanted.parents if not path.exists()]
     wanted.parent.mkdir(parents=True, exist_ok=True)
@@ -41,13 +36,7 @@ def new_folder(wanted: Path) -> Iterator[Path]:
 
 
 def read_bytes(path: Path) -> bytes:
-    """Read a file, but nothing that may have no end.
-
-    Raises
-    ------
-    OSError
-        If there is no such file, or it is a device or a pipe.
-    """
+    """Read a file; an OSError refuses devices and pipes, which may have no end."""
     mode = path.stat().st_mode
     if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
         raise OSError(errno.EINVAL, "expected a file, found a device or a pipe", str(path))
@@ -55,13 +44,7 @@ def read_bytes(path: Path) -> bytes:
 
 
 def replace_file(path: Path, data: bytes) -> None:
-    """Write ``data`` to a file in one step: it appears complete, or stays as it was.
-
-    Raises
-    ------
-    OSError
-        If it cannot be written; names ``path``.
-    """
+    """Write ``data`` to a file in one step: it appears complete, or stays as it was."""
     temporary = path.with_name(f".{secrets.token_hex(8)}.tmp")
     try:
         with temporary.open("xb") as file:

@@ -5,13 +5,8 @@ from __future__ import annotations
 import os
 import signal
 import threading
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-__all__ = ["hold_interrupt"]
 
 
 @contextmanager
@@ -19,12 +14,8 @@ def hold_interrupt(*, answer: str | None = None) -> Iterator[threading.Event]:
     """Let Ctrl-C set an event instead of breaking off; pressed again, it breaks off as usual.
 
     Changes nothing outside the main thread, which alone may handle signals, and where Ctrl-C is to
-    be ignored, as it is for jobs in the background.
-
-    Parameters
-    ----------
-    answer
-        What to say on standard error at once, however long the step takes that is going on.
+    be ignored, as it is for jobs in the background. ``answer`` is said on standard error at once,
+    however long the step takes that is going on.
     """
     pressed = threading.Event()
     usual = signal.getsignal(signal.SIGINT)

@@ -4,24 +4,16 @@ from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from typing import Any
 
-__all__ = ["lazy_names"]
-
 
 def lazy_names(
     package: str,
     homes: Mapping[str, Sequence[str]],
     moved: Mapping[str, Sequence[str]] | None = None,
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """Make a package's ``__getattr__`` and ``__dir__`` (PEP 562).
+    """Make the ``__getattr__`` and ``__dir__`` (PEP 562) of a package of that ``__name__``.
 
-    Parameters
-    ----------
-    package
-        The package's ``__name__``.
-    homes
-        Public names by the module that has them, such as ``.trails``.
-    moved
-        Names that can still be imported from the package, but are not listed.
+    ``homes`` has its public names by the module that defines them. Those in ``moved`` can be
+    imported, too, but are not listed.
 
     Examples
     --------

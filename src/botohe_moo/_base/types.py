@@ -12,3 +12,4 @@ SeedArray: TypeAlias = NDArray[np.uint64]
 ObjectArray: TypeAlias = NDArray[Any]
 Record: TypeAlias = Any  # a numpy.record, whose fields are attributes
 RecordArray: TypeAlias = Any  # a numpy.recarray of these
+Rng: TypeAlias = np.random.Generator

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any, ParamSpec, TypeAlias, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
 from botohe_moo._base.checks import ParameterError, check_parameters, unknown_parameters
-from botohe_moo._plugins.messages import fault_messages
+from botohe_moo._plugins.messages import Error, fault_messages, own_message
 from botohe_moo._plugins.stated import Accepted, Factory, Parameter, signature_parameters
 from botohe_moo._plugins.types import is_scalar
-
-__all__ = ["Fault", "call_factory", "check_values", "checked", "raised_fault"]
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -27,8 +25,8 @@ _SCALAR_TYPES = frozenset({"int_type", "float_type", "bool_type", "string_type"}
 def checked(function: Callable[P, R]) -> Callable[P, R]:
     """Make a function or constructor check its parameters by their types, whenever it is called.
 
-    These are parameters given by keyword that are numbers, flags, names or None; what else
-    they may be, the function checks itself. It gets numbers of all kinds as ``int`` and ``float``.
+    It checks what is given by keyword and declared as numbers, flags, names or None, and hands on
+    numbers of all kinds as ``int`` and ``float``. The function checks other types itself.
 
     Examples
     --------
@@ -75,16 +73,12 @@ def check_values(
     ``also`` are known, too; their values are not looked at.
     """
     known = {*accepted.names, *also}
-    unknown = [
-        name
+    faults: list[Fault] = [
+        (str(name), unknown_parameters([name], known))
         for name in values
         if name not in known and not (accepted.any_name and isinstance(name, str))
     ]
-    return [
-        *((str(name), unknown_parameters([name], known)) for name in unknown),
-        *_missing_faults(accepted, values),
-        *_checked(accepted, values, plain=plain)[0],
-    ]
+    return [*faults, *_checked(accepted, values, plain=plain)[0]]
 
 
 def call_factory(
@@ -98,17 +92,11 @@ def call_factory(
 ) -> Any:
     """Call a factory with checked values.
 
-    ``source`` says in messages whom they are about. Messages list the names in ``also`` as known.
-    Errors of the factory's own that are in ``passing`` are not changed.
-
-    Raises
-    ------
-    ParameterError
-        If a name is unknown or missing, or a value is refused.
+    A ParameterError says what is unknown, missing or refused. Messages begin with ``source``, and
+    list the names in ``also`` as known. Errors of the factory's in ``passing`` are not changed.
     """
     check_parameters(source, values, None if accepted.any_name else accepted.names, also=also)
     faults, given = _checked(accepted, values)
-    faults = [*_missing_faults(accepted, values), *faults]
     if faults:
         expected = " ".join(message for _, message in faults)
         raise ParameterError(f"{source}: {expected}", faults[0][0])
@@ -134,14 +122,6 @@ def raised_fault(error: BaseException, names: Collection[str] | None, *, source:
     return (name if isinstance(names, Collection) and name in names else None), message
 
 
-def _missing_faults(accepted: Accepted, values: Mapping[str, Any]) -> Iterator[Fault]:
-    for name in accepted.needed:
-        if name not in values:
-            yield name, f"missing a required parameter {name!r}."
-    for name in accepted.ungivable:
-        yield None, f"cannot be made: it requires {name!r}, which cannot be given by name here."
-
-
 def _checked(
     accepted: Accepted, values: Mapping[str, Any], *, plain: bool = False
 ) -> tuple[list[Fault], dict[str, Any]]:
@@ -149,34 +129,35 @@ def _checked(
 
     Of a signature that is the values as they are: pydantic's own copies may be other objects.
     """
-    faults: list[Fault] = []
-    known: dict[str, Any] = {}
-    for parameter in accepted.parameters:
-        name = parameter.name
-        if name not in values:
-            continue
-        if plain and not parameter.plain:
+    faults: list[Fault] = [
+        (name, f"missing a required parameter {name!r}.")
+        for name in accepted.needed
+        if name not in values
+    ]
+    for name in accepted.ungivable:
+        message = f"cannot be made: it requires {name!r}, which cannot be given by name here."
+        faults.append((None, message))
+    known = [parameter for parameter in accepted.parameters if parameter.name in values]
+    checkable = {p.name: values[p.name] for p in known if p.plain or not plain}
+    for parameter in known:
+        name, value = parameter.name, values[parameter.name]
+        if name not in checkable:
             message = f"{name} can be given from Python only, as {parameter.annotation}."
             faults.append((name, message))
-            continue
-        known[name] = values[name]
-        if accepted.model is None and values[name] is not parameter.default:
-            faults += [(name, message) for message in parameter.checked(values[name])[1]]
+        elif accepted.model is None and value is not parameter.default:
+            faults += [(name, message) for message in parameter.checked(value)[1]]
     if accepted.model is None:
         return faults, dict(values)
-    found, given = _by_model(accepted.model, accepted.parameters, known)
-    skipped = {name for name, _ in faults}
-    return [*faults, *(fault for fault in found if fault[0] not in skipped)], given
+    found, given = _by_model(accepted.model, known, checkable)
+    return faults + found, given
 
 
 def _by_model(
     model: type[BaseModel], parameters: Collection[Parameter], values: Mapping[str, Any]
 ) -> tuple[list[Fault], dict[str, Any]]:
     """Let a model check and convert values; it converts no number, flag or text to another."""
-    keys = {
-        name: alias if isinstance(alias := field.validation_alias, str) else name
-        for name, field in model.model_fields.items()
-    }
+    aliases = {name: field.validation_alias for name, field in model.model_fields.items()}
+    keys = {name: key if isinstance(key, str) else name for name, key in aliases.items()}
     given = {keys[name]: value for name, value in values.items()}
     try:
         errors = _scalar_errors(model, given)
@@ -187,14 +168,13 @@ def _by_model(
         return [(None, f"{type(error).__name__}: {error}")], {}
     if not errors:
         return [], {name: getattr(made, name) for name in model.model_fields}
-    faults: list[Fault] = []
-    for parameter in parameters:
-        name, key = parameter.name, keys[parameter.name]
-        if name in values and key in errors:  # what is missing has been said before
-            messages = fault_messages(name, values[name], errors[key], parameter.range)
-            faults += [(name, message) for message in messages]
-    for detail in errors.get(None, ()):
-        faults.append((None, str((detail.get("ctx") or {}).get("error", detail["msg"]))))
+    faults: list[Fault] = [
+        (parameter.name, message)
+        for parameter in parameters
+        if (name := parameter.name) in values and keys[name] in errors  # else: said to be missing
+        for message in fault_messages(name, values[name], errors[keys[name]], parameter.range)
+    ]
+    faults += [(None, own_message(error)) for error in errors.get(None, ())]
     return faults, {}
 
 
@@ -207,16 +187,13 @@ def _scalar_errors(model: type[BaseModel], given: Mapping[str, Any]) -> dict[Any
     try:
         model.model_validate(given, strict=True)
     except ValidationError as error:
-        return {
-            key: details
-            for key, details in _by_field(error).items()
-            if all(
-                detail["type"] in _SCALAR_TYPES
-                and isinstance(detail["input"], bool | int | float | str)
-                for detail in details
-            )
-        }
+        return {key: found for key, found in _by_field(error).items() if all(map(_scalar, found))}
     return {}
+
+
+def _scalar(error: Error) -> bool:
+    scalar = isinstance(error["input"], bool | int | float | str)
+    return scalar and error["type"] in _SCALAR_TYPES
 
 
 def _by_field(error: ValidationError) -> dict[Any, list[Any]]:

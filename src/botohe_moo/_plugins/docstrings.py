@@ -8,8 +8,6 @@ import re
 from collections.abc import Callable
 from typing import Any
 
-__all__ = ["described_parameters", "summary_of"]
-
 
 def _docstring_of(function: Callable[..., Any]) -> str:
     """Give the docstring of a function or class, also of one with some arguments fixed."""

@@ -8,17 +8,13 @@ import os
 import re
 import sys
 import warnings
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from importlib.metadata import Distribution, EntryPoint, entry_points
 from types import MethodType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from botohe_moo._base.checks import nearest_first
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
-
-__all__ = ["PluginError", "PluginGroup", "imported", "same_factory"]
 
 _OURS = "botohe-moo"
 

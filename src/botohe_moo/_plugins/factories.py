@@ -15,20 +15,14 @@ from typing import Annotated, Any, Self, get_args, get_origin
 from botohe_moo._plugins.entry_points import PluginError, PluginGroup, imported
 from botohe_moo._plugins.types import UNIONS
 
-__all__ = ["declared_factory", "named", "says_it_makes"]
-
 _CACHED = type(functools.cache(callable))
 
 
 def declared_factory(path: str, group: PluginGroup, wanted: type) -> Callable[..., Any]:
     """Import ``module:name`` or ``module.name``, and make sure that it may be called.
 
-    Importing the module runs it. What is registered in the group may be called, too.
-
-    Raises
-    ------
-    PluginError
-        If it cannot be imported, or does not say that it makes what is wanted.
+    Importing the module runs it. What is registered in the group may be called, too. A PluginError
+    is raised if it cannot be imported, or does not say that it makes what is wanted.
     """
     package = re.split(r"[.:]", path)[0]
     found = None
@@ -37,21 +31,20 @@ def declared_factory(path: str, group: PluginGroup, wanted: type) -> Callable[..
         if says_it_makes(found, wanted) or group.name_of(found, package):
             return found  # type: ignore[no-any-return]
     what = f"{_described(found)} does not say" if found is not None else "nothing there says"
+    kind = wanted.__name__
+    article = "an" if kind[0] in "AEIOU" else "a"
     raise PluginError(
-        f"it is not called, because {what} that it makes {_article(wanted)}; name a class derived "
-        f"from {wanted.__name__}, state what the function returns (-> {wanted.__name__}), or "
-        f"register it as entry point of {group.group!r}"
+        f"it is not called, because {what} that it makes {article} {kind}; name a class derived "
+        f"from {kind}, state what the function returns (-> {kind}), or register it as entry point "
+        f"of {group.group!r}"
     )
 
 
 def named(path: str) -> Any:
     """Import ``module:name`` or ``module.name``, such as a class's attribute, and call nothing.
 
-    Raises
-    ------
-    ImportError, AttributeError, ValueError
-        If there is no such thing, or the path leads through anything but modules and classes, or
-        through names such as ``__class__``.
+    An ImportError, AttributeError or ValueError is raised if there is no such thing, or the path
+    leads through anything but modules and classes, or through names such as ``__class__``.
     """
     if hidden := re.search(r"(?<![^.:])__\w*", path):
         raise ValueError(f"names such as {hidden[0]!r} are not for this")
@@ -91,9 +84,8 @@ def _attribute(owner: Any, name: str) -> Any:
 def says_it_makes(factory: Any, wanted: type) -> bool:
     """Tell whether something says that calling it makes what is wanted; it is not called.
 
-    That is a class, a function or a class's method whose annotation says that it returns ``wanted``
-    or a class derived from it, or ``Self``, and what ``functools.partial`` and ``functools.cache``
-    make of them.
+    Classes say it, functions and class methods whose annotation names ``wanted``, a class derived
+    from it or ``Self``, and what ``functools.partial`` and ``functools.cache`` make of them.
     """
     while type(factory) in (functools.partial, _CACHED):
         factory = factory.func if type(factory) is functools.partial else factory.__wrapped__
@@ -131,8 +123,7 @@ def _looked_up(node: ast.expr, scope: Mapping[str, Any]) -> Any:
     if isinstance(node, ast.Name):
         return scope[node.id]
     if isinstance(node, ast.Attribute):
-        owner = _looked_up(node.value, scope)
-        return _attribute(owner, node.attr)
+        return _attribute(_looked_up(node.value, scope), node.attr)
     if isinstance(node, ast.BinOp) and isinstance(node.op, ast.BitOr):
         return [_looked_up(node.left, scope), _looked_up(node.right, scope)]
     if isinstance(node, ast.Constant) and isinstance(node.value, str):
@@ -149,7 +140,3 @@ def _described(found: Any) -> str:
     if isinstance(found, ModuleType):
         return f"the module {found.__name__}"
     return f"an object of type {type(found).__qualname__}"
-
-
-def _article(wanted: type) -> str:
-    return f"{'an' if wanted.__name__[0] in 'AEIOU' else 'a'} {wanted.__name__}"

@@ -8,8 +8,6 @@ from typing import Any, TypeAlias
 from botohe_moo._base.checks import quoted
 from botohe_moo._plugins.types import bound_text
 
-__all__ = ["Error", "fault_messages", "wrong_value"]
-
 Error: TypeAlias = Mapping[str, Any]
 
 _EXPECTED = {
@@ -69,6 +67,11 @@ def _way_into(value: Any, location: Sequence[Any]) -> tuple[Any, ...]:
     return tuple(way)
 
 
+def own_message(error: Error) -> str:
+    """Give what a validator raised, or else what pydantic says."""
+    return str((error.get("ctx") or {}).get("error", error["msg"]))
+
+
 def wrong_value(name: str, *errors: Error, bounds: str = "") -> str:
     """Say in a sentence what is wrong with one value, given an error for each type it may have."""
     got = f"got {quoted(errors[0]['input'])}."
@@ -80,7 +83,7 @@ def wrong_value(name: str, *errors: Error, bounds: str = "") -> str:
         if kind == "missing":
             return f"Expected {name} to have {error['loc'][-1]!r}, {got}"
         if kind not in _EXPECTED:
-            return f"{name}: {str(details.get('error', error['msg'])).rstrip('.')}, {got}"
+            return f"{name}: {own_message(error).rstrip('.')}, {got}"
         phrase = _EXPECTED[kind].format(**{key: bound_text(d) for key, d in details.items()})
         if bounds and ranged and kind in _BOUNDS:
             phrase = bounds

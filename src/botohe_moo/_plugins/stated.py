@@ -37,14 +37,6 @@ from botohe_moo._plugins.types import (
     type_text,
 )
 
-__all__ = [
-    "Accepted",
-    "Factory",
-    "Parameter",
-    "accepted_parameters",
-    "signature_parameters",
-]
-
 Factory: TypeAlias = Callable[..., Any]
 
 _EMPTY = inspect.Parameter.empty

@@ -13,26 +13,19 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 import numpy as np
 from pydantic.fields import FieldInfo
 
-__all__ = [
-    "UNIONS",
-    "SameResult",
-    "bound_text",
-    "changes_nothing",
-    "is_plain",
-    "is_scalar",
-    "plain_number",
-    "plain_value",
-    "range_text",
-    "type_text",
-]
-
 UNIONS = (Union, types.UnionType)
 # What lists and mappings of a text file can stand for.
 _LISTS = (list, Sequence, Iterable, collections.abc.Collection)
 _MAPPINGS = (dict, Mapping, collections.abc.MutableMapping)
 _SCALARS = (int, float, bool, str, type(None))
 _ABSTRACT = (object, Any, Number, Real, Integral)
-_BOUNDS = ("gt", "ge", "lt", "le", "multiple_of", "min_length", "max_length", "pattern")
+_COMPARED = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
+_OTHERS = {
+    "multiple_of": "a multiple of",
+    "min_length": "of length >=",
+    "max_length": "of length <=",
+    "pattern": "like",
+}
 
 
 class SameResult:
@@ -69,27 +62,19 @@ def _constraints_text(metadata: Iterable[Any]) -> str:
     bounds: dict[str, str] = {}
     for constraint in metadata:
         parts = constraint.metadata if isinstance(constraint, FieldInfo) else [constraint]
-        for name in _BOUNDS:
+        for name in (*_COMPARED, *_OTHERS):
             for bound in (getattr(part, name, None) for part in parts):
-                if bound is not None and not callable(bound):
+                if bound is not None and not callable(bound) and (bound or name in _COMPARED):
                     bounds[name] = bound_text(bound)
     texts = []
-    low, high = bounds.get("ge", bounds.get("gt")), bounds.get("le", bounds.get("lt"))
-    if low is not None and high is not None:
-        opening, closing = "[" if "ge" in bounds else "(", "]" if "le" in bounds else ")"
-        texts.append(f"in {opening}{low}, {high}{closing}")
-    elif low is not None:
-        texts.append(f"{'>=' if 'ge' in bounds else '>'} {low}")
-    elif high is not None:
-        texts.append(f"{'<=' if 'le' in bounds else '<'} {high}")
-    for name, words in (
-        ("multiple_of", "a multiple of"),
-        ("min_length", "of length >="),
-        ("max_length", "of length <="),
-        ("pattern", "like"),
-    ):
-        if bounds.get(name, "0") != "0":
-            texts.append(f"{words} {bounds[name]}")
+    low = next((name for name in ("ge", "gt") if name in bounds), "")
+    high = next((name for name in ("le", "lt") if name in bounds), "")
+    if low and high:
+        opening, closing = "[" if low == "ge" else "(", "]" if high == "le" else ")"
+        texts.append(f"in {opening}{bounds[low]}, {bounds[high]}{closing}")
+    elif name := low or high:
+        texts.append(f"{_COMPARED[name]} {bounds[name]}")
+    texts += [f"{words} {bounds[name]}" for name, words in _OTHERS.items() if name in bounds]
     return ", ".join(texts)
 
 

@@ -49,10 +49,7 @@ _HOMES = {
     ".pareto_local_search": ("ParetoLocalSearch",),
     ".population": ("PopulationAlgorithm",),
     ".random_trails": ("RandomTrails",),
-    ".registry": (
-        "algorithm_names",
-        "make_algorithm",
-    ),
+    ".registry": ("algorithm_names", "make_algorithm"),
     ".simulated_annealing": ("SimulatedAnnealing",),
     ".sms_emoa": ("PlanSMSEMOA",),
     ".spea2": ("PlanSPEA2",),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 import sys
 from collections.abc import Iterable
@@ -22,21 +23,9 @@ from botohe_moo.algorithms.individuals import PopulationArchive
 from botohe_moo.problem import BOTOHE, FrontOutput
 from botohe_moo.trails import PlanBatch, TrailPlan, listed_plans
 
-__all__ = ["ArchiveAlgorithm"]
-
 MaxTies: TypeAlias = Annotated[int, Field(ge=1, le=1_000_000_000)]
 
-PYMOO_OPTIONS = (
-    "callback",
-    "display",
-    "evaluator",
-    "output",
-    "return_least_infeasible",
-    "save_history",
-    "seed",
-    "termination",
-    "verbose",
-)
+PYMOO_OPTIONS = sorted({*inspect.signature(Algorithm).parameters} - {"archive", "kwargs"})
 
 
 class ArchiveAlgorithm(Algorithm):
@@ -44,21 +33,8 @@ class ArchiveAlgorithm(Algorithm):
 
     A subclass builds plans in ``_advance`` and hands them to ``_take_in``, which evaluates them,
     counts them, and puts into the archive what belongs there. pymoo individuals are made when
-    ``opt`` or ``pop`` is read.
-
-    Parameters
-    ----------
-    max_ties
-        Plans with equal objectives but different trails that the archive keeps.
-    sampling
-        Trail plans to start from: an iterable of plans, or ``X`` of another result.
-    **options
-        pymoo's own: ``termination``, ``callback``, ``output``, ``save_history``, ``seed``, ...
-
-    Raises
-    ------
-    TypeError
-        If an option is unknown, or ``sampling`` holds anything but plans.
+    ``opt`` or ``pop`` is read. A TypeError is raised for unknown options of pymoo's, and for a
+    ``sampling`` that holds anything but plans.
     """
 
     is_initialized: bool
@@ -83,20 +59,13 @@ class ArchiveAlgorithm(Algorithm):
     def setup(self, problem: Any, **kwargs: Any) -> Algorithm:
         """Prepare to solve ``problem``; pymoo's ``minimize`` calls this.
 
-        Without any termination the run ends after 100 000 evaluations: pymoo's default would
-        look for convergence in the design space, which trail plans do not have.
-
-        Raises
-        ------
-        TypeError
-            If ``problem`` is not a :class:`BOTOHE`, or overrides what is computed in kernels.
-        ValueError
-            If it has equality constraints, or the budget is less than one evaluation.
+        A TypeError is raised if it is not a :class:`BOTOHE`, or overrides what is computed in
+        kernels, and a ValueError if it has equality constraints, or the budget is less than one
+        evaluation.
         """
+        check_problem(problem)
         if self.evaluates_in_kernels:
             refuse_overrides(self, problem)
-        if not isinstance(problem, BOTOHE):
-            raise TypeError(f"Expected a BOTOHE problem, got {type(problem).__name__}.")
         if type(problem)._evaluate is not BOTOHE._evaluate:
             raise TypeError(
                 f"{type(problem).__name__} overrides _evaluate, which {type(self).__name__} does "
@@ -107,9 +76,7 @@ class ArchiveAlgorithm(Algorithm):
                 f"Expected a problem without equality constraints, which {type(self).__name__} "
                 f"would not heed, got {problem.n_eq_constr} in {problem.name()}."
             )
-        if self.termination is None and kwargs.get("termination") is None:
-            kwargs["termination"] = ("n_eval", 100_000)
-        super().setup(problem, **kwargs)
+        super().setup(problem, **with_termination(self, kwargs))
         check_budget(self.termination)
         return self
 
@@ -146,7 +113,7 @@ class ArchiveAlgorithm(Algorithm):
         self._advance()
 
     def _take_in(self, batch: PlanBatch) -> tuple[FloatArray, OffsetArray]:
-        """Evaluate new plans, within the budget, and archive those feasible that nothing dominates.
+        """Evaluate new plans, and archive those feasible that nothing dominates.
 
         Gives their E[R] and E[S] (n, 2), and the indices of the Pareto set of those feasible.
         """
@@ -197,10 +164,24 @@ def check_options(algorithm: Algorithm, options: Iterable[str]) -> None:
             )
 
 
-def refuse_overrides(algorithm: Algorithm, problem: Any) -> None:
-    """Refuse, by a TypeError, a problem that overrides the evaluation that kernels contain."""
+def check_problem(problem: Any) -> None:
+    """Refuse, by a TypeError, what is not a BOTOHE."""
     if not isinstance(problem, BOTOHE):
-        return
+        raise TypeError(f"Expected a BOTOHE problem, got {type(problem).__name__}.")
+
+
+def with_termination(algorithm: Algorithm, options: dict[str, Any]) -> dict[str, Any]:
+    """Let a run without any termination end after 100 000 evaluations.
+
+    pymoo's default would look for convergence in the design space, which trail plans do not have.
+    """
+    if algorithm.termination is None and options.get("termination") is None:
+        return {**options, "termination": ("n_eval", 100_000)}
+    return options
+
+
+def refuse_overrides(algorithm: Algorithm, problem: BOTOHE) -> None:
+    """Refuse, by a TypeError, a problem that overrides the evaluation that kernels contain."""
     for method in ("evaluate_batch", "constrain_batch"):
         own = getattr(type(problem), method) is not getattr(BOTOHE, method)
         if own or method in vars(problem):
@@ -220,27 +201,24 @@ def check_budget(termination: Termination) -> None:
 
 
 def budget(termination: Termination) -> float:
-    """Give the evaluations that a termination allows, also one that combines several."""
-    if isinstance(termination, MaximumFunctionCallTermination):
-        limit = termination.n_max_evals
-        return math.inf if limit is None else float(limit)
-    limits = [budget(part) for part in _parts(termination)]
-    whole = max if isinstance(termination, TerminateIfAll) else min
-    return whole(limits, default=math.inf)
+    """Give the evaluations that a termination allows."""
+    return _limit(termination, MaximumFunctionCallTermination, "n_max_evals")
 
 
 def generation_limit(termination: Termination) -> float:
-    """Give the generations that a termination allows, also one that combines several."""
-    if isinstance(termination, MaximumGenerationTermination):
-        return float(termination.n_max_gen)
-    limits = [generation_limit(part) for part in _parts(termination)]
+    """Give the generations that a termination allows."""
+    return _limit(termination, MaximumGenerationTermination, "n_max_gen")
+
+
+def _limit(termination: Termination, kind: type, attribute: str) -> float:
+    """Read the limit of a termination of some kind, or of those that one combines."""
+    if isinstance(termination, kind):
+        limit = getattr(termination, attribute)
+        return math.inf if limit is None else float(limit)
+    # pymoo's classes have two names for what they combine.
+    parts = [*getattr(termination, "terminations", ()), *getattr(termination, "criteria", ())]
     whole = max if isinstance(termination, TerminateIfAll) else min
-    return whole(limits, default=math.inf)
-
-
-def _parts(termination: Termination) -> list[Termination]:
-    """List what a termination combines; pymoo's classes have two names for it."""
-    return [*getattr(termination, "terminations", ()), *getattr(termination, "criteria", ())]
+    return whole((_limit(part, kind, attribute) for part in parts), default=math.inf)
 
 
 def evaluations_left(algorithm: Algorithm) -> int:

@@ -58,15 +58,13 @@ class BOACO(ArchiveAlgorithm):
         until they end their trails. "Earlier" robots are then all others, by their trails so far.
     local_search
         Share of each iteration's plans that a local search improves: those of its Pareto set first,
-        then others, drawn. What it finds deposits pheromone with the iteration's plans. 0 leaves
-        them as they are.
+        then others, drawn. What it finds deposits pheromone with the iteration's plans.
     local_search_evaluations
-        Evaluations of the local search for each of those plans. An iteration, which nothing
-        interrupts, then spends ``n_ants`` · (1 + ``local_search`` · ``local_search_evaluations``).
+        Evaluations of the local search for each of those plans, within the same iteration.
     n_colonies
-        Colonies with pheromone and random numbers of their own, at most ``n_ants``. Their ants'
-        λ are spread over all of [0, 1] in each. ``archive`` is common, but each colony deposits by
-        its own iteration's Pareto set, and by an archive of plans that it found or was given.
+        Colonies with pheromone and random numbers of their own, at most ``n_ants``, each with λ
+        over all of [0, 1]. ``archive`` is common, but each colony deposits by its own iteration's
+        Pareto set, and by an archive of plans that it found or was given.
     exchange_every
         After how many iterations each of several colonies is given the archive by which the one
         before it deposits, the first one the last's; None for never.
@@ -94,8 +92,8 @@ class BOACO(ArchiveAlgorithm):
     n_threads
         Threads that build plans; the result does not depend on it.
     sampling
-        Trail plans to start from, evaluated first and put into the archive, so that they deposit
-        pheromone from the first iteration on: an iterable of plans, or ``X`` of another result.
+        Trail plans to start from, which deposit pheromone from the first iteration on: an iterable
+        of plans, or ``X`` of another result.
     **options
         pymoo's own: ``termination``, ``callback``, ``output``, ``save_history``, ``seed``, ...
 
@@ -121,21 +119,16 @@ class BOACO(ArchiveAlgorithm):
 
     The allocations are the sequential and the deterministic-concurrent one of Ke, Archetti and
     Feng, "Ants can solve the team orienteering problem", Computers & Industrial Engineering 54(3),
-    2008. Of a single robot both build the same plans.
+    2008. Several colonies are those of Iredi, Merkle and Middendorf with the same λ in each and
+    pheromone updated by origin, except that a colony's plans need not be in all colonies' common
+    front to deposit; plans go round as in Middendorf, Reischle and Schmeck, "Multi colony ant
+    algorithms", Journal of Heuristics 8(3), 2002. The local search is that of
+    :class:`ParetoLocalSearch`, from the plans of one iteration only; the paper proposes it as
+    future work.
 
-    Several colonies are those of Iredi, Merkle and Middendorf with the same λ in each and pheromone
-    updated by origin, except that a colony's plans need not be in all colonies' common front to
-    deposit; plans go round as in Middendorf, Reischle and Schmeck, "Multi colony ant algorithms",
-    Journal of Heuristics 8(3), 2002.
-
-    The local search is that of :class:`ParetoLocalSearch`, from the plans of one iteration only;
-    improving some of the colony's plans is what the paper proposes as future work.
-
-    With ``("n_eval", n)`` as termination the last iteration has just as many ants as evaluations
-    are left: no budget is overdrawn.
-
-    Where some node has more arcs in than out a walk could run into a dead end; ants draw again
-    when no unused arcs lead home from the node they chose.
+    No budget is overdrawn: the last iteration has as many ants as evaluations are left. Where some
+    node has more arcs in than out, ants draw again when no unused arcs lead home from the node that
+    they chose.
     """
 
     @checked
@@ -221,17 +214,11 @@ class BOACO(ArchiveAlgorithm):
 
     @property
     def pheromone_maps(self) -> pd.DataFrame:
-        """The pheromone on each arc now.
+        """The pheromone on each arc now; a RuntimeError is raised before there is a problem.
 
-        One row an arc (and robot, where each has maps of its own, and colony, where there are
-        several): columns ``colony`` and ``robot`` (only then), ``tail`` and ``head`` (node labels;
-        the base's self-loop has the base as both), ``reward`` and ``survival`` (the two
-        pheromones).
-
-        Raises
-        ------
-        RuntimeError
-            If the algorithm has not been set up with a problem yet.
+        One row an arc, with the columns ``tail`` and ``head`` (node labels; the base's self-loop
+        has the base as both), ``reward`` and ``survival`` (the two pheromones), and before them
+        ``colony`` where there are several, and ``robot`` where each has maps of its own.
         """
         import pandas as pd  # half of the time that importing this module would take
 

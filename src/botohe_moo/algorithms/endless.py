@@ -1,7 +1,5 @@
 """Classes of pymoo's that may never end; apart from ``wired``, which loads all operators."""
 
-__all__ = ["never_ends"]
-
 # Classes that loop inside of one generation, where no budget ends them.
 _ENDLESS = {
     "pymoo.algorithms.moo.ctaea:CTAEA": (

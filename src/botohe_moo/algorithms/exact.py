@@ -58,12 +58,10 @@ class Exact(ArchiveAlgorithm):
     See :func:`~botohe_moo.search.exact.exact_front` for the method, and for what is exact where
     numbers are rounded.
 
-    An evaluation is a plan whose objectives the problem computes, as for every algorithm: here one
-    for each point of the front, and one for everybody at base. What the search computes of partial
-    trails and teams does not count; to compare efforts, compare times. A budget of fewer
-    evaluations than the front has points gives those with most reward. A run that something else
-    ends before the search is done, such as a termination that looks for convergence, gives what was
-    evaluated first.
+    Evaluations are those of the plans of the front and of the plan with everybody at base; partial
+    trails and teams do not count: to compare efforts, compare times. A budget of fewer evaluations
+    than the front has points gives those with most reward. A run that ends before the search is
+    done gives what was evaluated first.
     """
 
     evaluates_in_kernels = True

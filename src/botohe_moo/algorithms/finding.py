@@ -13,8 +13,6 @@ from botohe_moo._plugins.entry_points import PluginError, PluginGroup
 from botohe_moo._plugins.factories import declared_factory
 from botohe_moo._plugins.stated import Accepted, accepted_parameters
 
-__all__ = ["PLUGINS", "accepted_by", "find_algorithm", "is_path"]
-
 PLUGINS = PluginGroup("botohe_moo.algorithms", "algorithm")
 # Who runs an algorithm decides on these, through ``minimize``.
 _PYMOOS_OWN = frozenset(inspect.signature(Algorithm).parameters)
@@ -26,13 +24,7 @@ def is_path(name: str) -> bool:
 
 
 def find_algorithm(name: str) -> Callable[..., Any]:
-    """Import what makes an algorithm.
-
-    Raises
-    ------
-    ValueError
-        If there is no such algorithm, it cannot be imported, or does not say that it is one.
-    """
+    """Import what makes an algorithm; a ValueError says why it cannot be had or called."""
     if not isinstance(name, str):
         raise ValueError(f"Expected the name of an algorithm, got {name!r}.")
     try:

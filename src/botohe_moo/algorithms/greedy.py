@@ -58,10 +58,9 @@ class Greedy(ArchiveAlgorithm):
     for some weight lie on the convex hull of the front; plans for fewer robots fill some of what is
     between.
 
-    An evaluation is a plan whose objectives the problem computes, as for every algorithm; a plan
-    that comes up again is not evaluated again. What the search for a trail computes of partial
-    trails does not count: to compare efforts, compare times. Robots are planned for the mission's
-    own objectives, also where a problem overrides ``evaluate_batch``.
+    A plan that comes up again is not evaluated again, and partial trails do not count as
+    evaluations: to compare efforts, compare times. Robots are planned for the mission's own
+    objectives, also where a problem overrides ``evaluate_batch``.
     """
 
     @checked

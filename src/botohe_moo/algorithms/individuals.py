@@ -13,20 +13,12 @@ from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.search.archive import PlanArchive
 from botohe_moo.trails import PlanBatch, TrailPlan
 
-__all__ = ["PopulationArchive"]
-
 
 class PopulationArchive(PlanArchive):
     """An archive that makes pymoo's individuals when somebody looks at them.
 
-    Handing pymoo new ones every iteration would cost more than the iteration itself.
-
-    Parameters
-    ----------
-    n_robots, max_ties
-        As for :class:`~botohe_moo.search.archive.PlanArchive`.
-    constrain
-        Gives the constraints G of a batch (n, n_ieq_constr).
+    Handing pymoo new ones every iteration would cost more than the iteration itself. ``constrain``
+    gives the constraints G of a batch (n, n_ieq_constr).
     """
 
     def __init__(
@@ -47,19 +39,10 @@ class PopulationArchive(PlanArchive):
         objectives: FloatArray,
         individuals: Sequence[Individual] | None = None,
     ) -> OffsetArray:
-        """Take in what the archive does not dominate.
+        """Take in what the archive does not dominate, as the archive without a population does.
 
-        Parameters
-        ----------
-        batch, objectives
-            As for the archive without a population.
-        individuals
-            The same plans as pymoo knows them, where it does; ``population`` gives these.
-
-        Returns
-        -------
-        numpy.ndarray
-            Indices of the batch's own Pareto set.
+        ``individuals`` are the same plans as pymoo knows them, if it does; ``population`` gives
+        these.
         """
         first = self.version
         members, entered = self._absorb(batch, objectives)
@@ -78,12 +61,9 @@ class PopulationArchive(PlanArchive):
         """Give the plans as pymoo knows them: individuals are made once for every plan."""
         if self._population is None:
             known, plans = self._individuals, self.plans
-            constraints = None if self._constrain is None else self._constrain(plans)
+            constraints = [None] * len(plans) if not self._constrain else self._constrain(plans)
             self._individuals = {
-                key: known.get(key)
-                or _individual(
-                    plans[i], self.objectives[i], None if constraints is None else constraints[i]
-                )
+                key: known.get(key) or _individual(plans[i], self.objectives[i], constraints[i])
                 for i, key in enumerate(self._held.ids.tolist())
             }
             self._population = Population.create(*self._individuals.values())

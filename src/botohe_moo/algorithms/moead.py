@@ -16,8 +16,6 @@ from botohe_moo._plugins.ranges import Probability
 from botohe_moo.algorithms.population import PopulationAlgorithm, PopulationSize, even_weights
 from botohe_moo.problem import BOTOHE
 
-__all__ = ["PlanMOEAD"]
-
 
 class _BoundedTchebicheff(Tchebicheff):
     """Tchebicheff with each objective measured by its bound."""
@@ -28,8 +26,7 @@ class _BoundedTchebicheff(Tchebicheff):
 
     def _do(self, F: FloatArray, weights: FloatArray, **_: Any) -> FloatArray:
         distances: FloatArray = np.abs(F - self.utopian_point) / self.bounds * weights
-        worst: FloatArray = distances.max(axis=1)
-        return worst
+        return np.asarray(distances.max(axis=1))
 
 
 class PlanMOEAD(PopulationAlgorithm, ParallelMOEAD):
@@ -37,8 +34,7 @@ class PlanMOEAD(PopulationAlgorithm, ParallelMOEAD):
 
     The weights are spread evenly; objectives are measured by their bounds, total reward and team
     size. A feasible plan replaces an infeasible one, and of two infeasible ones that which violates
-    less. All children of a generation are made before the first replaces a neighbour (pymoo's
-    ``ParallelMOEAD``): its one-by-one variant cannot be pickled within a run.
+    less. This is pymoo's ``ParallelMOEAD``: ``MOEAD`` cannot be pickled within a run.
 
     Parameters
     ----------
@@ -117,11 +113,10 @@ class PlanMOEAD(PopulationAlgorithm, ParallelMOEAD):
             self.ideal = -self.archive.objectives.max(axis=0)
 
     def _replace(self, k: int, off: Any) -> None:
-        pop, near = self.pop, self.neighbors[k]
-        weights = self.ref_dirs[near]
-        values = self.decomposition.do(pop[near].get("F"), weights, ideal_point=self.ideal)
+        near = self.neighbors[k]
+        rivals, weights = self.pop[near], self.ref_dirs[near]
+        values = self.decomposition.do(rivals.get("F"), weights, ideal_point=self.ideal)
         value = self.decomposition.do(off.F[np.newaxis], weights, ideal_point=self.ideal)
-        violations = pop[near].get("CV")[:, 0]
-        violation = off.CV[0]
+        violations, violation = rivals.get("CV")[:, 0], off.CV[0]
         better = (violation < violations) | ((violation == violations) & (value < values))
-        pop[near[better]] = off
+        self.pop[near[better]] = off

@@ -7,8 +7,6 @@ from pymoo.operators.survival.rank_and_crowding import RankAndCrowding
 
 from botohe_moo.algorithms.population import PlanGeneticAlgorithm
 
-__all__ = ["PlanNSGA2"]
-
 
 class PlanNSGA2(PlanGeneticAlgorithm, NSGA2):
     """NSGA-II with operators for trail plans.

@@ -17,8 +17,6 @@ from botohe_moo._plugins.factories import named
 from botohe_moo._plugins.types import plain_value
 from botohe_moo.algorithms.finding import PLUGINS, accepted_by, find_algorithm, is_path
 
-__all__ = ["AlgorithmIdentity", "algorithm_identity", "algorithm_origin"]
-
 # Their versions identify them; all other modules are identified by their file.
 _VERSIONED = frozenset({"botohe_moo", "pymoo"})
 
@@ -35,11 +33,6 @@ class AlgorithmIdentity:
 
 def algorithm_identity(name: str, parameters: Mapping[str, Any]) -> AlgorithmIdentity:
     """Say what results of an algorithm depend on, given parameters that are known to be right.
-
-    Raises
-    ------
-    ValueError
-        If there is no such algorithm, or it cannot be imported.
 
     Examples
     --------
@@ -118,11 +111,6 @@ def algorithm_origin(name: str) -> dict[str, str | None]:
     its module; None where there is none. ``source`` is the SHA-256 of its module's file, and None
     for modules of this package and pymoo's, which their versions identify. Other modules that it
     imports are not looked at.
-
-    Raises
-    ------
-    ValueError
-        If there is no such algorithm, or it cannot be imported.
     """
     factory = find_algorithm(name)
     name = _one_name(name)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import copy
+import functools
 import inspect
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Annotated, Any, TypeAlias
 
 import numpy as np
@@ -21,7 +22,14 @@ from pymoo.core.survival import Survival
 from botohe_moo._base.types import FloatArray, ObjectArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.ranges import Count, Probability
-from botohe_moo.algorithms.base import MaxTies, check_budget, check_options, evaluations_left
+from botohe_moo.algorithms.base import (
+    MaxTies,
+    check_budget,
+    check_options,
+    check_problem,
+    evaluations_left,
+    with_termination,
+)
 from botohe_moo.algorithms.individuals import PopulationArchive
 from botohe_moo.operators.duplicates import PlanDuplicates
 from botohe_moo.operators.repair import PenaltyOnly, PlanRepair
@@ -33,20 +41,23 @@ from botohe_moo.operators.wiring import (
     make_repair,
     make_sampling,
 )
-from botohe_moo.problem import BOTOHE, FrontOutput
+from botohe_moo.problem import FrontOutput
 from botohe_moo.trails import TrailPlan
 
-__all__ = ["PlanGeneticAlgorithm", "PopulationAlgorithm"]
-
 PopulationSize: TypeAlias = Annotated[int, Field(ge=2, le=1_000_000)]
+
+
+def keyword_only(function: Callable[..., Any]) -> list[inspect.Parameter]:
+    """List the parameters of a function that can only be given by name."""
+    parameters = inspect.signature(function).parameters.values()
+    return [parameter for parameter in parameters if parameter.kind is parameter.KEYWORD_ONLY]
 
 
 class PopulationAlgorithm(Algorithm):
     """What this package adds to a population-based algorithm of pymoo's.
 
-    Operators for trail plans, an external archive, and an exact budget. The population and its
-    selection stay what pymoo makes them; ``opt``, and with it the result, is the set of all
-    non-dominated feasible plans that were evaluated.
+    Operators for trail plans, an archive of all non-dominated feasible plans that were evaluated,
+    which is the result, and an exact budget. The population and its selection stay pymoo's.
 
     To be put before a class of pymoo's: ``class PlanNSGA2(PopulationAlgorithm, NSGA2)``.
 
@@ -103,11 +114,7 @@ class PopulationAlgorithm(Algorithm):
         if "__signature__" in vars(cls):
             return
         own = list(inspect.signature(cls.__init__).parameters.values())[1:]
-        operators = [
-            parameter
-            for parameter in inspect.signature(PopulationAlgorithm.__init__).parameters.values()
-            if parameter.kind is parameter.KEYWORD_ONLY
-        ]
+        operators = keyword_only(PopulationAlgorithm.__init__)
         cls.__signature__ = inspect.Signature([*own[:-1], *operators, own[-1]])
 
     @checked
@@ -143,15 +150,12 @@ class PopulationAlgorithm(Algorithm):
         super().__init__(**{"output": FrontOutput(), **arguments, **operators, **options})
         self.archive = PopulationArchive(1)
         self.repair = made
-        if self._n_children == 1 and operators["crossover"].n_offsprings != 1:
-            raise ValueError(
-                f"Expected a crossover with n_offsprings = 1 for {type(self).__name__}, got "
-                f"{operators['crossover'].n_offsprings}."
-            )
-        if getattr(self.mating, "crossover", None) is not operators["crossover"]:
-            raise ValueError(
-                f"{type(self).__name__} mates in a way of its own, which trail plans do not have."
-            )
+        mine, crossing = type(self).__name__, operators["crossover"]
+        if self._n_children == 1 and crossing.n_offsprings != 1:
+            expected = f"a crossover with n_offsprings = 1 for {mine}"
+            raise ValueError(f"Expected {expected}, got {crossing.n_offsprings}.")
+        if getattr(self.mating, "crossover", None) is not crossing:
+            raise ValueError(f"{mine} mates in a way of its own, which trail plans do not have.")
         self.mating.selection = _picklable(self.mating.selection)
         if not isinstance(self.eliminate_duplicates, NoDuplicateElimination):
             self.eliminate_duplicates = PlanDuplicates()
@@ -163,30 +167,19 @@ class PopulationAlgorithm(Algorithm):
     def setup(self, problem: Any, **kwargs: Any) -> Algorithm:
         """Prepare to solve ``problem``; pymoo's ``minimize`` calls this.
 
-        Without any termination the run ends after 100 000 evaluations.
-
         Parameters
         ----------
         problem
-            What to solve.
+            What to solve: a :class:`BOTOHE`, or a TypeError is raised.
         **kwargs
-            pymoo's options, such as ``termination`` and ``seed``.
-
-        Raises
-        ------
-        TypeError
-            If ``problem`` is not a :class:`BOTOHE`.
-        ValueError
-            If the budget is less than one evaluation.
+            pymoo's options, such as ``termination`` (default: 100 000 evaluations; a ValueError is
+            raised for less than one) and ``seed``.
         """
-        if not isinstance(problem, BOTOHE):
-            raise TypeError(f"Expected a BOTOHE problem, got {type(problem).__name__}.")
+        check_problem(problem)
         if any(isinstance(repair, PenaltyOnly) for repair in self._repairs()):
             problem = problem.allowing_invalid()
-        if self.termination is None and kwargs.get("termination") is None:
-            kwargs["termination"] = ("n_eval", 100_000)
         self.archive = PopulationArchive(problem.mission.robots, max_ties=self.max_ties)
-        super().setup(problem, **kwargs)
+        super().setup(problem, **with_termination(self, kwargs))
         check_budget(self.termination)
         return self
 
@@ -212,15 +205,11 @@ class PopulationAlgorithm(Algorithm):
             Whatever the pymoo class takes.
         """
         if infills is not None:
-            self._archive(infills)
+            feasible = infills[infills.get("feas")] if self.problem.has_constraints() else infills
+            if len(feasible):
+                batch = self.problem.mission.batch(feasible.get("X"))
+                self.archive.absorb(batch, -feasible.get("F"), feasible)
         return super().advance(infills, **kwargs)
-
-    def _archive(self, evaluated: Population) -> None:
-        constrained = self.problem.has_constraints()
-        feasible = evaluated[evaluated.get("feas")] if constrained else evaluated
-        if len(feasible):
-            batch = self.problem.mission.batch(feasible.get("X"))
-            self.archive.absorb(batch, -feasible.get("F"), feasible)
 
     @property
     def opt(self) -> Population | None:
@@ -237,7 +226,7 @@ class PopulationAlgorithm(Algorithm):
 class PlanGeneticAlgorithm(PopulationAlgorithm):
     """A population-based algorithm of pymoo's with two sizes and a survival operator.
 
-    To be put before a class of pymoo's, as :class:`PopulationAlgorithm`.
+    To be put before a class of pymoo's, as :class:`PopulationAlgorithm`, whose options it takes.
 
     Parameters
     ----------
@@ -246,7 +235,7 @@ class PlanGeneticAlgorithm(PopulationAlgorithm):
     n_offsprings
         Plans that a generation adds; default: as many as the population holds.
     **options
-        Operators, as for :class:`PopulationAlgorithm`, and pymoo's own options.
+        Operators, and pymoo's own options.
     """
 
     @checked
@@ -262,14 +251,9 @@ class PlanGeneticAlgorithm(PopulationAlgorithm):
         raise NotImplementedError
 
 
-class _NamedFunction:
-    """A function of a module's, found anew after unpickling."""
-
-    def __init__(self, module: str, name: str) -> None:
-        self.module, self.name = module, name
-
-    def __call__(self, *args: Any, **kwargs: Any) -> Any:
-        return getattr(sys.modules[self.module], self.name)(*args, **kwargs)
+def _call(module: str, function: str, /, *args: Any, **kwargs: Any) -> Any:
+    """Call a function by its name, as a partial that can be pickled."""
+    return getattr(sys.modules[module], function)(*args, **kwargs)
 
 
 def _picklable(selection: Any) -> Any:
@@ -283,7 +267,7 @@ def _picklable(selection: Any) -> Any:
         for name, value in vars(sys.modules[module]).items():
             if compare is not None and value is compare:
                 selection = copy.copy(selection)
-                selection.func_comp = _NamedFunction(module, name)
+                selection.func_comp = functools.partial(_call, module, name)
                 return selection
     return selection
 

@@ -10,8 +10,6 @@ from botohe_moo._plugins.ranges import Count
 from botohe_moo.algorithms.bo_aco import BOACO, Threads
 from botohe_moo.trails import TrailPlan
 
-__all__ = ["RandomTrails"]
-
 
 class RandomTrails(BOACO):
     """Ants without heuristics and pheromone: every unused arc is equally likely.

@@ -13,16 +13,6 @@ from botohe_moo._plugins.docstrings import summary_of
 from botohe_moo._plugins.stated import Accepted, Parameter
 from botohe_moo.algorithms.endless import never_ends
 from botohe_moo.algorithms.finding import PLUGINS, accepted_by, find_algorithm
-from botohe_moo.algorithms.origin import algorithm_origin
-
-__all__ = [
-    "algorithm_names",
-    "algorithm_origin",
-    "algorithm_parameters",
-    "check_algorithm",
-    "describe_algorithm",
-    "make_algorithm",
-]
 
 
 def make_algorithm(name: str, /, **parameters: Any) -> Algorithm:
@@ -36,11 +26,6 @@ def make_algorithm(name: str, /, **parameters: Any) -> Algorithm:
         Its parameters; :func:`algorithm_parameters` lists them. pymoo's own options, such as
         ``callback`` and ``verbose``, are for ``minimize``.
 
-    Returns
-    -------
-    pymoo.core.algorithm.Algorithm
-        Ready for pymoo's ``minimize``.
-
     Raises
     ------
     ValueError
@@ -53,14 +38,11 @@ def make_algorithm(name: str, /, **parameters: Any) -> Algorithm:
     that return a pymoo algorithm. They state their parameters by a typed signature, with ranges as
     in ``Annotated[float, Field(gt=0)]``, or by a pydantic model, their attribute ``Parameters``,
     which checks and converts values before these are handed over as keywords. Only parameters that
-    are stated can be given: what pymoo's algorithms take as ``**kwargs`` would swallow every
-    misspelt name.
+    are stated can be given: ``**kwargs`` would swallow every misspelt name.
 
-    ``module:Class`` names one that is not registered: a class derived from pymoo's
-    ``Algorithm``, or a function whose annotation says that it returns one. Nothing else is called,
-    but importing the module runs it. Classes of pymoo's own are wired with
-    this package's operators and an archive of all non-dominated plans, as ``nsga2`` is
-    (:class:`PopulationAlgorithm`).
+    ``module:Class`` names one that is not registered: a class derived from pymoo's ``Algorithm``,
+    or a function whose annotation says that it returns one. Nothing else is called, but importing
+    the module runs it. Classes of pymoo's are wired as ``nsga2`` is (:class:`PopulationAlgorithm`).
 
     Examples
     --------
@@ -102,35 +84,17 @@ def check_algorithm(
 
 
 def algorithm_names() -> tuple[str, ...]:
-    """Give the names that :func:`make_algorithm` knows, sorted.
-
-    What cannot be imported, or has the name of another package's algorithm, is left out with a
-    warning that names it.
-    """
+    """Give the names that :func:`make_algorithm` knows; what cannot be loaded is warned of."""
     return PLUGINS.names()
 
 
 def algorithm_parameters(name: str) -> tuple[Parameter, ...]:
-    """List the parameters that an algorithm states, in the order of its signature.
-
-    A factory such as :meth:`BOACO.journal` states what it changes, and its class the rest.
-
-    Raises
-    ------
-    ValueError
-        If there is no such algorithm, or it cannot be imported.
-    """
+    """List the parameters that an algorithm states, in the order of its signature."""
     return accepted_by(find_algorithm(name)).parameters
 
 
 def describe_algorithm(name: str) -> str:
-    """Give the summary that an algorithm's docstring begins with; may be empty.
-
-    Raises
-    ------
-    ValueError
-        If there is no such algorithm, or it cannot be imported.
-    """
+    """Give the summary that an algorithm's docstring begins with; may be empty."""
     return summary_of(find_algorithm(name))
 
 

@@ -76,28 +76,24 @@ class SimulatedAnnealing(ArchiveAlgorithm):
     -----
     The journal's schedule and the moves are those of Simon, Richley, Overbey and Perez-Lavin, PeerJ
     Computer Science, 2025. The text has a rejected step return to the best plan with probability
-    0.05, but the published curve of the art museum is met by runs which never do: with 0 the mean
-    areas at 1 024, 10 000, 99 856 and 1 000 000 evaluations (12 runs or more) are 0.2, 0.1, 0.0 and
-    0.6 published standard deviations off, with 0.05 they are 0.0, 1.1, 2.1 and 3.6. Hence 0 is the
+    0.05, but runs which never do meet the published curve of the art museum: with 0 the mean areas
+    at 1 024, 10 000, 99 856 and 1 000 000 evaluations (12 runs or more) are 0.2, 0.1, 0.0 and 0.6
+    published standard deviations off, with 0.05 they are 0.0, 1.1, 2.1 and 3.6. Hence 0 is the
     default. The best plan of a weight is the best one evaluated for it, its start not among them.
 
-    The cooled schedule's settings were found by experiment on the art museum, the power plant,
-    terrain and generated missions, from 1 000 to 1 000 000 evaluations. It pays most to change one
-    trail a step, and to start weights from plans found before, not from the base. Temperatures have
-    to follow the share of the reward that a node pays: those that suit 27 nodes keep a plan for 200
-    from growing. Four short passes beat one long one where plans take many steps to grow, and
-    weights that grow in number as the cube root leave each of them time enough to cool.
+    The cooled schedule's settings were found by experiment from 1 000 to 1 000 000 evaluations. It
+    pays most to change one trail a step, and to start weights from plans found before. Temperatures
+    follow the share of the reward that a node pays: those that suit 27 nodes keep a plan for 200
+    from growing. Four short passes beat one long one where plans take many steps to grow.
 
     A move that would take a robot below the survival floor is drawn again before anything is
-    evaluated, so that every plan evaluated is feasible. The first weight starts with everybody at
-    base, or from the best of the plans to start from. Where the schedule has run out and pymoo asks
-    for more, another sweep begins.
+    evaluated. The first weight starts with everybody at base, or from the best of the plans to
+    start from. Where the schedule has run out and pymoo asks for more, another sweep begins.
 
-    The published moves join what they leave by arcs there and back. A ninth move, a detour, works
-    wherever there is a trail: it leaves the trail for a node and returns to the same place or a
-    later one, along safest paths over arcs that the trail has not taken. It is drawn as often as
-    another move times the share of arcs without a reverse, with both schedules: where every arc has
-    a reverse, as in the journal's missions, never, unless a hundred draws could not be made.
+    The published moves need arcs there and back. A ninth move, a detour, leaves the trail for a
+    node and returns to the same place or a later one, along safest paths over arcs that the trail
+    has not taken. It is drawn as often as another move times the share of arcs without a reverse:
+    never in the journal's missions, unless a hundred draws could not be made.
     """
 
     evaluates_in_kernels = True

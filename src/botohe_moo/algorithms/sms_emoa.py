@@ -6,8 +6,6 @@ from pymoo.algorithms.moo.sms import SMSEMOA, LeastHypervolumeContributionSurviv
 
 from botohe_moo.algorithms.population import PlanGeneticAlgorithm
 
-__all__ = ["PlanSMSEMOA"]
-
 
 class PlanSMSEMOA(PlanGeneticAlgorithm, SMSEMOA):
     """SMS-EMOA with operators for trail plans.

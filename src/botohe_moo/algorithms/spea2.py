@@ -8,8 +8,6 @@ from pymoo.algorithms.moo.spea2 import SPEA2, SPEA2Survival
 
 from botohe_moo.algorithms.population import PlanGeneticAlgorithm
 
-__all__ = ["PlanSPEA2"]
-
 
 class PlanSPEA2(PlanGeneticAlgorithm, SPEA2):
     """SPEA2 with operators for trail plans.

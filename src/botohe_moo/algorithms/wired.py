@@ -19,9 +19,8 @@ from botohe_moo.algorithms.population import (
     PopulationSize,
     even_weights,
     genetic_sizes,
+    keyword_only,
 )
-
-__all__ = ["wired"]
 
 # What the wiring, or whoever runs the algorithm, gives to every class of pymoo's.
 _TAKEN_CARE_OF = frozenset(
@@ -57,13 +56,8 @@ ref_dirs
 def wired(path: str, found: Callable[..., Any]) -> Callable[..., Any]:
     """Wire a class of pymoo's with this package's operators; give others back as they are.
 
-    Classes of other packages know what they solve.
-
-    Raises
-    ------
-    ValueError
-        If what was found at the path is a class of pymoo's that is not population-based, or cannot
-        be wired, or derives from one that never ends.
+    A ValueError is raised for a class of pymoo's that is not population-based or cannot be wired,
+    and for any that never ends.
     """
     if isinstance(found, type) and (reason := never_ends(found)):
         raise ValueError(f"Algorithm {path!r}: cannot be used; {reason}.")
@@ -119,21 +113,15 @@ def _wire(path: str, wrapped: type[GeneticAlgorithm]) -> type[PopulationAlgorith
     def __reduce_ex__(self: PopulationAlgorithm, _: object) -> tuple[object, ...]:  # noqa: N807
         return _revive, (path,), self.__dict__
 
-    common = inspect.signature(PopulationAlgorithm).parameters.values()
-    operators = [parameter for parameter in common if parameter.kind is parameter.KEYWORD_ONLY]
-    sizes = [
-        parameter
-        for parameter in inspect.signature(__init__).parameters.values()
-        if parameter.kind is parameter.KEYWORD_ONLY
-    ]
-    stated_own = [parameter for name, parameter in own.items() if name not in _INNER]
+    shown = [parameter for name, parameter in own.items() if name not in _INNER]
+    parameters = [*keyword_only(__init__), *shown, *keyword_only(PopulationAlgorithm)]
     return type(
         wrapped.__name__,
         (PopulationAlgorithm, wrapped),
         {
             "__init__": __init__,
             "__reduce_ex__": __reduce_ex__,
-            "__signature__": inspect.Signature([*sizes, *stated_own, *operators]),
+            "__signature__": inspect.Signature(parameters),
             "__doc__": _DOCSTRING.format(wrapped.__name__),
         },
     )

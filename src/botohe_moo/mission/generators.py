@@ -8,32 +8,30 @@ has no reward.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+from collections.abc import Sequence
+from typing import Annotated, Any, TypeAlias
 
 import networkx as nx
 import numpy as np
 from pydantic import Field
 
 from botohe_moo._base.checks import ParameterError
+from botohe_moo._base.types import FloatArray, OffsetArray, Rng
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.ranges import Robots
 from botohe_moo.mission.formats.benchmark import near_pairs, spanning_pairs
 from botohe_moo.mission.memory import check_memory
 from botohe_moo.mission.model import Mission
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from numpy.typing import NDArray
-
-    from botohe_moo._base.types import FloatArray, OffsetArray
-
-__all__ = ["complete", "random", "terrain", "two_communities"]
-
-Nodes: TypeAlias = Annotated[int, Field(ge=2)]
-Seed: TypeAlias = Annotated[int, Field(ge=0)]
+Nodes: TypeAlias = Annotated[int, Field(ge=2, description="Number of nodes.")]
+Seed: TypeAlias = Annotated[int, Field(ge=0, description="Seed of the random numbers.")]
+ArcProbability: TypeAlias = Annotated[
+    float,
+    Field(gt=0, le=1, description="Probability that there is a passage between two nodes."),
+]
 
 _DIGITS = 4
+_SURVIVALS = (10**-_DIGITS, 1)  # the least and the greatest that is drawn
 _DRAWS = 1000
 
 # How far apart waypoints may be that have a passage, in units of 1 / √n. It gives as many arcs a
@@ -49,19 +47,8 @@ def two_communities(*, seed: Seed = 0, robots: Robots = 2) -> Mission:
     are normal(1, 0.5) and normal(5, 2), truncated to at least 0; survivals, the same both ways, are
     normal(0.9, 0.3), truncated to (0, 1]. What is out of range is drawn again, not moved to the
     bound. The first node of each community is tied to the base by a passage of survival 1. Passages
-    are drawn again until they connect all nodes.
-
-    Parameters
-    ----------
-    seed
-        Seed of the random numbers.
-    robots
-        Team size.
-
-    Returns
-    -------
-    Mission
-        21 nodes, about 82 arcs; the node attribute ``zone`` tells the communities.
+    are drawn again until they connect all nodes: there are about 82 arcs. The node attribute
+    ``zone`` tells the communities.
 
     References
     ----------
@@ -74,8 +61,8 @@ def two_communities(*, seed: Seed = 0, robots: Robots = 2) -> Mission:
     probability = np.array([[0, 0, 0], [0, 0.4, 0.025], [0, 0.025, 0.3]])[block[:, None], block]
     probability[0, [1, 1 + poor]] = 1
     pairs = _connected_pairs(rng, probability)
-    rewards = [_truncated(rng, 1, 0.5, poor, _is_reward), _truncated(rng, 5, 2, rich, _is_reward)]
-    survivals = _truncated(rng, 0.9, 0.3, len(pairs), _is_survival)
+    rewards = [_truncated(rng, 1, 0.5, poor), _truncated(rng, 5, 2, rich)]
+    survivals = _truncated(rng, 0.9, 0.3, len(pairs), *_SURVIVALS)
     survivals[pairs[:, 0] == 0] = 1
     return _mission(
         "two_communities",
@@ -93,30 +80,14 @@ def two_communities(*, seed: Seed = 0, robots: Robots = 2) -> Mission:
 def random(
     *,
     nodes: Nodes = 20,
-    arc_probability: Annotated[float, Field(gt=0, le=1)] = 0.3,
+    arc_probability: ArcProbability = 0.3,
     robots: Robots = 3,
     seed: Seed = 0,
 ) -> Mission:
     """An Erdős–Rényi graph, drawn again until it is connected.
 
-    Survivals are uniform in (0, 1), each way its own, and rewards 0.1 + uniform in [0, 1).
-
-    Parameters
-    ----------
-    nodes
-        Number of nodes.
-    arc_probability
-        Probability that there is a passage between two nodes.
-    robots
-        Team size.
-    seed
-        Seed of the random numbers.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of its range, or ``arc_probability`` so small that none of 1000 graphs
-        is connected.
+    Survivals are uniform in (0, 1), each way its own, and rewards 0.1 + uniform in [0, 1). Where
+    none of 1000 graphs is connected, ``arc_probability`` is refused.
     """
     rng = np.random.default_rng(seed)
     check_memory(
@@ -153,15 +124,6 @@ def complete(*, nodes: Nodes = 25, robots: Robots = 2, seed: Seed = 0) -> Missio
 
     Rewards are normal(1, 1), truncated to at least 0, and survivals, each way its own,
     normal(0.75, 0.2), truncated to (0, 1]; what is out of range is drawn again.
-
-    Parameters
-    ----------
-    nodes
-        Number of nodes.
-    robots
-        Team size.
-    seed
-        Seed of the random numbers.
     """
     rng = np.random.default_rng(seed)
     check_memory("nodes", nodes, nodes=nodes, arcs=nodes**2)
@@ -170,10 +132,10 @@ def complete(*, nodes: Nodes = 25, robots: Robots = 2, seed: Seed = 0) -> Missio
         "complete",
         f"Complete graph of {nodes} nodes, seed {seed}",
         robots,
-        _truncated(rng, 1, 1, nodes, _is_reward),
+        _truncated(rng, 1, 1, nodes),
         _circle(nodes, 0.5, 0.5),
         pairs,
-        _truncated(rng, 0.75, 0.2, 2 * len(pairs), _is_survival).reshape(-1, 2),
+        _truncated(rng, 0.75, 0.2, 2 * len(pairs), *_SURVIVALS).reshape(-1, 2),
     )
 
 
@@ -185,15 +147,6 @@ def terrain(*, nodes: Nodes = 200, robots: Robots = 5, seed: Seed = 0) -> Missio
     it falls apart, passages between the nearest waypoints of its parts join them. Survivals are
     uniform in [0.9, 0.995], each way its own, and rewards uniform in [0, 1). The base is the
     waypoint nearest to the centre.
-
-    Parameters
-    ----------
-    nodes
-        Number of waypoints.
-    robots
-        Team size.
-    seed
-        Seed of the random numbers.
     """
     rng = np.random.default_rng(seed)
     check_memory("nodes", nodes, nodes=nodes, arcs=36 * nodes // 5)
@@ -213,13 +166,10 @@ def terrain(*, nodes: Nodes = 200, robots: Robots = 5, seed: Seed = 0) -> Missio
     )
 
 
-def _connected_pairs(rng: np.random.Generator, probability: FloatArray) -> OffsetArray:
+def _connected_pairs(rng: Rng, probability: FloatArray) -> OffsetArray:
     """Draw pairs of nodes, each with its probability (n, n), until they connect all nodes.
 
-    Returns
-    -------
-    numpy.ndarray
-        Shape (n_pairs, 2), the lower node first; no pairs if no draw was connected.
+    Gives them in shape (n_pairs, 2), the lower node first; none if no draw was connected.
     """
     every = np.triu_indices(len(probability), 1)
     tails, heads = every
@@ -231,26 +181,14 @@ def _connected_pairs(rng: np.random.Generator, probability: FloatArray) -> Offse
     return np.empty((0, 2), np.int64)
 
 
-def _is_reward(values: FloatArray) -> NDArray[np.bool_]:
-    return values >= 0
-
-
-def _is_survival(values: FloatArray) -> NDArray[np.bool_]:
-    return (values > 0) & (values <= 1)
-
-
 def _truncated(
-    rng: np.random.Generator,
-    mean: float,
-    deviation: float,
-    size: int,
-    accepted: Callable[[FloatArray], NDArray[np.bool_]],
+    rng: Rng, mean: float, deviation: float, size: int, low: float = 0, high: float = math.inf
 ) -> FloatArray:
-    """Draw ``size`` normal numbers, and those that are not accepted again."""
+    """Draw ``size`` normal numbers, and those outside [low, high] again."""
     values = np.empty(0)
     while len(values) < size:
         drawn = np.round(mean + deviation * rng.standard_normal(size - len(values)), _DIGITS)
-        values = np.concatenate([values, drawn[accepted(drawn)]])
+        values = np.concatenate([values, drawn[(low <= drawn) & (drawn <= high)]])
     return values
 
 

@@ -19,18 +19,6 @@ from botohe_moo.mission.formats.files import SUFFIXES, read_mission
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.validation import MissionError
 
-__all__ = [
-    "art_museum",
-    "check_mission",
-    "describe_mission",
-    "load_mission",
-    "mission_names",
-    "mission_parameters",
-    "power_plant",
-    "terrain_200",
-    "toy",
-]
-
 _PLUGINS = PluginGroup("botohe_moo.missions", "mission")
 
 
@@ -86,15 +74,14 @@ def load_mission(
     ----------
     name_or_path
         One of `mission_names`, or the path of a file that `read_mission` reads: what ends like one,
-        holds a path separator, is an ``os.PathLike``, or exists as a file and is not the name of a
-        mission. ``module:function`` names a mission that is not registered: a function whose
-        annotation says that it returns a `Mission`, or a class derived from it. Nothing else is
-        called, but importing the module runs it.
+        holds a path separator, is an ``os.PathLike``, or is the name of a file but no mission's.
+        ``module:function`` names a mission that is not registered: a function whose annotation says
+        that it returns a `Mission`, or a class derived from it. Nothing else is called, but
+        importing the module runs it.
     robots
         Team size; default: the mission's own.
     parameters
-        Those of the named mission, for example ``nodes`` and ``seed`` of a generator, or the
-        options of `read_mission`.
+        Those of the named mission, such as ``nodes`` of a generator, or options of `read_mission`.
 
     Raises
     ------
@@ -106,8 +93,8 @@ def load_mission(
     Notes
     -----
     Packages register missions in the entry-point group ``botohe_moo.missions``: callables that take
-    keywords and return a `Mission`. They state their parameters by a typed signature, with ranges
-    as in ``Annotated[int, Field(ge=2)]``, or by a pydantic model, their attribute ``Parameters``.
+    keywords and return a `Mission`. They state their parameters as algorithms do
+    (:func:`~botohe_moo.make_algorithm`).
 
     Examples
     --------
@@ -130,9 +117,7 @@ def check_mission(
 ) -> list[Fault]:
     """Say everything that keeps `load_mission` from giving a mission.
 
-    Gives pairs of a parameter's name, None for the whole, and what is wrong. Where all parameters
-    are of their types, the mission is made, to hear what its function says; ``robots`` is among
-    them. With ``plain`` they are from a text file: what can only be a Python object is refused.
+    As :func:`~botohe_moo.algorithms.registry.check_algorithm` does; ``robots`` is a parameter, too.
 
     Examples
     --------
@@ -157,23 +142,15 @@ def check_mission(
 
 
 def mission_names() -> tuple[str, ...]:
-    """Give the names that `load_mission` knows, sorted.
-
-    What cannot be imported, or has the name of another package's mission, is left out with a
-    warning that names it.
-    """
+    """Give the names that `load_mission` knows, sorted; what cannot be loaded is warned of."""
     return _PLUGINS.names()
 
 
 def mission_origin(name_or_path: str | os.PathLike[str]) -> dict[str, str | None]:
     """Say which ``package`` in which ``version`` registers a mission.
 
-    Both are None for files, and for missions that are not registered.
-
-    Raises
-    ------
-    MissionError
-        If two packages claim the name.
+    Both are None for files, and for missions that are not registered. A MissionError is raised if
+    two packages claim the name.
     """
     owner = None
     if isinstance(name_or_path, str) and name_or_path in _PLUGINS.claims():
@@ -188,13 +165,7 @@ def mission_origin(name_or_path: str | os.PathLike[str]) -> dict[str, str | None
 
 
 def mission_parameters(name_or_path: str | os.PathLike[str]) -> tuple[Parameter, ...]:
-    """List the parameters that a named mission states besides ``robots``; a file has none.
-
-    Raises
-    ------
-    MissionError
-        If there is no such mission, or it cannot be imported.
-    """
+    """List the parameters that a named mission states besides ``robots``; a file has none."""
     function = _factory(name_or_path)
     stated = () if function is None else accepted_parameters(function).parameters
     return tuple(parameter for parameter in stated if parameter.name != "robots")
@@ -222,10 +193,9 @@ def _factory(name: str | os.PathLike[str]) -> Callable[..., Any] | None:
             return _PLUGINS.load(name)
         return declared_factory(name, _PLUGINS, Mission)
     except PluginError as error:
-        hint = (
-            "" if known or ":" in name else f"; mission files end in one of {', '.join(SUFFIXES)}"
-        )
-        raise MissionError(f"{error}{hint}", _PLUGINS.source(name)) from error
+        hint = f"; mission files end in one of {', '.join(SUFFIXES)}"
+        message = f"{error}{'' if known or ':' in name else hint}"
+        raise MissionError(message, _PLUGINS.source(name)) from error
 
 
 def _make(

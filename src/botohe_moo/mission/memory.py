@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from botohe_moo._base.checks import ParameterError, quoted
 
-__all__ = ["MAX_FILE_BYTES", "MAX_ROBOTS", "check_memory", "in_gib", "needed_bytes", "team_bytes"]
-
 _GIB = 2**30
 _LIMIT = 8 * _GIB
 

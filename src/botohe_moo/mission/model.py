@@ -4,21 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Sequence
 from operator import index
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import networkx as nx
 import numpy as np
 
+from botohe_moo._base.types import FloatArray
+from botohe_moo.kernels.graph.graph import Graph, new_graph
 from botohe_moo.kernels.plans import evaluate as kernels
-from botohe_moo.mission.arrays import as_arrays
 from botohe_moo.mission.plan_faults import PlanError, fault_text, trail_indices
 from botohe_moo.mission.validation import MissionError, mission_faults, team_size_fault
-from botohe_moo.trails import PlanBatch, TrailPlan
-
-if TYPE_CHECKING:
-    from botohe_moo._base.types import FloatArray, ObjectArray
-
-__all__ = ["Mission", "PlanError"]
+from botohe_moo.trails import PlanBatch, Plans, TrailPlan
 
 
 class Mission:
@@ -41,8 +37,8 @@ class Mission:
     Raises
     ------
     MissionError
-        If survivals, rewards, team size or base are out of their ranges, or a node has an arc to
-        itself or no way from or to the base. Every fault is listed.
+        If something is out of its range, or a node has an arc to itself or no way from or to the
+        base. Every fault is listed.
 
     Examples
     --------
@@ -79,7 +75,19 @@ class Mission:
         self.name = str(name) if name else "mission"
         self.nodes: tuple[Any, ...] = tuple(self.graph)
         self._index = {node: i for i, node in enumerate(self.nodes)}
-        self.arrays = as_arrays(self.graph, self._index, base)
+        self.arrays = self._as_arrays()
+
+    def _as_arrays(self) -> Graph:
+        index = self._index
+        labelled: Iterable[tuple[Any, Any, float]] = self.graph.edges(data="survival")
+        arcs = sorted((index[u], index[v], s) for u, v, s in labelled)
+        return new_graph(
+            tail=np.array([u for u, _, _ in arcs], np.int64),
+            head=np.array([v for _, v, _ in arcs], np.int64),
+            survival=np.array([s for _, _, s in arcs], np.float64),
+            reward=np.array([r for _, r in self.graph.nodes(data="reward")], np.float64),
+            base=index[self.base],
+        )
 
     @property
     def title(self) -> str:
@@ -102,12 +110,7 @@ class Mission:
         Parameters
         ----------
         robots
-            Team size, at least 1.
-
-        Raises
-        ------
-        MissionError
-            If ``robots`` is not an integer of at least 1.
+            Team size: an integer of at least 1, or a MissionError is raised.
         """
         if fault := team_size_fault(robots):
             raise MissionError(fault, f"Mission {self.name!r}")
@@ -121,12 +124,7 @@ class Mission:
         Parameters
         ----------
         label
-            The node's label.
-
-        Raises
-        ------
-        KeyError
-            If the mission has no such node.
+            The node's label; a KeyError is raised if there is no such node.
         """
         return self._index[label]
 
@@ -142,13 +140,9 @@ class Mission:
         Raises
         ------
         PlanError
-            If the number of trails is not the team's, a label is unknown, or a trail does not
-            begin and end at base, uses a missing arc, or uses an arc twice. Robots and positions
-            count from 0.
+            If a label is unknown, or as for ``evaluate``.
         """
-        indices = [
-            trail_indices(self.name, self._index, *numbered) for numbered in enumerate(trails)
-        ]
+        indices = [trail_indices(self.name, self._index, *trail) for trail in enumerate(trails)]
         if len(indices) != self.robots:
             raise PlanError(
                 f"Expected {self.robots} trails for the {self.robots} robots of mission "
@@ -164,12 +158,7 @@ class Mission:
         Parameters
         ----------
         plan
-            A plan of this mission.
-
-        Raises
-        ------
-        PlanError
-            If the plan visits a node that the mission does not have.
+            A plan of this mission; a PlanError is raised if it visits other nodes.
         """
         for node in (int(plan.nodes.min()), int(plan.nodes.max())):
             if not 0 <= node < len(self.nodes):
@@ -177,7 +166,7 @@ class Mission:
                 raise PlanError(f"Node index {node} is unknown, {known}.")
         return tuple(tuple(self.nodes[i] for i in trail) for trail in plan.trails)
 
-    def evaluate(self, plans: PlanBatch | Iterable[TrailPlan] | ObjectArray) -> FloatArray:
+    def evaluate(self, plans: Plans) -> FloatArray:
         """Compute the objectives of plans.
 
         Parameters
@@ -188,15 +177,15 @@ class Mission:
         Returns
         -------
         numpy.ndarray
-            Shape (n_plans, 2): expected team reward E[R] and expected number of survivors E[S],
-            both to be maximised. Plans with the same trails get the same bits, whatever the order
-            of their robots.
+            Shape (n_plans, 2): expected team reward E[R] and expected number of survivors E[S].
+            Plans with the same trails get the same bits, whatever the order of their robots.
 
         Raises
         ------
         PlanError
-            If a plan has another number of trails than the team has robots, or a trail is not
-            valid: names the plan, robot, position and arc (all counted from 0).
+            If a plan has another number of trails than the team has robots, or a trail does not
+            begin and end at base, uses a missing arc, or uses an arc twice. Plans, robots and
+            positions count from 0.
         TypeError
             If something in ``plans`` is not a TrailPlan.
 
@@ -209,30 +198,23 @@ class Mission:
         """
         return self._values(plans, strict=True).objectives
 
-    def robot_survival(self, plans: PlanBatch | Iterable[TrailPlan] | ObjectArray) -> FloatArray:
+    def robot_survival(self, plans: Plans) -> FloatArray:
         """Compute the probability that each robot survives.
 
         Parameters
         ----------
         plans
-            Trail plans, as for ``evaluate``.
+            Trail plans, as for ``batch``.
 
         Returns
         -------
         numpy.ndarray
-            Shape (n_plans, robots), in [0, 1], robots in the order of each plan's trails; 0 for a
-            robot whose trail is not valid.
-
-        Raises
-        ------
-        PlanError
-            If a plan has another number of trails than the team has robots.
+            Shape (n_plans, robots), robots in the order of each plan's trails; 0 for a robot whose
+            trail is not valid.
         """
         return self._values(plans, strict=False).alive
 
-    def evaluate_drafts(
-        self, plans: PlanBatch | Iterable[TrailPlan] | ObjectArray
-    ) -> tuple[FloatArray, FloatArray]:
+    def evaluate_drafts(self, plans: Plans) -> tuple[FloatArray, FloatArray]:
         """Compute the objectives of plans that need not be valid.
 
         A robot walks its trail up to the first fault, where it is lost.
@@ -240,7 +222,7 @@ class Mission:
         Parameters
         ----------
         plans
-            Plans of any node indices, as for ``evaluate``.
+            Plans of any node indices, as for ``batch``.
 
         Returns
         -------
@@ -248,18 +230,11 @@ class Mission:
             E[R] and E[S] (n_plans, 2), for valid plans those of ``evaluate``, and the number of
             faults of each plan (n_plans,): trails that do not begin or do not end at base, missing
             arcs, arcs used again.
-
-        Raises
-        ------
-        PlanError
-            If a plan has another number of trails than the team has robots.
         """
         values = self._values(plans, strict=False)
         return values.objectives, values.faults
 
-    def _values(
-        self, plans: PlanBatch | Iterable[TrailPlan] | ObjectArray, *, strict: bool
-    ) -> kernels.Values:
+    def _values(self, plans: Plans, *, strict: bool) -> kernels.Values:
         batch = self.batch(plans)
         n, n_robots = len(batch), batch.n_robots
         values = kernels.Values(np.empty((n, 2)), np.empty(n), np.empty((n, n_robots)))
@@ -268,7 +243,7 @@ class Mission:
             raise PlanError(fault_text(self.name, self.nodes, self.base, batch, fault))
         return values
 
-    def batch(self, plans: PlanBatch | Iterable[TrailPlan] | ObjectArray) -> PlanBatch:
+    def batch(self, plans: Plans) -> PlanBatch:
         """Pack plans for this mission's team.
 
         Parameters

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from botohe_moo.kernels.plans import evaluate as kernels
-
-if TYPE_CHECKING:
-    from botohe_moo.trails import PlanBatch
-
-__all__ = ["PlanError", "fault_text", "trail_indices"]
+from botohe_moo.trails import PlanBatch
 
 _FAULTS = {
     kernels.BAD_OFFSETS: "expected the batch's offsets to cut its nodes into trails",
@@ -31,13 +27,7 @@ class PlanError(ValueError):
 def trail_indices(
     mission: str, index: Mapping[Any, int], robot: int, trail: Sequence[Hashable]
 ) -> list[int]:
-    """Convert the node labels of a robot's trail to node indices.
-
-    Raises
-    ------
-    PlanError
-        If the mission of that name has no such node, or the trail is empty.
-    """
+    """Convert the node labels of a robot's trail to indices; ``mission`` is the mission's name."""
     if isinstance(trail, str | bytes) or not isinstance(trail, Sequence | np.ndarray):
         raise PlanError(f"Robot {robot}: expected a sequence of node labels, got {trail!r}.")
     if len(trail) == 0:

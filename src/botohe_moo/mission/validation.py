@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 import math
-from numbers import Real
+from collections.abc import Hashable, Iterator
 from operator import index
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import networkx as nx
 import numpy as np
 
-from botohe_moo._base.checks import quoted
+from botohe_moo._base.checks import as_float, quoted
 from botohe_moo.mission.memory import MAX_ROBOTS, in_gib, team_bytes
-
-if TYPE_CHECKING:
-    from collections.abc import Hashable, Iterator
-
-__all__ = ["MissionError", "mission_faults", "team_size_fault"]
 
 _MAX_SHOWN = 100  # a file may have a million faults
 
@@ -27,15 +22,10 @@ class MissionError(ValueError):
     Parameters
     ----------
     faults
-        Everything that is wrong, each naming a node or an arc and the value found.
+        Everything that is wrong, each naming a node or an arc and the value found; kept as a
+        tuple. The message has the first hundred of them.
     source
         The mission or file, to begin the message with.
-
-    Attributes
-    ----------
-    faults : tuple of str
-        Everything that is wrong, each naming a node or an arc and the value found. The message has
-        the first hundred of them.
     """
 
     def __init__(self, faults: list[str] | str, source: str = "The mission") -> None:
@@ -108,35 +98,23 @@ def _not_a_digraph(graph: Any) -> str:
     return f"expected an nx.DiGraph, got {quoted(graph)}"
 
 
-def _number(value: object) -> float:
-    """Convert a number to a float, and everything else to NaN."""
-    if not isinstance(value, Real) or isinstance(value, bool | np.bool_):
-        return math.nan
-    try:
-        return float(value)
-    except OverflowError:
-        return math.inf
-
-
 def _found(attributes: dict[str, Any], key: str) -> str:
     return f"got {quoted(attributes[key])}" if key in attributes else f"found no attribute {key!r}"
 
 
 def _reward_faults(graph: nx.DiGraph[Any]) -> Iterator[str]:
     for node, attributes in graph.nodes(data=True):
-        if not 0 <= _number(attributes.get("reward")) < math.inf:
-            yield (f"node {node!r}: expected a finite reward >= 0, {_found(attributes, 'reward')}")
+        if not 0 <= as_float(attributes.get("reward")) < math.inf:
+            yield f"node {node!r}: expected a finite reward >= 0, {_found(attributes, 'reward')}"
 
 
 def _arc_faults(graph: nx.DiGraph[Any]) -> Iterator[str]:
     for node in nx.nodes_with_selfloops(graph):
         yield f"arc {node!r} -> {node!r}: a node must not have an arc to itself"
     for tail, head, attributes in graph.edges(data=True):
-        if not 0 < _number(attributes.get("survival")) <= 1:
-            yield (
-                f"arc {tail!r} -> {head!r}: expected survival in (0, 1], "
-                f"{_found(attributes, 'survival')}"
-            )
+        if not 0 < as_float(attributes.get("survival")) <= 1:
+            found = _found(attributes, "survival")
+            yield f"arc {tail!r} -> {head!r}: expected survival in (0, 1], {found}"
 
 
 def _way_faults(graph: nx.DiGraph[Any], base: Hashable) -> Iterator[str]:

@@ -8,10 +8,8 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 
 from botohe_moo._base.checks import check_number
-from botohe_moo._base.types import OffsetArray
+from botohe_moo._base.types import OffsetArray, Rng
 from botohe_moo.operators.repair import PlanRepair, SafestPathRepair
-
-__all__ = ["Mixture", "check_repair"]
 
 Part = TypeVar("Part")
 
@@ -28,8 +26,8 @@ def check_repair(repair: PlanRepair | None) -> PlanRepair:
 class Mixture(Generic[Part]):
     """Several operators, of which each plan gets one, drawn with their weights.
 
-    ``parts`` are operators of the class ``kind``, or a mapping from them to their weights, which
-    are finite and above 0; messages call each of them a ``what``.
+    ``parts`` are operators of the class ``kind``, or a mapping from them to weights above 0;
+    messages call each of them a ``what``.
     """
 
     def __init__(
@@ -41,17 +39,16 @@ class Mixture(Generic[Part]):
                 f"{parts!r}."
             )
         self.parts: tuple[Part, ...] = tuple(parts)
-        weights = parts.values() if isinstance(parts, Mapping) else [1.0] * len(self.parts)
         if not self.parts:
             raise ValueError(f"Expected at least one {what}, got none.")
         for part in self.parts:
             if not isinstance(part, kind):
                 raise TypeError(f"Expected a {what} to be a {kind.__name__}, got {part!r}.")
-        self.weights = np.array(
-            [check_number(f"weight of a {what}", weight, above=0) for weight in weights]
-        )
+        weights = parts.values() if isinstance(parts, Mapping) else [1.0] * len(self.parts)
+        name = f"weight of a {what}"
+        self.weights = np.array([check_number(name, weight, above=0) for weight in weights])
 
-    def draw(self, random_state: np.random.Generator, n: int) -> list[OffsetArray]:
+    def draw(self, rng: Rng, n: int) -> list[OffsetArray]:
         """Share out ``n`` plans: for each operator the indices of those that it gets."""
-        drawn = random_state.choice(len(self.parts), n, p=self.weights / self.weights.sum())
+        drawn = rng.choice(len(self.parts), n, p=self.weights / self.weights.sum())
         return [np.flatnonzero(drawn == i) for i in range(len(self.parts))]

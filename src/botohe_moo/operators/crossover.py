@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 from pymoo.core.crossover import Crossover
 
-from botohe_moo._base.types import ObjectArray, OffsetArray
+from botohe_moo._base.types import ObjectArray, OffsetArray, Rng
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.ranges import Probability
 from botohe_moo.kernels.plans.ragged import read_trails
@@ -18,8 +18,6 @@ from botohe_moo.operators.base import check_repair
 from botohe_moo.operators.repair import PlanRepair
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import PlanBatch
-
-__all__ = ["MixedCrossover", "PlanCrossover", "TrailExchange", "TrailSplice"]
 
 
 class PlanCrossover(Crossover):
@@ -47,16 +45,11 @@ class PlanCrossover(Crossover):
         super().__init__(2, n_offsprings, prob=prob)
         self.plan_repair = check_repair(repair)
 
-    def _kinds(self, n_pairs: int, random_state: np.random.Generator) -> OffsetArray:
+    def _kinds(self, n_pairs: int, rng: Rng) -> OffsetArray:
         raise NotImplementedError
 
     def _do(
-        self,
-        problem: BOTOHE,
-        X: ObjectArray,
-        *_: Any,
-        random_state: np.random.Generator,
-        **__: Any,
+        self, problem: BOTOHE, X: ObjectArray, *_: Any, random_state: Rng, **__: Any
     ) -> ObjectArray:
         mission = problem.mission
         parents, n_pairs, n_robots = mission.batch(X), X.shape[1], mission.robots
@@ -84,10 +77,10 @@ class TrailExchange(PlanCrossover):
 
     The first gets a random part of the first parent's trails and fills up with trails of the
     second, drawn at random; the second child gets what is left. A single robot's trails are
-    spliced instead, as in :class:`TrailSplice`: there is nothing to share out.
+    spliced instead, as in :class:`TrailSplice`.
     """
 
-    def _kinds(self, n_pairs: int, random_state: np.random.Generator) -> OffsetArray:  # noqa: ARG002
+    def _kinds(self, n_pairs: int, rng: Rng) -> OffsetArray:  # noqa: ARG002
         return np.full(n_pairs, EXCHANGE, np.int64)
 
 
@@ -99,7 +92,7 @@ class TrailSplice(PlanCrossover):
     change places as a whole.
     """
 
-    def _kinds(self, n_pairs: int, random_state: np.random.Generator) -> OffsetArray:  # noqa: ARG002
+    def _kinds(self, n_pairs: int, rng: Rng) -> OffsetArray:  # noqa: ARG002
         return np.full(n_pairs, SPLICE, np.int64)
 
 
@@ -110,22 +103,14 @@ class MixedCrossover(PlanCrossover):
     ----------
     prob_splice
         Probability of a splice rather than an exchange.
-    prob, n_offsprings, repair
-        As for :class:`PlanCrossover`.
+    **options
+        As for :class:`PlanCrossover`: ``prob``, ``n_offsprings`` and ``repair``.
     """
 
     @checked
-    def __init__(
-        self,
-        *,
-        prob_splice: Probability = 0.5,
-        prob: Probability = 0.9,
-        n_offsprings: Annotated[int, Field(ge=1, le=2)] = 2,
-        repair: PlanRepair | None = None,
-    ) -> None:
-        super().__init__(prob=prob, n_offsprings=n_offsprings, repair=repair)
+    def __init__(self, *, prob_splice: Probability = 0.5, **options: Any) -> None:
+        super().__init__(**options)
         self.prob_splice = prob_splice
 
-    def _kinds(self, n_pairs: int, random_state: np.random.Generator) -> OffsetArray:
-        splice = random_state.random(n_pairs) < self.prob_splice
-        return np.where(splice, SPLICE, EXCHANGE).astype(np.int64)
+    def _kinds(self, n_pairs: int, rng: Rng) -> OffsetArray:
+        return np.where(rng.random(n_pairs) < self.prob_splice, SPLICE, EXCHANGE).astype(np.int64)

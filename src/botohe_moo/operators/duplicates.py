@@ -7,8 +7,6 @@ from pymoo.core.population import Population
 
 from botohe_moo._base.types import ObjectArray
 
-__all__ = ["PlanDuplicates"]
-
 
 class PlanDuplicates(DuplicateElimination):
     """Drop plans that have the same multiset of trails as another.

@@ -9,28 +9,20 @@ import numpy as np
 from pydantic import Field
 from pymoo.core.mutation import Mutation
 
-from botohe_moo._base.checks import ParameterError, check_weights, quoted
-from botohe_moo._base.types import ObjectArray
+from botohe_moo._base.checks import check_weights
+from botohe_moo._base.types import ObjectArray, Rng
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.ranges import Count, Probability
 from botohe_moo.kernels.plans.change import MoveRule, change_plans
 from botohe_moo.kernels.plans.ragged import read_trails
 from botohe_moo.kernels.plans.vary import join_pieces, ruin, send_home, share, whole_trails
 from botohe_moo.kernels.rng import draw_state
-from botohe_moo.mission.model import Mission, PlanError
+from botohe_moo.mission.model import Mission
+from botohe_moo.mission.plan_faults import PlanError
 from botohe_moo.operators.base import Mixture, check_repair
 from botohe_moo.operators.repair import PlanRepair
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import PlanBatch
-
-__all__ = [
-    "MixedMutation",
-    "PlanMutation",
-    "RuinRecreate",
-    "SendHome",
-    "ShareTrails",
-    "TrailMoves",
-]
 
 
 class PlanMutation(Mutation):
@@ -50,30 +42,16 @@ class PlanMutation(Mutation):
         super().__init__(prob=prob)
         self.plan_repair = check_repair(repair)
 
-    def mutate_batch(
-        self, mission: Mission, plans: PlanBatch, random_state: np.random.Generator
-    ) -> PlanBatch:
-        """Change every plan of a batch.
+    def mutate_batch(self, mission: Mission, plans: PlanBatch, random_state: Rng) -> PlanBatch:
+        """Change every plan of a batch; gives a new batch in the same order.
 
         Parameters
         ----------
-        mission
-            Where the trails lead.
-        plans
-            What to change; stays as it is.
+        mission, plans
+            A mission, and plans for its team. A PlanError is raised for another number of trails,
+            and for a trail without a node.
         random_state
             Where all random numbers come from.
-
-        Returns
-        -------
-        PlanBatch
-            The changed plans, in the same order.
-
-        Raises
-        ------
-        PlanError
-            If the plans have another number of trails than the mission has robots, or one has no
-            node.
         """
         plans = mission.batch(plans)
         lengths = np.diff(plans.offsets)
@@ -82,24 +60,14 @@ class PlanMutation(Mutation):
             raise PlanError(f"Plan {plan}, robot {robot}: expected at least one node, got none.")
         return self._mutate(mission, plans, random_state) if len(plans) else plans
 
-    def _mutate(
-        self, mission: Mission, plans: PlanBatch, random_state: np.random.Generator
-    ) -> PlanBatch:
-        drafts = self._draft(mission, plans, random_state)
-        return self.plan_repair.repair_batch(mission, drafts)
+    def _mutate(self, mission: Mission, plans: PlanBatch, rng: Rng) -> PlanBatch:
+        return self.plan_repair.repair_batch(mission, self._draft(mission, plans, rng))
 
-    def _draft(
-        self, mission: Mission, plans: PlanBatch, random_state: np.random.Generator
-    ) -> PlanBatch:
+    def _draft(self, mission: Mission, plans: PlanBatch, rng: Rng) -> PlanBatch:
         raise NotImplementedError
 
     def _do(
-        self,
-        problem: BOTOHE,
-        X: ObjectArray,
-        *_: Any,
-        random_state: np.random.Generator,
-        **__: Any,
+        self, problem: BOTOHE, X: ObjectArray, *_: Any, random_state: Rng, **__: Any
     ) -> ObjectArray:
         plans = problem.mission.batch(X)
         return self.mutate_batch(problem.mission, plans, random_state).to_array()
@@ -109,7 +77,7 @@ MOVES = ("insert", "delete", "substitute", "swap", "grab", "delete-segment", "re
 
 
 class TrailMoves(PlanMutation):
-    """One of the seven moves of the paper's simulated annealing in one robot's trail.
+    """One of the seven moves of the journal paper's simulated annealing, in one robot's trail.
 
     Insert, delete or substitute a node, swap two, grab a neighbour's reward and come straight back,
     delete a segment, reverse the trail. A move that would use a missing arc, an arc twice, or
@@ -121,19 +89,14 @@ class TrailMoves(PlanMutation):
     ----------
     weights
         How likely each move is to be drawn, relative: a mapping from ``insert``, ``delete``,
-        ``substitute``, ``swap``, ``grab``, ``delete-segment`` and ``reverse`` to numbers of at
-        least 0; a move that is not named is not drawn. By default the first six are equally
-        likely, and the last a tenth as likely as each of them.
+        ``substitute``, ``swap``, ``grab``, ``delete-segment`` and ``reverse``; a move that is not
+        named is not drawn. By default the last is a tenth as likely as each of the others.
     every_robot
         Whether every robot's trail is changed, rather than that of one drawn at random.
     max_tries
         How often a move is drawn before detours are tried.
-    prob, repair
-        As for :class:`PlanMutation`.
-
-    Notes
-    -----
-    Simon, Richley, Overbey and Perez-Lavin, PeerJ Computer Science, 2025.
+    **options
+        As for :class:`PlanMutation`: ``prob`` and ``repair``.
     """
 
     @checked
@@ -143,27 +106,20 @@ class TrailMoves(PlanMutation):
         weights: Mapping[str, float] | None = None,
         every_robot: bool = False,
         max_tries: Count = 100,
-        prob: Probability = 1.0,
-        repair: PlanRepair | None = None,
+        **options: Any,
     ) -> None:
-        super().__init__(prob=prob, repair=repair)
+        super().__init__(**options)
         self.every_robot = every_robot
         self.max_tries = max_tries
-        usual = dict.fromkeys(MOVES, 1.0) | {"reverse": 0.1}
-        given = usual if weights is None else weights
-        given = check_weights("weights", given, MOVES, what="moves")
+        given = dict.fromkeys(MOVES, 1.0) | {"reverse": 0.1} if weights is None else weights
+        given = check_weights("weights", given, MOVES, what="moves", needed="move")
         self.weights = np.array([given.get(name, 0.0) for name in MOVES])
-        if not self.weights.any():
-            message = f"Expected a move of weight above 0, got {quoted(weights)}."
-            raise ParameterError(message, "weights")
 
-    def _draft(
-        self, mission: Mission, plans: PlanBatch, random_state: np.random.Generator
-    ) -> PlanBatch:
+    def _draft(self, mission: Mission, plans: PlanBatch, rng: Rng) -> PlanBatch:
         valid = mission.evaluate_drafts(plans)[1] == 0
         movable = plans if valid.all() else plans.take(valid)
         rule = MoveRule(self.weights, self.max_tries, self.every_robot, min_survival=0.0)
-        given, states = read_trails(movable.nodes, movable.offsets), draw_state(random_state)
+        given, states = read_trails(movable.nodes, movable.offsets), draw_state(rng)
         trails = change_plans(mission.arrays, rule, given, plans.n_robots, states)
         moved = PlanBatch._wrap(*trails, plans.n_robots)
         if valid.all():
@@ -176,15 +132,14 @@ class RuinRecreate(PlanMutation):
     """Cut a segment out of one robot's trail and put in up to a few other nodes instead.
 
     The robot and both ends of the cut are drawn uniformly, so is how many nodes are put in, but at
-    least one where nothing would be cut. The repair joins what is left:
-    :class:`SafestPathRepair` along safest paths.
+    least one where nothing would be cut. The repair joins what is left.
 
     Parameters
     ----------
     max_via
         How many nodes are put in at most.
-    prob, repair
-        As for :class:`PlanMutation`.
+    **options
+        As for :class:`PlanMutation`: ``prob`` and ``repair``.
 
     Notes
     -----
@@ -194,22 +149,14 @@ class RuinRecreate(PlanMutation):
     """
 
     @checked
-    def __init__(
-        self,
-        *,
-        max_via: Annotated[int, Field(ge=0, le=100)] = 2,
-        prob: Probability = 1.0,
-        repair: PlanRepair | None = None,
-    ) -> None:
-        super().__init__(prob=prob, repair=repair)
+    def __init__(self, *, max_via: Annotated[int, Field(ge=0, le=100)] = 2, **options: Any) -> None:
+        super().__init__(**options)
         self.max_via = max_via
 
-    def _draft(
-        self, mission: Mission, plans: PlanBatch, random_state: np.random.Generator
-    ) -> PlanBatch:
+    def _draft(self, mission: Mission, plans: PlanBatch, rng: Rng) -> PlanBatch:
         pieces = whole_trails(plans.offsets)
         via = np.empty((len(plans), self.max_via), np.int32)
-        trails, states = read_trails(plans.nodes, plans.offsets), draw_state(random_state)
+        trails, states = read_trails(plans.nodes, plans.offsets), draw_state(rng)
         ruin(trails, plans.n_robots, mission.arrays.n_nodes, states, via, pieces)
         nodes = np.concatenate([plans.nodes, via.ravel()])
         return PlanBatch._wrap(*join_pieces(nodes, pieces), plans.n_robots)
@@ -218,11 +165,9 @@ class RuinRecreate(PlanMutation):
 class SendHome(PlanMutation):
     """Let one robot that leaves the base stay there."""
 
-    def _draft(
-        self, mission: Mission, plans: PlanBatch, random_state: np.random.Generator
-    ) -> PlanBatch:
+    def _draft(self, mission: Mission, plans: PlanBatch, rng: Rng) -> PlanBatch:
         pieces = whole_trails(plans.offsets)
-        trails, states = read_trails(plans.nodes, plans.offsets), draw_state(random_state)
+        trails, states = read_trails(plans.nodes, plans.offsets), draw_state(rng)
         send_home(trails, plans.n_robots, states, pieces)
         nodes = np.append(plans.nodes, np.int32(mission.arrays.base))
         return PlanBatch._wrap(*join_pieces(nodes, pieces), plans.n_robots)
@@ -238,31 +183,20 @@ class ShareTrails(PlanMutation):
     ----------
     prob_copy
         Probability of taking over rather than swapping.
-    prob, repair
-        As for :class:`PlanMutation`.
+    **options
+        As for :class:`PlanMutation`: ``prob`` and ``repair``.
     """
 
     @checked
-    def __init__(
-        self,
-        *,
-        prob_copy: Probability = 0.5,
-        prob: Probability = 1.0,
-        repair: PlanRepair | None = None,
-    ) -> None:
-        super().__init__(prob=prob, repair=repair)
+    def __init__(self, *, prob_copy: Probability = 0.5, **options: Any) -> None:
+        super().__init__(**options)
         self.prob_copy = prob_copy
 
-    def _draft(
-        self,
-        mission: Mission,
-        plans: PlanBatch,
-        random_state: np.random.Generator,
-    ) -> PlanBatch:
+    def _draft(self, mission: Mission, plans: PlanBatch, rng: Rng) -> PlanBatch:
         if plans.n_robots == 1:
             return plans
         pieces, counts = whole_trails(plans.offsets), np.zeros(mission.arrays.n_nodes, np.int64)
-        trails, states = read_trails(plans.nodes, plans.offsets), draw_state(random_state)
+        trails, states = read_trails(plans.nodes, plans.offsets), draw_state(rng)
         share(trails, plans.n_robots, self.prob_copy, counts, states, pieces)
         return PlanBatch._wrap(*join_pieces(plans.nodes, pieces), plans.n_robots)
 
@@ -273,8 +207,7 @@ class MixedMutation(PlanMutation):
     Parameters
     ----------
     mutations
-        What is drawn from: mutations, or a mapping from them to their weights (above 0). Each
-        repairs its own children; their own ``prob`` does not matter.
+        Mutations, whose own ``prob`` does not matter, or a mapping from them to weights above 0.
     prob
         Probability of changing a plan at all.
     """
@@ -288,12 +221,10 @@ class MixedMutation(PlanMutation):
         super().__init__(prob=prob)
         self.mixture = Mixture("mutation", PlanMutation, mutations)
 
-    def _mutate(
-        self, mission: Mission, plans: PlanBatch, random_state: np.random.Generator
-    ) -> PlanBatch:
-        shares = self.mixture.draw(random_state, len(plans))
+    def _mutate(self, mission: Mission, plans: PlanBatch, rng: Rng) -> PlanBatch:
+        shares = self.mixture.draw(rng, len(plans))
         changed = [
-            mutation.mutate_batch(mission, plans.take(chosen), random_state)
+            mutation.mutate_batch(mission, plans.take(chosen), rng)
             for mutation, chosen in zip(self.mixture.parts, shares, strict=True)
             if len(chosen)
         ]

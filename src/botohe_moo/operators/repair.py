@@ -9,29 +9,25 @@ from typing import Any, ClassVar
 import numpy as np
 from pymoo.core.repair import Repair
 
-from botohe_moo._base.types import ObjectArray, OffsetArray
+from botohe_moo._base.types import ObjectArray
 from botohe_moo.kernels.plans.ragged import read_trails
 from botohe_moo.kernels.plans.repair import SAFEST_PATH, TRUNCATE, repair
 from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import PlanBatch
 
-__all__ = ["PenaltyOnly", "PlanRepair", "RepairCounts", "SafestPathRepair", "TruncateRepair"]
-
 
 @dataclass
 class RepairCounts:
     """What a repair has done so far.
 
-    pymoo lets a mutation and a crossover work on every plan and then takes the share that their
-    ``prob`` says: what it leaves is counted, too, as it took its time.
+    pymoo lets a mutation or a crossover work on every plan, and then takes the share that ``prob``
+    says: the plans that it drops are counted, too.
 
     Attributes
     ----------
-    plans
-        Plans that were looked at.
-    repaired
-        Plans that were changed.
+    plans, repaired
+        Plans that were looked at, and those that were changed.
     arcs_changed
         Arcs that were added to trails, and hops of drafts that were dropped; 1 for a trail that
         was changed otherwise, such as one node that is not the base.
@@ -48,14 +44,14 @@ class RepairCounts:
 class PlanRepair(Repair):
     """A pymoo repair that makes valid closed trails out of any sequences of node indices.
 
-    Draws no random numbers. A valid plan passes unchanged, hence repairing twice is repairing
-    once. Give it to a pymoo algorithm (``NSGA2(repair=...)``), which then repairs every plan before
-    it is evaluated, or to this package's crossovers and mutations, whose children then are valid.
+    It draws no random numbers, and a valid plan passes unchanged. Give it to a pymoo algorithm
+    (``NSGA2(repair=...)``), which then repairs every plan before it is evaluated, or to this
+    package's crossovers and mutations.
 
     Attributes
     ----------
     counts
-        What it has done so far; after a run to be read from ``result.algorithm.repair.counts``.
+        What it has done so far; after a run ``result.algorithm.repair.counts``.
     """
 
     _kind: ClassVar[int | None] = None
@@ -65,41 +61,28 @@ class PlanRepair(Repair):
         self.counts = RepairCounts()
 
     def repair_batch(self, mission: Mission, drafts: PlanBatch) -> PlanBatch:
-        """Repair many plans.
+        """Repair many plans; gives valid ones in the same order.
 
         Parameters
         ----------
         mission
             Where the trails have to lead.
         drafts
-            Plans of any integers, with as many trails as the mission has robots.
-
-        Returns
-        -------
-        PlanBatch
-            Valid plans, in the same order.
-
-        Raises
-        ------
-        PlanError
-            If the drafts have another number of trails.
+            Plans of any integers, for the mission's team (otherwise a PlanError is raised).
         """
         started = time.perf_counter()
-        drafts = mission.batch(drafts)
-        repaired, changes = self._repair(mission, drafts)
+        repaired = drafts = mission.batch(drafts)
+        changes = np.zeros(len(drafts.offsets) - 1, np.int64)
+        if self._kind is not None:
+            given = read_trails(drafts.nodes, drafts.offsets)
+            nodes, offsets, changes = repair(mission.arrays, self._kind, given)
+            repaired = PlanBatch._wrap(nodes, offsets, drafts.n_robots)
         per_plan = changes.reshape(len(drafts), drafts.n_robots).sum(axis=1)
         self.counts.plans += len(drafts)
         self.counts.repaired += int(np.count_nonzero(per_plan))
         self.counts.arcs_changed += int(per_plan.sum())
         self.counts.seconds += time.perf_counter() - started
         return repaired
-
-    def _repair(self, mission: Mission, drafts: PlanBatch) -> tuple[PlanBatch, OffsetArray]:
-        if self._kind is None:
-            return drafts, np.zeros(len(drafts.offsets) - 1, np.int64)
-        given = read_trails(drafts.nodes, drafts.offsets)
-        nodes, offsets, changes = repair(mission.arrays, self._kind, given)
-        return PlanBatch._wrap(nodes, offsets, drafts.n_robots), changes
 
     def _do(self, problem: BOTOHE, X: ObjectArray, **_: Any) -> ObjectArray:
         return self.repair_batch(problem.mission, problem.mission.batch(X)).to_array()
@@ -109,9 +92,8 @@ class SafestPathRepair(PlanRepair):
     """Bridge every gap by the safest path over arcs that the trail has not used yet.
 
     Nodes are taken in the order of the draft. A hop along an arc that the trail has used already
-    cuts off the loop in between. A node is left out that cannot be reached over unused arcs, or
-    from which, once the safest path leads there, none would lead home. At the end the trail takes
-    the safest way home.
+    cuts off the loop in between. A node is left out if no unused arcs lead there, or none would
+    lead home after the safest path there. At the end the trail takes the safest way home.
 
     Examples
     --------
@@ -138,7 +120,7 @@ class TruncateRepair(PlanRepair):
 class PenaltyOnly(PlanRepair):
     """Leave every plan as it is and let its faults count as constraint violation.
 
-    The classic comparison: what does repairing bring? The problem has to evaluate plans that are
-    not valid: ``BOTOHE(mission, allow_invalid=True)``. The algorithms that
+    It shows what repairing brings. The problem has to evaluate plans that are not valid:
+    ``BOTOHE(mission, allow_invalid=True)``. The algorithms that
     :func:`~botohe_moo.make_algorithm` wires see to that themselves.
     """

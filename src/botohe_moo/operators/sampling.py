@@ -5,33 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-import numpy as np
 from pymoo.core.sampling import Sampling
 
 from botohe_moo._base.checks import check_integer
-from botohe_moo._base.types import ObjectArray
+from botohe_moo._base.types import ObjectArray, Rng
 from botohe_moo.operators.base import Mixture
 from botohe_moo.problem import BOTOHE
 from botohe_moo.search.colony import Colony, ColonyRule
 from botohe_moo.search.sequential import plan_sequentially
 from botohe_moo.trails import PlanBatch, TrailPlan, listed_plans
 
-__all__ = [
-    "CornerSampling",
-    "GivenSampling",
-    "GuidedTrailSampling",
-    "MixedSampling",
-    "PlanSampling",
-    "RandomTrailSampling",
-]
-
 
 class PlanSampling(Sampling):
     """A pymoo sampling of valid trail plans, which keep the problem's survival floor."""
 
-    def sample_batch(
-        self, problem: BOTOHE, n_samples: int, random_state: np.random.Generator
-    ) -> PlanBatch:
+    def sample_batch(self, problem: BOTOHE, n_samples: int, random_state: Rng) -> PlanBatch:
         """Give plans to start from.
 
         Parameters
@@ -39,35 +27,18 @@ class PlanSampling(Sampling):
         problem
             What to plan for.
         n_samples
-            How many plans are wanted, at least 1.
+            How many plans are wanted, at least 1; :class:`GivenSampling` may give more.
         random_state
             Where all random numbers come from.
-
-        Returns
-        -------
-        PlanBatch
-            As many plans as are wanted; more only where more are given (:class:`GivenSampling`).
-
-        Raises
-        ------
-        PlanError
-            If a given plan is not valid.
         """
         n_samples = check_integer("n_samples", n_samples, at_least=1)
         return self._sample(problem, n_samples, random_state)
 
-    def _sample(
-        self, problem: BOTOHE, n_samples: int, random_state: np.random.Generator
-    ) -> PlanBatch:
+    def _sample(self, problem: BOTOHE, n_samples: int, rng: Rng) -> PlanBatch:
         raise NotImplementedError
 
     def _do(
-        self,
-        problem: BOTOHE,
-        n_samples: int,
-        *_: Any,
-        random_state: np.random.Generator,
-        **__: Any,
+        self, problem: BOTOHE, n_samples: int, *_: Any, random_state: Rng, **__: Any
     ) -> ObjectArray:
         return self.sample_batch(problem, n_samples, random_state).to_array()
 
@@ -79,10 +50,8 @@ class RandomTrailSampling(PlanSampling):
     the survival floor could not be kept, is not taken.
     """
 
-    def _sample(
-        self, problem: BOTOHE, n_samples: int, random_state: np.random.Generator
-    ) -> PlanBatch:
-        return _walk(problem, n_samples, random_state, heuristic=False)
+    def _sample(self, problem: BOTOHE, n_samples: int, rng: Rng) -> PlanBatch:
+        return _walk(problem, n_samples, rng, heuristic=False)
 
 
 class GuidedTrailSampling(PlanSampling):
@@ -91,15 +60,11 @@ class GuidedTrailSampling(PlanSampling):
     The heuristic is that of :meth:`BOACO.journal`.
     """
 
-    def _sample(
-        self, problem: BOTOHE, n_samples: int, random_state: np.random.Generator
-    ) -> PlanBatch:
-        return _walk(problem, n_samples, random_state, heuristic=True)
+    def _sample(self, problem: BOTOHE, n_samples: int, rng: Rng) -> PlanBatch:
+        return _walk(problem, n_samples, rng, heuristic=True)
 
 
-def _walk(
-    problem: BOTOHE, n_samples: int, random_state: np.random.Generator, *, heuristic: bool
-) -> PlanBatch:
+def _walk(problem: BOTOHE, n_samples: int, rng: Rng, *, heuristic: bool) -> PlanBatch:
     rule = ColonyRule(
         evaporation=0.1,
         heuristic=heuristic,
@@ -118,7 +83,7 @@ def _walk(
         rule,
         n_ants=n_samples,
         min_survival=problem.planning_floor,
-        random_state=random_state,
+        random_state=rng,
     )
     return colony.construct(n_samples)
 
@@ -136,14 +101,12 @@ class CornerSampling(PlanSampling):
         super().__init__()
         self.rest = _checked_rest(rest)
 
-    def _sample(
-        self, problem: BOTOHE, n_samples: int, random_state: np.random.Generator
-    ) -> PlanBatch:
+    def _sample(self, problem: BOTOHE, n_samples: int, rng: Rng) -> PlanBatch:
         mission = problem.mission
         home = TrailPlan([[mission.arrays.base]] * mission.robots)
         greedy = plan_sequentially(mission, 1.0, min_survival=problem.planning_floor)
         corners = PlanBatch.from_plans([home, greedy], mission.robots)
-        return _filled(corners[:n_samples], self.rest, problem, n_samples, random_state)
+        return _filled(corners[:n_samples], self.rest, problem, n_samples, rng)
 
 
 def _checked_rest(rest: PlanSampling | None) -> PlanSampling:
@@ -153,53 +116,40 @@ def _checked_rest(rest: PlanSampling | None) -> PlanSampling:
 
 
 def _filled(
-    plans: PlanBatch,
-    rest: PlanSampling,
-    problem: BOTOHE,
-    n_samples: int,
-    random_state: np.random.Generator,
+    plans: PlanBatch, rest: PlanSampling, problem: BOTOHE, n_samples: int, rng: Rng
 ) -> PlanBatch:
     if len(plans) >= n_samples:
         return plans
-    others = rest.sample_batch(problem, n_samples - len(plans), random_state)
+    others = rest.sample_batch(problem, n_samples - len(plans), rng)
     return PlanBatch.concatenate([plans, others])
 
 
 class GivenSampling(PlanSampling):
     """Given plans, and others where they are too few.
 
-    All given plans are given, also if they are more than are wanted or do not keep the problem's
-    survival floor.
+    All of them are used, also where fewer are wanted or they do not keep the survival floor.
 
     Parameters
     ----------
     plans
-        What to start from: trail plans, or ``X`` or the population of another result.
+        What to start from: trail plans, or ``X`` or the population of another result. Sampling
+        raises a PlanError if one is not valid.
     rest
         Gives the other plans that are wanted; default: :class:`GuidedTrailSampling`.
-
-    Raises
-    ------
-    PlanError
-        When sampling, if a given plan is not valid; names the plan, robot, position and arc.
     """
 
     def __init__(
-        self,
-        plans: Iterable[TrailPlan] | ObjectArray,
-        rest: PlanSampling | None = None,
+        self, plans: Iterable[TrailPlan] | ObjectArray, rest: PlanSampling | None = None
     ) -> None:
         super().__init__()
         self.plans = listed_plans(plans)
         self.rest = _checked_rest(rest)
 
-    def _sample(
-        self, problem: BOTOHE, n_samples: int, random_state: np.random.Generator
-    ) -> PlanBatch:
+    def _sample(self, problem: BOTOHE, n_samples: int, rng: Rng) -> PlanBatch:
         given = problem.mission.batch(self.plans)
         if not problem.allow_invalid:
             problem.mission.evaluate(given)
-        return _filled(given, self.rest, problem, n_samples, random_state)
+        return _filled(given, self.rest, problem, n_samples, rng)
 
 
 class MixedSampling(PlanSampling):
@@ -216,14 +166,11 @@ class MixedSampling(PlanSampling):
         super().__init__()
         self.mixture = Mixture("sampling", PlanSampling, samplings)
 
-    def _sample(
-        self, problem: BOTOHE, n_samples: int, random_state: np.random.Generator
-    ) -> PlanBatch:
-        shares = self.mixture.draw(random_state, n_samples)
-        return PlanBatch.concatenate(
-            [
-                sampling.sample_batch(problem, len(chosen), random_state)
-                for sampling, chosen in zip(self.mixture.parts, shares, strict=True)
-                if len(chosen)
-            ]
-        )
+    def _sample(self, problem: BOTOHE, n_samples: int, rng: Rng) -> PlanBatch:
+        shares = self.mixture.draw(rng, n_samples)
+        sampled = [
+            sampling.sample_batch(problem, len(chosen), rng)
+            for sampling, chosen in zip(self.mixture.parts, shares, strict=True)
+            if len(chosen)
+        ]
+        return PlanBatch.concatenate(sampled)

@@ -19,12 +19,7 @@ from botohe_moo.operators.mutation import (
     ShareTrails,
     TrailMoves,
 )
-from botohe_moo.operators.repair import (
-    PenaltyOnly,
-    PlanRepair,
-    SafestPathRepair,
-    TruncateRepair,
-)
+from botohe_moo.operators.repair import PenaltyOnly, PlanRepair, SafestPathRepair, TruncateRepair
 from botohe_moo.operators.sampling import (
     CornerSampling,
     GivenSampling,
@@ -33,20 +28,6 @@ from botohe_moo.operators.sampling import (
     PlanSampling,
     RandomTrailSampling,
 )
-
-__all__ = [
-    "CROSSOVERS",
-    "DEFAULT_CROSSOVER",
-    "DEFAULT_MUTATION",
-    "MUTATIONS",
-    "REPAIRS",
-    "SAMPLINGS",
-    "Weights",
-    "make_crossover",
-    "make_mutation",
-    "make_repair",
-    "make_sampling",
-]
 
 # One operator's name, or several with their weights.
 Weights: TypeAlias = str | Mapping[str, float]
@@ -72,7 +53,9 @@ REPAIRS: dict[str, Callable[[], PlanRepair]] = {
 }
 
 
-def _weights(what: str, given: Any, known: Mapping[str, Any]) -> dict[str, float]:
+def _weights(
+    what: str, given: Any, known: Mapping[str, Any], *, needed: str = ""
+) -> dict[str, float]:
     """Read one name, or a mapping from names to weights; those of weight 0 are left out."""
     if isinstance(given, str):
         check_choice(what, given, known)
@@ -81,7 +64,7 @@ def _weights(what: str, given: Any, known: Mapping[str, Any]) -> dict[str, float
         expected = f"{what} to be one of {', '.join(known)}, a mapping from them to weights"
         message = f"Expected {expected}, or a pymoo operator, got {quoted(given)}."
         raise ParameterError(message, what)
-    weights = check_weights(what, given, known)
+    weights = check_weights(what, given, known, needed=needed)
     return {name: weight for name, weight in weights.items() if weight}
 
 
@@ -104,19 +87,13 @@ def make_sampling(given: Weights | Sampling | Any, *, corners: bool = True) -> S
     if not isinstance(given, str | Mapping):
         rest = GuidedTrailSampling()
         return GivenSampling(given, CornerSampling(rest) if corners else rest)
-    weights = _weights("sampling", given, SAMPLINGS)
-    if not weights:
-        raise ParameterError(f"Expected a sampling of weight above 0, got {given!r}.", "sampling")
+    weights = _weights("sampling", given, SAMPLINGS, needed="sampling")
     sampling = MixedSampling({SAMPLINGS[name](): weight for name, weight in weights.items()})
     return CornerSampling(sampling) if corners else sampling
 
 
 def make_crossover(
-    given: Weights | Crossover,
-    *,
-    prob: float,
-    repair: PlanRepair,
-    n_offsprings: int = 2,
+    given: Weights | Crossover, *, prob: float, repair: PlanRepair, n_offsprings: int = 2
 ) -> Crossover:
     """Make a crossover of ``exchange`` and ``splice``; a pymoo crossover is given back.
 
@@ -138,8 +115,6 @@ def make_mutation(given: Weights | Mutation, *, prob: float, repair: PlanRepair)
     """Make a mutation of ``home``, ``moves``, ``ruin`` and ``share``; a pymoo one is given back."""
     if isinstance(given, Mutation):
         return given
-    weights = _weights("mutation", given, MUTATIONS)
-    if not weights:
-        raise ParameterError(f"Expected a mutation of weight above 0, got {given!r}.", "mutation")
+    weights = _weights("mutation", given, MUTATIONS, needed="mutation")
     made = {MUTATIONS[name](repair=repair): weight for name, weight in weights.items()}
     return MixedMutation(made, prob=prob)

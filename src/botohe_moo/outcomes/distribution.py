@@ -13,8 +13,6 @@ from botohe_moo._base.types import FloatArray
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["ROUNDING", "Distribution"]
-
 ROUNDING = 1e-12  # relative; values and probabilities that differ by less are equal
 
 
@@ -25,16 +23,11 @@ class Distribution:
     Attributes
     ----------
     values
-        Possible outcomes, ascending (n_values, read-only): rewards or numbers of robots.
+        Possible outcomes (n_values, read-only): rewards or numbers of robots, which ascend.
     probabilities
-        Probability of each value, above 0 (n_values, read-only).
+        Probability of each value (n_values, read-only), above 0; they sum to 1.
     n_samples
         Number of simulated missions whose shares the probabilities are; None if they are exact.
-
-    Raises
-    ------
-    ValueError
-        If the values do not ascend, or the probabilities are not above 0 or do not sum to 1.
 
     Examples
     --------
@@ -101,12 +94,8 @@ class Distribution:
         Parameters
         ----------
         q
-            Probability in [0, 1], or any number of them; 0 gives the smallest value.
-
-        Raises
-        ------
-        ValueError
-            If ``q`` is outside [0, 1].
+            Probability in [0, 1], or any number of them; 0 gives the smallest value. A ValueError
+            is raised for others.
         """
         wanted = np.asarray(q, float)
         if not np.all((wanted >= 0) & (wanted <= 1)):
@@ -128,13 +117,9 @@ class Distribution:
         Parameters
         ----------
         x
-            Reward or number of robots, or any number of them. A value reaches ``x`` if it falls
-            short by less than 1e-12 of it, because sums of rewards are rounded.
-
-        Raises
-        ------
-        ValueError
-            If ``x`` is nan.
+            Reward or number of robots, or any number of them; a ValueError is raised for nan. A
+            value reaches ``x`` if it falls short by less than 1e-12 of it, because sums of rewards
+            are rounded.
         """
         wanted = np.asarray(x, float)
         if np.isnan(wanted).any():
@@ -156,12 +141,7 @@ class Distribution:
         Parameters
         ----------
         alpha
-            Share in (0, 1]; 1 gives the mean.
-
-        Raises
-        ------
-        ValueError
-            If ``alpha`` is outside (0, 1].
+            Share in (0, 1]; 1 gives the mean. A ValueError is raised for others.
         """
         if not 0 < alpha <= 1:
             raise ValueError(f"Expected alpha in (0, 1], got {alpha}.")

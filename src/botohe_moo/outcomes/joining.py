@@ -15,8 +15,6 @@ from botohe_moo.mission import Mission
 from botohe_moo.outcomes.distribution import ROUNDING
 from botohe_moo.trails import TrailPlan
 
-__all__ = ["Followed", "States", "TooManyOutcomesError", "follow", "join_robots", "merged"]
-
 
 class Followed(NamedTuple):
     """The trails of a valid plan, and for each position what the kernel ``follow`` computes.
@@ -72,11 +70,9 @@ def join_robots(reward: FloatArray, followed: Followed, max_outcomes: int) -> St
     certain = np.unique(nodes[(alive == 1) & (pays > 0)])
     uncertain = (pays > 0) & (alive > 0) & ~np.isin(nodes, certain)
     sharing: nx.Graph[int] = nx.Graph()
-    chains = []
-    for robot, (start, stop) in enumerate(pairwise(offsets.tolist())):
-        chains.append(start + np.flatnonzero(uncertain[start:stop]))
-        # Vertices from 0 are robots, those below 0 are nodes.
-        sharing.add_edges_from((robot, ~node) for node in nodes[chains[robot]].tolist())
+    chains = [i + np.flatnonzero(uncertain[i:j]) for i, j in pairwise(offsets.tolist())]
+    for robot, chain in enumerate(chains):  # vertices from 0 are robots, those below 0 are nodes
+        sharing.add_edges_from((robot, ~node) for node in nodes[chain].tolist())
 
     parts = []
     for component in nx.connected_components(sharing):

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import reduce
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from botohe_moo._base.checks import check_integer
-from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo._base.types import FloatArray, OffsetArray, Rng
 from botohe_moo.kernels.plans import simulate as kernels
 from botohe_moo.mission import Mission
 from botohe_moo.outcomes.distribution import Distribution
@@ -19,13 +19,8 @@ from botohe_moo.trails import TrailPlan
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = [
-    "Outcomes",
-    "plan_outcomes",
-    "reward_distribution",
-    "simulate",
-    "survivors_distribution",
-]
+
+Seed: TypeAlias = int | Rng | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,21 +45,17 @@ class Outcomes:
         Parameters
         ----------
         alpha
-            Share in (0, 1].
-
-        Raises
-        ------
-        ValueError
-            If ``alpha`` is outside (0, 1].
+            As for :meth:`Distribution.cvar`.
         """
         import pandas as pd
 
-        rows = {}
-        for name, found in (("reward", self.reward), ("survivors", self.survivors)):
-            q05, median, q95 = found.quantile([0.05, 0.5, 0.95])
-            rows[name] = (found.mean, found.std, q05, median, q95, found.cvar(alpha), found.exact)
-        columns = ["mean", "std", "q05", "median", "q95", "cvar", "exact"]
-        return pd.DataFrame(list(rows.values()), index=pd.Index(rows), columns=columns)
+        rows = [
+            (found.mean, found.std, *found.quantile([0.05, 0.5, 0.95]), found.cvar(alpha))
+            for found in (self.reward, self.survivors)
+        ]
+        columns = ["mean", "std", "q05", "median", "q95", "cvar"]
+        table = pd.DataFrame(rows, index=["reward", "survivors"], columns=columns)
+        return table.assign(exact=[self.reward.exact, self.survivors.exact])
 
 
 def plan_outcomes(
@@ -73,25 +64,14 @@ def plan_outcomes(
     *,
     max_outcomes: int = 1_000_000,
     n_samples: int = 100_000,
-    random_state: int | np.random.Generator | None = None,
+    random_state: Seed = None,
 ) -> Outcomes:
     """Compute the distributions of the team reward and of the number of survivors.
 
     Parameters
     ----------
-    mission, plan
-        A mission and one of its plans.
-    max_outcomes, n_samples, random_state
-        As for ``reward_distribution``.
-
-    Raises
-    ------
-    PlanError
-        If the mission does not allow the plan.
-    TypeError
-        If ``plan`` is not a TrailPlan.
-    ValueError
-        If ``max_outcomes`` or ``n_samples`` is not an integer of at least 1.
+    mission, plan, max_outcomes, n_samples, random_state
+        As for :func:`reward_distribution`, which also says what is raised.
     """
     reward = reward_distribution(
         mission, plan, max_outcomes=max_outcomes, n_samples=n_samples, random_state=random_state
@@ -109,14 +89,7 @@ def survivors_distribution(mission: Mission, plan: TrailPlan) -> Distribution:
     Parameters
     ----------
     mission, plan
-        A mission and one of its plans.
-
-    Raises
-    ------
-    PlanError
-        If the mission does not allow the plan.
-    TypeError
-        If ``plan`` is not a TrailPlan.
+        As for :func:`reward_distribution`.
     """
     mission.evaluate([plan])
     returns = np.sort(follow(mission, plan).alive[plan.offsets[1:] - 1])
@@ -131,14 +104,14 @@ def reward_distribution(
     *,
     max_outcomes: int = 1_000_000,
     n_samples: int = 100_000,
-    random_state: int | np.random.Generator | None = None,
+    random_state: Seed = None,
 ) -> Distribution:
     """Compute the distribution of the team reward, or simulate it if that takes too long.
 
     Parameters
     ----------
     mission, plan
-        A mission and one of its plans.
+        A mission, and a plan that is valid for it.
     max_outcomes
         Joint outcomes that the exact computation may take in all its steps together, at least 1;
         a plan that needs more is simulated, and the distribution's ``exact`` is then False.
@@ -150,7 +123,7 @@ def reward_distribution(
     Raises
     ------
     PlanError
-        If the mission does not allow the plan.
+        If the plan is not valid.
     TypeError
         If ``plan`` is not a TrailPlan.
     ValueError
@@ -158,18 +131,16 @@ def reward_distribution(
 
     Notes
     -----
-    A robot's outcome is how many of its rewarding nodes it reaches, in the order of its trail. The
-    robots are joined one after another; outcomes with the same reward (up to rounding) that agree
-    on the nodes that later robots may reach are merged. Groups of robots without a common node are
-    joined separately, and their rewards convolved.
+    A robot's outcome is how many of its rewarding nodes it reaches. The robots are joined one after
+    another; outcomes of the same reward (up to rounding) that agree on the nodes that later robots
+    may reach are merged. Groups of robots without a common node are convolved.
 
     Examples
     --------
     >>> import networkx as nx
-    >>> graph = nx.DiGraph(base="dock", robots=2)
-    >>> graph.add_nodes_from([("dock", {"reward": 1}), ("reef", {"reward": 5})])
-    >>> graph.add_edge("dock", "reef", survival=0.5)
-    >>> graph.add_edge("reef", "dock", survival=0.8)
+    >>> graph = nx.DiGraph([("dock", "reef"), ("reef", "dock")], base="dock", robots=2)
+    >>> nx.set_node_attributes(graph, {"dock": 1, "reef": 5}, "reward")
+    >>> nx.set_edge_attributes(graph, 0.5, "survival")
     >>> mission = Mission(graph)
     >>> plan = mission.plan([["dock", "reef", "dock"], ["dock", "reef", "dock"]])
     >>> reward_distribution(mission, plan).to_frame()
@@ -192,18 +163,14 @@ def reward_distribution(
 
 
 def simulate(
-    mission: Mission,
-    plan: TrailPlan,
-    n_missions: int,
-    *,
-    random_state: int | np.random.Generator | None = None,
+    mission: Mission, plan: TrailPlan, n_missions: int, *, random_state: Seed = None
 ) -> pd.DataFrame:
     """Simulate the mission many times.
 
     Parameters
     ----------
     mission, plan
-        A mission and one of its plans.
+        As for :func:`reward_distribution`.
     n_missions
         How many times, at least 1.
     random_state
@@ -214,17 +181,7 @@ def simulate(
     -------
     pandas.DataFrame
         One row per mission: ``reward`` (team reward), ``survivors`` (number of robots), and for
-        robot k, from 0 in the order of the plan, ``hops_k``: the number of arcs it
-        survived, which is that of its trail if it returned.
-
-    Raises
-    ------
-    PlanError
-        If the mission does not allow the plan.
-    TypeError
-        If ``plan`` is not a TrailPlan.
-    ValueError
-        If ``n_missions`` is not an integer of at least 1.
+        robot k, from 0 in the order of the plan, ``hops_k``: the number of arcs it survived.
 
     Examples
     --------
@@ -251,10 +208,7 @@ def simulate(
 
 
 def _play(
-    mission: Mission,
-    plan: TrailPlan,
-    n_missions: int,
-    random_state: int | np.random.Generator | None,
+    mission: Mission, plan: TrailPlan, n_missions: int, random_state: Seed
 ) -> tuple[FloatArray, OffsetArray]:
     """Simulate rewards (n_missions) and the hops of each robot (n_missions, n_robots)."""
     trails, alive, _ = follow(mission, plan)

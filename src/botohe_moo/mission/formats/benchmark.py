@@ -3,65 +3,51 @@
 from __future__ import annotations
 
 import math
-import re
-from numbers import Real
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from typing import Annotated, Any
 
 import networkx as nx
 import numpy as np
+from pydantic import Field
 
-from botohe_moo._base.checks import check_integer
+from botohe_moo._base.types import FloatArray
+from botohe_moo._plugins.checks import checked
+from botohe_moo._plugins.ranges import Positive
 from botohe_moo.mission.formats.nodelink import decode
 from botohe_moo.mission.memory import check_memory
 from botohe_moo.mission.validation import MissionError
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from botohe_moo._base.types import FloatArray
-
-__all__ = ["near_pairs", "read_benchmark", "spanning_pairs"]
-
 _HEADER = ("n", "m", "tmax")
 
 
+@checked
 def read_benchmark(
-    data: bytes, /, *, neighbours: int = 8, scale: float | None = None
+    data: bytes,
+    /,
+    *,
+    neighbours: Annotated[int, Field(ge=1)] = 8,
+    scale: Positive | None = None,
 ) -> tuple[nx.DiGraph[Any], list[str]]:
     """Read a team-orienteering instance as a nearest-neighbours mission.
 
     The file has the lines ``n N``, ``m M`` and ``tmax T``, and then N lines ``x y score``;
     separators are spaces, tabs and semicolons. Its points become the nodes 0 to N − 1, point 0 the
     base, M the number of robots, and scores rewards. Arcs lead both ways between each point and the
-    ``neighbours`` (at least 1) nearest ones, of equally distant ones the first, and along the edges
-    of a Euclidean minimum spanning tree, so that the base reaches all points. An arc's survival is
-    exp(−distance / ``scale``), with tmax as the default scale (> 0).
+    ``neighbours`` nearest ones, of equally distant ones the first, and along the edges of a
+    Euclidean minimum spanning tree, so that the base reaches all points. An arc's survival is
+    exp(−distance / ``scale``), with tmax as the default scale.
 
-    Returns the graph and an empty list of faults.
-
-    Raises
-    ------
-    MissionError
-        If a line is missing, superfluous or wrong, or an arc's survival is 0 in floating-point
-        numbers.
-    ValueError
-        If an option is out of its range.
+    Gives the graph and an empty list of faults. A MissionError is raised if a line is missing,
+    superfluous or wrong, or an arc's survival is 0 in floating-point numbers.
 
     References
     ----------
     Chao, Golden and Wasil, "The team orienteering problem", European Journal of Operational
     Research 88 (1996) 464-474.
     """
-    neighbours = check_integer("neighbours", neighbours, at_least=1)
-    if scale is not None and (
-        isinstance(scale, bool) or not isinstance(scale, Real) or not 0 < scale < math.inf
-    ):
-        raise ValueError(f"Expected a finite scale > 0, got {scale!r}.")
     robots, tmax, points, scores = _parse(decode(data))
-    if scale is None:
-        scale = tmax
-        if scale <= 0:
-            raise MissionError(f"expected tmax > 0 to be the scale, got {tmax:g}; give a scale")
+    if scale is None and tmax <= 0:
+        raise MissionError(f"expected tmax > 0 to be the scale, got {tmax:g}; give a scale")
     check_memory("points", len(points), nodes=len(points), arcs=0, remedy="their number")
     arcs = 2 * len(points) * (min(neighbours, len(points) - 1) + 1)
     check_memory("neighbours", neighbours, nodes=len(points), arcs=arcs)
@@ -69,7 +55,7 @@ def read_benchmark(
     graph: nx.DiGraph[Any] = nx.DiGraph(base=0, robots=robots, title=title)
     for node, (point, score) in enumerate(zip(points.tolist(), scores, strict=True)):
         graph.add_node(node, reward=score, pos=point)
-    _add_arcs(graph, points, neighbours, scale)
+    _add_arcs(graph, points, neighbours, tmax if scale is None else scale)
     return graph, []
 
 
@@ -91,10 +77,8 @@ def _add_arcs(graph: nx.DiGraph[Any], points: FloatArray, neighbours: int, scale
 
 def _parse(text: str) -> tuple[int, float, FloatArray, list[float]]:
     """Return the number of robots, tmax, the points (n, 2) and their scores."""
-    lines = (
-        (i, re.sub(r"[\s;]+", " ", line).split()) for i, line in enumerate(text.splitlines(), 1)
-    )
-    rows = [(i, fields) for i, fields in lines if fields]
+    lines = enumerate(text.replace(";", " ").splitlines(), 1)
+    rows = [(i, line.split()) for i, line in lines if line.strip()]
     if len(rows) < len(_HEADER):
         raise MissionError(f"expected the lines n, m and tmax first, found {len(rows)} lines")
     faults: list[str] = []
@@ -141,9 +125,8 @@ def _numbers(number: int, fields: list[str], faults: list[str]) -> tuple[float, 
 def spanning_pairs(points: FloatArray) -> list[tuple[int, int]]:
     """Return the edges of a Euclidean minimum spanning tree of points (n, 2), by Prim's method.
 
-    It takes time in the square and memory in the number of points, gives the same tree on every
-    platform, also for equal distances, and allows points that coincide. Edges are pairs of indices,
-    the lower one first.
+    Points may coincide, and the tree is the same on every platform. Edges are pairs of indices, the
+    lower one first. Takes time in the square of the number of points, and memory in proportion.
     """
     outside = np.arange(1, len(points))
     squares = np.full(len(points) - 1, np.inf)

@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 import os
-import stat
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from botohe_moo._base.checks import check_parameters, keyword_names
-from botohe_moo._base.files import replace_file
+import networkx as nx
+
+from botohe_moo._base.checks import check_parameters
+from botohe_moo._base.files import read_bytes, replace_file
+from botohe_moo._plugins.stated import signature_parameters
 from botohe_moo.mission.formats.benchmark import read_benchmark
 from botohe_moo.mission.formats.graphml import read_graphml, write_graphml
 from botohe_moo.mission.formats.nodelink import mission_content, read_node_link, write_node_link
 from botohe_moo.mission.memory import MAX_FILE_BYTES, in_gib
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.validation import MissionError, mission_faults
-
-if TYPE_CHECKING:
-    import networkx as nx
-
-__all__ = ["SUFFIXES", "file_content", "read_mission", "save_mission"]
 
 # A reader takes a file's bytes and keyword-only options; it returns the graph, and the faults of
 # those parts of the file that it had to leave out.
@@ -47,8 +44,8 @@ def read_mission(
 
         - ``.json``: networkx node-link JSON (``nx.node_link_data(graph, edges="edges")``) in UTF-8,
           with the graph attributes ``base`` and ``robots``, optionally ``name`` and ``title``, the
-          node attribute ``reward`` and the arc attribute ``survival``. Labels that are
-          lists are read as tuples.
+          node attribute ``reward`` and the arc attribute ``survival``. Lists as labels become
+          tuples.
         - ``.graphml``: the same attributes; node labels are strings, and the node attributes ``x``
           and ``y`` become ``pos`` [x, y].
         - ``.txt``: the team-orienteering benchmark of Chao, Golden and Wasil, made into a
@@ -65,14 +62,13 @@ def read_mission(
     MissionError
         If there is no such file, it is not in its format, its mission is not valid, or it holds
         something that `save_mission` could not write again; every fault is listed.
-    ValueError
-        If an option is unknown or out of its range.
     """
     path = Path(path)
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
         raise MissionError(_unknown_suffix(path, SUFFIXES), str(path))
-    check_parameters(f"Mission file {path}", options, keyword_names(reader), also=("robots",))
+    known = [parameter.name for parameter in signature_parameters(reader)]
+    check_parameters(f"Mission file {path}", options, known, also=("robots",))
     try:
         graph: nx.DiGraph[Any]
         graph, faults = reader(file_content(path), **options)
@@ -90,8 +86,8 @@ def read_mission(
 def save_mission(mission: Mission, path: str | os.PathLike[str]) -> None:
     """Write a mission file; `read_mission` reads an equal mission from it.
 
-    The file holds the node labels and all attributes of graph, nodes and arcs; numpy's numbers
-    become plain ones, tuples and arrays lists. It appears at ``path`` complete or not at all.
+    It holds all attributes of graph, nodes and arcs; numpy's numbers become plain ones, tuples and
+    arrays lists. The file appears complete or not at all.
 
     Parameters
     ----------
@@ -105,8 +101,6 @@ def save_mission(mission: Mission, path: str | os.PathLike[str]) -> None:
     ------
     ValueError
         If the suffix is unknown, or the format cannot hold a label or an attribute: names it.
-    OSError
-        If the file cannot be written.
     """
     path = Path(path)
     writer = _WRITERS.get(path.suffix.lower())
@@ -134,15 +128,10 @@ def _text(stem: str) -> str:
 def file_content(path: Path) -> bytes:
     """Read a file of at most 512 MiB; raises MissionError, which does not name the file."""
     try:
-        status = path.stat()
-        if not (stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode)):
-            raise MissionError("expected a file, found a device or a pipe")
-        if status.st_size > MAX_FILE_BYTES:
-            raise MissionError(
-                f"expected a file of at most {in_gib(MAX_FILE_BYTES)}, "
-                f"got one of {in_gib(status.st_size)}"
-            )
-        return path.read_bytes()
+        if (size := path.stat().st_size) > MAX_FILE_BYTES:
+            limit = in_gib(MAX_FILE_BYTES)
+            raise MissionError(f"expected a file of at most {limit}, got one of {in_gib(size)}")
+        return read_bytes(path)
     except MissionError:
         raise
     except FileNotFoundError:

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
 from xml.etree import ElementTree as ET
 from xml.parsers import expat
+
+import networkx as nx
 
 from botohe_moo._base.checks import quoted
 from botohe_moo.mission.formats.nodelink import graph_from
 from botohe_moo.mission.validation import MissionError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    import networkx as nx
-
-__all__ = ["read_graphml", "write_graphml"]
 
 _NAMESPACE = "http://graphml.graphdrawing.org/xmlns"
 _NOT_IN_XML = re.compile("[^\t\n\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -41,17 +37,11 @@ class _Key(NamedTuple):
 
 
 def read_graphml(data: bytes, /) -> tuple[nx.Graph[Any], list[str]]:
-    """Read GraphML; see `botohe_moo.mission.formats.nodelink.graph_from`.
+    """Read GraphML with one graph; see `botohe_moo.mission.formats.nodelink.graph_from`.
 
     Node labels are the nodes' ids, hence strings, and so is the base, whatever its declared type. A
     value that is not of its declared type stays a string, and the mission's validation names its
-    node or arc.
-
-    Raises
-    ------
-    MissionError
-        If ``data`` is not XML, declares a document type (which could define entities that grow
-        without end), or is not GraphML with one graph.
+    node or arc. Document types are refused: they could define entities that grow without end.
     """
     root = _parse(data)
     if root.tag.rpartition("}")[2] != "graphml":
@@ -152,17 +142,12 @@ def _line_ends(text: str) -> str:
 
 
 def _entry(
-    element: ET.Element,
-    scope: str,
-    keys: dict[str, _Key | None],
-    faults: list[str],
-    *labels: str,
+    element: ET.Element, scope: str, keys: dict[str, _Key | None], faults: list[str], *labels: str
 ) -> dict[str, Any]:
     values = _values(element, scope, keys, faults)
     entry = {key: value for key, value in values.items() if key not in labels}
-    entry.update(
-        (label, _line_ends(element.attrib[label])) for label in labels if label in element.attrib
-    )
+    ends = {label: _line_ends(text) for label, text in element.attrib.items() if label in labels}
+    entry = {**entry, **ends}
     position = [entry.get("x"), entry.get("y")]
     if scope == "node" and "pos" in entry:
         owner = f"node {quoted(entry.get('id'))}"
@@ -174,13 +159,7 @@ def _entry(
 
 
 def write_graphml(content: dict[str, Any]) -> bytes:
-    """Write node-link data as GraphML.
-
-    Raises
-    ------
-    ValueError
-        If a label is not a string, or an attribute is not a number, boolean or string.
-    """
+    """Write node-link data as GraphML; a ValueError names what GraphML cannot hold."""
     root = ET.Element("graphml", xmlns=_NAMESPACE)
     graph = ET.Element("graph", edgedefault="directed")
     ids: dict[tuple[str, str, str], str] = {}
@@ -214,9 +193,9 @@ def _data(
         if name in _BOOKKEEPING:
             continue
         if type(value) not in _TYPES:
-            raise ValueError(
+            raise _unwritable(
                 f"{owner}: attribute {name!r}, {value!r}, is not a number, boolean or string, "
-                "and GraphML has nothing else; a .json file can hold it."
+                "and GraphML has nothing else"
             )
         key = (scope, _text("an attribute's name", name), _TYPES[type(value)])
         text = str(value).lower() if isinstance(value, bool) else str(value)
@@ -228,23 +207,20 @@ def _with_coordinates(label: str, node: dict[str, Any]) -> dict[str, Any]:
         return node
     numbers = isinstance(node["pos"], list) and all(type(p) in (int, float) for p in node["pos"])
     if not numbers or len(node["pos"]) != 2 or "x" in node or "y" in node:
-        raise ValueError(
-            f"node {label!r}: expected pos to be [x, y] for GraphML's attributes x and y, "
-            f"got {node}; a .json file can hold it."
-        )
+        expected = "expected pos to be [x, y] for GraphML's attributes x and y"
+        raise _unwritable(f"node {label!r}: {expected}, got {node}")
     x, y = node.pop("pos")
     return {**node, "x": x, "y": y}
 
 
 def _text(what: str, value: object) -> str:
     if not isinstance(value, str):
-        raise ValueError(
-            f"expected {what} to be a string, as GraphML knows no other, got {value!r}; "
-            "a .json file can hold it."
-        )
+        expected = f"expected {what} to be a string, as GraphML knows no other"
+        raise _unwritable(f"{expected}, got {value!r}")
     if forbidden := _NOT_IN_XML.search(value):
-        raise ValueError(
-            f"{what}: XML has no character {forbidden.group()!r}, got {value!r}; "
-            "a .json file can hold it."
-        )
+        raise _unwritable(f"{what}: XML has no character {forbidden.group()!r}, got {value!r}")
     return value
+
+
+def _unwritable(reason: str) -> ValueError:
+    return ValueError(f"{reason}; a .json file can hold it.")

@@ -6,28 +6,16 @@ import contextlib
 import json
 import math
 from collections import Counter
+from collections.abc import Hashable, Iterator
 from numbers import Integral, Real
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import networkx as nx
 import numpy as np
 
 from botohe_moo._base.checks import quoted
+from botohe_moo.mission.model import Mission
 from botohe_moo.mission.validation import MissionError
-
-if TYPE_CHECKING:
-    from collections.abc import Hashable, Iterator
-
-    from botohe_moo.mission.model import Mission
-
-__all__ = [
-    "decode",
-    "graph_from",
-    "mission_content",
-    "read_label",
-    "read_node_link",
-    "write_node_link",
-]
 
 _MAX_DEPTH = 50
 # Checked by the validation of the mission.
@@ -35,13 +23,7 @@ _CHECKED = {"the graph": ("base", "robots"), "node": ("reward",), "arc": ("survi
 
 
 def read_node_link(data: bytes, /) -> tuple[nx.Graph[Any], list[str]]:
-    """Read node-link JSON; see `graph_from`.
-
-    Raises
-    ------
-    MissionError
-        If ``data`` is not UTF-8, not JSON or not node-link data, or an object has a key twice.
-    """
+    """Read node-link JSON in UTF-8, in which no object has a key twice; see `graph_from`."""
     text = decode(data)
     try:
         content = json.loads(text, object_pairs_hook=_object)
@@ -80,13 +62,9 @@ def graph_from(content: object) -> tuple[nx.Graph[Any], list[str]]:
     networkx' own ``node_link_graph`` would add nodes that only arcs name, let the last of several
     equal nodes or arcs win, and keep the base's label as a list.
 
-    Returns the graph, which is empty if ``content`` is not of a directed simple graph, and the
-    faults: nodes and arcs that had to be left out, and attributes that no file can hold.
-
-    Raises
-    ------
-    MissionError
-        If a key is missing or of a wrong type.
+    Gives the graph, empty if it is not directed and simple, and the faults: nodes and arcs that had
+    to be left out, and attributes that no file can hold. A MissionError is raised if a key is
+    missing or of a wrong type.
     """
     if not isinstance(content, dict):
         raise MissionError(f"expected node-link data, a JSON object, got {quoted(content)}")
@@ -137,12 +115,10 @@ def read_label(value: object) -> Hashable:
     if value is None or isinstance(value, dict) or value != value:
         expected = "a string, a number, a boolean or a list of them"
         raise ValueError(f"expected a label, {expected}, got {quoted(value)}")
-    plain = _plain(value)
-    return _tuples(plain) if isinstance(plain, list) else plain
-
-
-def _tuples(items: list[Any]) -> tuple[Hashable, ...]:
-    return tuple(None if item is None else read_label(item) for item in items)
+    plain: Hashable | list[Any] = _plain(value)
+    if isinstance(plain, list):
+        return tuple(None if item is None else read_label(item) for item in plain)
+    return plain
 
 
 def _value_faults(kind: str, owner: str, attributes: dict[str, Any]) -> Iterator[str]:
@@ -199,21 +175,15 @@ def _labels(entry: object, *keys: str) -> tuple[list[Hashable], dict[str, Any]]:
 
 
 def mission_content(mission: Mission) -> dict[str, Any]:
-    """Convert a mission to node-link data of JSON's own types.
-
-    Raises
-    ------
-    ValueError
-        If JSON cannot hold a label or an attribute, or would change a label.
-    """
+    """Convert a mission to node-link data; a ValueError names what JSON cannot hold."""
     graph = mission.graph
     own = {"name": None, **graph.graph, "base": None}
     own.update(name=mission.name, robots=mission.robots)  # not the graph's, which may differ
     own = _attributes("the graph", own) | {"base": _plain_label(mission.base)}
-    nodes = []
-    for node, attributes in graph.nodes(data=True):
-        label = _plain_label(node)
-        nodes.append({"id": label, **_attributes(f"node {node!r}", attributes, "id")})
+    nodes = [
+        {"id": _plain_label(node), **_attributes(f"node {node!r}", attributes, "id")}
+        for node, attributes in graph.nodes(data=True)
+    ]
     arcs = []
     for tail, head, attributes in graph.edges(data=True):
         arc = f"arc {tail!r} -> {head!r}"
@@ -224,16 +194,11 @@ def mission_content(mission: Mission) -> dict[str, Any]:
 
 def write_node_link(content: dict[str, Any]) -> bytes:
     """Write node-link data as JSON, one line for each node and arc."""
-    lines = [
-        f" {json.dumps(key)}: {json.dumps(content[key], ensure_ascii=False, allow_nan=False)}"
-        for key in ("directed", "multigraph", "graph")
-    ]
+    written = json.JSONEncoder(ensure_ascii=False, allow_nan=False).encode
+    lines = [f' "{key}": {written(content[key])}' for key in ("directed", "multigraph", "graph")]
     for key in ("nodes", "edges"):
-        entries = [
-            f"\n  {json.dumps(entry, ensure_ascii=False, allow_nan=False)}"
-            for entry in content[key]
-        ]
-        lines.append(f" {json.dumps(key)}: [{','.join(entries)}\n ]")
+        entries = ",".join(f"\n  {written(entry)}" for entry in content[key])
+        lines.append(f' "{key}": [{entries}\n ]')
     return "{{\n{}\n}}\n".format(",\n".join(lines)).encode()
 
 
