@@ -25,8 +25,6 @@ from botohe_moo.problem import BOTOHE
 from botohe_moo.solution import Solution
 from botohe_moo.trails import TrailPlan
 
-__all__ = ["Progress", "RefusalError", "search", "solve"]
-
 Progress = Callable[[int, Callable[[], float]], None]
 """Takes the evaluations so far, and a function that gives the area of what was found."""
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 
-from botohe_moo.cli.interrupt import ending_on_interrupt
+from botohe_moo.cli.interrupt import INTERRUPTED, ending_on_interrupt
 
 _STARTED = time.perf_counter()
 
@@ -42,7 +42,6 @@ with ending_on_interrupt:
     from botohe_moo.cli.shell import (
         BAD_INPUT,
         FAILED,
-        INTERRUPTED,
         fail,
         failing,
         run,

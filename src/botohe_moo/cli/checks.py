@@ -4,17 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import tempfile
-from typing import TYPE_CHECKING
+from pathlib import Path
 
+from botohe_moo.mission.model import Mission
 from botohe_moo.plots.draw.places import node_positions
 from botohe_moo.solution.model import FILES
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from botohe_moo.mission.model import Mission
-
-__all__ = ["check_folder", "check_picture", "place_fault"]
 
 _OF_STUDIES = ("study.json", "study.yaml")
 

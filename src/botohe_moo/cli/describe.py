@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from botohe_moo._plugins.stated import Parameter
     from botohe_moo.mission.model import Mission
 
-__all__ = ["brief", "describe", "listing", "paragraph", "parameter_example", "parameter_text"]
-
 _MAX_WIDTH = 100
 
 

@@ -6,8 +6,6 @@ It imports nothing that takes time, since it has to work before the libraries th
 import os
 import signal
 
-__all__ = ["INTERRUPTED", "end_on_interrupt", "ending_on_interrupt"]
-
 INTERRUPTED = 130
 
 _ANSWERED = (signal.SIGINT, signal.SIGTERM)

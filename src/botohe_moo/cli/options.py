@@ -7,19 +7,6 @@ from typing import Annotated, Any
 
 import typer
 
-__all__ = [
-    "EvaluationsOption",
-    "MinSurvivalOption",
-    "MissionArgument",
-    "MissionParameterOption",
-    "ParameterOption",
-    "RobotsOption",
-    "SeedOption",
-    "integer",
-    "mission_source",
-    "read_parameters",
-]
-
 
 def integer(*, at_least: int) -> Callable[[str], int]:
     """Make a parser of integers whose message says what was found, unlike typer's own."""

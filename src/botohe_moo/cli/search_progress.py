@@ -14,8 +14,6 @@ if TYPE_CHECKING:
 
     from botohe_moo.solving import Progress
 
-__all__ = ["is_terminal", "new_bar", "progress_bar"]
-
 _SECONDS_BETWEEN_UPDATES = 0.1
 
 

@@ -14,18 +14,7 @@ from typing import Any, NoReturn
 
 import typer
 
-from botohe_moo.cli.interrupt import INTERRUPTED, end_on_interrupt
-
-__all__ = [
-    "BAD_INPUT",
-    "FAILED",
-    "INTERRUPTED",
-    "fail",
-    "failing",
-    "run",
-    "say",
-    "tell",
-]
+from botohe_moo.cli.interrupt import end_on_interrupt
 
 FAILED = 1
 BAD_INPUT = 2

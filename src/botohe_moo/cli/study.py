@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from botohe_moo.study.estimate import Estimate
     from botohe_moo.study.store.tables import StudyTables
 
-__all__ = ["study_app"]
-
 study_app = typer.Typer(
     no_args_is_help=True, help="Compare algorithms: from a study file to tables and figures."
 )

@@ -5,23 +5,17 @@ from __future__ import annotations
 import math
 import threading
 import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 from rich.console import Console
+from rich.progress import Progress
 
 from botohe_moo.cli.search_progress import is_terminal, new_bar
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from rich.progress import Progress
-
-    from botohe_moo.study.file.model import Run
-    from botohe_moo.study.planning import Plan
-    from botohe_moo.study.run.task import Outcome, Record
-
-__all__ = ["ProgressWatcher", "showing_trials"]
+from botohe_moo.study.file.model import Run
+from botohe_moo.study.planning import Plan
+from botohe_moo.study.run.task import Outcome, Record
 
 _SECONDS_BETWEEN_LINES = 60.0  # where there is no terminal to draw a bar on
 _SECONDS_BETWEEN_TRIALS = 10.0  # that are shown there

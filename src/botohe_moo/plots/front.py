@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
+from numpy.typing import ArrayLike, NDArray
 
+from botohe_moo._base.types import FloatArray
+from botohe_moo.mission import Mission
 from botohe_moo.plots.draw.fonts import drawable
 from botohe_moo.plots.draw.style import INK, MARKERS, colours, new_axes, theme, tint
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from matplotlib.axes import Axes
-    from numpy.typing import ArrayLike, NDArray
-
-    from botohe_moo._base.types import FloatArray
-    from botohe_moo.mission import Mission
-
-__all__ = ["plot_front", "staircase"]
 
 _CROWD = 150
 

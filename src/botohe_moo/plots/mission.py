@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import networkx as nx
 import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from numpy.typing import NDArray
 
+from botohe_moo.mission import Mission
 from botohe_moo.plots.draw.canvas import (
     Canvas,
     add_colour_bar,
@@ -31,16 +35,7 @@ from botohe_moo.plots.draw.style import (
     theme,
     tint,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.artist import Artist
-    from matplotlib.axes import Axes
-    from numpy.typing import NDArray
-
-    from botohe_moo.mission import Mission
-    from botohe_moo.trails import TrailPlan
-
-__all__ = ["plot_mission"]
+from botohe_moo.trails import TrailPlan
 
 _MAX_ZONES = 8
 

@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
-__all__ = ["COLUMNS", "FILES", "PictureError", "Solution"]
-
 FILES = ("front.csv", "plans.json", "mission.json", "front.png", "mission.png")
 COLUMNS = ("plan_id", "reward", "survivors")
 _ROWS_SHOWN = 40

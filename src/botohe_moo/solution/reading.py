@@ -18,8 +18,6 @@ from botohe_moo.mission.validation import MissionError
 from botohe_moo.solution.model import COLUMNS, Solution
 from botohe_moo.trails import TrailPlan
 
-__all__ = ["read_solution"]
-
 
 class _Plan(BaseModel):
     model_config = ConfigDict(strict=True)

@@ -5,21 +5,14 @@ from __future__ import annotations
 import heapq
 import statistics
 import time
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
-from botohe_moo.study.planning import make_task
+from botohe_moo.study.file.config import Budget
+from botohe_moo.study.file.model import Run
+from botohe_moo.study.planning import Plan, make_task
 from botohe_moo.study.run.sandbox import Sandbox
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
-
-    from botohe_moo.study.file.config import Budget
-    from botohe_moo.study.file.model import Run
-    from botohe_moo.study.planning import Plan
-    from botohe_moo.study.run.task import Outcome
-
-__all__ = ["Estimate", "estimate_times", "time_left"]
+from botohe_moo.study.run.task import Outcome
 
 _TRIAL_SECONDS = 0.5
 _FIRST_SECONDS = 0.01

@@ -20,8 +20,6 @@ from botohe_moo.study.store.manifest import restore_study
 from botohe_moo.study.store.table_files import tables_locked
 from botohe_moo.study.store.tables import StudyTables
 
-__all__ = ["merge_studies"]
-
 
 def merge_studies(
     folders: Sequence[str | os.PathLike[str]], out: str | os.PathLike[str] | None = None

@@ -11,8 +11,6 @@ from botohe_moo.study.run.task import PATIENCE, Task
 from botohe_moo.study.store.folder import DamagedError, StudyFolder
 from botohe_moo.study.store.index import IndexedFile, read_index
 
-__all__ = ["Plan", "make_task", "plan_study"]
-
 
 @dataclass(frozen=True)
 class Plan:

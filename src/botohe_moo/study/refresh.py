@@ -5,8 +5,8 @@ from __future__ import annotations
 import contextlib
 import functools
 import hashlib
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from botohe_moo.study.file.digest import canonical
 from botohe_moo.study.file.model import Study, StudyError
@@ -15,11 +15,6 @@ from botohe_moo.study.store.index import IndexedFile, write_index
 from botohe_moo.study.store.manifest import read_manifest
 from botohe_moo.study.store.table_files import note_inputs
 from botohe_moo.study.store.tables import SMALL, StudyTables, read_study
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-__all__ = ["refresh_tables"]
 
 
 def refresh_tables(

@@ -23,8 +23,6 @@ from botohe_moo.study.store.manifest import read_manifest, restore_study
 from botohe_moo.study.store.table_files import tables_locked
 from botohe_moo.study.store.tables import StudyTables
 
-__all__ = ["StudyInterrupted", "make_tables", "run_study"]
-
 
 class StudyInterrupted(KeyboardInterrupt):
     """A study was stopped by a signal; what was finished is in its folder, as tables, too.

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+
+import pandas as pd
 
 from botohe_moo._base.checks import nearest_first
 from botohe_moo.plots.draw.fonts import drawable
 from botohe_moo.plots.draw.labels import UNBROKEN, WIDTH, display_names, wrapped
 from botohe_moo.plots.draw.style import MARKERS, Colour, colours
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
-    import pandas as pd
-
-__all__ = ["AlgorithmStyle", "algorithm_styles", "chosen_algorithms", "names_of", "styles_of"]
 
 Line = tuple[int, tuple[float, ...] | None]
 

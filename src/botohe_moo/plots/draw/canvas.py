@@ -2,30 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PathCollection
+from matplotlib.colors import Colormap, Normalize
 from matplotlib.path import Path
 from matplotlib.patheffects import withStroke
 from matplotlib.transforms import IdentityTransform
+from numpy.typing import NDArray
 
+from botohe_moo._base.types import FloatArray, IntArray
+from botohe_moo.mission import Mission
 from botohe_moo.plots.draw.fonts import drawable
 from botohe_moo.plots.draw.style import INK, MUTED, new_axes, readable_on
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from matplotlib.axes import Axes
-    from matplotlib.colors import Colormap, Normalize
-    from numpy.typing import NDArray
-
-    from botohe_moo._base.types import FloatArray, IntArray
-    from botohe_moo.mission import Mission
-
-__all__ = ["Canvas", "add_colour_bar", "bowed_arcs", "open_axes"]
 
 _MAX_LABELLED = 40
 _FEW = 500  # nodes whose distances are all computed: sooner than scipy is imported

@@ -8,8 +8,6 @@ from itertools import groupby
 
 from matplotlib import font_manager
 
-__all__ = ["drawable", "families"]
-
 BASE = "DejaVu Sans"  # matplotlib brings it along: pictures are the same on every machine
 
 # Fonts with Chinese, Japanese or Korean letters. Only those that are installed are used, since

@@ -5,14 +5,9 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections import Counter, defaultdict
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Sequence
 
 from botohe_moo.plots.draw.fonts import drawable
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-__all__ = ["WIDTH", "columns", "display_names", "parsed_label", "wrapped"]
 
 Pairs = tuple[tuple[str, str], ...]
 

@@ -4,19 +4,14 @@ from __future__ import annotations
 
 from collections import Counter
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from botohe_moo._base.types import FloatArray, IntArray
+from botohe_moo.mission import Mission
 from botohe_moo.plots.draw.canvas import Canvas, bowed_arcs
-
-if TYPE_CHECKING:
-    from botohe_moo._base.types import FloatArray, IntArray
-    from botohe_moo.mission import Mission
-    from botohe_moo.plots.draw.style import Colour
-    from botohe_moo.trails import TrailPlan
-
-__all__ = ["draw_trails", "lanes"]
+from botohe_moo.plots.draw.style import Colour
+from botohe_moo.trails import TrailPlan
 
 
 def lanes(plan: TrailPlan) -> list[tuple[int, int, int, int]]:

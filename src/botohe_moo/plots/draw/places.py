@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import networkx as nx
 import numpy as np
 
-if TYPE_CHECKING:
-    from botohe_moo._base.types import FloatArray
-    from botohe_moo.mission import Mission
-
-__all__ = ["node_positions"]
+from botohe_moo._base.types import FloatArray
+from botohe_moo.mission import Mission
 
 _MAX_KAMADA_KAWAI = 60  # its cost grows with the square of the nodes
 

@@ -2,27 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Literal
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Literal
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.markers import TICKDOWN, TICKLEFT
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-from botohe_moo.plots.draw.algorithms import names_of
+from botohe_moo._base.types import FloatArray
+from botohe_moo.plots.draw.algorithms import AlgorithmStyle, names_of
 from botohe_moo.plots.draw.fonts import drawable
 from botohe_moo.plots.draw.labels import wrapped
 from botohe_moo.plots.draw.style import INK, MUTED
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
-    from matplotlib.axes import Axes
-
-    from botohe_moo._base.types import FloatArray
-    from botohe_moo.plots.draw.algorithms import AlgorithmStyle
-
-__all__ = ["dress", "label_ends", "log_axis", "spread", "stack_above", "title_above"]
 
 _END = 10.0  # points of the letters of names right of axes
 

@@ -2,44 +2,21 @@
 
 from __future__ import annotations
 
+import os
 import tempfile
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
+from matplotlib.axes import Axes
 from matplotlib.colors import Colormap, LinearSegmentedColormap, Normalize, to_rgb
+from matplotlib.figure import Figure
 
+from botohe_moo._base.types import FloatArray
 from botohe_moo.plots.draw.fonts import families
-
-if TYPE_CHECKING:
-    import os
-    from collections.abc import Iterator, Mapping, Sequence
-
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from botohe_moo._base.types import FloatArray
-
-__all__ = [
-    "DPI",
-    "INK",
-    "MARKERS",
-    "MUTED",
-    "Colour",
-    "colour_range",
-    "colours",
-    "new_axes",
-    "pheromone_palette",
-    "readable_on",
-    "reward_palette",
-    "save_figure",
-    "save_plot",
-    "survival_palette",
-    "theme",
-    "tint",
-]
 
 Colour = tuple[float, float, float]
 

@@ -2,24 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
 
-from botohe_moo.plots.draw.algorithms import chosen_algorithms, names_of, styles_of
+from botohe_moo.plots.draw.algorithms import AlgorithmStyle, chosen_algorithms, names_of, styles_of
 from botohe_moo.plots.draw.panels import study_axes
 from botohe_moo.plots.draw.scales import dress, title_above
 from botohe_moo.plots.draw.style import INK, theme, tint
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    import pandas as pd
-    from matplotlib.axes import Axes
-
-    from botohe_moo.plots.draw.algorithms import AlgorithmStyle
-
-__all__ = ["plot_areas"]
 
 _GOLDEN = (5**0.5 - 1) / 2  # its multiples spread evenly, whatever their number
 

@@ -3,26 +3,18 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
 
-from botohe_moo.plots.draw.algorithms import names_of, styles_of
+from botohe_moo._base.types import FloatArray
+from botohe_moo.plots.draw.algorithms import AlgorithmStyle, names_of, styles_of
 from botohe_moo.plots.draw.panels import add_band, open_algorithm_axes
 from botohe_moo.plots.draw.style import theme
 from botohe_moo.plots.front import staircase
 from botohe_moo.plots.study.fronts import final_fronts, finish_objectives
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
-    import pandas as pd
-    from matplotlib.axes import Axes
-
-    from botohe_moo._base.types import FloatArray
-    from botohe_moo.plots.draw.algorithms import AlgorithmStyle
-
-__all__ = ["attainment_difference", "attainment_surface", "plot_attainment"]
 
 _BAND = (25, 75)
 _MAX_STEPS = 120  # more would take half a minute

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
 
-from botohe_moo.plots.draw.algorithms import styles_of
+from botohe_moo.plots.draw.algorithms import AlgorithmStyle, styles_of
 from botohe_moo.plots.draw.panels import add_band, open_algorithm_axes
 from botohe_moo.plots.draw.scales import label_ends, log_axis
 from botohe_moo.plots.draw.style import theme
@@ -19,16 +22,6 @@ from botohe_moo.plots.study.progress import (
     progress_curves,
     stairs,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    import pandas as pd
-    from matplotlib.axes import Axes
-
-    from botohe_moo.plots.draw.algorithms import AlgorithmStyle
-
-__all__ = ["plot_curves"]
 
 _VALUES: dict[Value, str] = {
     "area": "area (normalised hypervolume)",

@@ -2,35 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from botohe_moo.plots.draw.algorithms import names_of, styles_of
+from botohe_moo._base.types import FloatArray
+from botohe_moo.plots.draw.algorithms import AlgorithmStyle, names_of, styles_of
 from botohe_moo.plots.draw.labels import columns
 from botohe_moo.plots.draw.scales import stack_above
-from botohe_moo.plots.draw.style import INK, MUTED, theme, tint
+from botohe_moo.plots.draw.style import INK, MUTED, Colour, theme, tint
 from botohe_moo.plots.front import staircase
 from botohe_moo.plots.study.attainment import attainment_difference, attainment_surface
 from botohe_moo.plots.study.fronts import final_fronts, objective_axes
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    import pandas as pd
-    from matplotlib.artist import Artist
-    from matplotlib.axes import Axes
-
-    from botohe_moo._base.types import FloatArray
-    from botohe_moo.plots.draw.algorithms import AlgorithmStyle
-    from botohe_moo.plots.draw.style import Colour
-
-__all__ = ["plot_attainment_difference"]
 
 _SHADES = 5  # as many as are told apart
 _DASHED = (0, (4, 2))

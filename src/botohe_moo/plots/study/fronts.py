@@ -2,34 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
 
 import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
 
-from botohe_moo.plots.draw.algorithms import chosen_algorithms, names_of, styles_of
+from botohe_moo._base.types import FloatArray
+from botohe_moo.plots.draw.algorithms import AlgorithmStyle, chosen_algorithms, names_of, styles_of
 from botohe_moo.plots.draw.labels import WIDTH, columns
 from botohe_moo.plots.draw.panels import AlgorithmAxes, open_algorithm_axes
 from botohe_moo.plots.draw.scales import dress
 from botohe_moo.plots.draw.style import INK, theme
 from botohe_moo.plots.front import staircase
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    import pandas as pd
-    from matplotlib.axes import Axes
-
-    from botohe_moo._base.types import FloatArray
-    from botohe_moo.plots.draw.algorithms import AlgorithmStyle
-
-__all__ = [
-    "OBJECTIVES",
-    "final_fronts",
-    "finish_objectives",
-    "median_run",
-    "objective_axes",
-    "plot_fronts",
-]
 
 OBJECTIVES = ("expected team reward E[R]", "expected number of survivors E[S]")
 

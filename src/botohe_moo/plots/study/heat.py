@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
 from botohe_moo.plots.draw.fonts import drawable
@@ -13,13 +15,6 @@ from botohe_moo.plots.draw.labels import columns, wrapped
 from botohe_moo.plots.draw.panels import study_axes
 from botohe_moo.plots.draw.scales import title_above
 from botohe_moo.plots.draw.style import INK, colour_range, readable_on, reward_palette, theme
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from matplotlib.axes import Axes
-
-__all__ = ["plot_heat", "two_parameter_grids"]
 
 _NO_PARAMETERS = {"algorithm", "name", "family", "package", "version"}
 

@@ -2,31 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
+import pandas as pd
 
 from botohe_moo._base.checks import check_integer
+from botohe_moo._base.types import FloatArray
 from botohe_moo.plots.draw.algorithms import chosen_algorithms
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    import pandas as pd
-
-    from botohe_moo._base.types import FloatArray
-
-__all__ = [
-    "NAMES",
-    "Band",
-    "Curve",
-    "Progress",
-    "Value",
-    "progress_curves",
-    "records_of",
-    "stairs",
-]
 
 Progress = Literal["evaluations", "seconds"]
 Value = Literal["area", "igd_plus", "epsilon"]

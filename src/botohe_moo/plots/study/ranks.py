@@ -2,24 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
 
 import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
 
-from botohe_moo.plots.draw.algorithms import chosen_algorithms, names_of, styles_of
+from botohe_moo.plots.draw.algorithms import AlgorithmStyle, chosen_algorithms, names_of, styles_of
 from botohe_moo.plots.draw.panels import study_axes
 from botohe_moo.plots.draw.scales import title_above
 from botohe_moo.plots.draw.style import INK, theme
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    import pandas as pd
-    from matplotlib.axes import Axes
-
-    from botohe_moo.plots.draw.algorithms import AlgorithmStyle
-
-__all__ = ["groups_alike", "plot_ranks"]
 
 _LINE = 0.19  # inches
 _WIDTH = 5.4

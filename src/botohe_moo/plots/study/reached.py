@@ -2,27 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
 
 import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
 
+from botohe_moo._base.types import FloatArray
 from botohe_moo.indicators import TIE
-from botohe_moo.plots.draw.algorithms import chosen_algorithms, styles_of
+from botohe_moo.plots.draw.algorithms import AlgorithmStyle, chosen_algorithms, styles_of
 from botohe_moo.plots.draw.panels import open_algorithm_axes
 from botohe_moo.plots.draw.scales import label_ends, log_axis
 from botohe_moo.plots.draw.style import theme
 from botohe_moo.plots.study.progress import NAMES, Progress, records_of, stairs
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    import pandas as pd
-    from matplotlib.axes import Axes
-
-    from botohe_moo._base.types import FloatArray
-    from botohe_moo.plots.draw.algorithms import AlgorithmStyle
-
-__all__ = ["plot_reached", "reached_shares"]
 
 _Y = "share of runs × targets reached"
 

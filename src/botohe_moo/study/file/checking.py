@@ -23,8 +23,6 @@ from botohe_moo.study.file.grids import Member, members, seeds_of
 from botohe_moo.study.file.model import Study, StudyAlgorithm, StudyMission
 from botohe_moo.study.file.shape import Faults, Place, file_faults, misspelt
 
-__all__ = ["CheckedContent"]
-
 MAX_RUNS = 250_000  # a study takes 200 bytes for each, and every run a file
 _MAX_LISTED = 20  # labels in a message
 

@@ -18,18 +18,6 @@ from pydantic import (
 
 from botohe_moo._base.checks import quoted
 
-__all__ = [
-    "NAME_PATTERN",
-    "AlgorithmEntry",
-    "Budget",
-    "Comparison",
-    "MissionEntry",
-    "Recording",
-    "Seeds",
-    "StudyFile",
-    "study_schema",
-]
-
 IndicatorName = Literal["area", "igd_plus", "epsilon", "front_size"]
 MAX_EVALUATIONS = 10**12
 MAX_SEED = 2**32 - 1

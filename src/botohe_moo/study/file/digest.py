@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import json
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from botohe_moo.mission.model import Mission
-
-__all__ = ["canonical", "mission_digest", "value_text"]
+from botohe_moo.mission.model import Mission
 
 
 def mission_digest(mission: Mission) -> str:

@@ -14,8 +14,6 @@ from yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from botohe_moo._base.checks import quoted
 from botohe_moo.study.file.syntax import syntax_fault
 
-__all__ = ["Document", "Fault"]
-
 _MAX_NODES = 20_000  # counting those that aliases and merged mappings repeat
 _MAX_DEPTH = 50
 _MAX_DIGITS = 10_000  # a longer scalar is a text

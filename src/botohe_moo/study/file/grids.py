@@ -13,8 +13,6 @@ from botohe_moo.study.file.config import AlgorithmEntry, MissionEntry, Seeds
 from botohe_moo.study.file.digest import canonical, value_text
 from botohe_moo.study.file.shape import Faults, Place
 
-__all__ = ["Member", "members", "seeds_of"]
-
 _MAX_MEMBERS = 1_000  # missions or algorithms of a study, and of one grid
 _MAX_LABEL = 500
 

@@ -19,8 +19,6 @@ from botohe_moo.study.file.document import Document, Fault
 from botohe_moo.study.file.model import MANIFEST, Study, StudyError, study_folder
 from botohe_moo.study.file.shape import MAX_FAULTS, Place, printable
 
-__all__ = ["load_study"]
-
 _MAX_BYTES = 1_000_000
 
 

@@ -18,16 +18,6 @@ from botohe_moo.study.file.config import Budget, Recording, StudyFile
 from botohe_moo.study.file.digest import canonical
 from botohe_moo.study.file.versions import installed_versions
 
-__all__ = [
-    "MANIFEST",
-    "Run",
-    "Study",
-    "StudyAlgorithm",
-    "StudyError",
-    "StudyMission",
-    "study_folder",
-]
-
 MANIFEST = "study.json"
 
 

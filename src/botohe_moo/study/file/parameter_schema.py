@@ -13,8 +13,6 @@ from botohe_moo._plugins.types import plain_value
 from botohe_moo.algorithms.registry import algorithm_names, algorithm_origin, algorithm_parameters
 from botohe_moo.mission.library import mission_names, mission_origin, mission_parameters
 
-__all__ = ["algorithm_rules", "mission_rules"]
-
 _OURS = "botohe-moo"
 
 

@@ -15,8 +15,6 @@ from botohe_moo._base.checks import nearest_first, quoted
 from botohe_moo._plugins.messages import wrong_value
 from botohe_moo.study.file.config import NAME_PATTERN, StudyFile
 
-__all__ = ["MAX_FAULTS", "Faults", "Place", "file_faults", "misspelt", "printable"]
-
 Place: TypeAlias = tuple[int | str, ...]
 
 MAX_FAULTS = 100  # to read at once

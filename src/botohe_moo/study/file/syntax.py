@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 from typing import Any
 
-__all__ = ["syntax_fault"]
-
 _LINE_BREAK = r"\r\n|[\n\r\x85\u2028\u2029]"
 _LONG = 80
 # PyYAML's message, its meaning, and whether the culprit is where it began or where it ended.

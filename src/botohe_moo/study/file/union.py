@@ -17,8 +17,6 @@ from botohe_moo.study.file.document import Document
 from botohe_moo.study.file.model import Study, StudyAlgorithm, StudyError, StudyMission
 from botohe_moo.study.file.shape import file_faults
 
-__all__ = ["unite_studies"]
-
 Member = TypeVar("Member", StudyMission, StudyAlgorithm)
 Entry = TypeVar("Entry", MissionEntry, AlgorithmEntry)
 

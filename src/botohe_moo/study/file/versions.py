@@ -3,15 +3,10 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Mapping
 from importlib.metadata import version
-from typing import TYPE_CHECKING
 
 from botohe_moo.algorithms.origin import algorithm_origin
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-__all__ = ["code_mismatch", "installed_versions"]
 
 # This package's algorithms derive from pymoo's.
 _PACKAGES = {"version": "botohe-moo", "pymoo": "pymoo"}

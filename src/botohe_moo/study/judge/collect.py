@@ -23,9 +23,8 @@ from botohe_moo.study.judge.traces import reach_targets, score_records
 from botohe_moo.study.run.environment import environment
 from botohe_moo.study.run.task import Outcome
 from botohe_moo.study.store.folder import DamagedError, StudyFolder, writing
-from botohe_moo.study.store.tables import SCHEMAS, write_tables
-
-__all__ = ["collect_tables"]
+from botohe_moo.study.store.schemas import SCHEMAS
+from botohe_moo.study.store.tables import write_tables
 
 
 def collect_tables(study: Study, folder: StudyFolder) -> dict[str, pd.DataFrame]:

@@ -16,8 +16,6 @@ from botohe_moo._base.types import FloatArray
 from botohe_moo.study.judge.pairs import a12, a12_interval, holm, mann_whitney, smallest_p
 from botohe_moo.study.judge.scores import as_table, merge_ties, samples_of, sign_of
 
-__all__ = ["Pair", "compare_algorithms", "compare_family", "effect_size", "p_text"]
-
 _DECIMALS = 12  # to which an effect is rounded: it is computed, and 0.56 may be 0.5599999
 _EFFECTS = ((0.71, "large"), (0.64, "medium"), (0.56, "small"), (0.0, "negligible"))
 

@@ -11,8 +11,6 @@ from botohe_moo.mission.model import Mission
 from botohe_moo.study.file.digest import value_text
 from botohe_moo.study.judge.scores import as_table
 
-__all__ = ["algorithm_table", "mission_table"]
-
 
 def mission_table(manifest: Mapping[str, Any], missions: Mapping[str, Mission]) -> pd.DataFrame:
     """Make the table ``missions``, in the order of the study file.

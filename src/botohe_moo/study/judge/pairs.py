@@ -11,8 +11,6 @@ from scipy import optimize, stats
 from botohe_moo._base.checks import check_number
 from botohe_moo._base.types import FloatArray
 
-__all__ = ["a12", "a12_interval", "check_sample", "holm", "mann_whitney", "smallest_p"]
-
 
 def holm(p_values: ArrayLike) -> FloatArray:
     """Correct p-values (n,) for the number of tests, by Holm.

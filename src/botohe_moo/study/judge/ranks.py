@@ -17,9 +17,6 @@ from botohe_moo.study.judge.comparisons import p_text
 from botohe_moo.study.judge.resampling import friedman, generator_for
 from botohe_moo.study.judge.scores import as_table, best_first, samples_of, sign_of
 
-__all__ = ["MIN_ALGORITHMS", "MIN_BLOCKS", "compare_ranks", "nemenyi", "rank_algorithms"]
-
-
 MIN_ALGORITHMS = 3
 MIN_BLOCKS = 5
 

@@ -13,8 +13,6 @@ from botohe_moo._base.checks import check_number
 from botohe_moo._base.types import FloatArray
 from botohe_moo.study.judge.pairs import check_sample
 
-__all__ = ["friedman", "generator_for", "median_interval"]
-
 N_RESAMPLES = 9_999
 _SEED = 20_250
 _BATCH = 1_000  # resamples at a time: memory, not the result

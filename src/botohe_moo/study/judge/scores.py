@@ -18,21 +18,7 @@ from botohe_moo._base.checks import nearest_first
 from botohe_moo._base.types import FloatArray
 from botohe_moo.indicators import TIE, area_indicator, epsilon_indicator, igd_plus_indicator
 from botohe_moo.mission.model import Mission
-from botohe_moo.study.store.tables import SCHEMAS
-
-__all__ = [
-    "INDICATORS",
-    "Indicator",
-    "Samples",
-    "as_table",
-    "best_first",
-    "check_indicators",
-    "merge_ties",
-    "reference_fronts",
-    "samples_of",
-    "score_runs",
-    "sign_of",
-]
+from botohe_moo.study.store.schemas import SCHEMAS
 
 # Values of each algorithm, by mission and indicator.
 Samples: TypeAlias = dict[tuple[str, str], dict[str, FloatArray]]

@@ -13,8 +13,6 @@ from botohe_moo._base.checks import check_number
 from botohe_moo.study.judge.resampling import generator_for, median_interval
 from botohe_moo.study.judge.scores import as_table, best_first, merge_ties, samples_of
 
-__all__ = ["summarise"]
-
 
 def summarise(
     runs: pd.DataFrame,

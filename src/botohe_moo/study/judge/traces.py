@@ -13,8 +13,6 @@ from botohe_moo.indicators import TIE, area_indicator, epsilon_indicator, igd_pl
 from botohe_moo.mission.model import Mission
 from botohe_moo.study.judge.scores import as_table
 
-__all__ = ["SHARES", "reach_targets", "score_records"]
-
 SHARES = (0.9, 0.95, 0.99)
 
 

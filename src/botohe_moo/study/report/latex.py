@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from botohe_moo.study.report.latex_text import breakable, escape_latex, width
 from botohe_moo.study.report.words import (
@@ -14,13 +14,7 @@ from botohe_moo.study.report.words import (
     fixed,
     summary_cells,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from botohe_moo.study.store.tables import StudyTables
-
-__all__ = ["comparisons_latex", "ranks_latex", "summary_latex"]
+from botohe_moo.study.store.tables import StudyTables
 
 _NEEDS = r"% Needs \usepackage{array,booktabs,longtable} and \usepackage[T1]{fontenc}."
 # How many em the columns of numbers may take so that labels have room in 345 pt, article's text.

@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 import unicodedata
 
-__all__ = ["breakable", "escape_latex", "width"]
-
 _SPECIAL = {
     "\\": r"\textbackslash{}",
     "{": r"\{",

@@ -3,19 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-from botohe_moo.study.report.standing import BETTER, EQUAL, WORSE, standing
+from botohe_moo.study.report.standing import BETTER, EQUAL, WORSE, Standing, standing
 from botohe_moo.study.report.words import INDICATORS, count, fixed, main_indicator
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from botohe_moo.study.report.standing import Standing
-    from botohe_moo.study.store.tables import StudyTables
-
-__all__ = ["Cell", "Matrix", "matrix"]
+from botohe_moo.study.store.tables import StudyTables
 
 _MARKS = (BETTER, EQUAL, WORSE)
 _EMPTY = "–"

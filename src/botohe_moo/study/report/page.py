@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import base64
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import jinja2
 import pandas as pd
 
+from botohe_moo.study.report.figures import ReportFigure
 from botohe_moo.study.report.matrix import matrix
 from botohe_moo.study.report.page_tables import (
     TextTable,
@@ -32,14 +34,7 @@ from botohe_moo.study.report.words import (
     significant,
     verdict_words,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from botohe_moo.study.report.figures import ReportFigure
-    from botohe_moo.study.store.tables import StudyTables
-
-__all__ = ["render_page"]
+from botohe_moo.study.store.tables import StudyTables
 
 _MANY_FAULTS = 100
 

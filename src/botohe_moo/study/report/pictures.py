@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
 
+from botohe_moo._base.types import FloatArray
 from botohe_moo.indicators import area_indicator
+from botohe_moo.plots.draw.algorithms import AlgorithmStyle
 from botohe_moo.plots.draw.panels import MANY, names_room, study_axes
 from botohe_moo.plots.study.areas import plot_areas
 from botohe_moo.plots.study.attainment import plot_attainment
@@ -14,21 +19,10 @@ from botohe_moo.plots.study.curves import plot_curves
 from botohe_moo.plots.study.difference import plot_attainment_difference
 from botohe_moo.plots.study.fronts import plot_fronts
 from botohe_moo.plots.study.heat import plot_heat, two_parameter_grids
+from botohe_moo.plots.study.progress import Progress, Value
 from botohe_moo.plots.study.reached import plot_reached
 from botohe_moo.study.report.words import INDICATORS, level
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-
-    import pandas as pd
-    from matplotlib.axes import Axes
-
-    from botohe_moo._base.types import FloatArray
-    from botohe_moo.plots.draw.algorithms import AlgorithmStyle
-    from botohe_moo.plots.study.progress import Progress, Value
-    from botohe_moo.study.store.tables import StudyTables
-
-__all__ = ["MissionPictures", "rivals"]
+from botohe_moo.study.store.tables import StudyTables
 
 _SHARES = np.arange(50, 100) / 100  # of the reference front's area: the targets
 

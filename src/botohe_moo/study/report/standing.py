@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import pandas as pd
 
@@ -19,13 +19,7 @@ from botohe_moo.study.report.words import (
     main_indicator,
     significant,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from botohe_moo.study.store.tables import StudyTables
-
-__all__ = ["BETTER", "EQUAL", "WORSE", "Standing", "leader", "standing"]
+from botohe_moo.study.store.tables import StudyTables
 
 BETTER, WORSE, EQUAL = "+", "−", "="
 _INVERSE = {BETTER: WORSE, WORSE: BETTER, EQUAL: EQUAL}

@@ -22,8 +22,6 @@ from botohe_moo.study.run.environment import environment
 from botohe_moo.study.run.perform import perform, warm_up
 from botohe_moo.study.run.task import Task, failure
 
-__all__ = ["main"]
-
 _SECONDS_BETWEEN_MESSAGES = 0.2
 _SIGNS_OF_LIFE = 10  # within the patience that a run may need
 _MOST_SECONDS_BETWEEN_SIGNS = 10.0

@@ -20,8 +20,6 @@ from botohe_moo.study.file.versions import code_mismatch, installed_versions
 from botohe_moo.study.run.pool import Outcomes, SandboxPool
 from botohe_moo.study.run.task import Outcome, Task, failure
 
-__all__ = ["check_address", "dask_outcomes"]
-
 _SECONDS_BETWEEN_CHECKS = 0.2
 _SECONDS_TO_CONNECT = 10
 _SECONDS_BETWEEN_COUNTS = 1.0  # of the workers

@@ -12,8 +12,6 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-__all__ = ["THREAD_SETTINGS", "environment", "n_cpus"]
-
 # Thread pools of other libraries would take cores from other workers, and bring nothing here.
 THREAD_SETTINGS = (
     "OMP_NUM_THREADS",

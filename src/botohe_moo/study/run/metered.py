@@ -15,8 +15,6 @@ from botohe_moo.problem import BOTOHE
 from botohe_moo.search.archive import PlanArchive
 from botohe_moo.trails import PlanBatch
 
-__all__ = ["BudgetSpentError", "CountedBOTOHE", "Meter", "MeteredBOTOHE"]
-
 
 class BudgetSpentError(Exception):
     """Ends a run within an evaluation: the budget is spent."""

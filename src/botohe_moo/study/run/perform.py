@@ -24,8 +24,6 @@ from botohe_moo.study.run.recording import Recorder
 from botohe_moo.study.run.task import Outcome, Record, Task, failure
 from botohe_moo.trails import PlanBatch
 
-__all__ = ["perform", "verify", "warm_up"]
-
 _WARM_UP_EVALUATIONS = 250
 
 

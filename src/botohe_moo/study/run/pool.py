@@ -10,8 +10,6 @@ import joblib
 from botohe_moo.study.run.sandbox import Sandbox
 from botohe_moo.study.run.task import Outcome, Record, Task
 
-__all__ = ["Outcomes", "SandboxPool", "local_outcomes"]
-
 Outcomes = Generator[tuple[Task, Outcome], None, None]
 
 

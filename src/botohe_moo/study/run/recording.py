@@ -13,8 +13,6 @@ import numpy as np
 from botohe_moo.search.archive import PlanArchive
 from botohe_moo.study.run.task import Record, Task
 
-__all__ = ["Recorder", "record_counts"]
-
 
 def record_counts(
     *, evaluations: int | None, per_decade: int, start: float, at: tuple[int, ...]

@@ -20,8 +20,6 @@ from botohe_moo.study.run.environment import THREAD_SETTINGS, environment
 from botohe_moo.study.run.perform import verify
 from botohe_moo.study.run.task import Outcome, Record, Task, failure
 
-__all__ = ["Sandbox"]
-
 _SECONDS_BETWEEN_LOOKS = 0.1
 _MOST_SECONDS_TO_START = 600.0  # kernels are compiled then, perhaps on a slow machine
 _SECONDS_TO_DIE = 5.0  # a core may be written meanwhile

@@ -4,16 +4,11 @@ from __future__ import annotations
 
 import signal
 import threading
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from botohe_moo._base.interrupts import hold_interrupt
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-__all__ = ["Stop", "hold_stop"]
 
 # Sent by batch systems and ``docker stop``, and by a terminal that is closed.
 _LIKE_CTRL_C = (signal.SIGTERM, signal.SIGHUP)

@@ -9,8 +9,6 @@ from botohe_moo._base.types import FloatArray
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import PlanBatch
 
-__all__ = ["PATIENCE", "Outcome", "Record", "Task", "failure"]
-
 PATIENCE = 3600.0
 
 

@@ -21,8 +21,6 @@ from botohe_moo.study.store.manifest import dump_study, read_manifest
 from botohe_moo.study.store.run_files import DAMAGE, outcome_fields, pack_run, unpack_run
 from botohe_moo.study.store.table_files import put_study, tables_locked
 
-__all__ = ["DamagedError", "StudyFolder", "writing"]
-
 _TEMPORARY = re.compile(r"\.[0-9a-f]{16}\.tmp$")  # as replace_file names them
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 

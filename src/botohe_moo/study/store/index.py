@@ -5,18 +5,14 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
-from typing import TYPE_CHECKING, NamedTuple
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
 
 from pydantic import TypeAdapter
 
 from botohe_moo._base.files import read_bytes, replace_file
-
-if TYPE_CHECKING:
-    import os
-    from collections.abc import Mapping
-    from pathlib import Path
-
-__all__ = ["IndexedFile", "read_index", "write_index"]
 
 INDEX = ".index.json"
 

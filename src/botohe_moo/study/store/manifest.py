@@ -3,33 +3,21 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from botohe_moo._base.checks import nearest_first
 from botohe_moo._base.files import read_bytes, replace_file
 from botohe_moo.mission.formats.files import read_mission
+from botohe_moo.mission.model import Mission
 from botohe_moo.mission.validation import MissionError
 from botohe_moo.study.file.config import StudyFile
 from botohe_moo.study.file.digest import mission_digest
 from botohe_moo.study.file.document import Document
 from botohe_moo.study.file.model import MANIFEST, Study, StudyAlgorithm, StudyError, StudyMission
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from pathlib import Path
-
-    from botohe_moo.mission.model import Mission
-
-__all__ = [
-    "dump_study",
-    "read_manifest",
-    "restore_study",
-    "saved_mission",
-    "tabled_manifest",
-    "write_manifest",
-]
 
 _ALGORITHM = TypeAdapter(StudyAlgorithm)
 _MISSION = TypeAdapter(StudyMission)

@@ -7,17 +7,13 @@ import json
 import zipfile
 import zlib
 from dataclasses import fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from botohe_moo.study.file.model import Run
 from botohe_moo.study.run.task import Outcome, Record
 from botohe_moo.trails import PlanBatch
-
-if TYPE_CHECKING:
-    from botohe_moo.study.file.model import Run
-
-__all__ = ["DAMAGE", "outcome_fields", "pack_run", "unpack_run"]
 
 _FORMAT = 1
 # What reading a damaged file may raise.

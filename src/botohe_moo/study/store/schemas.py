@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import pyarrow as pa
 
-__all__ = ["FURTHER", "SCHEMAS"]
-
 TEXT, INTEGER, NUMBER, FLAG = pa.string(), pa.int64(), pa.float64(), pa.bool_()
 FURTHER = "further"  # key of a schema's metadata: what columns that depend on the study hold
 

@@ -12,19 +12,15 @@ import contextlib
 import hashlib
 import json
 import shutil
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
 
 import filelock
 
 from botohe_moo._base.files import read_bytes, replace_file
 from botohe_moo.study.file.model import StudyError
 from botohe_moo.study.store.manifest import read_manifest, tabled_manifest, write_manifest
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-    from pathlib import Path
-
-__all__ = ["AGAIN", "note_inputs", "put_study", "put_tables", "read_file", "tables_locked"]
 
 AGAIN = "run the study again to make it"
 

@@ -5,28 +5,23 @@ from __future__ import annotations
 import dataclasses
 import io
 import json
+import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from botohe_moo.mission.model import Mission
 from botohe_moo.study.file.model import StudyError
 from botohe_moo.study.store.manifest import read_manifest, saved_mission, tabled_manifest
 from botohe_moo.study.store.schemas import SCHEMAS
 from botohe_moo.study.store.table_files import AGAIN, put_tables, read_file
-
-if TYPE_CHECKING:
-    import os
-    from collections.abc import Mapping
-
-    from botohe_moo.mission.model import Mission
-    from botohe_moo.trails import TrailPlan
-
-__all__ = ["SCHEMAS", "SMALL", "StudyTables", "read_study", "write_tables"]
+from botohe_moo.trails import TrailPlan
 
 # These are written as CSV, too.
 SMALL = tuple(name for name in SCHEMAS if name not in ("trace", "fronts", "plans", "references"))
