@@ -45,11 +45,6 @@ def plot_front(
     ax
         Axes to draw on. One will be created if not given.
 
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes drawn on.
-
     Raises
     ------
     ValueError

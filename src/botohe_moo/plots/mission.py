@@ -59,11 +59,6 @@ def plot_mission(
     ax
         Axes to draw on, colour bars and legend included. One will be created if not given.
 
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes drawn on.
-
     Raises
     ------
     PlanError

@@ -37,11 +37,6 @@ def plot_pheromone(
     ax
         Axes to draw on, colour bar included. One will be created if not given.
 
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes drawn on.
-
     Raises
     ------
     ValueError

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import pandas as pd
 
@@ -38,6 +39,17 @@ class AlgorithmStyle:
     marker: str
     line: Line
     name: str = ""
+
+
+def stroke(style: AlgorithmStyle, width: float) -> dict[str, Any]:
+    """Give matplotlib's options of an algorithm's line."""
+    return {"color": style.colour, "linestyle": style.line, "linewidth": width}
+
+
+def marks(style: AlgorithmStyle, size: float, *, rim: float) -> dict[str, Any]:
+    """Give matplotlib's options of an algorithm's markers, with a white rim."""
+    edge = {"markeredgecolor": "white", "markeredgewidth": rim}
+    return {"marker": style.marker, "markersize": size, **edge}
 
 
 def algorithm_styles(labels: Iterable[str]) -> dict[str, AlgorithmStyle]:

@@ -12,7 +12,7 @@ from matplotlib.markers import TICKDOWN, TICKLEFT
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from botohe_moo._base.types import FloatArray
-from botohe_moo.plots.draw.algorithms import AlgorithmStyle, names_of
+from botohe_moo.plots.draw.algorithms import AlgorithmStyle, marks, names_of, stroke
 from botohe_moo.plots.draw.fonts import drawable
 from botohe_moo.plots.draw.labels import wrapped
 from botohe_moo.plots.draw.style import INK, MUTED
@@ -150,14 +150,9 @@ def label_ends(ax: Axes, ends: Mapping[str, float], styles: Mapping[str, Algorit
             [mark, end],
             [place, place],
             transform=ax.transAxes,
-            color=style.colour,
-            linewidth=2.0,
-            linestyle=style.line,
-            marker=style.marker,
+            **stroke(style, 2.0),
+            **marks(style, 6, rim=0.6),
             markevery=[1],
-            markersize=6,
-            markeredgecolor="white",
-            markeredgewidth=0.6,
             clip_on=False,
             gid="end",
         )

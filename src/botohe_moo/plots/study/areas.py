@@ -9,7 +9,13 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from botohe_moo.plots.draw.algorithms import AlgorithmStyle, chosen_algorithms, names_of, styles_of
+from botohe_moo.plots.draw.algorithms import (
+    AlgorithmStyle,
+    chosen_algorithms,
+    marks,
+    names_of,
+    styles_of,
+)
 from botohe_moo.plots.draw.panels import study_axes
 from botohe_moo.plots.draw.scales import dress, title_above
 from botohe_moo.plots.draw.style import INK, theme, tint
@@ -38,11 +44,6 @@ def plot_areas(
         ``area_low`` and ``area_high``.
     algorithms, styles, title, ax
         As in :func:`plot_curves`; algorithms from top to bottom.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes drawn on.
 
     Raises
     ------
@@ -84,27 +85,15 @@ def _draw_runs(ax: Axes, row: int, runs: pd.DataFrame, style: AlgorithmStyle) ->
     done = (runs["status"] == "done").to_numpy()
     areas = runs["area"].to_numpy(float)
     points: dict[str, Any] = {"linestyle": "none", "clip_on": False, "zorder": 2}
-    ax.plot(
-        areas[done],
-        places[done],
-        marker=style.marker,
-        markersize=5.0,
-        color=tint(style.colour, 0.75),
-        markeredgecolor="white",
-        markeredgewidth=0.4,
-        gid="runs",
-        **points,
-    )
-    ax.plot(
-        areas[~done],
-        places[~done],
-        marker="x",
-        markersize=5.5,
-        color=style.colour,
-        markeredgewidth=1.4,
-        gid="not done",
-        **points,
-    )
+    pale = {**marks(style, 5.0, rim=0.4), "color": tint(style.colour, 0.75)}
+    ax.plot(areas[done], places[done], gid="runs", **pale, **points)
+    crosses: dict[str, Any] = {
+        "marker": "x",
+        "markersize": 5.5,
+        "markeredgewidth": 1.4,
+        "color": style.colour,
+    }
+    ax.plot(areas[~done], places[~done], color=style.colour, gid="not done", **crosses, **points)
 
 
 def _draw_median(ax: Axes, row: int, median: float, low: float, high: float) -> None:

@@ -10,7 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from botohe_moo._base.types import FloatArray
-from botohe_moo.plots.draw.algorithms import AlgorithmStyle, names_of, styles_of
+from botohe_moo.plots.draw.algorithms import AlgorithmStyle, marks, names_of, stroke, styles_of
 from botohe_moo.plots.draw.panels import add_band, open_algorithm_axes
 from botohe_moo.plots.draw.style import theme
 from botohe_moo.plots.front import staircase
@@ -42,11 +42,6 @@ def plot_attainment(
     algorithms, styles, title, ax
         As in :func:`plot_curves`.
 
-    Returns
-    -------
-    matplotlib.axes.Axes
-        As :func:`plot_curves` gives them.
-
     Raises
     ------
     ValueError
@@ -66,7 +61,7 @@ def plot_attainment(
     return axes.first
 
 
-Surfaces = tuple["FloatArray", "FloatArray", "FloatArray"]
+Surfaces = tuple[FloatArray, FloatArray, FloatArray]
 
 
 def _surfaces(found: Mapping[int, FloatArray]) -> Surfaces:
@@ -84,13 +79,8 @@ def _draw(ax: Axes, surfaces: Surfaces, style: AlgorithmStyle, name: str, n_runs
         add_band(ax, np.concatenate([few, most[::-1]]), style.colour, 0.2)
     ax.plot(
         *half.T,
-        color=style.colour,
-        linestyle=style.line,
-        linewidth=1.6,
-        marker=style.marker,
-        markersize=5,
-        markeredgecolor="white",
-        markeredgewidth=0.5,
+        **stroke(style, 1.6),
+        **marks(style, 5, rim=0.5),
         # Not plans: a few are enough to tell the lines apart.
         markevery=max(1, len(half) // 8),
         zorder=2,
@@ -133,12 +123,13 @@ def attainment_difference(
     if np.array_equal(attainment_surface(pooled, 0), attainment_surface(pooled, 100)):
         return np.empty((0, 4)), np.empty(0)  # all alike, which moocore cannot say
     first, second = _sets(fronts), _sets(others)
-    n_first, n_second = (len(np.unique(sets[:, 2])) for sets in (first, second))
+    n_first, n_second = len(fronts), len(others)
     # Moocore gives whole steps, at most half as many as there are runs: with equally many runs
     # of both, all differences are whole.
     steps = math.lcm(n_first, n_second)
     if steps <= _MAX_STEPS:
-        first, second = _repeated(first, steps // n_first), _repeated(second, steps // n_second)
+        first = _repeated(first, n_first, steps // n_first)
+        second = _repeated(second, n_second, steps // n_second)
     else:
         steps = (n_first + n_second) // 2
     found = moocore.eafdiff(first, second, intervals=steps, maximise=True, rectangles=True)
@@ -160,7 +151,5 @@ def _sets(fronts: Iterable[FloatArray]) -> FloatArray:
     return np.concatenate(rows)
 
 
-def _repeated(sets: FloatArray, times: int) -> FloatArray:
-    n_sets = len(np.unique(sets[:, 2]))
-    copies = [sets + np.array([0.0, 0.0, n_sets * copy]) for copy in range(times)]
-    return np.concatenate(copies)
+def _repeated(sets: FloatArray, n_sets: int, times: int) -> FloatArray:
+    return np.concatenate([sets + np.array([0.0, 0.0, n_sets * copy]) for copy in range(times)])

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from botohe_moo.plots.draw.algorithms import AlgorithmStyle, styles_of
+from botohe_moo.plots.draw.algorithms import AlgorithmStyle, marks, stroke, styles_of
 from botohe_moo.plots.draw.panels import add_band, open_algorithm_axes
 from botohe_moo.plots.draw.scales import label_ends, log_axis
 from botohe_moo.plots.draw.style import theme
@@ -80,7 +79,7 @@ def plot_curves(
     Returns
     -------
     matplotlib.axes.Axes
-        The axes drawn on; those of the first panel where there are several.
+        The axes drawn on; the first panel's, where each algorithm has one.
 
     Raises
     ------
@@ -126,9 +125,8 @@ def _draw(ax: Axes, label: str, curve: Curve, style: AlgorithmStyle, many: int |
     running = ~held
     running[np.argmax(held)] = True  # both parts meet where the last record is
     alone = running.sum() == 1  # no line to be seen
-    line: dict[str, Any] = {"color": colour, "linestyle": style.line}
     steps = stairs(curve.x[running], curve.middle[running])
-    ax.plot(*steps.T, linewidth=2.0, zorder=3, label=label, gid="curve", **line)
+    ax.plot(*steps.T, **stroke(style, 2.0), zorder=3, label=label, gid="curve")
     if alone or many is not None:
         every = max(1, len(curve.x) // 6)
         at = np.arange(0 if alone or many is None else many * 29 % every, running.sum(), every)
@@ -137,17 +135,14 @@ def _draw(ax: Axes, label: str, curve: Curve, style: AlgorithmStyle, many: int |
             curve.middle[running][at],
             linestyle="none",
             color=colour,
-            marker=style.marker,
-            markersize=5.5,
-            markeredgecolor="white",
-            markeredgewidth=0.6,
             zorder=3,
             gid="marks",
+            **marks(style, 5.5, rim=0.6),
         )
     last = ax.get_xlim()[1]
     if curve.ended < last:
         end = curve.middle[[-1, -1]]
-        ax.plot([curve.ended, last], end, linewidth=1.0, zorder=2, gid="held", **line)
+        ax.plot([curve.ended, last], end, **stroke(style, 1.0), zorder=2, gid="held")
 
 
 def _area_axis(ax: Axes, curves: Sequence[Curve]) -> str:

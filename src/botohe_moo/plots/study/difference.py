@@ -26,7 +26,6 @@ from botohe_moo.plots.study.fronts import final_fronts, objective_axes
 _SHADES = 5  # as many as are told apart
 _DASHED = (0, (4, 2))
 _NAME_WIDTH = 44  # columns
-_BREAK = "\n"
 _MANY = 1_500  # more rectangles are drawn as an image in vector files, too
 
 
@@ -60,11 +59,6 @@ def plot_attainment_difference(
     axes
         The two axes to draw on. A figure with two will be created if not given.
 
-    Returns
-    -------
-    tuple of matplotlib.axes.Axes
-        The left and the right axes.
-
     Raises
     ------
     ValueError
@@ -79,12 +73,10 @@ def plot_attainment_difference(
         if axes is None:
             axes = _two_axes()
         left, right = axes
-        names = {
-            label: f"{name}{' ' if columns(name) < _NAME_WIDTH - 20 else _BREAK}reaches more often"
-            for label, name in names_of(
-                [algorithm, other], styles, _NAME_WIDTH, longest=_NAME_WIDTH
-            ).items()
-        }
+        names = names_of([algorithm, other], styles, _NAME_WIDTH, longest=_NAME_WIDTH)
+        for label, name in names.items():
+            space = " " if columns(name) < _NAME_WIDTH - 20 else "\n"
+            names[label] = f"{name}{space}reaches more often"
         sides = ((left, algorithm, mine, difference), (right, other, theirs, -difference))
         for ax, label, found, ahead in sides:
             colour = styles[label].colour

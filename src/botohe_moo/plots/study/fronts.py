@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
 from botohe_moo._base.types import FloatArray
-from botohe_moo.plots.draw.algorithms import AlgorithmStyle, chosen_algorithms, names_of, styles_of
+from botohe_moo.plots.draw.algorithms import (
+    AlgorithmStyle,
+    chosen_algorithms,
+    marks,
+    names_of,
+    stroke,
+    styles_of,
+)
 from botohe_moo.plots.draw.labels import WIDTH, columns
 from botohe_moo.plots.draw.panels import AlgorithmAxes, open_algorithm_axes
 from botohe_moo.plots.draw.scales import dress
@@ -45,11 +53,6 @@ def plot_fronts(
         Points of the reference front, columns ``reward`` and ``survivors``; a thin line.
     algorithms, styles, title, ax
         As in :func:`plot_curves`.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        As :func:`plot_curves` gives them.
 
     Raises
     ------
@@ -90,14 +93,8 @@ def _draw_reference(ax: Axes, reference: pd.DataFrame | None) -> None:
     if reference is None:
         return
     corners = staircase(reference[["reward", "survivors"]].to_numpy(float))
-    ax.plot(
-        *corners[:-1].T,
-        color=INK,
-        linewidth=0.6,
-        zorder=4,
-        label="all runs together",
-        gid="reference",
-    )
+    line: dict[str, Any] = {"color": INK, "linewidth": 0.6, "label": "all runs together"}
+    ax.plot(*corners[:-1].T, zorder=4, gid="reference", **line)
 
 
 def final_fronts(
@@ -153,24 +150,14 @@ def objective_axes(ax: Axes) -> None:
 
 
 def _draw(ax: Axes, corners: FloatArray, style: AlgorithmStyle) -> None:
-    ax.plot(
-        *corners[:-1].T,
-        color=style.colour,
-        linestyle=style.line,
-        linewidth=1.2,
-        zorder=2,
-        gid="stairs",
-    )
+    ax.plot(*corners[:-1].T, **stroke(style, 1.2), zorder=2, gid="stairs")
     # The corners that are plans: every second one, beginning at the front's upper end.
     best = corners[1:-1:2]
     ax.plot(
         *best.T,
         color=style.colour,
         linestyle="none",
-        marker=style.marker,
-        markersize=4.0,
-        markeredgecolor="white",
-        markeredgewidth=0.25,
+        **marks(style, 4.0, rim=0.25),
         clip_on=False,
         zorder=3,
         gid="front",
@@ -178,14 +165,5 @@ def _draw(ax: Axes, corners: FloatArray, style: AlgorithmStyle) -> None:
 
 
 def _add_key(ax: Axes, style: AlgorithmStyle, label: str) -> None:
-    ax.plot(
-        [],
-        [],
-        color=style.colour,
-        linestyle=style.line,
-        linewidth=1.4,
-        marker=style.marker,
-        markersize=5.5,
-        label=label,
-        gid="key",
-    )
+    mark: dict[str, Any] = {"marker": style.marker, "markersize": 5.5}
+    ax.plot([], [], **stroke(style, 1.4), **mark, label=label, gid="key")

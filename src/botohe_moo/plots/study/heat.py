@@ -34,11 +34,6 @@ def plot_heat(
     title, ax
         As in :func:`plot_curves`.
 
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes drawn on.
-
     Raises
     ------
     ValueError

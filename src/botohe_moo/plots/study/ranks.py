@@ -38,11 +38,6 @@ def plot_ranks(
     styles, title
         As in :func:`plot_curves`; the title is that of the study.
 
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes of a new figure.
-
     Raises
     ------
     ValueError

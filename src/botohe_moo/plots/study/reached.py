@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 
 from botohe_moo._base.types import FloatArray
 from botohe_moo.indicators import TIE
-from botohe_moo.plots.draw.algorithms import AlgorithmStyle, chosen_algorithms, styles_of
+from botohe_moo.plots.draw.algorithms import AlgorithmStyle, chosen_algorithms, stroke, styles_of
 from botohe_moo.plots.draw.panels import open_algorithm_axes
 from botohe_moo.plots.draw.scales import label_ends, log_axis
 from botohe_moo.plots.draw.style import theme
@@ -50,11 +50,6 @@ def plot_reached(
     algorithms, styles, title, ax
         As in :func:`plot_curves`.
 
-    Returns
-    -------
-    matplotlib.axes.Axes
-        As :func:`plot_curves` gives them.
-
     Raises
     ------
     ValueError
@@ -81,15 +76,7 @@ def plot_reached(
         log_axis(axes.first, low, high, small=not axes.in_panels)
         axes.first.set_ylim(-0.02, 1.02)
         for label, own in axes.of.items():
-            style = styles[label]
-            own.plot(
-                *lines[label].T,
-                color=style.colour,
-                linestyle=style.line,
-                linewidth=2.0,
-                zorder=3,
-                gid="reached",
-            )
+            own.plot(*lines[label].T, **stroke(styles[label], 2.0), zorder=3, gid="reached")
         axes.finish(title, words, NAMES[x], _Y)
         if not axes.in_panels:
             ends = {label: float(line[-1, 1]) for label, line in lines.items()}
