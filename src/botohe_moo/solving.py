@@ -128,14 +128,7 @@ def search(
 
     ``record`` goes into the solution: the name of the algorithm, its parameters and the mission's
     source. ``started`` is the time (``time.perf_counter()``) from which seconds are counted;
-    default: now.
-
-    Raises
-    ------
-    ValueError
-        If a number is out of its range, or the algorithm has run before.
-    RefusalError
-        If the algorithm cannot search this mission.
+    default: now. A RefusalError says why the algorithm cannot search this mission.
     """
     started = time.perf_counter() if started is None else started
     evaluations = check_integer("evaluations", evaluations, at_least=1)

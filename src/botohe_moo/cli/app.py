@@ -151,7 +151,7 @@ def _search_and_write(
     from botohe_moo._base.files import new_folder
     from botohe_moo._base.interrupts import hold_interrupt
     from botohe_moo.cli.checks import check_folder
-    from botohe_moo.cli.search_progress import progress_bar
+    from botohe_moo.cli.progress import progress_bar
     from botohe_moo.solution import PictureError
     from botohe_moo.solving import RefusalError, search
 

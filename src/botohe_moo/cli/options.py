@@ -91,13 +91,7 @@ SeedOption = Annotated[
 
 
 def read_parameters(pairs: Iterable[str]) -> dict[str, Any]:
-    """Read NAME=VALUE pairs; numbers as in Python, everything else as in YAML.
-
-    Raises
-    ------
-    ValueError
-        If a pair is malformed, or a name is given twice.
-    """
+    """Read NAME=VALUE pairs, each name once; numbers as in Python, everything else as in YAML."""
     found: dict[str, Any] = {}
     for pair in pairs:
         name, equals, value = pair.partition("=")

@@ -75,7 +75,7 @@ def run(
     there.
     """
     with ending_on_interrupt:
-        from botohe_moo.cli.study_progress import ProgressWatcher
+        from botohe_moo.cli.progress import ProgressWatcher
         from botohe_moo.study.file.loading import load_study
         from botohe_moo.study.file.model import study_folder
         from botohe_moo.study.runner import StudyInterrupted, run_study
@@ -137,7 +137,7 @@ def _outcome(tables: StudyTables) -> str:
 def plan(file: FileArgument, out: OutOption = None, workers: WorkersOption = None) -> None:
     """List the runs, what is already there, and how long the rest will take."""
     with ending_on_interrupt:
-        from botohe_moo.cli.study_progress import showing_trials
+        from botohe_moo.cli.progress import showing_trials
         from botohe_moo.study.estimate import estimate_times, time_left
         from botohe_moo.study.file.loading import load_study
         from botohe_moo.study.file.model import study_folder

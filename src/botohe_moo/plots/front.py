@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from botohe_moo._base.types import FloatArray
 from botohe_moo.mission import Mission
-from botohe_moo.plots.draw.fonts import drawable
+from botohe_moo.plots.draw.labels import drawable
 from botohe_moo.plots.draw.style import INK, MARKERS, colours, new_axes, theme, tint
 
 _CROWD = 150

@@ -22,7 +22,7 @@ from botohe_moo.plots.draw.canvas import (
     bowed_arcs,
     open_axes,
 )
-from botohe_moo.plots.draw.fonts import drawable
+from botohe_moo.plots.draw.labels import drawable
 from botohe_moo.plots.draw.lanes import draw_trails
 from botohe_moo.plots.draw.places import node_positions
 from botohe_moo.plots.draw.style import (

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from botohe_moo._base.types import FloatArray
 from botohe_moo.mission import Mission
 from botohe_moo.plots.draw.canvas import Canvas, add_colour_bar, open_axes
-from botohe_moo.plots.draw.fonts import drawable
+from botohe_moo.plots.draw.labels import drawable
 from botohe_moo.plots.draw.places import node_positions
 from botohe_moo.plots.draw.style import colour_range, pheromone_palette, theme
 

@@ -15,8 +15,8 @@ from botohe_moo.study.refresh import refresh_tables
 from botohe_moo.study.run.perform import verify
 from botohe_moo.study.run.task import Outcome
 from botohe_moo.study.store.folder import DamagedError, StudyFolder
-from botohe_moo.study.store.index import IndexedFile
 from botohe_moo.study.store.manifest import restore_study
+from botohe_moo.study.store.run_files import IndexedFile
 from botohe_moo.study.store.table_files import tables_locked
 from botohe_moo.study.store.tables import StudyTables
 

@@ -9,7 +9,7 @@ from importlib.metadata import version
 from botohe_moo.study.file.model import Run, Study
 from botohe_moo.study.run.task import PATIENCE, Task
 from botohe_moo.study.store.folder import DamagedError, StudyFolder
-from botohe_moo.study.store.index import IndexedFile, read_index
+from botohe_moo.study.store.run_files import IndexedFile, read_index
 
 
 @dataclass(frozen=True)

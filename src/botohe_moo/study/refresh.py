@@ -11,8 +11,8 @@ from pathlib import Path
 from botohe_moo.study.file.digest import canonical
 from botohe_moo.study.file.model import Study, StudyError
 from botohe_moo.study.store.folder import StudyFolder, writing
-from botohe_moo.study.store.index import IndexedFile, write_index
 from botohe_moo.study.store.manifest import read_manifest
+from botohe_moo.study.store.run_files import IndexedFile, write_index
 from botohe_moo.study.store.table_files import note_inputs
 from botohe_moo.study.store.tables import SMALL, StudyTables, read_study
 
@@ -24,8 +24,6 @@ def refresh_tables(
 
     Nobody else may make tables there meanwhile. ``finished`` holds the files of finished runs by
     digest of the run; with ``anew`` the tables are made in any case.
-
-    Raises a StudyError if the folder cannot be written to.
     """
     path, inputs = folder.path, _inputs_digest(study, folder, finished)
     with writing(path):

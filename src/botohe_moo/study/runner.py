@@ -18,8 +18,8 @@ from botohe_moo.study.run.pool import Outcomes, local_outcomes
 from botohe_moo.study.run.stopping import Stop, hold_stop
 from botohe_moo.study.run.task import PATIENCE, Outcome, Record, Task
 from botohe_moo.study.store.folder import StudyFolder
-from botohe_moo.study.store.index import IndexedFile
 from botohe_moo.study.store.manifest import read_manifest, restore_study
+from botohe_moo.study.store.run_files import IndexedFile
 from botohe_moo.study.store.table_files import tables_locked
 from botohe_moo.study.store.tables import StudyTables
 

@@ -9,8 +9,7 @@ from typing import Any
 import pandas as pd
 
 from botohe_moo._base.checks import nearest_first
-from botohe_moo.plots.draw.fonts import drawable
-from botohe_moo.plots.draw.labels import UNBROKEN, WIDTH, display_names, wrapped
+from botohe_moo.plots.draw.labels import UNBROKEN, WIDTH, display_names, drawable, wrapped
 from botohe_moo.plots.draw.style import MARKERS, Colour, colours
 
 Line = tuple[int, tuple[float, ...] | None]
@@ -82,10 +81,7 @@ def algorithm_styles(labels: Iterable[str]) -> dict[str, AlgorithmStyle]:
 def styles_of(
     algorithms: Sequence[str], styles: Mapping[str, AlgorithmStyle] | None
 ) -> Mapping[str, AlgorithmStyle]:
-    """Give the styles to draw ``algorithms`` in: those given, or new ones.
-
-    Raises a ValueError if an algorithm has no style among those given.
-    """
+    """Give the styles to draw ``algorithms`` in: those given, or new ones."""
     if styles is None:
         return algorithm_styles(algorithms)
     if absent := [label for label in algorithms if label not in styles]:
@@ -96,11 +92,7 @@ def styles_of(
 def chosen_algorithms(
     name: str, frame: pd.DataFrame, columns: Sequence[str], algorithms: Sequence[str] | None
 ) -> list[str]:
-    """Check a table of one mission, and give the algorithms to draw: all by default.
-
-    Raises a ValueError if the table lacks a column or holds several missions, or an algorithm is
-    not in it.
-    """
+    """Check a table of one mission, and give the algorithms to draw: all by default."""
     if missing := [column for column in columns if column not in frame.columns]:
         raise ValueError(f"Expected {name} with columns {tuple(columns)}, it lacks {missing}.")
     missions = list(frame["mission"].unique()) if "mission" in frame.columns else []

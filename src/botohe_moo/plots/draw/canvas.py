@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from botohe_moo._base.types import FloatArray, IntArray
 from botohe_moo.mission import Mission
-from botohe_moo.plots.draw.fonts import drawable
+from botohe_moo.plots.draw.labels import drawable
 from botohe_moo.plots.draw.style import INK, MUTED, new_axes, readable_on
 
 _MAX_LABELLED = 40

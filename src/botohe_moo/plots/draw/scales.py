@@ -13,8 +13,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from botohe_moo._base.types import FloatArray
 from botohe_moo.plots.draw.algorithms import AlgorithmStyle, marks, names_of, stroke
-from botohe_moo.plots.draw.fonts import drawable
-from botohe_moo.plots.draw.labels import wrapped
+from botohe_moo.plots.draw.labels import drawable, wrapped
 from botohe_moo.plots.draw.style import INK, MUTED
 
 _END = 10.0  # points of the letters of names right of axes

@@ -16,7 +16,7 @@ from matplotlib.colors import Colormap, LinearSegmentedColormap, Normalize, to_r
 from matplotlib.figure import Figure
 
 from botohe_moo._base.types import FloatArray
-from botohe_moo.plots.draw.fonts import families
+from botohe_moo.plots.draw.labels import families
 
 Colour = tuple[float, float, float]
 

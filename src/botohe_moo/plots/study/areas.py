@@ -87,13 +87,8 @@ def _draw_runs(ax: Axes, row: int, runs: pd.DataFrame, style: AlgorithmStyle) ->
     points: dict[str, Any] = {"linestyle": "none", "clip_on": False, "zorder": 2}
     pale = {**marks(style, 5.0, rim=0.4), "color": tint(style.colour, 0.75)}
     ax.plot(areas[done], places[done], gid="runs", **pale, **points)
-    crosses: dict[str, Any] = {
-        "marker": "x",
-        "markersize": 5.5,
-        "markeredgewidth": 1.4,
-        "color": style.colour,
-    }
-    ax.plot(areas[~done], places[~done], color=style.colour, gid="not done", **crosses, **points)
+    cross: dict[str, Any] = {"marker": "x", "markersize": 5.5, "markeredgewidth": 1.4}
+    ax.plot(areas[~done], places[~done], color=style.colour, gid="not done", **cross, **points)
 
 
 def _draw_median(ax: Axes, row: int, median: float, low: float, high: float) -> None:

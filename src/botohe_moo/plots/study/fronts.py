@@ -100,11 +100,7 @@ def _draw_reference(ax: Axes, reference: pd.DataFrame | None) -> None:
 def final_fronts(
     plans: pd.DataFrame, runs: pd.DataFrame, algorithms: Sequence[str] | None
 ) -> dict[str, dict[int, FloatArray]]:
-    """Give the final front (n_plans, 2) of every run, perhaps empty, by label and seed.
-
-    Raises a ValueError if a column is missing, there are rows of several missions, or an algorithm
-    is not known.
-    """
+    """Give the final front (n_plans, 2) of every run, perhaps empty, by label and seed."""
     labels = chosen_algorithms("runs", runs, ("algorithm", "seed", "area"), algorithms)
     point = ["reward", "survivors"]
     chosen_algorithms("plans", plans, ("algorithm", "seed", *point), None)

@@ -10,8 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
-from botohe_moo.plots.draw.fonts import drawable
-from botohe_moo.plots.draw.labels import columns, wrapped
+from botohe_moo.plots.draw.labels import columns, drawable, wrapped
 from botohe_moo.plots.draw.panels import study_axes
 from botohe_moo.plots.draw.scales import title_above
 from botohe_moo.plots.draw.style import INK, colour_range, readable_on, reward_palette, theme

@@ -67,10 +67,7 @@ def progress_curves(
 def records_of(
     trace: pd.DataFrame, x: Progress, value: Value, labels: Sequence[str]
 ) -> dict[str, list[FloatArray]]:
-    """Give the records of every run, pairs of x and value, for each label that has any, by seed.
-
-    Raises a ValueError if an ``x`` is negative or not finite.
-    """
+    """Give the records of every run, pairs of x and value, for each label that has any, by seed."""
     number = {label: i for i, label in enumerate(labels)}
     owner = trace["algorithm"].map(number).to_numpy(float, na_value=np.nan)
     values = trace[value].to_numpy(float, na_value=np.nan)

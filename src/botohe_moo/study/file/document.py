@@ -79,15 +79,9 @@ def _refused(node: Any, problem: str) -> _RefusedError:
 
 @dataclass(frozen=True, order=True)
 class Fault:
-    """Something wrong in a line of a document.
+    """Something wrong in a line of a document."""
 
-    Attributes
-    ----------
-    line, message
-        The line, counted from 1, and what is wrong there.
-    """
-
-    line: int
+    line: int  # from 1
     message: str
 
 

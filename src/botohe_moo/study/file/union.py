@@ -24,11 +24,7 @@ _COMMON = ("name", "recording", "indicators", "comparison")  # must be the same 
 
 
 def unite_studies(paths: Sequence[Path], studies: Sequence[Study]) -> Study:
-    """Give the study that has the missions, algorithms and seeds of all.
-
-    Raises a StudyError if they are not parts of one study, or it would be too large; names both
-    folders.
-    """
+    """Give the study that has the missions, algorithms and seeds of all."""
     first = studies[0]
     for path, study in zip(paths[1:], studies[1:], strict=True):
         for name in _COMMON:

@@ -13,8 +13,8 @@ import pandas as pd
 
 from botohe_moo._base.checks import check_number, nearest_first
 from botohe_moo._base.types import FloatArray
-from botohe_moo.study.judge.pairs import a12, a12_interval, holm, mann_whitney, smallest_p
 from botohe_moo.study.judge.scores import as_table, merge_ties, samples_of, sign_of
+from botohe_moo.study.judge.statistics import a12, a12_interval, holm, mann_whitney, smallest_p
 
 _DECIMALS = 12  # to which an effect is rounded: it is computed, and 0.56 may be 0.5599999
 _EFFECTS = ((0.71, "large"), (0.64, "medium"), (0.56, "small"), (0.0, "negligible"))
@@ -35,9 +35,6 @@ def compare_algorithms(
     as ties. With a ``control``, all others are compared with it; without one, all pairs are
     compared. If one side has no run, as in a study that was interrupted, there is no row; if it has
     a single one, there is no test, and the pair does not count for Holm's correction.
-
-    Raises a ValueError if ``control`` is not among ``algorithms``, ``significance`` is out of
-    range, an indicator is not known, or a value is NaN or infinite.
     """
     level = check_number("significance", significance, above=0.0, below=1.0)
     if control is not None and control not in algorithms:

@@ -14,8 +14,8 @@ from scipy import stats
 from botohe_moo._base.checks import check_number
 from botohe_moo._base.types import FloatArray
 from botohe_moo.study.judge.comparisons import p_text
-from botohe_moo.study.judge.resampling import friedman, generator_for
 from botohe_moo.study.judge.scores import as_table, best_first, samples_of, sign_of
+from botohe_moo.study.judge.statistics import friedman, generator_for
 
 MIN_ALGORITHMS = 3
 MIN_BLOCKS = 5
@@ -37,9 +37,6 @@ def rank_algorithms(
     that are the same under several labels, with other budgets or survival floors: they are one
     block, and there is no test then. The column ``note`` says why there is no test. Missions where
     an algorithm has no run, as in a study that was interrupted, are left out and counted there.
-
-    Raises a ValueError if ``significance`` is out of range, an indicator is not known, or a value
-    is NaN or infinite.
     """
     level = check_number("significance", significance, above=0.0, below=1.0)
     by_indicator: dict[str, dict[str, dict[str, FloatArray]]] = {}

@@ -10,7 +10,6 @@ import jinja2
 import pandas as pd
 
 from botohe_moo.study.report.figures import ReportFigure
-from botohe_moo.study.report.matrix import matrix
 from botohe_moo.study.report.page_tables import (
     TextTable,
     comparison_table,
@@ -21,7 +20,7 @@ from botohe_moo.study.report.page_tables import (
     summary_table,
     target_table,
 )
-from botohe_moo.study.report.standing import leader, standing
+from botohe_moo.study.report.standing import leader, matrix, standing
 from botohe_moo.study.report.words import (
     INDICATORS,
     budget_words,

@@ -39,9 +39,6 @@ def dask_outcomes(tasks: Sequence[Task], *, address: str, stopped: Callable[[], 
     have another version of them, get no runs, and a warning says so; so it is with workers that
     join later. ``stopped`` is asked five times a second; when it is true, waiting runs are
     cancelled, and the others are not waited for.
-
-    Raises a StudyError if ``distributed`` is not installed, or the scheduler does not answer, or no
-    longer does.
     """
     with _connected(address) as client:
         cluster = _Cluster(client, address, deque(tasks))

@@ -69,11 +69,7 @@ class MeteredBOTOHE(CountedBOTOHE):
         self.archive = PlanArchive(mission.robots)
 
     def evaluate_batch(self, batch: PlanBatch) -> FloatArray:
-        """Compute the objectives of many plans.
-
-        Raises a BudgetSpentError if the budget does not allow all of them; those that it allows are
-        archived. Raises a PlanError if a plan is not valid.
-        """
+        """Compute the objectives of plans; a BudgetSpentError if not all of them are allowed."""
         allowed = batch[: max(self.evaluations - self.meter.spent, 0)]
         F = super().evaluate_batch(allowed)
         feasible, objectives = allowed, -F

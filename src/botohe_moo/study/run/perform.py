@@ -126,9 +126,6 @@ def verify(task: Task, plans: PlanBatch, claimed: FloatArray) -> None:
     """Evaluate a final front again; no algorithm's objectives are trusted.
 
     ``claimed`` are E[R] and E[S] according to the algorithm, shape (n, 2).
-
-    Raises a ValueError if a plan is not valid or has other objectives, or a robot is below the
-    survival floor.
     """
     found = task.mission.evaluate(plans)
     wrong = np.flatnonzero(~np.isclose(found, claimed, rtol=1e-9, atol=1e-12).all(axis=1))

@@ -29,10 +29,7 @@ def write_manifest(folder: Path, manifest: Mapping[str, Any]) -> None:
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """Read the manifest of the study in a folder.
-
-    Raises a StudyError if the folder holds no study, or the file is damaged.
-    """
+    """Read the manifest of the study in a folder."""
     path = folder / MANIFEST
     try:
         content: dict[str, Any] = json.loads(read_bytes(path))
@@ -77,9 +74,6 @@ def restore_study(folder: Path) -> Study:
 
     No code is called: missions are read from the folder, and the packages that algorithms come
     from need not be installed.
-
-    Raises a StudyError if the folder holds no study, or its manifest or a mission is damaged; names
-    the file.
     """
     manifest = read_manifest(folder)
     path = folder / MANIFEST

@@ -32,11 +32,7 @@ _OF_TABLES = ("tables", "made_from", "previous")  # keys that speak of tables, n
 
 @contextlib.contextmanager
 def tables_locked(folder: Path) -> Iterator[None]:
-    """Keep other processes from making the tables, and finish a replacement that was killed.
-
-    Raises a StudyError if another process is making them and does not end, or the folder cannot be
-    written to.
-    """
+    """Keep other processes from making the tables, and finish a replacement that was killed."""
     lock = filelock.FileLock(folder / ".tables.lock")
     try:
         lock.acquire(timeout=_LONGEST_WAIT)
@@ -75,10 +71,7 @@ def _study_of(manifest: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def put_tables(folder: Path, files: Mapping[str, bytes], manifest: Mapping[str, Any]) -> None:
-    """Replace the tables by new files, in one step; the manifest gets their digests.
-
-    Raises an OSError if the folder cannot be written to: then nothing has changed.
-    """
+    """Replace the tables by new files in one step; the manifest gets their digests."""
     digests = {
         name.removesuffix(".parquet"): hashlib.sha256(data).hexdigest()
         for name, data in files.items()
@@ -103,10 +96,7 @@ def note_inputs(folder: Path, digest: str) -> None:
 
 
 def read_file(folder: Path, name: str, digests: Mapping[str, str]) -> bytes:
-    """Read the file of a table, whose digest the manifest has.
-
-    Raises a StudyError if there is no such file, or it has another digest.
-    """
+    """Read the file of a table, whose digest the manifest has."""
     missing = True
     for path in (folder / name, _new_folder(folder, digests) / name):
         try:

@@ -193,12 +193,7 @@ def _label(value: Any) -> Any:
 
 
 def to_arrow(name: str, frame: pd.DataFrame) -> pa.Table:
-    """Check a table's columns and types.
-
-    Raises a StudyError if a column is missing or too many, of another type, or lacks values it has
-    to have. Further columns of ``missions`` and ``algorithms`` may be texts, integers, numbers or
-    flags.
-    """
+    """Check a table's columns and types; those that depend on the study may have several types."""
     schema = SCHEMAS[name]
     columns = list(frame.columns)
     n_further = len(columns) - len(schema) if schema.metadata else 0
@@ -221,11 +216,7 @@ def to_arrow(name: str, frame: pd.DataFrame) -> pa.Table:
 def write_tables(
     folder: Path, tables: Mapping[str, pd.DataFrame], manifest: Mapping[str, Any]
 ) -> None:
-    """Write tables as Parquet, the small ones as CSV, too, and the manifest that vouches for them.
-
-    Raises a StudyError if a table is not of its schema; nothing is written then. Raises an OSError
-    if the folder cannot be written to.
-    """
+    """Check tables; write them as Parquet, the small ones as CSV, too, and their manifest."""
     checked = {name: to_arrow(name, frame) for name, frame in tables.items()}
     files = {}
     for name, table in checked.items():
