@@ -1,7 +1,5 @@
 """From a mission and an algorithm to a front, in one call."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import threading

@@ -1,7 +1,5 @@
 """What is checked before a search: that its results can be written and drawn."""
 
-from __future__ import annotations
-
 import contextlib
 import tempfile
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Messages and exit statuses of commands, which never end with a traceback."""
 
-from __future__ import annotations
-
 import errno
 import gc
 import logging

@@ -1,7 +1,5 @@
 """The picture of a front: what plans are expected to bring, and the area they dominate."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The picture of a mission: rewards, dangers, base and team, and the trails of a plan."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 from typing import Any

@@ -1,7 +1,5 @@
 """The picture of a colony's memory: how much pheromone lies on every arc."""
 
-from __future__ import annotations
-
 from typing import Literal, get_args
 
 import numpy as np

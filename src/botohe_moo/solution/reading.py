@@ -1,7 +1,5 @@
 """Reading the folder of a solution; nothing in it is executed or unpickled."""
 
-from __future__ import annotations
-
 import json
 import os
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Estimating how long the missing runs of a study will take, by finished runs and trials."""
 
-from __future__ import annotations
-
 import heapq
 import statistics
 import time

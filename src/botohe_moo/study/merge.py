@@ -1,7 +1,5 @@
 """Merging the results that several machines have of one study."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The plan of a study: its runs, and which of them are finished already."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import version

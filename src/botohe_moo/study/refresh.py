@@ -1,7 +1,5 @@
 """Making a study's tables again where their inputs have changed."""
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import hashlib

@@ -1,7 +1,5 @@
 """Running a study: missing runs are performed, and the tables are made."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal

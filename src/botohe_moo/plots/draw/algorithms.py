@@ -1,7 +1,5 @@
 """How algorithms look: the same colour, marker and line in every figure of a report."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Texts in pictures: letters that can be drawn, short names that differ, and line breaks."""
 
-from __future__ import annotations
-
 import re
 import unicodedata
 from collections import Counter, defaultdict

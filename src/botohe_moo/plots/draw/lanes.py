@@ -1,7 +1,5 @@
 """Drawing trails side by side: robots that use the same arc have lanes along it."""
 
-from __future__ import annotations
-
 from collections import Counter
 from itertools import pairwise
 

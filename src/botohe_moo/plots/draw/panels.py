@@ -1,7 +1,5 @@
 """Figures of a study's plots: all algorithms on the same axes, or each on a panel of its own."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 

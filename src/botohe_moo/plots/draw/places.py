@@ -1,7 +1,5 @@
 """Where nodes lie on paper; without matplotlib, so that places are checked before a search."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import networkx as nx

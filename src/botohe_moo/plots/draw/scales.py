@@ -1,7 +1,5 @@
 """Axes of a study's plots: logarithmic scales, labels at the ends of curves, titles."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Literal
 

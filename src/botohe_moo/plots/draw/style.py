@@ -1,7 +1,5 @@
 """Palettes, the theme, and saving of pictures."""
 
-from __future__ import annotations
-
 import os
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """The picture of the final areas of all runs on a mission."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Empirical attainment: the share of runs that reach a reward and a number of survivors."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping, Sequence
 

@@ -1,7 +1,5 @@
 """The picture of how the area of fronts grows, or their distance shrinks, while algorithms run."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The picture of where one algorithm reaches more often than another."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """The picture of what algorithms have found on a mission: fronts of their median runs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The picture of a grid of two parameters: the median of every combination."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The progress of runs: medians and bands over a common grid."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args

@@ -1,7 +1,5 @@
 """The critical-difference diagram: average ranks, and whose differences may be chance."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

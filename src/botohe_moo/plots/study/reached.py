@@ -1,7 +1,5 @@
 """The picture of the share of targets that runs have reached, over time."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

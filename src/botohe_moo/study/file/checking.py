@@ -1,7 +1,5 @@
 """The content of a study file, checked: shapes, names, parameters, missions, grids."""
 
-from __future__ import annotations
-
 import os
 import unicodedata
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """The study file: what may stand in it, as pydantic models and as a JSON Schema."""
 
-from __future__ import annotations
-
 import json
 from collections import Counter
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Values of a study file as texts and digests that are the same wherever the values are."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from typing import Any

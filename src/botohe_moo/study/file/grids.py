@@ -1,7 +1,5 @@
 """Expanding grids: every combination of their values, with a label of its own."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterator, Mapping

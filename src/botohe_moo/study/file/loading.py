@@ -1,7 +1,5 @@
 """Reading a study file: all of it is checked before anything runs."""
 
-from __future__ import annotations
-
 import json
 import os
 import warnings

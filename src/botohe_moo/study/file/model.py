@@ -1,7 +1,5 @@
 """A study as data: its missions, algorithms and runs, and what each run's result depends on."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 import os

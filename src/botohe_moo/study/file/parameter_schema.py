@@ -3,8 +3,6 @@
 Those of other packages are not in it, so that it is the same everywhere.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What is wrong with the shape of a study file's content: keys, types, ranges, in its own words."""
 
-from __future__ import annotations
-
 import difflib
 import json
 import types

@@ -1,7 +1,5 @@
 """Syntax errors of YAML, explained to the author of a study file."""
 
-from __future__ import annotations
-
 import re
 from typing import Any
 

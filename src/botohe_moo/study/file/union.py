@@ -1,7 +1,5 @@
 """One study made of several that share its settings: their missions, algorithms and seeds."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Versions of the code that results depend on."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Mapping
 from importlib.metadata import version

@@ -1,7 +1,5 @@
 """Making a study's tables of the files of its runs."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 from collections.abc import Iterable, Iterator, Sequence

@@ -1,7 +1,5 @@
 """The table ``comparisons``: pairwise tests of algorithms on each mission, and verdicts."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """The tables ``ranks`` and ``posthoc``: ranks over missions, tested by Friedman and Nemenyi."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from itertools import combinations

@@ -1,7 +1,5 @@
 """Scores of fronts: reference fronts, and the indicators of every run and record."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass

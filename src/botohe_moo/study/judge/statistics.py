@@ -1,7 +1,5 @@
 """Statistics of samples: tests, effect sizes, intervals, and correction for several tests."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 from typing import Any

@@ -1,7 +1,5 @@
 """The folder of a study's report: LaTeX tables, figures, and one page with all of it."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The tables of a report in LaTeX, as wide as the text, and broken across pages."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass

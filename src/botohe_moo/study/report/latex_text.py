@@ -1,7 +1,5 @@
 """Text in LaTeX: characters that pdflatex prints, line breaks, and widths."""
 
-from __future__ import annotations
-
 import re
 import unicodedata
 

@@ -1,7 +1,5 @@
 """The page of a report: one HTML file with figures and styles in it."""
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Mapping, Sequence
 from typing import Any

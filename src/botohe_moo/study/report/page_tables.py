@@ -1,7 +1,5 @@
 """The tables of a report's page, with their cells as text."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

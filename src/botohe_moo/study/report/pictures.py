@@ -1,7 +1,5 @@
 """The pictures of one mission in a report, with their captions."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """How algorithms compare on a mission, and the matrix of all missions that opens a report."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Numbers and outcomes of a study as text, for its report."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any

@@ -4,8 +4,6 @@ It reads tasks from its standard input and writes messages to its standard outpu
 that started it ends.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import random

@@ -1,7 +1,5 @@
 """Performing runs on a Dask cluster; workers without the same code get none."""
 
-from __future__ import annotations
-
 import operator
 import pkgutil
 import queue

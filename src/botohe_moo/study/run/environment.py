@@ -1,7 +1,5 @@
 """Where runs run: versions, machine, settings of thread pools."""
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import json

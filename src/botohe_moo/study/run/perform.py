@@ -1,7 +1,5 @@
 """Performing one run: from a task to records and an outcome."""
 
-from __future__ import annotations
-
 import math
 import traceback
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Workers of this machine: threads, each of which performs its runs in a sandbox."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Generator, Sequence
 

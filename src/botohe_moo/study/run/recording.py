@@ -1,7 +1,5 @@
 """When a run's front is recorded, and how."""
 
-from __future__ import annotations
-
 import bisect
 import math
 import sys

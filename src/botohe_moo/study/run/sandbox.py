@@ -1,7 +1,5 @@
 """A process for runs: one that hangs, crashes or fills the memory loses no other run."""
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import math

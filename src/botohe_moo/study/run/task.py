@@ -1,7 +1,5 @@
 """What a study and its workers exchange: tasks, records, outcomes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A study's folder: a file for each finished run, which is there whole or not at all."""
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import json

@@ -1,7 +1,5 @@
 """The columns of a study's tables: names, types and meanings."""
 
-from __future__ import annotations
-
 import pyarrow as pa
 
 TEXT, INTEGER, NUMBER, FLAG = pa.string(), pa.int64(), pa.float64(), pa.bool_()

@@ -6,8 +6,6 @@ were. A reader looks in both places, so the tables that the manifest names are t
 moment, even after a kill.
 """
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import json

@@ -1,7 +1,5 @@
 """The tables of a study: their columns, how they are written, and how they are read again."""
 
-from __future__ import annotations
-
 import dataclasses
 import io
 import json
