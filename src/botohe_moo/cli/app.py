@@ -39,15 +39,7 @@ with ending_on_interrupt:
         mission_source,
         read_parameters,
     )
-    from botohe_moo.cli.shell import (
-        BAD_INPUT,
-        FAILED,
-        fail,
-        failing,
-        run,
-        say,
-        tell,
-    )
+    from botohe_moo.cli.shell import BAD_INPUT, FAILED, fail, failing, run, say, tell
     from botohe_moo.cli.study import study_app
 
 if TYPE_CHECKING:
@@ -59,10 +51,7 @@ if TYPE_CHECKING:
 _STOPPING = "stopping; what was found will be written. Press Ctrl-C again to break off."
 
 app = typer.Typer(
-    name="botohe",
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
+    name="botohe", no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False
 )
 missions_app = typer.Typer(invoke_without_command=True)
 app.add_typer(missions_app, name="missions")

@@ -79,11 +79,7 @@ EvaluationsOption = Annotated[
 SeedOption = Annotated[
     int,
     typer.Option(
-        "--seed",
-        "-s",
-        metavar="S",
-        parser=integer(at_least=0),
-        help="Seed of the random numbers.",
+        "--seed", "-s", metavar="S", parser=integer(at_least=0), help="Seed of the random numbers."
     ),
 ]
 

@@ -160,10 +160,7 @@ class Solution:
         return json.dumps(content, indent=1, default=_plain) + "\n"
 
     def write(
-        self,
-        folder: str | os.PathLike[str],
-        *,
-        before_pictures: Callable[[], object] | None = None,
+        self, folder: str | os.PathLike[str], *, before_pictures: Callable[[], object] | None = None
     ) -> list[Path]:
         """Write ``front.csv``, ``plans.json``, ``mission.json``, ``front.png`` and ``mission.png``.
 

@@ -21,9 +21,7 @@ _MAX_BYTES = 1_000_000
 
 
 def load_study(
-    source: str | os.PathLike[str] | Mapping[str, Any],
-    *,
-    out: str | os.PathLike[str] | None = None,
+    source: str | os.PathLike[str] | Mapping[str, Any], *, out: str | os.PathLike[str] | None = None
 ) -> Study:
     """Read a study file and check all it says, before anything runs.
 

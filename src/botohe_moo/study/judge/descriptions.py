@@ -61,11 +61,7 @@ def algorithm_table(manifest: Mapping[str, Any]) -> pd.DataFrame:
 
 
 def _widened(
-    name: str,
-    rows: list[dict[str, Any]],
-    parameters: Sequence[Mapping[str, Any]],
-    *,
-    prefix: str,
+    name: str, rows: list[dict[str, Any]], parameters: Sequence[Mapping[str, Any]], *, prefix: str
 ) -> pd.DataFrame:
     """Add a column for each parameter, in the order of appearance."""
     table = as_table(name, rows)

@@ -5,13 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from botohe_moo.study.report.latex_text import breakable, escape_latex, width
-from botohe_moo.study.report.words import (
-    INDICATORS,
-    comparison_cells,
-    count,
-    fixed,
-    summary_cells,
-)
+from botohe_moo.study.report.words import INDICATORS, comparison_cells, count, fixed, summary_cells
 from botohe_moo.study.store.tables import StudyTables
 
 _NEEDS = r"% Needs \usepackage{array,booktabs,longtable} and \usepackage[T1]{fontenc}."
@@ -82,11 +76,7 @@ def ranks_latex(tables: StudyTables) -> str:
     groups = []
     for indicator, rows in tables.ranks.groupby("indicator", sort=False):
         cells = [
-            [
-                breakable(row["algorithm"]),
-                fixed(row["average_rank"], 2),
-                count(row["n_missions"]),
-            ]
+            [breakable(row["algorithm"]), fixed(row["average_rank"], 2), count(row["n_missions"])]
             for row in rows.to_dict("records")
         ]
         name = INDICATORS.get(str(indicator), str(indicator))

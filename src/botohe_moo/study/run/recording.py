@@ -38,10 +38,7 @@ class Recorder:
         self._send = send
         self._whole = task.seconds is not None  # it may be killed before it can send its plans
         self._counts = record_counts(
-            evaluations=task.evaluations,
-            per_decade=task.per_decade,
-            start=task.start,
-            at=task.at,
+            evaluations=task.evaluations, per_decade=task.per_decade, start=task.start, at=task.at
         )
         self._next = self._counts[0]
         self.recording = 0.0

@@ -141,11 +141,7 @@ SCHEMAS: dict[str, pa.Schema] = {
         ("target", NUMBER, "the area that this is"),
         ("n", INTEGER, "runs"),
         ("n_reached", INTEGER, "runs with a recorded front of at least this area"),
-        (
-            "evaluations_median",
-            NUMBER,
-            "median evaluations to it, of all runs; missing if endless",
-        ),
+        ("evaluations_median", NUMBER, "median evaluations to it, of all runs; missing if endless"),
         ("seconds_median", NUMBER, "median of the algorithm's own time to it; missing if endless"),
         optional=("evaluations_median", "seconds_median"),
     ),
