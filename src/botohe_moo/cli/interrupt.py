@@ -13,10 +13,7 @@ _DEFAULTS = (signal.default_int_handler, signal.SIG_DFL)
 
 
 def end_on_interrupt() -> None:
-    """Let Ctrl-C end the process, unless it has another handler than Python's.
-
-    Imports would print its traceback, and some libraries swallow it.
-    """
+    """Let Ctrl-C end the process, unless it has a handler already; imports would swallow it."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _end)
 

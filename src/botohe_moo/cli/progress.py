@@ -81,10 +81,7 @@ _STEPS = 1_000  # of a run, so that the bar moves within one
 
 @contextmanager
 def showing_trials(say: Callable[[str], None]) -> Iterator[Callable[[str], None]]:
-    """Show on standard error what is tried: in a line that changes, or in one now and then.
-
-    Yields what takes the words to show.
-    """
+    """Show the words given to what it yields, in a line that changes, or in one now and then."""
     if is_terminal():
         from rich.console import Console
 

@@ -115,14 +115,8 @@ def _outcome(tables: StudyTables) -> str:
             lines.append(f"{mission}\nno runs yet")
             continue
         shown = rows[["algorithm", "n", "area_median", "area_low", "area_high", "seconds_median"]]
-        shown = shown.rename(
-            columns={
-                "n": "runs",
-                "area_median": "median area",
-                "area_low": "low",
-                "area_high": "high",
-                "seconds_median": "seconds",
-            }
+        shown = shown.set_axis(
+            ["algorithm", "runs", "median area", "low", "high", "seconds"], axis=1
         )
         formats = {"seconds": "{:.2f}".format}
         with option_context("display.unicode.east_asian_width", True):
@@ -172,15 +166,8 @@ def _plan_table(estimates: list[Estimate]) -> str:
 
     header = ("mission", "algorithm", "runs", "there", "failed", "each takes")
     rows = [
-        (
-            estimate.mission,
-            estimate.algorithm,
-            str(estimate.n_runs),
-            str(estimate.n_there),
-            str(estimate.n_failed),
-            _each(estimate),
-        )
-        for estimate in estimates
+        (e.mission, e.algorithm, *map(str, (e.n_runs, e.n_there, e.n_failed)), _each(e))
+        for e in estimates
     ]
     widths = [max(map(cell_len, column)) for column in zip(header, *rows, strict=True)]
     return "\n".join("  ".join(map(set_cell_size, row, widths)).rstrip() for row in (header, *rows))

@@ -14,9 +14,8 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from botohe_moo.mission import Mission
-from botohe_moo.plots.draw.canvas import Canvas, add_colour_bar, bowed_arcs, open_axes
+from botohe_moo.plots.draw.canvas import Canvas, add_colour_bar, bowed_arcs, draw_trails, open_axes
 from botohe_moo.plots.draw.labels import drawable
-from botohe_moo.plots.draw.lanes import draw_trails
 from botohe_moo.plots.draw.places import node_positions
 from botohe_moo.plots.draw.style import (
     MUTED,

@@ -110,10 +110,7 @@ class _Trial:
         self._shared_start: float | None = None
 
     def of(self, run: Run) -> tuple[float | None, bool, float]:
-        """Give the seconds of a run, None if unknown, whether it may take less, and its start's.
-
-        The start is that of the run's own process: 0 seconds where it has none.
-        """
+        """Give a run's seconds, whether it may take less, and the start of its own process."""
         outcome = None
         if run.algorithm.label not in self._compiled:
             outcome = self._perform(run, _FIRST_SECONDS, _COMPILING_SECONDS)
@@ -129,10 +126,7 @@ class _Trial:
         return *_whole(run.mission.budget, outcome), start
 
     def shared_start(self, run: Run) -> float:
-        """Give the seconds until a worker's process begins with a run, measured once.
-
-        Nothing may be compiled for the run, so it has to be one that was tried.
-        """
+        """Give the seconds until a worker's process begins with a run that was tried before."""
         if self._shared_start is None:
             sandbox = Sandbox()
             started = time.perf_counter()

@@ -37,8 +37,6 @@ def drawable(text: str) -> str:
 
     So two texts still differ. White space of any kind becomes a space.
 
-    Examples
-    --------
     >>> drawable("tab\there, bell\a")
     'tab here, bell[U+0007]'
     """
@@ -83,8 +81,6 @@ _GLUE = "\x00"  # stands for a space that no line may be broken at
 def parsed_label(label: str) -> tuple[str, Pairs]:
     """Split the label of a grid's member into the family, and its parameters with their values.
 
-    Examples
-    --------
     >>> parsed_label("BO-ACO (n_ants=50, evaporation=0.1)")
     ('BO-ACO', (('n_ants', '50'), ('evaporation', '0.1')))
     >>> parsed_label("random")
@@ -103,8 +99,6 @@ def display_names(labels: Iterable[str]) -> dict[str, str]:
     Values that all members of a grid share are left out. No value is cut, and names that would look
     alike are numbered.
 
-    Examples
-    --------
     >>> display_names(["A (n=1, m=2)", "A (n=3, m=2)", "B"])
     {'A (n=1, m=2)': 'A (n=1)', 'A (n=3, m=2)': 'A (n=3)', 'B': 'B'}
     """
@@ -120,19 +114,18 @@ def display_names(labels: Iterable[str]) -> dict[str, str]:
         told = [f"{key}={value}" for key, value in pairs if (key, value) not in common]
         names[label] = drawable(f"{family} ({', '.join(told)})" if told else family)
     # If two names are alike now, the whole labels may differ.
-    for label in _alike(names):
-        names[label] = drawable(label)
-    return _numbered(names)
+    looks = Counter(map(_looks, names.values()))
+    return _numbered(
+        {
+            label: drawable(label) if looks[_looks(name)] > 1 else name
+            for label, name in names.items()
+        }
+    )
 
 
 def _looks(name: str) -> str:
     """Normalise a name to its look: combined letters, single spaces."""
     return " ".join(unicodedata.normalize("NFC", name).split())
-
-
-def _alike(names: dict[str, str]) -> list[str]:
-    found = Counter(map(_looks, names.values()))
-    return [label for label, name in names.items() if found[_looks(name)] > 1]
 
 
 def _numbered(names: dict[str, str]) -> dict[str, str]:
@@ -162,8 +155,6 @@ def wrapped(name: str, width: int = WIDTH, *, longest: int = UNBROKEN) -> str:
 
     Only words and values of more than ``longest`` columns are broken.
 
-    Examples
-    --------
     >>> print(wrapped("BO-ACO (n_ants=50, evaporation=0.04)", 24))
     BO-ACO (n_ants=50,
     evaporation=0.04)

@@ -12,16 +12,9 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from botohe_moo._base.types import FloatArray
 from botohe_moo.plots.draw.algorithms import AlgorithmStyle, marks, names_of, stroke
 from botohe_moo.plots.draw.labels import drawable, wrapped
-from botohe_moo.plots.draw.style import INK, MUTED
+from botohe_moo.plots.draw.style import INK, MUTED, dress
 
 _END = 10.0  # points of the letters of names right of axes
-
-
-def dress(ax: Axes) -> None:
-    """Give axes the grid and the frame of all plots."""
-    ax.grid(color="0.92", linewidth=0.8)
-    ax.set_axisbelow(True)
-    ax.spines[["top", "right"]].set_visible(False)
 
 
 def log_axis(
@@ -175,8 +168,6 @@ def spread(
     The least sum of squared moves: neighbours that are too close share their mean (pool adjacent
     violators). A ``gap`` may also be the height of each place. Without room for all, they exceed 1.
 
-    Examples
-    --------
     >>> spread([0.5, 0.5, 0.9], 0.2).round(9).tolist()
     [0.4, 0.6, 0.9]
     """

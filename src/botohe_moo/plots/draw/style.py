@@ -142,6 +142,13 @@ def new_axes(width: float, height: float) -> Axes:
     return ax
 
 
+def dress(ax: Axes) -> None:
+    """Give axes the grid and the frame of all plots."""
+    ax.grid(color="0.92", linewidth=0.8)
+    ax.set_axisbelow(True)
+    ax.spines[["top", "right"]].set_visible(False)
+
+
 def save_figure(
     fig: Figure, path: str | os.PathLike[str], *others: str | os.PathLike[str], dpi: int = DPI
 ) -> None:
@@ -218,7 +225,7 @@ def _without_names(fig: Figure) -> Iterator[None]:
 
 
 def save_plot(ax: Axes, path: str | os.PathLike[str], *others: str | os.PathLike[str]) -> None:
-    """Write the figure that ``ax`` is in, as ``save_figure`` does, and close it.
+    """Write the figure that ``ax`` is in, as :func:`save_figure` does, and close it.
 
     Parameters
     ----------
@@ -228,11 +235,6 @@ def save_plot(ax: Axes, path: str | os.PathLike[str], *others: str | os.PathLike
         File to write or to replace, PNG, PDF or SVG by its name; its folder exists already.
     *others
         Further files to write.
-
-    Raises
-    ------
-    ValueError
-        If a path does not end in ``.png``, ``.pdf`` or ``.svg``.
     """
     figure = ax.get_figure(root=True)
     if figure is None:

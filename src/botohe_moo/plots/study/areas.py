@@ -15,8 +15,8 @@ from botohe_moo.plots.draw.algorithms import (
     styles_of,
 )
 from botohe_moo.plots.draw.panels import study_axes
-from botohe_moo.plots.draw.scales import dress, title_above
-from botohe_moo.plots.draw.style import INK, theme, tint
+from botohe_moo.plots.draw.scales import title_above
+from botohe_moo.plots.draw.style import INK, dress, theme, tint
 
 _GOLDEN = (5**0.5 - 1) / 2  # its multiples spread evenly, whatever their number
 
@@ -62,7 +62,10 @@ def plot_areas(
         dress(ax)
         for row, label in enumerate(labels):
             _draw_runs(ax, row, runs[runs["algorithm"] == label], styles[label])
-            _draw_median(ax, row, *medians.loc[label, list(interval[1:])].to_numpy(float))
+            median, *ends = medians.loc[label, list(interval[1:])].to_numpy(float)
+            above = row - 0.28  # where it hides no run
+            ax.plot(ends, [above] * 2, color=INK, linewidth=1.8, zorder=3, gid="interval")
+            ax.plot([median], [above], color=INK, marker="d", markersize=6, zorder=4, gid="median")
         ax.set_yticks(range(len(labels)), list(names.values()))
         ax.set_ylim(len(labels) - 0.4, -0.6)
         ax.tick_params(axis="y", length=0)
@@ -87,9 +90,3 @@ def _draw_runs(ax: Axes, row: int, runs: pd.DataFrame, style: AlgorithmStyle) ->
     ax.plot(areas[done], places[done], gid="runs", **pale, **points)
     cross: dict[str, Any] = {"marker": "x", "markersize": 5.5, "markeredgewidth": 1.4}
     ax.plot(areas[~done], places[~done], color=style.colour, gid="not done", **cross, **points)
-
-
-def _draw_median(ax: Axes, row: int, median: float, low: float, high: float) -> None:
-    above = row - 0.28  # where it hides no run
-    ax.plot([low, high], [above, above], color=INK, linewidth=1.8, zorder=3, gid="interval")
-    ax.plot([median], [above], color=INK, marker="d", markersize=6, zorder=4, gid="median")

@@ -14,7 +14,6 @@ from botohe_moo.plots.draw.style import theme
 from botohe_moo.plots.front import staircase
 from botohe_moo.plots.study.fronts import final_fronts, finish_objectives
 
-_BAND = (25, 75)
 _MAX_STEPS = 120  # more would take half a minute
 
 
@@ -65,8 +64,7 @@ Surfaces = tuple[FloatArray, FloatArray, FloatArray]
 def _surfaces(found: Mapping[int, FloatArray]) -> Surfaces:
     """Give what a quarter of the runs reach, what half and what three quarters."""
     few, half, most = (
-        staircase(attainment_surface(found.values(), percent))[:-1]
-        for percent in (_BAND[0], 50, _BAND[1])
+        staircase(attainment_surface(found.values(), percent))[:-1] for percent in (25, 50, 75)
     )
     return few, half, most
 
@@ -93,8 +91,6 @@ def attainment_surface(fronts: Iterable[FloatArray], percent: float) -> FloatArr
     Fronts are points (n_plans, 2), to be maximised; an empty one reaches the origin only. A
     ``percent`` of 0 stands for one run.
 
-    References
-    ----------
     Fonseca, Guerreiro, López-Ibáñez and Paquete, "On the computation of the empirical attainment
     function", EMO 2011.
     """

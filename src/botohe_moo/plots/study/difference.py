@@ -118,13 +118,9 @@ def _two_axes() -> tuple[Axes, Axes]:
     return left, right
 
 
-def _level(ahead: FloatArray) -> FloatArray:
-    """Give the numbers of the shades, from 1; a difference of 1/5 is still in the first."""
-    return np.asarray(np.ceil(ahead * _SHADES - 1e-9))
-
-
 def _shade(ax: Axes, rectangles: FloatArray, ahead: FloatArray, colour: Colour) -> None:
-    shades = [tint(colour, level / _SHADES) for level in _level(ahead)]
+    levels = np.ceil(ahead * _SHADES - 1e-9)  # from 1; a difference of 1/5 is still in the first
+    shades = [tint(colour, level / _SHADES) for level in levels]
     left, low, right, top = rectangles.T
     corners = np.stack([left, low, right, low, right, top, left, top], axis=1).reshape(-1, 4, 2)
     # Edges of their own colour hide the seams between neighbours.

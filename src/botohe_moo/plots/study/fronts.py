@@ -18,8 +18,7 @@ from botohe_moo.plots.draw.algorithms import (
 )
 from botohe_moo.plots.draw.labels import WIDTH, columns
 from botohe_moo.plots.draw.panels import AlgorithmAxes, open_algorithm_axes
-from botohe_moo.plots.draw.scales import dress
-from botohe_moo.plots.draw.style import INK, theme
+from botohe_moo.plots.draw.style import INK, dress, theme
 from botohe_moo.plots.front import staircase
 
 OBJECTIVES = ("expected team reward E[R]", "expected number of survivors E[S]")
@@ -75,7 +74,8 @@ def plot_fronts(
         for label, own in axes.of.items():
             _draw(own, corners[label], styles[label])
             if not axes.in_panels:
-                _add_key(own, styles[label], names[label])
+                key = {**stroke(styles[label], 1.4), "marker": styles[label].marker}
+                own.plot([], [], **key, markersize=5.5, label=names[label], gid="key")
         words += "; thin: all runs together" if axes.in_panels else ""
         finish_objectives(axes, title, words)
     return axes.first
@@ -156,8 +156,3 @@ def _draw(ax: Axes, corners: FloatArray, style: AlgorithmStyle) -> None:
         zorder=3,
         gid="front",
     )
-
-
-def _add_key(ax: Axes, style: AlgorithmStyle, label: str) -> None:
-    mark: dict[str, Any] = {"marker": style.marker, "markersize": 5.5}
-    ax.plot([], [], **stroke(style, 1.4), **mark, label=label, gid="key")

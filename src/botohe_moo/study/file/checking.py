@@ -28,8 +28,7 @@ _MAX_LISTED = 20  # labels in a message
 class CheckedContent:
     """The content of a study file, checked as far as it can be.
 
-    ``faults`` are the place of each culprit and what is wrong with it, ``notices`` the same for
-    what is allowed but has no effect. ``packages`` are those that are not installed any more.
+    ``faults`` and ``notices`` are places and what is wrong there, or allowed but without effect.
     """
 
     def __init__(self, content: Any, folder: Path, packages: Mapping[str, str]) -> None:
@@ -106,7 +105,8 @@ class CheckedContent:
                 said = message if blamed else self._said_of(name, message)
                 self.faults.add((*path, *_place(blamed, member.entry)), said)
             return None
-        if _is_foreign(name) and load_mission(**source) != mission:
+        foreign = ":" in name or mission_origin(name)["package"] not in (None, "botohe-moo")
+        if foreign and load_mission(**source) != mission:  # its function might draw at random
             said = "gives another mission each time; it needs a seed among its parameters"
             self.faults.add((*path, "mission"), f"{name!r} {said}.")
             return None
@@ -196,12 +196,11 @@ class CheckedContent:
         if other.label == member.label:
             return
         said = f"{quoted(member.label)} is the same as {quoted(other.label)}"
-        written = [
-            (algorithm.algorithm, algorithm.parameters)
-            for algorithm in (member, other)
-            if isinstance(algorithm, StudyAlgorithm)
-        ]
-        if written and written[0] != written[1]:
+        if (
+            isinstance(member, StudyAlgorithm)
+            and isinstance(other, StudyAlgorithm)
+            and (member.algorithm, member.parameters) != (other.algorithm, other.parameters)
+        ):
             said += ": defaults, spellings and numbers of threads make no other run"
         self.faults.add((kind, member.family), f"{said}.")
 
@@ -236,11 +235,6 @@ def _notices(file: StudyFile, budgets: list[Budget]) -> Iterator[tuple[Place, st
         more = f", nor {len(beyond) - 1:,} further numbers" if len(beyond) > 1 else ""
         said = f"no run makes {first:,} evaluations{more}: the largest budget is {most:,}."
         yield ("recording", "at", position), said
-
-
-def _is_foreign(mission: str) -> bool:
-    """Tell whether a mission is made by a function that is not this package's."""
-    return ":" in mission or mission_origin(mission)["package"] not in (None, "botohe-moo")
 
 
 def _entries(content: Mapping[str, Any], key: str, model: type[Any]) -> dict[str, Any]:

@@ -1,12 +1,10 @@
 """A YAML document as plain values, with the line of each of them."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Self
 
 import yaml
 from yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
@@ -95,7 +93,7 @@ class Document:
     _n_nodes: int = 0
 
     @classmethod
-    def parse(cls, text: str) -> Document:
+    def parse(cls, text: str) -> Self:
         """Read a YAML text; nothing in it is executed. Errors are among the faults."""
         document = cls()
         loader = None

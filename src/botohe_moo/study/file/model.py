@@ -13,8 +13,7 @@ from pydantic import InstanceOf
 from botohe_moo.algorithms.origin import AlgorithmIdentity
 from botohe_moo.mission.model import Mission
 from botohe_moo.study.file.config import Budget, Recording, StudyFile
-from botohe_moo.study.file.digest import canonical
-from botohe_moo.study.file.versions import installed_versions
+from botohe_moo.study.file.digest import canonical, installed_versions
 
 MANIFEST = "study.json"
 
@@ -64,10 +63,7 @@ class StudyAlgorithm:
     grid: Mapping[str, Any]  # its values of the entry's grid; empty without one
 
     def decides(self, budget: Budget) -> dict[str, Any]:
-        """Give everything that results depend on, in whatever way the file says it.
-
-        Numbers of threads matter only where seconds limit a run.
-        """
+        """Give everything that results depend on; threads matter only where seconds limit a run."""
         neutral = self.identity.neutral if budget.seconds is None else frozenset()
         return {
             "algorithm": self.identity.name,

@@ -162,10 +162,7 @@ class Pair:
 
 
 def compare_family(pairs: Sequence[Pair]) -> list[dict[str, Any]]:
-    """Give the comparisons of a mission by an indicator, corrected together.
-
-    Pairs with too few runs for a test do not count for the correction.
-    """
+    """Give the rows of a mission and an indicator; pairs that are tested are corrected together."""
     tested = [pair for pair in pairs if pair.is_tested]
     corrected = iter(holm([pair.p_value for pair in tested]).tolist())
     # Holm's correction of a p-value grows with every other one: at best all are at their smallest.
@@ -181,8 +178,6 @@ def compare_family(pairs: Sequence[Pair]) -> list[dict[str, Any]]:
 def effect_size(effect: float) -> str:
     """Give Vargha and Delaney's word for the size of an A12, whichever side is better.
 
-    Examples
-    --------
     >>> effect_size(0.5), effect_size(0.44), effect_size(0.64), effect_size(0.0)
     ('negligible', 'small', 'medium', 'large')
     """

@@ -1,7 +1,5 @@
 """The tables ``missions`` and ``algorithms``, whose columns depend on the study."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -13,11 +11,7 @@ from botohe_moo.study.judge.scores import as_table
 
 
 def mission_table(manifest: Mapping[str, Any], missions: Mapping[str, Mission]) -> pd.DataFrame:
-    """Make the table ``missions``, in the order of the study file.
-
-    After the columns of the schema there is one for each parameter in a grid, missing where a
-    mission has no such parameter.
-    """
+    """Make the table ``missions``, with a further column for each parameter in a grid."""
     rows = []
     for label, entry in manifest["missions"].items():
         mission = missions[label]
@@ -38,10 +32,9 @@ def mission_table(manifest: Mapping[str, Any], missions: Mapping[str, Mission]) 
 
 
 def algorithm_table(manifest: Mapping[str, Any]) -> pd.DataFrame:
-    """Make the table ``algorithms``, in the order of the study file.
+    """Make the table ``algorithms``, with a further column for each parameter that is given to any.
 
-    After the columns of the schema there is one for each parameter that the file gives to any
-    algorithm; others have their default there, missing where they have no such parameter.
+    Other algorithms have their default there, if they have such a parameter.
     """
     rows = [
         {

@@ -108,8 +108,6 @@ def _missions(count: int) -> str:
 def nemenyi(average_ranks: FloatArray, n_blocks: int, *, significance: float) -> Any:
     """Give the critical difference of k average ranks over blocks, and p-values, shape (k, k).
 
-    Notes
-    -----
     Demšar, "Statistical comparisons of classifiers over multiple data sets", Journal of Machine
     Learning Research 7, 2006, section 3.2.2: the difference of two average ranks, in units of
     sqrt(k (k + 1) / (6 n)), against the Studentized range with infinitely many degrees of freedom,

@@ -155,8 +155,6 @@ def merge_ties(values: ArrayLike) -> FloatArray:
     Each value is replaced by the largest that a chain of such steps leads to. Rounding would not
     do, as two neighbouring numbers may be rounded apart. Merging again changes nothing.
 
-    Examples
-    --------
     >>> merge_ties([0.3, 0.1 + 0.2, 0.2]).tolist()
     [0.30000000000000004, 0.30000000000000004, 0.2]
     """

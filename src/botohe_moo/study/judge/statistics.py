@@ -2,7 +2,6 @@
 
 import hashlib
 import math
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,14 +14,10 @@ from botohe_moo._base.types import FloatArray
 def holm(p_values: ArrayLike) -> FloatArray:
     """Correct p-values (n,) for the number of tests, by Holm.
 
-    Notes
-    -----
     Holm, "A simple sequentially rejective multiple test procedure", Scandinavian Journal of
     Statistics 6(2), 1979: the smallest of n is multiplied by n, the next by n - 1 and so on; none
     becomes smaller than one before it.
 
-    Examples
-    --------
     >>> holm([0.02, 0.01, 0.5]).tolist()
     [0.04, 0.03, 0.5]
     """
@@ -39,14 +34,10 @@ def holm(p_values: ArrayLike) -> FloatArray:
 def a12(x: ArrayLike, y: ArrayLike) -> float:
     """Give the probability that a value of ``x`` is larger than one of ``y``, ties counted half.
 
-    Notes
-    -----
     The effect size of Vargha and Delaney, "A critique and improvement of the CL common language
     effect size statistics of McGraw and Wong", Journal of Educational and Behavioral Statistics
     25(2), 2000: U / (n m) with the Mann-Whitney U from midranks.
 
-    Examples
-    --------
     >>> a12([3, 4, 5], [1, 2, 3])
     0.9444444444444444
     """
@@ -59,8 +50,6 @@ def a12(x: ArrayLike, y: ArrayLike) -> float:
 def a12_interval(x: ArrayLike, y: ArrayLike, *, confidence: float) -> tuple[float, float]:
     """Give the ends of the score interval of A12, which is informative even where A12 is 0 or 1.
 
-    Notes
-    -----
     Method 5 of Newcombe, "Confidence intervals for an effect size measure based on the
     Mann-Whitney statistic. Part 2: asymptotic methods and evaluation", Statistics in Medicine
     25(4), 2006. The ends are the t with (A12 - t)² = z² V(t), where V is the variance of Hanley
@@ -96,8 +85,6 @@ def mann_whitney(x: ArrayLike, y: ArrayLike) -> float:
     Exact where one sample has at most 8 values and none are tied, by the normal approximation
     otherwise, as scipy decides; 1 where all values are equal.
 
-    Notes
-    -----
     Mann and Whitney, "On a test of whether one of two random variables is stochastically larger
     than the other", Annals of Mathematical Statistics 18(1), 1947; by
     ``scipy.stats.mannwhitneyu``.
@@ -150,8 +137,6 @@ def median_interval(
 
     All three are the same for a single value and for equal values.
 
-    Notes
-    -----
     Efron and Tibshirani, *An Introduction to the Bootstrap*, 1993, chapter 13; by
     ``scipy.stats.bootstrap``. For very few runs the interval is too narrow: that of two runs
     contains the median of their distribution half of the time.
@@ -185,8 +170,6 @@ def friedman(
     Gives Friedman's statistic and its p-value; both are None if all treatments are tied in every
     block, and there is nothing to test.
 
-    Notes
-    -----
     Friedman, "The use of ranks to avoid the assumption of normality implicit in the analysis of
     variance", Journal of the American Statistical Association 32, 1937; the statistic is that of
     ``scipy.stats.friedmanchisquare``. Its chi-squared approximation is poor for few blocks: the
@@ -202,7 +185,8 @@ def friedman(
     statistic = stats.friedmanchisquare(*table.T).statistic
     tested = stats.permutation_test(
         tuple(ranks.T),
-        _sum_of_squares,
+        # The part of Friedman's statistic that permutations change.
+        lambda *of_each, axis: sum(ranked.sum(axis=axis) ** 2 for ranked in of_each),
         permutation_type="samples",
         alternative="greater",
         vectorized=True,
@@ -211,8 +195,3 @@ def friedman(
         rng=rng,
     )
     return float(statistic), float(tested.pvalue)
-
-
-def _sum_of_squares(*ranks: FloatArray, axis: int) -> Any:
-    """Give the part of Friedman's statistic that permutations change."""
-    return sum(of_one.sum(axis=axis) ** 2 for of_one in ranks)

@@ -1,7 +1,5 @@
 """The tables ``summary`` and ``targets``: the runs of each algorithm on each mission."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -46,10 +46,7 @@ def interval(low: Any, high: Any, decimals: int = 4) -> str:
 
 
 def summary_cells(rows: pd.DataFrame) -> list[list[str]]:
-    """Write the columns that both tables of the summary have, for each of its rows.
-
-    Median area, its interval, IGD+, epsilon, points, evaluations, seconds and rank.
-    """
+    """Write what the page and LaTeX both have of each row of the summary."""
     return [
         [
             median,

@@ -15,7 +15,7 @@ from multiprocessing.connection import Connection
 
 import numpy as np
 
-from botohe_moo.study.file.versions import code_mismatch
+from botohe_moo.study.file.digest import code_mismatch
 from botohe_moo.study.run.environment import environment
 from botohe_moo.study.run.perform import perform, warm_up
 from botohe_moo.study.run.task import Task, failure

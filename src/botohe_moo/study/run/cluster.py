@@ -13,8 +13,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from botohe_moo.study.file.digest import code_mismatch, installed_versions
 from botohe_moo.study.file.model import StudyError
-from botohe_moo.study.file.versions import code_mismatch, installed_versions
 from botohe_moo.study.run.pool import Outcomes, SandboxPool
 from botohe_moo.study.run.task import Outcome, Task, failure
 
@@ -155,7 +155,10 @@ class _Cluster:
         try:
             there = self._client.nthreads()
         except (OSError, ValueError, TypeError, RuntimeError):  # the connection is closed
-            raise _gone() from None
+            raise StudyError(
+                "The Dask scheduler is gone. All runs that are finished are kept; run the study "
+                "again to go on."
+            ) from None
         for address in self._workers.keys() - there.keys():
             for future in self._workers.pop(address).running:
                 task, _ = self._running.pop(future)
@@ -241,13 +244,6 @@ class _Cluster:
         """Cancel everything that has not ended."""
         checks = [worker.check for worker in self._workers.values() if worker.check]
         self._client.cancel([*self._running, *checks])
-
-
-def _gone() -> StudyError:
-    return StudyError(
-        "The Dask scheduler is gone. All runs that are finished are kept; run the study again "
-        "to go on."
-    )
 
 
 def _is_lost(future: Any) -> bool:

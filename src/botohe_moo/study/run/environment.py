@@ -11,12 +11,7 @@ from pathlib import Path
 from typing import Any
 
 # Thread pools of other libraries would take cores from other workers, and bring nothing here.
-THREAD_SETTINGS = (
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "NUMBA_NUM_THREADS",
-)
+THREAD_SETTINGS = tuple(f"{pool}_NUM_THREADS" for pool in ("OMP", "OPENBLAS", "MKL", "NUMBA"))
 _PACKAGES = ("numpy", "numba", "llvmlite", "pymoo", "moocore", "scipy", "networkx")
 
 

@@ -1,11 +1,9 @@
 """Problems that count evaluations themselves, for algorithms that may not."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -33,10 +31,10 @@ class Meter:
         if n_plans:
             self.watch()
 
-    def __reduce__(self) -> tuple[type[Meter], tuple[int]]:
+    def __reduce__(self) -> "tuple[type[Meter], tuple[int]]":
         return Meter, (self.spent,)  # a copy that an algorithm stores is not watched
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> Meter:
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         return self  # pymoo copies the problem with the algorithm; they share one meter
 
 
@@ -82,5 +80,5 @@ class MeteredBOTOHE(CountedBOTOHE):
             raise BudgetSpentError
         return F
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> MeteredBOTOHE:
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         return self

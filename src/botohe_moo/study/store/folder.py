@@ -35,8 +35,6 @@ class DamagedError(Exception):
 class StudyFolder:
     """The folder of a study's results; it need not exist, and :meth:`locked` makes it.
 
-    Notes
-    -----
     ``runs/DIGEST.npz`` holds a finished run, ``failures/DIGEST.json`` the last failure of a run
     that has never finished. Failures are not results: the run is performed again. What cannot be
     used or written to is named by a StudyError.

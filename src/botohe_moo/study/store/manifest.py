@@ -1,7 +1,5 @@
 """What a study's folder says about the study: ``study.json`` and the missions beside it."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -46,10 +44,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 
 
 def tabled_manifest(manifest: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Give the manifest that the tables were made for; None if there are no tables yet.
-
-    It is an earlier one where the study has changed since.
-    """
+    """Give the manifest of the tables that are there, which may be an earlier one."""
     return dict(manifest) if manifest["tables"] is not None else manifest.get("previous")
 
 
@@ -165,4 +160,4 @@ class _Manifest(BaseModel):
     indicators: list[str]
     comparison: _ManifestComparison
     tables: dict[str, str] | None
-    previous: _Manifest | None = None  # what the tables were made for, if not this study
+    previous: "_Manifest | None" = None  # what the tables were made for, if not this study

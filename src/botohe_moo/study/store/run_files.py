@@ -1,7 +1,5 @@
 """The file of a finished run as ``npz``, and the index of all of them."""
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import io
@@ -12,7 +10,7 @@ import zlib
 from collections.abc import Mapping
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from pydantic import TypeAdapter
@@ -103,7 +101,7 @@ class IndexedFile(NamedTuple):
     seconds: float  # that the run took
 
     @classmethod
-    def of(cls, state: os.stat_result, data: bytes, seconds: float) -> IndexedFile:
+    def of(cls, state: os.stat_result, data: bytes, seconds: float) -> Self:
         """Describe a file by its ``stat``, its content and the seconds that its run took."""
         content = hashlib.sha256(data).hexdigest()[:16]
         return cls(*_stamp(state), content, seconds)

@@ -38,26 +38,16 @@ class StudyTables:
         Where the study is.
     manifest
         What the study is: its file, with labels, budgets and the comparison that is wanted.
-    runs
-        One row a run.
-    trace
-        One row a recorded front: how the area grows.
-    fronts
-        The points of all recorded fronts.
-    plans
-        The plans of the final fronts.
-    indicators
-        One row for each run and indicator.
+    runs, indicators, summary
+        One row a run; one for each run and indicator; one for each mission and algorithm.
+    trace, fronts, plans
+        How the area of recorded fronts grows, their points, and the plans of the final ones.
     references
         The reference fronts: what all runs on a mission found together.
     comparisons
         Pairwise tests, by mission.
-    ranks
-        Average ranks over missions.
-    summary
-        One row for each mission and algorithm.
-    posthoc
-        Pairs of average ranks, where Friedman's test applies.
+    ranks, posthoc
+        Average ranks over missions, and pairs of them, where Friedman's test applies.
     targets
         What it took to reach parts of the reference fronts' areas.
     missions, algorithms
