@@ -66,7 +66,7 @@ def _widened(
     return table
 
 
-def _typed(values: list[Any]) -> pd.Series[Any]:
+def _typed(values: list[Any]) -> "pd.Series[Any]":
     """Give a column the common type of its values; texts where there is none."""
     kinds = {type(value) for value in values if value is not None}
     if kinds == {bool}:

@@ -122,7 +122,7 @@ def reach_targets(
     return as_table("targets", rows)
 
 
-def _median(spent: pd.Series[Any], n: int) -> float | None:
+def _median(spent: "pd.Series[Any]", n: int) -> float | None:
     """Give the median of n runs; all but ``spent`` take for ever. None if it is endless."""
     values = np.full(n, np.inf)
     values[: len(spent)] = spent
