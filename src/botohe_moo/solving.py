@@ -44,6 +44,8 @@ def solve(
 ) -> Solution:
     """Search for the Pareto front of a mission until the budget is spent, or Ctrl-C is pressed.
 
+    The solution has the plans found, also if the search was stopped.
+
     Parameters
     ----------
     mission
@@ -64,11 +66,6 @@ def solve(
         Set it to end the search after the current iteration; default: an event that Ctrl-C sets.
     **parameters
         Parameters of the algorithm, if it is given by its name.
-
-    Returns
-    -------
-    Solution
-        The plans found, also if the search was stopped.
 
     Raises
     ------

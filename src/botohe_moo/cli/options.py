@@ -1,6 +1,7 @@
 """Arguments and options that several commands take."""
 
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from typing import Annotated, Any
 
 import typer
@@ -10,11 +11,9 @@ def integer(*, at_least: int) -> Callable[[str], int]:
     """Make a parser of integers whose message says what was found, unlike typer's own."""
 
     def parse(text: str) -> int:
-        try:
+        with suppress(ValueError):
             if (number := int(text)) >= at_least:
                 return number
-        except ValueError:
-            pass
         raise typer.BadParameter(f"expected an integer >= {at_least}, got {text}.")
 
     return parse
@@ -22,11 +21,9 @@ def integer(*, at_least: int) -> Callable[[str], int]:
 
 def probability(text: str) -> float:
     """Parse an option that is a probability."""
-    try:
+    with suppress(ValueError):
         if 0 <= (number := float(text)) <= 1:
             return number
-    except ValueError:
-        pass
     raise typer.BadParameter(f"expected a probability in [0, 1], got {text}.")
 
 
@@ -99,10 +96,8 @@ def read_parameters(pairs: Iterable[str]) -> dict[str, Any]:
 
 def _value(name: str, text: str) -> Any:
     for number in (int, float):
-        try:
+        with suppress(ValueError):
             return number(text)
-        except ValueError:
-            pass
     import yaml
 
     try:

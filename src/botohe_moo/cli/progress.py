@@ -142,16 +142,10 @@ class ProgressWatcher:
     def record(self, run: Run, record: Record) -> None:
         """Note which part of its budget a run has spent."""
         budget = run.mission.budget
-        shares = [
-            spent / allowed
-            for spent, allowed in (
-                (record.evaluations, budget.evaluations),
-                (record.seconds, budget.seconds),
-            )
-            if allowed
-        ]
+        both = ((record.evaluations, budget.evaluations), (record.seconds, budget.seconds))
+        share = max(spent / allowed for spent, allowed in both if allowed)
         with self._lock:
-            self._shares[run.digest] = min(max(shares), 1.0)
+            self._shares[run.digest] = min(share, 1.0)
             self._show()
 
     def end(self, run: Run, outcome: Outcome) -> None:

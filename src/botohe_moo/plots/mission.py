@@ -151,9 +151,8 @@ def _add_legend(
     hollow: dict[str, Any] = {"linestyle": "none", "markerfacecolor": "white", "markersize": 9}
     square = {"marker": "s", "markeredgecolor": "black", "markeredgewidth": 2, **hollow}
     circle = {"marker": "o", "markeredgecolor": MUTED, "markeredgewidth": 1.1, **hollow}
-    handles: list[Artist] = [
-        Line2D([], [], label=drawable(f"{team} at base {mission.base}"), **square)
-    ]
+    base = drawable(f"{team} at base {mission.base}")
+    handles: list[Artist] = [Line2D([], [], label=base, **square)]
     if (np.delete(mission.arrays.reward, mission.arrays.base) == 0).any():
         handles.append(Line2D([], [], label="no reward", **circle))
     handles += [Patch(color=colour, label=drawable(zone)) for zone, colour in zones.items()]

@@ -174,11 +174,6 @@ class Solution:
         before_pictures
             Called when the tables are written, before pictures are drawn.
 
-        Returns
-        -------
-        list of Path
-            The files.
-
         Raises
         ------
         OSError

@@ -36,11 +36,6 @@ def merge_studies(
         Folder to write to: a new or empty one, or one that holds this study already, such as one
         of ``folders``. Default: ``results/NAME``.
 
-    Returns
-    -------
-    StudyTables
-        The tables of the study, as they are in ``out``.
-
     Raises
     ------
     StudyError

@@ -124,11 +124,6 @@ def run_study(
     watcher
         Is told how the study gets on.
 
-    Returns
-    -------
-    StudyTables
-        The tables, as they are in the folder.
-
     Raises
     ------
     StudyError

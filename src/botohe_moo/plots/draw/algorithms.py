@@ -22,12 +22,8 @@ class AlgorithmStyle:
 
     Attributes
     ----------
-    colour
-        Red, green and blue in [0, 1].
-    marker
-        Marker, as matplotlib calls it.
-    line
-        Line style, as matplotlib takes it: offset and lengths of dashes and gaps.
+    colour, marker, line
+        Red, green and blue in [0, 1]; marker and line style as matplotlib takes them.
     name
         What it is called in pictures; its label, if empty.
     """
@@ -52,18 +48,14 @@ def marks(style: AlgorithmStyle, size: float, *, rim: float) -> dict[str, Any]:
 def algorithm_styles(labels: Iterable[str]) -> dict[str, AlgorithmStyle]:
     """Give every algorithm a look of its own, by its place among all of them, and a name.
 
-    Names are labels without what the members of a grid have in common.
+    Names are labels without what the members of a grid have in common. The styles, by label, are
+    for the plots' option ``styles``.
 
     Parameters
     ----------
     labels
         Labels of all algorithms of the study, in the order of its file. Ten have colours of their
         own, forty a colour and a line of their own.
-
-    Returns
-    -------
-    dict
-        The style of each label, for the plots' option ``styles``.
     """
     names = display_names(labels)
     return {

@@ -81,21 +81,17 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X")  # so that fronts differ in a grey
 
 def reward_palette() -> Colormap:
     """Sequential green to blue: the darker, the more reward."""
-    return _palette("crest", _CREST)
+    return LinearSegmentedColormap.from_list("crest", _CREST.split())
 
 
 def survival_palette() -> Colormap:
     """Sequential purple to orange: the darker, the more dangerous."""
-    return _palette("flare", _FLARE).reversed()
+    return pheromone_palette().reversed()
 
 
 def pheromone_palette() -> Colormap:
     """Sequential cream to purple: the darker, the more pheromone."""
-    return _palette("flare", _FLARE)
-
-
-def _palette(name: str, colours: str) -> Colormap:
-    return LinearSegmentedColormap.from_list(name, colours.split())
+    return LinearSegmentedColormap.from_list("flare", _FLARE.split())
 
 
 def colours(n: int) -> list[Colour]:

@@ -30,14 +30,13 @@ def plot_attainment(
 
     Below and left of the line lies what at least half of the runs reach; the band lies between
     what a quarter and what three quarters of them reach. A run without a front reaches nothing.
-    From twelve algorithms on each has a panel of its own, with all others in grey.
 
     Parameters
     ----------
     plans, runs
         As in :func:`plot_fronts`.
     algorithms, styles, title, ax
-        As in :func:`plot_curves`.
+        As in :func:`plot_curves`, with panels from twelve algorithms on.
 
     Raises
     ------

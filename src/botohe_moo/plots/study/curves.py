@@ -48,7 +48,8 @@ def plot_curves(
 
     Between two records a run's area is that of the last one, nothing is interpolated. A run that
     ended keeps its last area; where all runs of an algorithm have ended, its curve is thinner.
-    From twelve algorithms on each has a panel of its own, with all others in grey.
+    From twelve algorithms on each has a panel of its own, with all others in grey; the axes of the
+    first one are returned.
 
     Parameters
     ----------
@@ -73,11 +74,6 @@ def plot_curves(
         Name of the mission; what follows a line break is paler.
     ax
         Axes to draw on, for all algorithms. A figure will be created if not given.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes drawn on; the first panel's, where each algorithm has one.
 
     Raises
     ------

@@ -48,10 +48,8 @@ def plot_attainment_difference(
     ----------
     plans, runs
         As in :func:`plot_fronts`.
-    algorithm
-        Label of the algorithm on the left.
-    other
-        Label of the one on the right.
+    algorithm, other
+        Labels of the algorithms on the left and on the right.
     styles, title
         As in :func:`plot_curves`.
     axes

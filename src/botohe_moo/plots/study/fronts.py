@@ -36,8 +36,7 @@ def plot_fronts(
 ) -> Axes:
     """Draw the final front of each algorithm's median run over each other.
 
-    The median run is the one with the median area, of the middle two the lower. From twelve
-    algorithms on each has a panel of its own, with all others in grey.
+    The median run is the one with the median area, of the middle two the lower.
 
     Parameters
     ----------
@@ -49,7 +48,7 @@ def plot_fronts(
     reference
         Points of the reference front, columns ``reward`` and ``survivors``; a thin line.
     algorithms, styles, title, ax
-        As in :func:`plot_curves`.
+        As in :func:`plot_curves`, with panels from twelve algorithms on.
 
     Raises
     ------
@@ -137,10 +136,7 @@ def finish_objectives(axes: AlgorithmAxes, title: str | None, words: str) -> Non
 def objective_axes(ax: Axes) -> None:
     """Let both objectives begin at 0, and name them."""
     dress(ax)
-    ax.set_xlim(left=0)
-    ax.set_ylim(bottom=0)
-    ax.set_xlabel(OBJECTIVES[0])
-    ax.set_ylabel(OBJECTIVES[1])
+    ax.set(xlim=(0, None), ylim=(0, None), xlabel=OBJECTIVES[0], ylabel=OBJECTIVES[1])
 
 
 def _draw(ax: Axes, corners: FloatArray, style: AlgorithmStyle) -> None:

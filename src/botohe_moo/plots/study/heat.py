@@ -55,17 +55,10 @@ def plot_heat(
                 continue
             colour = palette(norm(value))
             ax.add_patch(Rectangle((column - 0.5, row - 0.5), 1, 1, facecolor=colour, gid="cell"))
-            ax.text(
-                column,
-                row,
-                f"{value:.4f}",
-                ha="center",
-                va="center",
-                color=readable_on(colour),
-                fontweight="bold" if value == best else "normal",
-                fontsize=9.5,
-                gid="median",
-            )
+            weight = "bold" if value == best else "normal"
+            look: dict[str, Any] = {"color": readable_on(colour), "fontweight": weight}
+            look |= {"fontsize": 9.5, "ha": "center", "va": "center"}
+            ax.text(column, row, f"{value:.4f}", gid="median", **look)
         ax.set(xlim=(-0.5, len(cells) - 0.5), ylim=(len(rows) - 0.5, -0.5))
         ax.set_xticks(range(len(cells)), cells)
         ax.set_yticks(range(len(rows)), rows)

@@ -31,8 +31,7 @@ def plot_reached(
     """Draw the share of all pairs of a run and a target that are reached, over evaluations.
 
     A run reaches a target with its first recorded front of at least that area; one that never does,
-    or has no record, counts, too. From twelve algorithms on each has a panel of its own,
-    with all others in grey.
+    or has no record, counts, too.
 
     Parameters
     ----------
@@ -46,7 +45,7 @@ def plot_reached(
     x
         What the horizontal, logarithmic axis shows.
     algorithms, styles, title, ax
-        As in :func:`plot_curves`.
+        As in :func:`plot_curves`, with panels from twelve algorithms on.
 
     Raises
     ------

@@ -47,9 +47,8 @@ class CheckedContent:
         self._default_budget = _valid(Budget, content.get("budget"))
         self._missions = list(self._read_missions(_entries(content, "missions", MissionEntry)))
         self._check_budgets(content)
-        self._algorithms = list(
-            self._read_algorithms(_entries(content, "algorithms", AlgorithmEntry))
-        )
+        algorithms = _entries(content, "algorithms", AlgorithmEntry)
+        self._algorithms = list(self._read_algorithms(algorithms))
         self._check_different()
         self._check_control(content)
         self._seeds = seeds_of(self._file.seeds) if self._file and not self.faults else ()

@@ -99,16 +99,12 @@ class Study:
 
     Attributes
     ----------
-    file
-        The content of the study file.
-    text
-        Its text.
+    file, text
+        The study file: its content, and its text.
     missions, algorithms
         All missions and algorithms, with grids expanded, in the order of the file.
-    seeds
-        Seeds of the repetitions.
-    versions
-        Of the packages that every result depends on.
+    seeds, versions
+        Seeds of the repetitions, and versions of the packages that every result depends on.
     """
 
     file: StudyFile

@@ -120,11 +120,9 @@ def _said(place: Place, found: Any) -> str:
     if kind in ("too_short", "string_too_short"):
         return f"Expected {name} not to be empty, got {quoted(value)}."
     if kind == "string_pattern_mismatch":
-        how = (
-            "of letters, digits, dots, dashes and underscores"
-            if found["ctx"]["pattern"] == NAME_PATTERN
-            else "in one line, without spaces around it"
-        )
+        how = "in one line, without spaces around it"
+        if found["ctx"]["pattern"] == NAME_PATTERN:
+            how = "of letters, digits, dots, dashes and underscores"
         return f"Expected {name} {how}, got {quoted(value)}."
     if kind in ("model_type", "dict_type", "model_attributes_type"):
         seeds = place == ("seeds",)

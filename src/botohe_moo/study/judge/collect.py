@@ -13,10 +13,9 @@ from botohe_moo._base.types import FloatArray
 from botohe_moo.mission.model import Mission
 from botohe_moo.study.file.model import Run, Study
 from botohe_moo.study.judge.comparisons import compare_algorithms
-from botohe_moo.study.judge.descriptions import algorithm_table, mission_table
 from botohe_moo.study.judge.ranks import compare_ranks, rank_algorithms
 from botohe_moo.study.judge.scores import reference_fronts, score_records, score_runs
-from botohe_moo.study.judge.summary import reach_targets, summarise
+from botohe_moo.study.judge.summary import algorithm_table, mission_table, reach_targets, summarise
 from botohe_moo.study.run.environment import environment
 from botohe_moo.study.run.task import Outcome
 from botohe_moo.study.store.folder import DamagedError, StudyFolder, writing

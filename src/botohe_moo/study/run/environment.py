@@ -1,5 +1,6 @@
 """Where runs run: versions, machine, settings of thread pools."""
 
+import contextlib
 import functools
 import hashlib
 import json
@@ -51,12 +52,10 @@ def n_cpus() -> int:
 
 
 def _processor() -> str:
-    try:
+    with contextlib.suppress(OSError):
         for line in Path("/proc/cpuinfo").read_text("utf-8").splitlines():
             if line.startswith("model name"):
                 return line.partition(":")[2].strip()
-    except OSError:
-        pass
     return platform.processor() or platform.machine()
 
 

@@ -34,10 +34,8 @@ class StudyTables:
 
     Attributes
     ----------
-    folder
-        Where the study is.
-    manifest
-        What the study is: its file, with labels, budgets and the comparison that is wanted.
+    folder, manifest
+        Where the study is, and what: its file's labels, budgets and the comparison that is wanted.
     runs, indicators, summary
         One row a run; one for each run and indicator; one for each mission and algorithm.
     trace, fronts, plans
@@ -50,10 +48,8 @@ class StudyTables:
         Average ranks over missions, and pairs of them, where Friedman's test applies.
     targets
         What it took to reach parts of the reference fronts' areas.
-    missions, algorithms
-        What is compared, and on what, with a column for each parameter.
-    environments
-        Where runs ran.
+    missions, algorithms, environments
+        What is compared, on what, with a column for each parameter, and where runs ran.
     """
 
     folder: Path
