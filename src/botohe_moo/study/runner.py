@@ -5,7 +5,6 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -39,7 +38,7 @@ class Stop:
         return self.pressed.is_set()
 
 
-@contextmanager
+@contextlib.contextmanager
 def hold_stop() -> Iterator[Stop]:
     """Let Ctrl-C, SIGTERM and SIGHUP ask for a stop; the second one breaks off at once.
 
