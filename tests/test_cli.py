@@ -541,7 +541,7 @@ class TestSignals:
         ]
 
     def test_twice_while_searching(self, botohe, tmp_path):
-        code = when_called("botohe_moo.cli.search_progress", "progress_bar", times=2)
+        code = when_called("botohe_moo.cli.progress", "progress_bar", times=2)
         ended = botohe("solve", "toy", "-o", "out", code=code)
         assert (ended.status, ended.err) == (130, STOPPING)
         assert names_in(tmp_path) == []

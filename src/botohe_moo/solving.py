@@ -1,7 +1,5 @@
 """From a mission and an algorithm to a front, in one call."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import threading
@@ -25,8 +23,6 @@ from botohe_moo.problem import BOTOHE
 from botohe_moo.solution import Solution
 from botohe_moo.trails import TrailPlan
 
-__all__ = ["Progress", "RefusalError", "search", "solve"]
-
 Progress = Callable[[int, Callable[[], float]], None]
 """Takes the evaluations so far, and a function that gives the area of what was found."""
 
@@ -48,6 +44,8 @@ def solve(
 ) -> Solution:
     """Search for the Pareto front of a mission until the budget is spent, or Ctrl-C is pressed.
 
+    The solution has the plans found, also if the search was stopped.
+
     Parameters
     ----------
     mission
@@ -68,11 +66,6 @@ def solve(
         Set it to end the search after the current iteration; default: an event that Ctrl-C sets.
     **parameters
         Parameters of the algorithm, if it is given by its name.
-
-    Returns
-    -------
-    Solution
-        The plans found, also if the search was stopped.
 
     Raises
     ------
@@ -130,14 +123,7 @@ def search(
 
     ``record`` goes into the solution: the name of the algorithm, its parameters and the mission's
     source. ``started`` is the time (``time.perf_counter()``) from which seconds are counted;
-    default: now.
-
-    Raises
-    ------
-    ValueError
-        If a number is out of its range, or the algorithm has run before.
-    RefusalError
-        If the algorithm cannot search this mission.
+    default: now. A RefusalError says why the algorithm cannot search this mission.
     """
     started = time.perf_counter() if started is None else started
     evaluations = check_integer("evaluations", evaluations, at_least=1)

@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 
 from botohe_moo.mission import Mission
 from botohe_moo.plots import algorithm_styles, plot_front, plot_mission, save_figure
-from botohe_moo.plots.draw import fonts
-from botohe_moo.plots.draw.fonts import drawable
-from botohe_moo.plots.draw.labels import columns, display_names, parsed_label, wrapped
+from botohe_moo.plots.draw import labels as texts
+from botohe_moo.plots.draw.labels import columns, display_names, drawable, parsed_label, wrapped
 from tests.plots.test_plots import make
 
 
@@ -113,13 +112,13 @@ class TestDrawable:
 
     def test_what_no_font_has_is_told_by_its_code(self, monkeypatch):
         only_latin = (frozenset(range(32, 0x250)),)
-        monkeypatch.setattr(fonts, "_covered", lambda: only_latin)
-        fonts._has.cache_clear()
+        monkeypatch.setattr(texts, "_covered", lambda: only_latin)
+        texts._has.cache_clear()
         try:
             assert drawable("漢字 2") == "[U+6F22 U+5B57] 2"
             assert drawable("a漢b字") == "a[U+6F22]b[U+5B57]"
         finally:
-            fonts._has.cache_clear()
+            texts._has.cache_clear()
 
     def test_what_cannot_be_seen_is_told(self):
         assert drawable("a\u200bb") == "a[U+200B]b"
@@ -128,13 +127,13 @@ class TestDrawable:
 
     def test_fonts_that_are_not_installed_are_not_asked_for(self):
         installed = {entry.name for entry in mpl.font_manager.fontManager.ttflist}
-        assert set(fonts.families()) <= installed
-        assert fonts.families()[0] == "DejaVu Sans"
+        assert set(texts.families()) <= installed
+        assert texts.families()[0] == "DejaVu Sans"
 
     @given(st.text(max_size=20))
     def test_every_letter_can_be_drawn(self, text):
         shown = drawable(text)
-        assert all(fonts._has(letter) for letter in shown)
+        assert all(texts._has(letter) for letter in shown)
         assert drawable(shown) == shown
 
     def test_a_mission_with_any_labels_is_drawn_without_a_warning(self, tmp_path):

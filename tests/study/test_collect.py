@@ -17,7 +17,7 @@ from botohe_moo.study.file.loading import load_study
 from botohe_moo.study.judge.collect import collect_tables
 from botohe_moo.study.planning import make_task
 from botohe_moo.study.run.environment import environment
-from botohe_moo.study.run.recording import Recorder
+from botohe_moo.study.run.perform import Recorder
 from botohe_moo.study.run.task import Outcome, Record
 from botohe_moo.study.store.folder import StudyFolder
 from botohe_moo.trails import PlanBatch

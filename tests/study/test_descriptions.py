@@ -5,7 +5,7 @@ import pytest
 
 from botohe_moo import load_mission
 from botohe_moo.study.file.model import StudyError
-from botohe_moo.study.judge.descriptions import algorithm_table, mission_table
+from botohe_moo.study.judge.summary import algorithm_table, mission_table
 from botohe_moo.study.store.tables import to_arrow
 
 TOY = load_mission("toy")

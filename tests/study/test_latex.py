@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo.study.report.folder import write_report
-from botohe_moo.study.report.latex_text import breakable, escape_latex
+from botohe_moo.study.report.latex import breakable, escape_latex
 from tests.study.test_report import lost, random_records, study
 
 PDFLATEX = shutil.which("pdflatex")

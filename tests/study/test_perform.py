@@ -23,9 +23,8 @@ from botohe_moo import BOTOHE, Mission, load_mission, make_algorithm
 from botohe_moo.algorithms.origin import algorithm_origin
 from botohe_moo.kernels.local_search import search
 from botohe_moo.study.run.metered import BudgetSpentError, MeteredBOTOHE
-from botohe_moo.study.run.perform import perform
+from botohe_moo.study.run.perform import perform, record_counts
 from botohe_moo.study.run.pool import SandboxPool
-from botohe_moo.study.run.recording import record_counts
 from botohe_moo.study.run.sandbox import Sandbox
 from botohe_moo.study.run.task import Task
 from tests.algorithms.test_contract import DOTTED, ENDS_BY_ITSELF, NAMES

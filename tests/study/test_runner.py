@@ -15,7 +15,7 @@ import pytest
 
 from botohe_moo import BOTOHE, area_indicator, load_mission
 from botohe_moo.mission.formats.files import save_mission
-from botohe_moo.study import make_tables, read_study, refresh, run_study
+from botohe_moo.study import make_tables, planning, read_study, run_study
 from botohe_moo.study.file.loading import load_study
 from botohe_moo.study.file.model import StudyError
 from botohe_moo.study.judge import collect
@@ -557,7 +557,7 @@ class TestAgain:
             lambda folder, _: (folder / "trace.parquet").write_bytes(b"x"),
             lambda folder, _: (folder / ".index.json").write_bytes(b"x"),
             lambda folder, _: (folder / "study.json").write_bytes(b"x"),
-            lambda _, patch: patch.setattr(refresh, "_code_digest", lambda: "another"),
+            lambda _, patch: patch.setattr(planning, "_code_digest", lambda: "another"),
         ],
         ids=["run", "csv", "table", "index", "manifest", "code"],
     )

@@ -14,20 +14,28 @@ from scipy import stats
 
 from botohe_moo.indicators import TIE
 from botohe_moo.study.judge.comparisons import compare_algorithms, effect_size
-from botohe_moo.study.judge.pairs import a12, a12_interval, holm, mann_whitney, smallest_p
 from botohe_moo.study.judge.ranks import (
     MIN_BLOCKS,
     compare_ranks,
     nemenyi,
     rank_algorithms,
 )
-from botohe_moo.study.judge.resampling import friedman, generator_for, median_interval
 from botohe_moo.study.judge.scores import (
     INDICATORS,
     as_table,
     merge_ties,
     reference_fronts,
     score_runs,
+)
+from botohe_moo.study.judge.statistics import (
+    a12,
+    a12_interval,
+    friedman,
+    generator_for,
+    holm,
+    mann_whitney,
+    median_interval,
+    smallest_p,
 )
 from botohe_moo.study.judge.summary import summarise
 from botohe_moo.study.store.tables import to_arrow

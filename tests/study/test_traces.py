@@ -5,9 +5,9 @@ import pandas as pd
 import pytest
 
 from botohe_moo.indicators import area_indicator, epsilon_indicator, igd_plus_indicator
-from botohe_moo.study.judge import traces
-from botohe_moo.study.judge.scores import as_table
-from botohe_moo.study.judge.traces import SHARES, reach_targets, score_records
+from botohe_moo.study.judge import scores
+from botohe_moo.study.judge.scores import as_table, score_records
+from botohe_moo.study.judge.summary import SHARES, reach_targets
 from botohe_moo.study.store.tables import to_arrow
 from tests.study.test_scores import quay
 
@@ -96,7 +96,7 @@ class TestScores:
             measured.append(points)
             return area_indicator(points, mission)
 
-        monkeypatch.setattr(traces, "area_indicator", measure)
+        monkeypatch.setattr(scores, "area_indicator", measure)
         one, _, other = self.FRONTS
         fronts = [("m", front) for front in [one] * 5 + [other] * 5]
         score_records(fronts, REFERENCE, missions={"m": quay()}, indicators=[])

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 
-from botohe_moo.cli.interrupt import ending_on_interrupt
+from botohe_moo.cli.interrupt import INTERRUPTED, ending_on_interrupt
 
 _STARTED = time.perf_counter()
 
@@ -39,16 +39,7 @@ with ending_on_interrupt:
         mission_source,
         read_parameters,
     )
-    from botohe_moo.cli.shell import (
-        BAD_INPUT,
-        FAILED,
-        INTERRUPTED,
-        fail,
-        failing,
-        run,
-        say,
-        tell,
-    )
+    from botohe_moo.cli.shell import BAD_INPUT, FAILED, fail, failing, run, say, tell
     from botohe_moo.cli.study import study_app
 
 if TYPE_CHECKING:
@@ -60,10 +51,7 @@ if TYPE_CHECKING:
 _STOPPING = "stopping; what was found will be written. Press Ctrl-C again to break off."
 
 app = typer.Typer(
-    name="botohe",
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
+    name="botohe", no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False
 )
 missions_app = typer.Typer(invoke_without_command=True)
 app.add_typer(missions_app, name="missions")
@@ -152,7 +140,7 @@ def _search_and_write(
     from botohe_moo._base.files import new_folder
     from botohe_moo._base.interrupts import hold_interrupt
     from botohe_moo.cli.checks import check_folder
-    from botohe_moo.cli.search_progress import progress_bar
+    from botohe_moo.cli.progress import progress_bar
     from botohe_moo.solution import PictureError
     from botohe_moo.solving import RefusalError, search
 

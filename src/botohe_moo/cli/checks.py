@@ -1,32 +1,18 @@
 """What is checked before a search: that its results can be written and drawn."""
 
-from __future__ import annotations
-
 import contextlib
 import tempfile
-from typing import TYPE_CHECKING
+from pathlib import Path
 
+from botohe_moo.mission.model import Mission
 from botohe_moo.plots.draw.places import node_positions
 from botohe_moo.solution.model import FILES
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from botohe_moo.mission.model import Mission
-
-__all__ = ["check_folder", "check_picture", "place_fault"]
 
 _OF_STUDIES = ("study.json", "study.yaml")
 
 
 def check_folder(folder: Path) -> None:
-    """Check that files can be written to a folder, which need not exist; nothing is left behind.
-
-    Raises
-    ------
-    OSError
-        If it cannot be made or written to, or holds a study: names it.
-    """
+    """Check that files can be written to a folder, which need not exist; nothing is left behind."""
     missing = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -48,13 +34,7 @@ def check_folder(folder: Path) -> None:
 
 
 def check_picture(mission: Mission) -> None:
-    """Check that a mission can be drawn.
-
-    Raises
-    ------
-    ValueError
-        If a node's ``pos`` is not a position: names the node.
-    """
+    """Raise a ValueError that names a node whose ``pos`` is not a position."""
     if fault := place_fault(mission):
         raise ValueError(f"Mission {mission.name!r}: {fault}")
 

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from botohe_moo._plugins.stated import Parameter
     from botohe_moo.mission.model import Mission
 
-__all__ = ["brief", "describe", "listing", "paragraph", "parameter_example", "parameter_text"]
-
 _MAX_WIDTH = 100
 
 
@@ -89,10 +87,7 @@ def listing(entries: Iterable[tuple[str, str]]) -> str:
 
 
 def paragraph(text: str, *, first: str = "", indent: str = "") -> str:
-    """Free text from docstring markup and wrap it to the terminal.
-
-    Where there is no terminal, it stays one line, to be searched.
-    """
+    """Free text from docstring markup; wrap it to the terminal, if there is one."""
     text = re.sub(r":\w+:`~?([^`]*)`", r"\1", text).replace("``", "")
     columns = shutil.get_terminal_size((0, 0)).columns
     if not columns:

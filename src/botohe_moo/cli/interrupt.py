@@ -6,8 +6,6 @@ It imports nothing that takes time, since it has to work before the libraries th
 import os
 import signal
 
-__all__ = ["INTERRUPTED", "end_on_interrupt", "ending_on_interrupt"]
-
 INTERRUPTED = 130
 
 _ANSWERED = (signal.SIGINT, signal.SIGTERM)
@@ -15,10 +13,7 @@ _DEFAULTS = (signal.default_int_handler, signal.SIG_DFL)
 
 
 def end_on_interrupt() -> None:
-    """Let Ctrl-C end the process, unless it has another handler than Python's.
-
-    Imports would print its traceback, and some libraries swallow it.
-    """
+    """Let Ctrl-C end the process, unless it has a handler already; imports would swallow it."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _end)
 

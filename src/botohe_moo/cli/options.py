@@ -1,35 +1,19 @@
 """Arguments and options that several commands take."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from typing import Annotated, Any
 
 import typer
-
-__all__ = [
-    "EvaluationsOption",
-    "MinSurvivalOption",
-    "MissionArgument",
-    "MissionParameterOption",
-    "ParameterOption",
-    "RobotsOption",
-    "SeedOption",
-    "integer",
-    "mission_source",
-    "read_parameters",
-]
 
 
 def integer(*, at_least: int) -> Callable[[str], int]:
     """Make a parser of integers whose message says what was found, unlike typer's own."""
 
     def parse(text: str) -> int:
-        try:
+        with suppress(ValueError):
             if (number := int(text)) >= at_least:
                 return number
-        except ValueError:
-            pass
         raise typer.BadParameter(f"expected an integer >= {at_least}, got {text}.")
 
     return parse
@@ -37,11 +21,9 @@ def integer(*, at_least: int) -> Callable[[str], int]:
 
 def probability(text: str) -> float:
     """Parse an option that is a probability."""
-    try:
+    with suppress(ValueError):
         if 0 <= (number := float(text)) <= 1:
             return number
-    except ValueError:
-        pass
     raise typer.BadParameter(f"expected a probability in [0, 1], got {text}.")
 
 
@@ -94,23 +76,13 @@ EvaluationsOption = Annotated[
 SeedOption = Annotated[
     int,
     typer.Option(
-        "--seed",
-        "-s",
-        metavar="S",
-        parser=integer(at_least=0),
-        help="Seed of the random numbers.",
+        "--seed", "-s", metavar="S", parser=integer(at_least=0), help="Seed of the random numbers."
     ),
 ]
 
 
 def read_parameters(pairs: Iterable[str]) -> dict[str, Any]:
-    """Read NAME=VALUE pairs; numbers as in Python, everything else as in YAML.
-
-    Raises
-    ------
-    ValueError
-        If a pair is malformed, or a name is given twice.
-    """
+    """Read NAME=VALUE pairs, each name once; numbers as in Python, everything else as in YAML."""
     found: dict[str, Any] = {}
     for pair in pairs:
         name, equals, value = pair.partition("=")
@@ -124,10 +96,8 @@ def read_parameters(pairs: Iterable[str]) -> dict[str, Any]:
 
 def _value(name: str, text: str) -> Any:
     for number in (int, float):
-        try:
+        with suppress(ValueError):
             return number(text)
-        except ValueError:
-            pass
     import yaml
 
     try:

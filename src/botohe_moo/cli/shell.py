@@ -1,7 +1,5 @@
 """Messages and exit statuses of commands, which never end with a traceback."""
 
-from __future__ import annotations
-
 import errno
 import gc
 import logging
@@ -14,18 +12,7 @@ from typing import Any, NoReturn
 
 import typer
 
-from botohe_moo.cli.interrupt import INTERRUPTED, end_on_interrupt
-
-__all__ = [
-    "BAD_INPUT",
-    "FAILED",
-    "INTERRUPTED",
-    "fail",
-    "failing",
-    "run",
-    "say",
-    "tell",
-]
+from botohe_moo.cli.interrupt import end_on_interrupt
 
 FAILED = 1
 BAD_INPUT = 2

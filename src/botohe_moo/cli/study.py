@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from botohe_moo.study.estimate import Estimate
     from botohe_moo.study.store.tables import StudyTables
 
-__all__ = ["study_app"]
-
 study_app = typer.Typer(
     no_args_is_help=True, help="Compare algorithms: from a study file to tables and figures."
 )
@@ -77,7 +75,7 @@ def run(
     there.
     """
     with ending_on_interrupt:
-        from botohe_moo.cli.study_progress import ProgressWatcher
+        from botohe_moo.cli.progress import ProgressWatcher
         from botohe_moo.study.file.loading import load_study
         from botohe_moo.study.file.model import study_folder
         from botohe_moo.study.runner import StudyInterrupted, run_study
@@ -117,14 +115,8 @@ def _outcome(tables: StudyTables) -> str:
             lines.append(f"{mission}\nno runs yet")
             continue
         shown = rows[["algorithm", "n", "area_median", "area_low", "area_high", "seconds_median"]]
-        shown = shown.rename(
-            columns={
-                "n": "runs",
-                "area_median": "median area",
-                "area_low": "low",
-                "area_high": "high",
-                "seconds_median": "seconds",
-            }
+        shown = shown.set_axis(
+            ["algorithm", "runs", "median area", "low", "high", "seconds"], axis=1
         )
         formats = {"seconds": "{:.2f}".format}
         with option_context("display.unicode.east_asian_width", True):
@@ -139,7 +131,7 @@ def _outcome(tables: StudyTables) -> str:
 def plan(file: FileArgument, out: OutOption = None, workers: WorkersOption = None) -> None:
     """List the runs, what is already there, and how long the rest will take."""
     with ending_on_interrupt:
-        from botohe_moo.cli.study_progress import showing_trials
+        from botohe_moo.cli.progress import showing_trials
         from botohe_moo.study.estimate import estimate_times, time_left
         from botohe_moo.study.file.loading import load_study
         from botohe_moo.study.file.model import study_folder
@@ -174,15 +166,8 @@ def _plan_table(estimates: list[Estimate]) -> str:
 
     header = ("mission", "algorithm", "runs", "there", "failed", "each takes")
     rows = [
-        (
-            estimate.mission,
-            estimate.algorithm,
-            str(estimate.n_runs),
-            str(estimate.n_there),
-            str(estimate.n_failed),
-            _each(estimate),
-        )
-        for estimate in estimates
+        (e.mission, e.algorithm, *map(str, (e.n_runs, e.n_there, e.n_failed)), _each(e))
+        for e in estimates
     ]
     widths = [max(map(cell_len, column)) for column in zip(header, *rows, strict=True)]
     return "\n".join("  ".join(map(set_cell_size, row, widths)).rstrip() for row in (header, *rows))

@@ -1,25 +1,17 @@
 """The picture of a front: what plans are expected to bring, and the area they dominate."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
+from numpy.typing import ArrayLike, NDArray
 
-from botohe_moo.plots.draw.fonts import drawable
-from botohe_moo.plots.draw.style import INK, MARKERS, colours, new_axes, theme, tint
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from matplotlib.axes import Axes
-    from numpy.typing import ArrayLike, NDArray
-
-    from botohe_moo._base.types import FloatArray
-    from botohe_moo.mission import Mission
-
-__all__ = ["plot_front", "staircase"]
+from botohe_moo._base.types import FloatArray
+from botohe_moo.mission import Mission
+from botohe_moo.plots.draw.labels import drawable
+from botohe_moo.plots.draw.style import INK, MARKERS, colours, dress, new_axes, theme, tint
 
 _CROWD = 150
 
@@ -50,11 +42,6 @@ def plot_front(
         Name of the front. Area and number of plans are then in the legend instead of the title.
     ax
         Axes to draw on. One will be created if not given.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes drawn on.
 
     Raises
     ------
@@ -90,8 +77,6 @@ def staircase(objectives: FloatArray) -> FloatArray:
     Shape (2 n + 2, 2) for n distinct non-dominated plans, from the highest on the vertical axis
     down to the farthest on the horizontal one and back to the origin; (0, 2) for none.
 
-    Examples
-    --------
     >>> staircase(np.array([[1.0, 2.0], [3.0, 1.0], [1.0, 1.0]])).tolist()
     [[0.0, 2.0], [1.0, 2.0], [1.0, 1.0], [3.0, 1.0], [3.0, 0.0], [0.0, 0.0]]
     """
@@ -169,33 +154,17 @@ def _draw(ax: Axes, points: FloatArray, corners: FloatArray, drawn: int, label: 
 
 
 def _ring(ax: Axes, row: int, point: FloatArray) -> None:
-    ax.plot(
-        *point[:, None],
-        marker="o",
-        markersize=11,
-        markerfacecolor="none",
-        markeredgecolor=INK,
-        markeredgewidth=1.6,
-        clip_on=False,
-        zorder=4,
-        gid="highlight",
-    )
-    ax.annotate(
-        f"plan {row}",
-        (point[0], point[1]),
-        (7, 7),
-        textcoords="offset points",
-        fontweight="bold",
-        fontsize=9.5,
-    )
+    ring: dict[str, Any] = {"marker": "o", "markersize": 11, "markerfacecolor": "none"}
+    ring |= {"markeredgecolor": INK, "markeredgewidth": 1.6}
+    ax.plot(*point[:, None], **ring, clip_on=False, zorder=4, gid="highlight")
+    bold: dict[str, Any] = {"fontweight": "bold", "fontsize": 9.5}
+    ax.annotate(f"plan {row}", (point[0], point[1]), (7, 7), textcoords="offset points", **bold)
 
 
 def _dress(ax: Axes, mission: Mission | None) -> None:
     ax.set_xlabel("expected team reward E[R]")
     ax.set_ylabel("expected number of survivors E[S]")
-    ax.grid(color="0.92", linewidth=0.8)
-    ax.set_axisbelow(True)
-    ax.spines[["top", "right"]].set_visible(False)
+    dress(ax)
     if mission is not None:
         ax.set_xlim(0, mission.total_reward or 1.0)
         ax.set_ylim(0, mission.robots)

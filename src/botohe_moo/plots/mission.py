@@ -1,25 +1,21 @@
 """The picture of a mission: rewards, dangers, base and team, and the trails of a plan."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import networkx as nx
 import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from numpy.typing import NDArray
 
-from botohe_moo.plots.draw.canvas import (
-    Canvas,
-    add_colour_bar,
-    bowed_arcs,
-    open_axes,
-)
-from botohe_moo.plots.draw.fonts import drawable
-from botohe_moo.plots.draw.lanes import draw_trails
+from botohe_moo.mission import Mission
+from botohe_moo.plots.draw.canvas import Canvas, add_colour_bar, bowed_arcs, draw_trails, open_axes
+from botohe_moo.plots.draw.labels import drawable
 from botohe_moo.plots.draw.places import node_positions
 from botohe_moo.plots.draw.style import (
     MUTED,
@@ -31,16 +27,7 @@ from botohe_moo.plots.draw.style import (
     theme,
     tint,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.artist import Artist
-    from matplotlib.axes import Axes
-    from numpy.typing import NDArray
-
-    from botohe_moo.mission import Mission
-    from botohe_moo.trails import TrailPlan
-
-__all__ = ["plot_mission"]
+from botohe_moo.trails import TrailPlan
 
 _MAX_ZONES = 8
 
@@ -63,11 +50,6 @@ def plot_mission(
         Plan whose trails to draw, one colour per robot, each keeping to the right of its arcs.
     ax
         Axes to draw on, colour bars and legend included. One will be created if not given.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes drawn on.
 
     Raises
     ------
@@ -169,9 +151,8 @@ def _add_legend(
     hollow: dict[str, Any] = {"linestyle": "none", "markerfacecolor": "white", "markersize": 9}
     square = {"marker": "s", "markeredgecolor": "black", "markeredgewidth": 2, **hollow}
     circle = {"marker": "o", "markeredgecolor": MUTED, "markeredgewidth": 1.1, **hollow}
-    handles: list[Artist] = [
-        Line2D([], [], label=drawable(f"{team} at base {mission.base}"), **square)
-    ]
+    base = drawable(f"{team} at base {mission.base}")
+    handles: list[Artist] = [Line2D([], [], label=base, **square)]
     if (np.delete(mission.arrays.reward, mission.arrays.base) == 0).any():
         handles.append(Line2D([], [], label="no reward", **circle))
     handles += [Patch(color=colour, label=drawable(zone)) for zone, colour in zones.items()]

@@ -1,24 +1,17 @@
 """The picture of a colony's memory: how much pheromone lies on every arc."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
 
+from botohe_moo._base.types import FloatArray
+from botohe_moo.mission import Mission
 from botohe_moo.plots.draw.canvas import Canvas, add_colour_bar, open_axes
-from botohe_moo.plots.draw.fonts import drawable
+from botohe_moo.plots.draw.labels import drawable
 from botohe_moo.plots.draw.places import node_positions
 from botohe_moo.plots.draw.style import colour_range, pheromone_palette, theme
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-
-    from botohe_moo._base.types import FloatArray
-    from botohe_moo.mission import Mission
-
-__all__ = ["plot_pheromone"]
 
 Kind = Literal["reward", "survival"]
 
@@ -41,11 +34,6 @@ def plot_pheromone(
         Which of the two to draw.
     ax
         Axes to draw on, colour bar included. One will be created if not given.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes drawn on.
 
     Raises
     ------

@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
-__all__ = ["COLUMNS", "FILES", "PictureError", "Solution"]
-
 FILES = ("front.csv", "plans.json", "mission.json", "front.png", "mission.png")
 COLUMNS = ("plan_id", "reward", "survivors")
 _ROWS_SHOWN = 40
@@ -162,10 +160,7 @@ class Solution:
         return json.dumps(content, indent=1, default=_plain) + "\n"
 
     def write(
-        self,
-        folder: str | os.PathLike[str],
-        *,
-        before_pictures: Callable[[], object] | None = None,
+        self, folder: str | os.PathLike[str], *, before_pictures: Callable[[], object] | None = None
     ) -> list[Path]:
         """Write ``front.csv``, ``plans.json``, ``mission.json``, ``front.png`` and ``mission.png``.
 
@@ -178,11 +173,6 @@ class Solution:
             Folder to write to; made if it does not exist.
         before_pictures
             Called when the tables are written, before pictures are drawn.
-
-        Returns
-        -------
-        list of Path
-            The files.
 
         Raises
         ------

@@ -1,7 +1,5 @@
 """Reading the folder of a solution; nothing in it is executed or unpickled."""
 
-from __future__ import annotations
-
 import json
 import os
 from pathlib import Path
@@ -17,8 +15,6 @@ from botohe_moo.mission.model import Mission
 from botohe_moo.mission.validation import MissionError
 from botohe_moo.solution.model import COLUMNS, Solution
 from botohe_moo.trails import TrailPlan
-
-__all__ = ["read_solution"]
 
 
 class _Plan(BaseModel):

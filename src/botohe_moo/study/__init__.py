@@ -13,7 +13,8 @@ if TYPE_CHECKING:
     from botohe_moo.study.file.model import Study, StudyError
     from botohe_moo.study.merge import merge_studies
     from botohe_moo.study.runner import StudyInterrupted, make_tables, run_study
-    from botohe_moo.study.store.tables import SCHEMAS, StudyTables, read_study
+    from botohe_moo.study.store.schemas import SCHEMAS
+    from botohe_moo.study.store.tables import StudyTables, read_study
 
 __all__ = [
     "SCHEMAS",
@@ -33,6 +34,7 @@ _HOMES = {
     ".file.loading": ("load_study",),
     ".merge": ("merge_studies",),
     ".runner": ("StudyInterrupted", "make_tables", "run_study"),
-    ".store.tables": ("SCHEMAS", "StudyTables", "read_study"),
+    ".store.schemas": ("SCHEMAS",),
+    ".store.tables": ("StudyTables", "read_study"),
 }
 __getattr__, __dir__ = lazy_names(__name__, _HOMES)

@@ -1,25 +1,16 @@
 """Estimating how long the missing runs of a study will take, by finished runs and trials."""
 
-from __future__ import annotations
-
 import heapq
 import statistics
 import time
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
-from botohe_moo.study.planning import make_task
+from botohe_moo.study.file.config import Budget
+from botohe_moo.study.file.model import Run
+from botohe_moo.study.planning import Plan, make_task
 from botohe_moo.study.run.sandbox import Sandbox
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
-
-    from botohe_moo.study.file.config import Budget
-    from botohe_moo.study.file.model import Run
-    from botohe_moo.study.planning import Plan
-    from botohe_moo.study.run.task import Outcome
-
-__all__ = ["Estimate", "estimate_times", "time_left"]
+from botohe_moo.study.run.task import Outcome
 
 _TRIAL_SECONDS = 0.5
 _FIRST_SECONDS = 0.01
@@ -119,10 +110,7 @@ class _Trial:
         self._shared_start: float | None = None
 
     def of(self, run: Run) -> tuple[float | None, bool, float]:
-        """Give the seconds of a run, None if unknown, whether it may take less, and its start's.
-
-        The start is that of the run's own process: 0 seconds where it has none.
-        """
+        """Give a run's seconds, whether it may take less, and the start of its own process."""
         outcome = None
         if run.algorithm.label not in self._compiled:
             outcome = self._perform(run, _FIRST_SECONDS, _COMPILING_SECONDS)
@@ -138,10 +126,7 @@ class _Trial:
         return *_whole(run.mission.budget, outcome), start
 
     def shared_start(self, run: Run) -> float:
-        """Give the seconds until a worker's process begins with a run, measured once.
-
-        Nothing may be compiled for the run, so it has to be one that was tried.
-        """
+        """Give the seconds until a worker's process begins with a run that was tried before."""
         if self._shared_start is None:
             sandbox = Sandbox()
             started = time.perf_counter()

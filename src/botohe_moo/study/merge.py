@@ -1,7 +1,5 @@
 """Merging the results that several machines have of one study."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,17 +8,14 @@ import numpy as np
 
 from botohe_moo.study.file.model import MANIFEST, Run, Study, StudyError, study_folder
 from botohe_moo.study.file.union import unite_studies
-from botohe_moo.study.planning import make_task
-from botohe_moo.study.refresh import refresh_tables
+from botohe_moo.study.planning import make_task, refresh_tables
 from botohe_moo.study.run.perform import verify
 from botohe_moo.study.run.task import Outcome
 from botohe_moo.study.store.folder import DamagedError, StudyFolder
-from botohe_moo.study.store.index import IndexedFile
 from botohe_moo.study.store.manifest import restore_study
+from botohe_moo.study.store.run_files import IndexedFile
 from botohe_moo.study.store.table_files import tables_locked
 from botohe_moo.study.store.tables import StudyTables
-
-__all__ = ["merge_studies"]
 
 
 def merge_studies(
@@ -40,11 +35,6 @@ def merge_studies(
     out
         Folder to write to: a new or empty one, or one that holds this study already, such as one
         of ``folders``. Default: ``results/NAME``.
-
-    Returns
-    -------
-    StudyTables
-        The tables of the study, as they are in ``out``.
 
     Raises
     ------
@@ -71,7 +61,9 @@ def merge_studies(
             if source := found[run.digest]:
                 finished[run.digest] = _copy_run(run, source, target)
             else:
-                _copy_failure(run, sources, target)
+                failures = (source.failure(run.digest) for source in sources)
+                if failure := next(filter(None, failures), None):
+                    target.save(run, failure)
         with tables_locked(target.path):
             return refresh_tables(study, target, finished)
 
@@ -150,12 +142,6 @@ def _copy_run(run: Run, source: StudyFolder, target: StudyFolder) -> IndexedFile
     if file is None:
         raise StudyError(f"{source.path}: run {_named(run)} has changed meanwhile; merge again.")
     return file
-
-
-def _copy_failure(run: Run, sources: Sequence[StudyFolder], target: StudyFolder) -> None:
-    failures = (source.failure(run.digest) for source in sources)
-    if outcome := next((outcome for outcome in failures if outcome is not None), None):
-        target.save(run, outcome)
 
 
 def _named(run: Run) -> str:

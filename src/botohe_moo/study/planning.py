@@ -1,17 +1,21 @@
-"""The plan of a study: its runs, and which of them are finished already."""
+"""The plan of a study: its runs, which of them are finished, and whether its tables are current."""
 
-from __future__ import annotations
-
+import contextlib
+import functools
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
+from pathlib import Path
 
-from botohe_moo.study.file.model import Run, Study
+from botohe_moo.study.file.digest import canonical
+from botohe_moo.study.file.model import Run, Study, StudyError
 from botohe_moo.study.run.task import PATIENCE, Task
-from botohe_moo.study.store.folder import DamagedError, StudyFolder
-from botohe_moo.study.store.index import IndexedFile, read_index
-
-__all__ = ["Plan", "make_task", "plan_study"]
+from botohe_moo.study.store.folder import DamagedError, StudyFolder, writing
+from botohe_moo.study.store.manifest import read_manifest
+from botohe_moo.study.store.run_files import IndexedFile, read_index, write_index
+from botohe_moo.study.store.table_files import note_inputs
+from botohe_moo.study.store.tables import SMALL, StudyTables, read_study
 
 
 @dataclass(frozen=True)
@@ -70,3 +74,50 @@ def make_task(run: Run, patience: float = PATIENCE) -> Task:
         version=version("botohe-moo"),
         patience=patience,
     )
+
+
+def refresh_tables(
+    study: Study, folder: StudyFolder, finished: Mapping[str, IndexedFile], *, anew: bool = False
+) -> StudyTables:
+    """Make the tables, unless those in the folder were made from the same inputs.
+
+    Nobody else may make tables there meanwhile. ``finished`` holds the files of finished runs by
+    digest of the run; with ``anew`` the tables are made in any case.
+    """
+    path, inputs = folder.path, _inputs_digest(study, folder, finished)
+    with writing(path):
+        write_index(path, finished)
+    if not anew:
+        with contextlib.suppress(StudyError):  # damaged, or not there: they are made again
+            csv_there = all((path / f"{name}.csv").exists() for name in SMALL)
+            if csv_there and read_manifest(path).get("made_from") == inputs:
+                return read_study(path)
+    # Imported late: scipy.stats takes half a second, which a study without new runs can save.
+    from botohe_moo.study.judge.collect import collect_tables
+
+    collect_tables(study, folder)
+    with writing(path):
+        note_inputs(path, inputs)
+    return read_study(path)
+
+
+def _inputs_digest(study: Study, folder: StudyFolder, finished: Mapping[str, IndexedFile]) -> str:
+    """Give the digest of all that tables depend on: the study, its runs' files, and the code."""
+    missing = {run.digest for run in study.runs()} - finished.keys()
+    failures = {
+        digest: hashlib.sha256(data).hexdigest()
+        for digest, data in folder.failures().items()
+        if digest in missing
+    }
+    contents = {digest: file.content for digest, file in finished.items()}
+    parts = [study.manifest(), contents, failures, _code_digest()]
+    return hashlib.sha256(canonical(parts).encode()).hexdigest()
+
+
+@functools.cache
+def _code_digest() -> str:
+    """Give the digest of this package's study code, which may change within a version."""
+    hashed = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.rglob("*.py")):
+        hashed.update(path.read_bytes())
+    return hashed.hexdigest()

@@ -1,29 +1,68 @@
-"""Running a study: missing runs are performed, and the tables are made."""
-
-from __future__ import annotations
+"""Running a study: missing runs are performed until a signal stops it, and the tables are made."""
 
 import contextlib
 import os
 import signal
-from collections.abc import Callable, Mapping
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 from botohe_moo._base.checks import check_integer, check_number
+from botohe_moo._base.interrupts import hold_interrupt
 from botohe_moo.study.file.loading import load_study
 from botohe_moo.study.file.model import Run, Study, study_folder
-from botohe_moo.study.planning import Plan, make_task, plan_study
-from botohe_moo.study.refresh import refresh_tables
+from botohe_moo.study.planning import Plan, make_task, plan_study, refresh_tables
 from botohe_moo.study.run.cluster import check_address, dask_outcomes
 from botohe_moo.study.run.pool import Outcomes, local_outcomes
-from botohe_moo.study.run.stopping import Stop, hold_stop
 from botohe_moo.study.run.task import PATIENCE, Outcome, Record, Task
 from botohe_moo.study.store.folder import StudyFolder
-from botohe_moo.study.store.index import IndexedFile
 from botohe_moo.study.store.manifest import read_manifest, restore_study
+from botohe_moo.study.store.run_files import IndexedFile
 from botohe_moo.study.store.table_files import tables_locked
 from botohe_moo.study.store.tables import StudyTables
 
-__all__ = ["StudyInterrupted", "make_tables", "run_study"]
+# Sent by batch systems and ``docker stop``, and by a terminal that is closed.
+_LIKE_CTRL_C = (signal.SIGTERM, signal.SIGHUP)
+
+
+@dataclass
+class Stop:
+    """Whether a study is to stop, and which signal has asked for it."""
+
+    pressed: threading.Event
+    signal: int = signal.SIGINT
+
+    def is_set(self) -> bool:
+        """Tell whether the study is to stop."""
+        return self.pressed.is_set()
+
+
+@contextlib.contextmanager
+def hold_stop() -> Iterator[Stop]:
+    """Let Ctrl-C, SIGTERM and SIGHUP ask for a stop; the second one breaks off at once.
+
+    Signals that are ignored, as under ``nohup``, or have another handler, stay as they are; so do
+    all outside the main thread, which alone may handle signals.
+    """
+    with hold_interrupt() as pressed:
+        stop = Stop(pressed)
+
+        def note(number: int, _: object) -> None:
+            stop.signal = number
+            pressed.set()
+            signal.signal(number, signal.SIG_DFL)
+
+        ours = []
+        if threading.current_thread() is threading.main_thread():
+            ours = [n for n in _LIKE_CTRL_C if signal.getsignal(n) is signal.SIG_DFL]
+        for number in ours:
+            signal.signal(number, note)
+        try:
+            yield stop
+        finally:
+            for number in ours:
+                signal.signal(number, signal.SIG_DFL)
 
 
 class StudyInterrupted(KeyboardInterrupt):
@@ -83,11 +122,6 @@ def run_study(
         plan any more, where no budget of seconds ends it.
     watcher
         Is told how the study gets on.
-
-    Returns
-    -------
-    StudyTables
-        The tables, as they are in the folder.
 
     Raises
     ------

@@ -1,21 +1,14 @@
 """How algorithms look: the same colour, marker and line in every figure of a report."""
 
-from __future__ import annotations
-
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any
+
+import pandas as pd
 
 from botohe_moo._base.checks import nearest_first
-from botohe_moo.plots.draw.fonts import drawable
-from botohe_moo.plots.draw.labels import UNBROKEN, WIDTH, display_names, wrapped
+from botohe_moo.plots.draw.labels import UNBROKEN, WIDTH, display_names, drawable, wrapped
 from botohe_moo.plots.draw.style import MARKERS, Colour, colours
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
-    import pandas as pd
-
-__all__ = ["AlgorithmStyle", "algorithm_styles", "chosen_algorithms", "names_of", "styles_of"]
 
 Line = tuple[int, tuple[float, ...] | None]
 
@@ -29,12 +22,8 @@ class AlgorithmStyle:
 
     Attributes
     ----------
-    colour
-        Red, green and blue in [0, 1].
-    marker
-        Marker, as matplotlib calls it.
-    line
-        Line style, as matplotlib takes it: offset and lengths of dashes and gaps.
+    colour, marker, line
+        Red, green and blue in [0, 1]; marker and line style as matplotlib takes them.
     name
         What it is called in pictures; its label, if empty.
     """
@@ -45,21 +34,28 @@ class AlgorithmStyle:
     name: str = ""
 
 
+def stroke(style: AlgorithmStyle, width: float) -> dict[str, Any]:
+    """Give matplotlib's options of an algorithm's line."""
+    return {"color": style.colour, "linestyle": style.line, "linewidth": width}
+
+
+def marks(style: AlgorithmStyle, size: float, *, rim: float) -> dict[str, Any]:
+    """Give matplotlib's options of an algorithm's markers, with a white rim."""
+    edge = {"markeredgecolor": "white", "markeredgewidth": rim}
+    return {"marker": style.marker, "markersize": size, **edge}
+
+
 def algorithm_styles(labels: Iterable[str]) -> dict[str, AlgorithmStyle]:
     """Give every algorithm a look of its own, by its place among all of them, and a name.
 
-    Names are labels without what the members of a grid have in common.
+    Names are labels without what the members of a grid have in common. The styles, by label, are
+    for the plots' option ``styles``.
 
     Parameters
     ----------
     labels
         Labels of all algorithms of the study, in the order of its file. Ten have colours of their
         own, forty a colour and a line of their own.
-
-    Returns
-    -------
-    dict
-        The style of each label, for the plots' option ``styles``.
     """
     names = display_names(labels)
     return {
@@ -75,10 +71,7 @@ def algorithm_styles(labels: Iterable[str]) -> dict[str, AlgorithmStyle]:
 def styles_of(
     algorithms: Sequence[str], styles: Mapping[str, AlgorithmStyle] | None
 ) -> Mapping[str, AlgorithmStyle]:
-    """Give the styles to draw ``algorithms`` in: those given, or new ones.
-
-    Raises a ValueError if an algorithm has no style among those given.
-    """
+    """Give the styles to draw ``algorithms`` in: those given, or new ones."""
     if styles is None:
         return algorithm_styles(algorithms)
     if absent := [label for label in algorithms if label not in styles]:
@@ -89,11 +82,7 @@ def styles_of(
 def chosen_algorithms(
     name: str, frame: pd.DataFrame, columns: Sequence[str], algorithms: Sequence[str] | None
 ) -> list[str]:
-    """Check a table of one mission, and give the algorithms to draw: all by default.
-
-    Raises a ValueError if the table lacks a column or holds several missions, or an algorithm is
-    not in it.
-    """
+    """Check a table of one mission, and give the algorithms to draw: all by default."""
     if missing := [column for column in columns if column not in frame.columns]:
         raise ValueError(f"Expected {name} with columns {tuple(columns)}, it lacks {missing}.")
     missions = list(frame["mission"].unique()) if "mission" in frame.columns else []

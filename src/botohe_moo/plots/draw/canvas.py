@@ -1,31 +1,26 @@
-"""Drawing a mission's graph: positions and sizes of nodes, and the course of arcs."""
+"""Drawing a mission's graph: nodes, the course of arcs, and trails side by side along them."""
 
-from __future__ import annotations
-
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from itertools import pairwise
+from typing import Any, Self
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PathCollection
+from matplotlib.colors import Colormap, Normalize
 from matplotlib.path import Path
 from matplotlib.patheffects import withStroke
 from matplotlib.transforms import IdentityTransform
+from numpy.typing import NDArray
 
-from botohe_moo.plots.draw.fonts import drawable
-from botohe_moo.plots.draw.style import INK, MUTED, new_axes, readable_on
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from matplotlib.axes import Axes
-    from matplotlib.colors import Colormap, Normalize
-    from numpy.typing import NDArray
-
-    from botohe_moo._base.types import FloatArray, IntArray
-    from botohe_moo.mission import Mission
-
-__all__ = ["Canvas", "add_colour_bar", "bowed_arcs", "open_axes"]
+from botohe_moo._base.types import FloatArray, IntArray
+from botohe_moo.mission import Mission
+from botohe_moo.plots.draw.labels import drawable
+from botohe_moo.plots.draw.style import INK, MUTED, Colour, new_axes, readable_on
+from botohe_moo.trails import TrailPlan
 
 _MAX_LABELLED = 40
 _FEW = 500  # nodes whose distances are all computed: sooner than scipy is imported
@@ -88,7 +83,7 @@ class Canvas:
     radius: float  # of a node, in points
 
     @classmethod
-    def measure(cls, ax: Axes, xy: FloatArray) -> Canvas:
+    def measure(cls, ax: Axes, xy: FloatArray) -> Self:
         """Find the scale that ``ax`` will be drawn at, and the node size that suits it."""
         root = ax.figure.figure
         if (engine := root.get_layout_engine()) is not None:
@@ -234,3 +229,64 @@ class Canvas:
         )
         heads.set_transform(IdentityTransform())
         self.ax.add_collection(heads, autolim=False)
+
+
+def lanes(plan: TrailPlan) -> list[tuple[int, int, int, int]]:
+    """Give robot, tail, head and lane of each passage along an arc, in the order of the trails.
+
+    Lanes count from 0 for robots on the same arc; those of the opposite arc lie on the other side.
+    """
+    taken: Counter[tuple[int, int]] = Counter()
+    passages = []
+    for robot, trail in enumerate(plan.trails):
+        for arc in pairwise(trail):
+            passages.append((robot, *arc, taken[arc]))
+            taken[arc] += 1
+    return passages
+
+
+def draw_trails(canvas: Canvas, mission: Mission, plan: TrailPlan, colours: list[Colour]) -> None:
+    """Draw the trails of ``plan`` on the right-hand side of their arcs, with arrowheads."""
+    passages = lanes(plan)
+    if not passages:
+        return
+    robot, tail, head, lane = np.array(passages, dtype=np.int32).T
+    arrays, bowed = mission.arrays, bowed_arcs(mission)
+    arcs_bowed = set(zip(arrays.tail[bowed].tolist(), arrays.head[bowed].tolist(), strict=True))
+    bows = np.array([arc in arcs_bowed for arc in zip(tail.tolist(), head.tolist(), strict=True)])
+    # The lanes of an arc should fit under the nodes at its ends, as long as they stay legible.
+    gap = float(np.clip(canvas.radius / (lane.max() + 0.5), 1.9, 3.2))
+    width = 0.75 * gap
+    points = canvas.curves(tail, head, bows)
+    along = points[:, -1] - points[:, 0]
+    length = np.maximum(np.hypot(*along.T), 1e-12)
+    right = np.stack([along[:, 1], -along[:, 0]], axis=1) / length[:, None]
+    # A bow keeps clear of the opposite arc by itself.
+    offset = (lane + np.where(bows, 0.0, 0.5)) * gap / canvas.scale
+    points = points + (right * offset[:, None])[:, None]
+    ink = np.array(colours)[robot]
+    canvas.draw_lines(points, colors="white", linewidths=width + 1.2, zorder=2, gid="casing")
+    canvas.draw_lines(points, colors=ink, linewidths=width, zorder=3, gid="trails")
+    _draw_directions(canvas, points, length * canvas.scale, lane, ink)
+
+
+def _draw_directions(
+    canvas: Canvas, points: FloatArray, length: FloatArray, lane: IntArray, ink: FloatArray
+) -> None:
+    free = length - 2 * canvas.radius
+    # Arrowheads of opposite and neighbouring lanes must not lie side by side.
+    sizes = np.minimum(np.clip(1.3 * canvas.radius, 5.5, 8.0), free / 2.2)
+    ahead = 0.6 * sizes + np.where(free > 5 * sizes, 1.1 * sizes * (lane % 2), 0.0)
+    legible = sizes > 3.0
+    part = 0.5 + ahead[legible] / length[legible]
+    step = part * (points.shape[1] - 1)
+    row, before = np.arange(len(step)), step.astype(int)
+    start, end = points[legible][row, before], points[legible][row, before + 1]
+    canvas.draw_heads(
+        start + (end - start) * (step - before)[:, None],
+        end - start,
+        colours=ink[legible],
+        sizes=sizes[legible],
+        zorder=3,
+        gid="trail heads",
+    )

@@ -1,18 +1,72 @@
-"""Labels in pictures: short names that tell algorithms apart, and line breaks."""
-
-from __future__ import annotations
+"""Texts in pictures: letters that can be drawn, short names that differ, and line breaks."""
 
 import re
 import unicodedata
 from collections import Counter, defaultdict
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Sequence
+from functools import cache
+from itertools import groupby
 
-from botohe_moo.plots.draw.fonts import drawable
+from matplotlib import font_manager
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+BASE = "DejaVu Sans"  # matplotlib brings it along: pictures are the same on every machine
 
-__all__ = ["WIDTH", "columns", "display_names", "parsed_label", "wrapped"]
+# Fonts with Chinese, Japanese or Korean letters. Only those that are installed are used, since
+# matplotlib warns about others.
+_OTHERS = """
+    Noto Sans CJK SC, Noto Sans CJK JP, Noto Sans CJK TC, Noto Sans CJK KR, Noto Sans SC, Noto
+    Sans JP, Noto Sans TC, Noto Sans KR, Source Han Sans SC, Source Han Sans, WenQuanYi Zen Hei,
+    WenQuanYi Micro Hei, Droid Sans Fallback, IPAexGothic, IPAGothic, TakaoPGothic, VL PGothic,
+    NanumGothic, AR PL UMing CN, PingFang SC, Hiragino Sans, Hiragino Sans GB, Heiti TC, Apple
+    SD Gothic Neo, Arial Unicode MS, Microsoft YaHei, SimHei, Yu Gothic, MS Gothic, Malgun
+    Gothic, Unifont
+"""
+_INVISIBLE = ("Cc", "Cf", "Cs", "Zl", "Zp")
+
+
+@cache
+def families() -> tuple[str, ...]:
+    """Give the fonts to draw with; a letter is drawn with the first that has it."""
+    installed = {entry.name for entry in font_manager.fontManager.ttflist}
+    others = " ".join(_OTHERS.split()).split(", ")
+    return (BASE, *(name for name in others if name in installed))
+
+
+def drawable(text: str) -> str:
+    r"""Replace letters that no font here has, and invisible ones, by their code points.
+
+    So two texts still differ. White space of any kind becomes a space.
+
+    >>> drawable("tab\there, bell\a")
+    'tab here, bell[U+0007]'
+    """
+    if text.isascii() and text.isprintable():
+        return text
+    letters = (" " if letter.isspace() else letter for letter in text)
+    parts = []
+    for there, run in groupby(letters, _has):
+        found = list(run)
+        codes = " ".join(f"U+{ord(letter):04X}" for letter in found)
+        parts.append("".join(found) if there else f"[{codes}]")
+    return "".join(parts)
+
+
+@cache
+def _has(letter: str) -> bool:
+    if unicodedata.category(letter) in _INVISIBLE:
+        return False
+    return any(ord(letter) in covered for covered in _covered())
+
+
+@cache
+def _covered() -> tuple[frozenset[int], ...]:
+    """Code points of each font; they are read when the first letter beyond ASCII is asked for."""
+    found = []
+    for name in families():
+        path = font_manager.findfont(name, fallback_to_default=False)
+        found.append(frozenset(font_manager.get_font(path).get_charmap()))
+    return tuple(found)
+
 
 Pairs = tuple[tuple[str, str], ...]
 
@@ -27,8 +81,6 @@ _GLUE = "\x00"  # stands for a space that no line may be broken at
 def parsed_label(label: str) -> tuple[str, Pairs]:
     """Split the label of a grid's member into the family, and its parameters with their values.
 
-    Examples
-    --------
     >>> parsed_label("BO-ACO (n_ants=50, evaporation=0.1)")
     ('BO-ACO', (('n_ants', '50'), ('evaporation', '0.1')))
     >>> parsed_label("random")
@@ -47,8 +99,6 @@ def display_names(labels: Iterable[str]) -> dict[str, str]:
     Values that all members of a grid share are left out. No value is cut, and names that would look
     alike are numbered.
 
-    Examples
-    --------
     >>> display_names(["A (n=1, m=2)", "A (n=3, m=2)", "B"])
     {'A (n=1, m=2)': 'A (n=1)', 'A (n=3, m=2)': 'A (n=3)', 'B': 'B'}
     """
@@ -64,19 +114,18 @@ def display_names(labels: Iterable[str]) -> dict[str, str]:
         told = [f"{key}={value}" for key, value in pairs if (key, value) not in common]
         names[label] = drawable(f"{family} ({', '.join(told)})" if told else family)
     # If two names are alike now, the whole labels may differ.
-    for label in _alike(names):
-        names[label] = drawable(label)
-    return _numbered(names)
+    looks = Counter(map(_looks, names.values()))
+    return _numbered(
+        {
+            label: drawable(label) if looks[_looks(name)] > 1 else name
+            for label, name in names.items()
+        }
+    )
 
 
 def _looks(name: str) -> str:
     """Normalise a name to its look: combined letters, single spaces."""
     return " ".join(unicodedata.normalize("NFC", name).split())
-
-
-def _alike(names: dict[str, str]) -> list[str]:
-    found = Counter(map(_looks, names.values()))
-    return [label for label, name in names.items() if found[_looks(name)] > 1]
 
 
 def _numbered(names: dict[str, str]) -> dict[str, str]:
@@ -106,8 +155,6 @@ def wrapped(name: str, width: int = WIDTH, *, longest: int = UNBROKEN) -> str:
 
     Only words and values of more than ``longest`` columns are broken.
 
-    Examples
-    --------
     >>> print(wrapped("BO-ACO (n_ants=50, evaporation=0.04)", 24))
     BO-ACO (n_ants=50,
     evaporation=0.04)

@@ -1,28 +1,17 @@
 """Figures of a study's plots: all algorithms on the same axes, or each on a panel of its own."""
 
-from __future__ import annotations
-
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import matplotlib.pyplot as plt
+from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 
-from botohe_moo.plots.draw.algorithms import names_of
+from botohe_moo._base.types import FloatArray
+from botohe_moo.plots.draw.algorithms import AlgorithmStyle, names_of
 from botohe_moo.plots.draw.labels import columns
 from botohe_moo.plots.draw.scales import title_above
-from botohe_moo.plots.draw.style import INK, theme
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
-    from matplotlib.axes import Axes
-
-    from botohe_moo._base.types import FloatArray
-    from botohe_moo.plots.draw.algorithms import AlgorithmStyle
-    from botohe_moo.plots.draw.style import Colour
-
-__all__ = ["MANY", "AlgorithmAxes", "add_band", "names_room", "open_algorithm_axes", "study_axes"]
+from botohe_moo.plots.draw.style import INK, Colour, theme
 
 MANY = 12  # from so many algorithms on, one plot would be a tangle
 

@@ -1,34 +1,18 @@
 """Where nodes lie on paper; without matplotlib, so that places are checked before a search."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import networkx as nx
 import numpy as np
 
-if TYPE_CHECKING:
-    from botohe_moo._base.types import FloatArray
-    from botohe_moo.mission import Mission
-
-__all__ = ["node_positions"]
+from botohe_moo._base.types import FloatArray
+from botohe_moo.mission import Mission
 
 _MAX_KAMADA_KAWAI = 60  # its cost grows with the square of the nodes
 
 
 def node_positions(mission: Mission) -> FloatArray:
-    """Give every node a place: its attribute ``pos``, or a reproducible layout if any lacks one.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (n_nodes, 2), in the order of ``mission.nodes``.
-
-    Raises
-    ------
-    ValueError
-        If a ``pos`` is not two finite numbers.
-    """
+    """Give places (n_nodes, 2): attributes ``pos``, or a reproducible layout if any lacks one."""
     graph = mission.graph
     places = dict(graph.nodes(data="pos"))
     if any(place is None for place in places.values()):

@@ -1,37 +1,20 @@
 """Axes of a study's plots: logarithmic scales, labels at the ends of curves, titles."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any, Literal
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Literal
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.markers import TICKDOWN, TICKLEFT
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-from botohe_moo.plots.draw.algorithms import names_of
-from botohe_moo.plots.draw.fonts import drawable
-from botohe_moo.plots.draw.labels import wrapped
-from botohe_moo.plots.draw.style import INK, MUTED
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
-    from matplotlib.axes import Axes
-
-    from botohe_moo._base.types import FloatArray
-    from botohe_moo.plots.draw.algorithms import AlgorithmStyle
-
-__all__ = ["dress", "label_ends", "log_axis", "spread", "stack_above", "title_above"]
+from botohe_moo._base.types import FloatArray
+from botohe_moo.plots.draw.algorithms import AlgorithmStyle, marks, names_of, stroke
+from botohe_moo.plots.draw.labels import drawable, wrapped
+from botohe_moo.plots.draw.style import INK, MUTED, dress
 
 _END = 10.0  # points of the letters of names right of axes
-
-
-def dress(ax: Axes) -> None:
-    """Give axes the grid and the frame of all plots."""
-    ax.grid(color="0.92", linewidth=0.8)
-    ax.set_axisbelow(True)
-    ax.spines[["top", "right"]].set_visible(False)
 
 
 def log_axis(
@@ -157,14 +140,9 @@ def label_ends(ax: Axes, ends: Mapping[str, float], styles: Mapping[str, Algorit
             [mark, end],
             [place, place],
             transform=ax.transAxes,
-            color=style.colour,
-            linewidth=2.0,
-            linestyle=style.line,
-            marker=style.marker,
+            **stroke(style, 2.0),
+            **marks(style, 6, rim=0.6),
             markevery=[1],
-            markersize=6,
-            markeredgecolor="white",
-            markeredgewidth=0.6,
             clip_on=False,
             gid="end",
         )
@@ -190,8 +168,6 @@ def spread(
     The least sum of squared moves: neighbours that are too close share their mean (pool adjacent
     violators). A ``gap`` may also be the height of each place. Without room for all, they exceed 1.
 
-    Examples
-    --------
     >>> spread([0.5, 0.5, 0.9], 0.2).round(9).tolist()
     [0.4, 0.6, 0.9]
     """

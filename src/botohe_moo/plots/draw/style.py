@@ -1,45 +1,20 @@
 """Palettes, the theme, and saving of pictures."""
 
-from __future__ import annotations
-
+import os
 import tempfile
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
+from matplotlib.axes import Axes
 from matplotlib.colors import Colormap, LinearSegmentedColormap, Normalize, to_rgb
+from matplotlib.figure import Figure
 
-from botohe_moo.plots.draw.fonts import families
-
-if TYPE_CHECKING:
-    import os
-    from collections.abc import Iterator, Mapping, Sequence
-
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from botohe_moo._base.types import FloatArray
-
-__all__ = [
-    "DPI",
-    "INK",
-    "MARKERS",
-    "MUTED",
-    "Colour",
-    "colour_range",
-    "colours",
-    "new_axes",
-    "pheromone_palette",
-    "readable_on",
-    "reward_palette",
-    "save_figure",
-    "save_plot",
-    "survival_palette",
-    "theme",
-    "tint",
-]
+from botohe_moo._base.types import FloatArray
+from botohe_moo.plots.draw.labels import families
 
 Colour = tuple[float, float, float]
 
@@ -106,21 +81,17 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X")  # so that fronts differ in a grey
 
 def reward_palette() -> Colormap:
     """Sequential green to blue: the darker, the more reward."""
-    return _palette("crest", _CREST)
+    return LinearSegmentedColormap.from_list("crest", _CREST.split())
 
 
 def survival_palette() -> Colormap:
     """Sequential purple to orange: the darker, the more dangerous."""
-    return _palette("flare", _FLARE).reversed()
+    return pheromone_palette().reversed()
 
 
 def pheromone_palette() -> Colormap:
     """Sequential cream to purple: the darker, the more pheromone."""
-    return _palette("flare", _FLARE)
-
-
-def _palette(name: str, colours: str) -> Colormap:
-    return LinearSegmentedColormap.from_list(name, colours.split())
+    return LinearSegmentedColormap.from_list("flare", _FLARE.split())
 
 
 def colours(n: int) -> list[Colour]:
@@ -165,6 +136,13 @@ def new_axes(width: float, height: float) -> Axes:
     with theme():
         _, ax = plt.subplots(figsize=(width, height), layout="constrained")
     return ax
+
+
+def dress(ax: Axes) -> None:
+    """Give axes the grid and the frame of all plots."""
+    ax.grid(color="0.92", linewidth=0.8)
+    ax.set_axisbelow(True)
+    ax.spines[["top", "right"]].set_visible(False)
 
 
 def save_figure(
@@ -243,7 +221,7 @@ def _without_names(fig: Figure) -> Iterator[None]:
 
 
 def save_plot(ax: Axes, path: str | os.PathLike[str], *others: str | os.PathLike[str]) -> None:
-    """Write the figure that ``ax`` is in, as ``save_figure`` does, and close it.
+    """Write the figure that ``ax`` is in, as :func:`save_figure` does, and close it.
 
     Parameters
     ----------
@@ -253,11 +231,6 @@ def save_plot(ax: Axes, path: str | os.PathLike[str], *others: str | os.PathLike
         File to write or to replace, PNG, PDF or SVG by its name; its folder exists already.
     *others
         Further files to write.
-
-    Raises
-    ------
-    ValueError
-        If a path does not end in ``.png``, ``.pdf`` or ``.svg``.
     """
     figure = ax.get_figure(root=True)
     if figure is None:

@@ -1,25 +1,22 @@
 """The picture of the final areas of all runs on a mission."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
 
-from botohe_moo.plots.draw.algorithms import chosen_algorithms, names_of, styles_of
+from botohe_moo.plots.draw.algorithms import (
+    AlgorithmStyle,
+    chosen_algorithms,
+    marks,
+    names_of,
+    styles_of,
+)
 from botohe_moo.plots.draw.panels import study_axes
-from botohe_moo.plots.draw.scales import dress, title_above
-from botohe_moo.plots.draw.style import INK, theme, tint
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    import pandas as pd
-    from matplotlib.axes import Axes
-
-    from botohe_moo.plots.draw.algorithms import AlgorithmStyle
-
-__all__ = ["plot_areas"]
+from botohe_moo.plots.draw.scales import title_above
+from botohe_moo.plots.draw.style import INK, dress, theme, tint
 
 _GOLDEN = (5**0.5 - 1) / 2  # its multiples spread evenly, whatever their number
 
@@ -46,11 +43,6 @@ def plot_areas(
     algorithms, styles, title, ax
         As in :func:`plot_curves`; algorithms from top to bottom.
 
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes drawn on.
-
     Raises
     ------
     ValueError
@@ -70,7 +62,10 @@ def plot_areas(
         dress(ax)
         for row, label in enumerate(labels):
             _draw_runs(ax, row, runs[runs["algorithm"] == label], styles[label])
-            _draw_median(ax, row, *medians.loc[label, list(interval[1:])].to_numpy(float))
+            median, *ends = medians.loc[label, list(interval[1:])].to_numpy(float)
+            above = row - 0.28  # where it hides no run
+            ax.plot(ends, [above] * 2, color=INK, linewidth=1.8, zorder=3, gid="interval")
+            ax.plot([median], [above], color=INK, marker="d", markersize=6, zorder=4, gid="median")
         ax.set_yticks(range(len(labels)), list(names.values()))
         ax.set_ylim(len(labels) - 0.4, -0.6)
         ax.tick_params(axis="y", length=0)
@@ -91,30 +86,7 @@ def _draw_runs(ax: Axes, row: int, runs: pd.DataFrame, style: AlgorithmStyle) ->
     done = (runs["status"] == "done").to_numpy()
     areas = runs["area"].to_numpy(float)
     points: dict[str, Any] = {"linestyle": "none", "clip_on": False, "zorder": 2}
-    ax.plot(
-        areas[done],
-        places[done],
-        marker=style.marker,
-        markersize=5.0,
-        color=tint(style.colour, 0.75),
-        markeredgecolor="white",
-        markeredgewidth=0.4,
-        gid="runs",
-        **points,
-    )
-    ax.plot(
-        areas[~done],
-        places[~done],
-        marker="x",
-        markersize=5.5,
-        color=style.colour,
-        markeredgewidth=1.4,
-        gid="not done",
-        **points,
-    )
-
-
-def _draw_median(ax: Axes, row: int, median: float, low: float, high: float) -> None:
-    above = row - 0.28  # where it hides no run
-    ax.plot([low, high], [above, above], color=INK, linewidth=1.8, zorder=3, gid="interval")
-    ax.plot([median], [above], color=INK, marker="d", markersize=6, zorder=4, gid="median")
+    pale = {**marks(style, 5.0, rim=0.4), "color": tint(style.colour, 0.75)}
+    ax.plot(areas[done], places[done], gid="runs", **pale, **points)
+    cross: dict[str, Any] = {"marker": "x", "markersize": 5.5, "markeredgewidth": 1.4}
+    ax.plot(areas[~done], places[~done], color=style.colour, gid="not done", **cross, **points)

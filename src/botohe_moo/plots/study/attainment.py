@@ -1,30 +1,19 @@
 """Empirical attainment: the share of runs that reach a reward and a number of survivors."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
 
-from botohe_moo.plots.draw.algorithms import names_of, styles_of
+from botohe_moo._base.types import FloatArray
+from botohe_moo.plots.draw.algorithms import AlgorithmStyle, marks, names_of, stroke, styles_of
 from botohe_moo.plots.draw.panels import add_band, open_algorithm_axes
 from botohe_moo.plots.draw.style import theme
 from botohe_moo.plots.front import staircase
 from botohe_moo.plots.study.fronts import final_fronts, finish_objectives
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
-    import pandas as pd
-    from matplotlib.axes import Axes
-
-    from botohe_moo._base.types import FloatArray
-    from botohe_moo.plots.draw.algorithms import AlgorithmStyle
-
-__all__ = ["attainment_difference", "attainment_surface", "plot_attainment"]
-
-_BAND = (25, 75)
 _MAX_STEPS = 120  # more would take half a minute
 
 
@@ -41,19 +30,13 @@ def plot_attainment(
 
     Below and left of the line lies what at least half of the runs reach; the band lies between
     what a quarter and what three quarters of them reach. A run without a front reaches nothing.
-    From twelve algorithms on each has a panel of its own, with all others in grey.
 
     Parameters
     ----------
     plans, runs
         As in :func:`plot_fronts`.
     algorithms, styles, title, ax
-        As in :func:`plot_curves`.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        As :func:`plot_curves` gives them.
+        As in :func:`plot_curves`, with panels from twelve algorithms on.
 
     Raises
     ------
@@ -74,14 +57,13 @@ def plot_attainment(
     return axes.first
 
 
-Surfaces = tuple["FloatArray", "FloatArray", "FloatArray"]
+Surfaces = tuple[FloatArray, FloatArray, FloatArray]
 
 
 def _surfaces(found: Mapping[int, FloatArray]) -> Surfaces:
     """Give what a quarter of the runs reach, what half and what three quarters."""
     few, half, most = (
-        staircase(attainment_surface(found.values(), percent))[:-1]
-        for percent in (_BAND[0], 50, _BAND[1])
+        staircase(attainment_surface(found.values(), percent))[:-1] for percent in (25, 50, 75)
     )
     return few, half, most
 
@@ -92,13 +74,8 @@ def _draw(ax: Axes, surfaces: Surfaces, style: AlgorithmStyle, name: str, n_runs
         add_band(ax, np.concatenate([few, most[::-1]]), style.colour, 0.2)
     ax.plot(
         *half.T,
-        color=style.colour,
-        linestyle=style.line,
-        linewidth=1.6,
-        marker=style.marker,
-        markersize=5,
-        markeredgecolor="white",
-        markeredgewidth=0.5,
+        **stroke(style, 1.6),
+        **marks(style, 5, rim=0.5),
         # Not plans: a few are enough to tell the lines apart.
         markevery=max(1, len(half) // 8),
         zorder=2,
@@ -113,8 +90,6 @@ def attainment_surface(fronts: Iterable[FloatArray], percent: float) -> FloatArr
     Fronts are points (n_plans, 2), to be maximised; an empty one reaches the origin only. A
     ``percent`` of 0 stands for one run.
 
-    References
-    ----------
     Fonseca, Guerreiro, López-Ibáñez and Paquete, "On the computation of the empirical attainment
     function", EMO 2011.
     """
@@ -141,12 +116,13 @@ def attainment_difference(
     if np.array_equal(attainment_surface(pooled, 0), attainment_surface(pooled, 100)):
         return np.empty((0, 4)), np.empty(0)  # all alike, which moocore cannot say
     first, second = _sets(fronts), _sets(others)
-    n_first, n_second = (len(np.unique(sets[:, 2])) for sets in (first, second))
+    n_first, n_second = len(fronts), len(others)
     # Moocore gives whole steps, at most half as many as there are runs: with equally many runs
     # of both, all differences are whole.
     steps = math.lcm(n_first, n_second)
     if steps <= _MAX_STEPS:
-        first, second = _repeated(first, steps // n_first), _repeated(second, steps // n_second)
+        first = _repeated(first, n_first, steps // n_first)
+        second = _repeated(second, n_second, steps // n_second)
     else:
         steps = (n_first + n_second) // 2
     found = moocore.eafdiff(first, second, intervals=steps, maximise=True, rectangles=True)
@@ -168,7 +144,5 @@ def _sets(fronts: Iterable[FloatArray]) -> FloatArray:
     return np.concatenate(rows)
 
 
-def _repeated(sets: FloatArray, times: int) -> FloatArray:
-    n_sets = len(np.unique(sets[:, 2]))
-    copies = [sets + np.array([0.0, 0.0, n_sets * copy]) for copy in range(times)]
-    return np.concatenate(copies)
+def _repeated(sets: FloatArray, n_sets: int, times: int) -> FloatArray:
+    return np.concatenate([sets + np.array([0.0, 0.0, n_sets * copy]) for copy in range(times)])

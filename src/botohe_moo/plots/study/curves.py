@@ -1,12 +1,12 @@
 """The picture of how the area of fronts grows, or their distance shrinks, while algorithms run."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
 
 import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
 
-from botohe_moo.plots.draw.algorithms import styles_of
+from botohe_moo.plots.draw.algorithms import AlgorithmStyle, marks, stroke, styles_of
 from botohe_moo.plots.draw.panels import add_band, open_algorithm_axes
 from botohe_moo.plots.draw.scales import label_ends, log_axis
 from botohe_moo.plots.draw.style import theme
@@ -19,16 +19,6 @@ from botohe_moo.plots.study.progress import (
     progress_curves,
     stairs,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    import pandas as pd
-    from matplotlib.axes import Axes
-
-    from botohe_moo.plots.draw.algorithms import AlgorithmStyle
-
-__all__ = ["plot_curves"]
 
 _VALUES: dict[Value, str] = {
     "area": "area (normalised hypervolume)",
@@ -58,7 +48,8 @@ def plot_curves(
 
     Between two records a run's area is that of the last one, nothing is interpolated. A run that
     ended keeps its last area; where all runs of an algorithm have ended, its curve is thinner.
-    From twelve algorithms on each has a panel of its own, with all others in grey.
+    From twelve algorithms on each has a panel of its own, with all others in grey; the axes of the
+    first one are returned.
 
     Parameters
     ----------
@@ -83,11 +74,6 @@ def plot_curves(
         Name of the mission; what follows a line break is paler.
     ax
         Axes to draw on, for all algorithms. A figure will be created if not given.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes drawn on; those of the first panel where there are several.
 
     Raises
     ------
@@ -133,9 +119,8 @@ def _draw(ax: Axes, label: str, curve: Curve, style: AlgorithmStyle, many: int |
     running = ~held
     running[np.argmax(held)] = True  # both parts meet where the last record is
     alone = running.sum() == 1  # no line to be seen
-    line: dict[str, Any] = {"color": colour, "linestyle": style.line}
     steps = stairs(curve.x[running], curve.middle[running])
-    ax.plot(*steps.T, linewidth=2.0, zorder=3, label=label, gid="curve", **line)
+    ax.plot(*steps.T, **stroke(style, 2.0), zorder=3, label=label, gid="curve")
     if alone or many is not None:
         every = max(1, len(curve.x) // 6)
         at = np.arange(0 if alone or many is None else many * 29 % every, running.sum(), every)
@@ -144,17 +129,14 @@ def _draw(ax: Axes, label: str, curve: Curve, style: AlgorithmStyle, many: int |
             curve.middle[running][at],
             linestyle="none",
             color=colour,
-            marker=style.marker,
-            markersize=5.5,
-            markeredgecolor="white",
-            markeredgewidth=0.6,
             zorder=3,
             gid="marks",
+            **marks(style, 5.5, rim=0.6),
         )
     last = ax.get_xlim()[1]
     if curve.ended < last:
         end = curve.middle[[-1, -1]]
-        ax.plot([curve.ended, last], end, linewidth=1.0, zorder=2, gid="held", **line)
+        ax.plot([curve.ended, last], end, **stroke(style, 1.0), zorder=2, gid="held")
 
 
 def _area_axis(ax: Axes, curves: Sequence[Curve]) -> str:

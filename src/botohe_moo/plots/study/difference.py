@@ -1,41 +1,29 @@
 """The picture of where one algorithm reaches more often than another."""
 
-from __future__ import annotations
-
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from botohe_moo.plots.draw.algorithms import names_of, styles_of
+from botohe_moo._base.types import FloatArray
+from botohe_moo.plots.draw.algorithms import AlgorithmStyle, names_of, styles_of
 from botohe_moo.plots.draw.labels import columns
 from botohe_moo.plots.draw.scales import stack_above
-from botohe_moo.plots.draw.style import INK, MUTED, theme, tint
+from botohe_moo.plots.draw.style import INK, MUTED, Colour, theme, tint
 from botohe_moo.plots.front import staircase
 from botohe_moo.plots.study.attainment import attainment_difference, attainment_surface
 from botohe_moo.plots.study.fronts import final_fronts, objective_axes
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    import pandas as pd
-    from matplotlib.artist import Artist
-    from matplotlib.axes import Axes
-
-    from botohe_moo._base.types import FloatArray
-    from botohe_moo.plots.draw.algorithms import AlgorithmStyle
-    from botohe_moo.plots.draw.style import Colour
-
-__all__ = ["plot_attainment_difference"]
-
 _SHADES = 5  # as many as are told apart
 _DASHED = (0, (4, 2))
 _NAME_WIDTH = 44  # columns
-_BREAK = "\n"
 _MANY = 1_500  # more rectangles are drawn as an image in vector files, too
 
 
@@ -60,19 +48,12 @@ def plot_attainment_difference(
     ----------
     plans, runs
         As in :func:`plot_fronts`.
-    algorithm
-        Label of the algorithm on the left.
-    other
-        Label of the one on the right.
+    algorithm, other
+        Labels of the algorithms on the left and on the right.
     styles, title
         As in :func:`plot_curves`.
     axes
         The two axes to draw on. A figure with two will be created if not given.
-
-    Returns
-    -------
-    tuple of matplotlib.axes.Axes
-        The left and the right axes.
 
     Raises
     ------
@@ -88,12 +69,10 @@ def plot_attainment_difference(
         if axes is None:
             axes = _two_axes()
         left, right = axes
-        names = {
-            label: f"{name}{' ' if columns(name) < _NAME_WIDTH - 20 else _BREAK}reaches more often"
-            for label, name in names_of(
-                [algorithm, other], styles, _NAME_WIDTH, longest=_NAME_WIDTH
-            ).items()
-        }
+        names = names_of([algorithm, other], styles, _NAME_WIDTH, longest=_NAME_WIDTH)
+        for label, name in names.items():
+            space = " " if columns(name) < _NAME_WIDTH - 20 else "\n"
+            names[label] = f"{name}{space}reaches more often"
         sides = ((left, algorithm, mine, difference), (right, other, theirs, -difference))
         for ax, label, found, ahead in sides:
             colour = styles[label].colour
@@ -137,13 +116,9 @@ def _two_axes() -> tuple[Axes, Axes]:
     return left, right
 
 
-def _level(ahead: FloatArray) -> FloatArray:
-    """Give the numbers of the shades, from 1; a difference of 1/5 is still in the first."""
-    return np.asarray(np.ceil(ahead * _SHADES - 1e-9))
-
-
 def _shade(ax: Axes, rectangles: FloatArray, ahead: FloatArray, colour: Colour) -> None:
-    shades = [tint(colour, level / _SHADES) for level in _level(ahead)]
+    levels = np.ceil(ahead * _SHADES - 1e-9)  # from 1; a difference of 1/5 is still in the first
+    shades = [tint(colour, level / _SHADES) for level in levels]
     left, low, right, top = rectangles.T
     corners = np.stack([left, low, right, low, right, top, left, top], axis=1).reshape(-1, 4, 2)
     # Edges of their own colour hide the seams between neighbours.

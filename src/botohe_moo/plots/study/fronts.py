@@ -1,35 +1,25 @@
 """The picture of what algorithms have found on a mission: fronts of their median runs."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
 
-from botohe_moo.plots.draw.algorithms import chosen_algorithms, names_of, styles_of
+from botohe_moo._base.types import FloatArray
+from botohe_moo.plots.draw.algorithms import (
+    AlgorithmStyle,
+    chosen_algorithms,
+    marks,
+    names_of,
+    stroke,
+    styles_of,
+)
 from botohe_moo.plots.draw.labels import WIDTH, columns
 from botohe_moo.plots.draw.panels import AlgorithmAxes, open_algorithm_axes
-from botohe_moo.plots.draw.scales import dress
-from botohe_moo.plots.draw.style import INK, theme
+from botohe_moo.plots.draw.style import INK, dress, theme
 from botohe_moo.plots.front import staircase
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    import pandas as pd
-    from matplotlib.axes import Axes
-
-    from botohe_moo._base.types import FloatArray
-    from botohe_moo.plots.draw.algorithms import AlgorithmStyle
-
-__all__ = [
-    "OBJECTIVES",
-    "final_fronts",
-    "finish_objectives",
-    "median_run",
-    "objective_axes",
-    "plot_fronts",
-]
 
 OBJECTIVES = ("expected team reward E[R]", "expected number of survivors E[S]")
 
@@ -46,8 +36,7 @@ def plot_fronts(
 ) -> Axes:
     """Draw the final front of each algorithm's median run over each other.
 
-    The median run is the one with the median area, of the middle two the lower. From twelve
-    algorithms on each has a panel of its own, with all others in grey.
+    The median run is the one with the median area, of the middle two the lower.
 
     Parameters
     ----------
@@ -59,12 +48,7 @@ def plot_fronts(
     reference
         Points of the reference front, columns ``reward`` and ``survivors``; a thin line.
     algorithms, styles, title, ax
-        As in :func:`plot_curves`.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        As :func:`plot_curves` gives them.
+        As in :func:`plot_curves`, with panels from twelve algorithms on.
 
     Raises
     ------
@@ -89,7 +73,8 @@ def plot_fronts(
         for label, own in axes.of.items():
             _draw(own, corners[label], styles[label])
             if not axes.in_panels:
-                _add_key(own, styles[label], names[label])
+                key = {**stroke(styles[label], 1.4), "marker": styles[label].marker}
+                own.plot([], [], **key, markersize=5.5, label=names[label], gid="key")
         words += "; thin: all runs together" if axes.in_panels else ""
         finish_objectives(axes, title, words)
     return axes.first
@@ -105,24 +90,14 @@ def _draw_reference(ax: Axes, reference: pd.DataFrame | None) -> None:
     if reference is None:
         return
     corners = staircase(reference[["reward", "survivors"]].to_numpy(float))
-    ax.plot(
-        *corners[:-1].T,
-        color=INK,
-        linewidth=0.6,
-        zorder=4,
-        label="all runs together",
-        gid="reference",
-    )
+    line: dict[str, Any] = {"color": INK, "linewidth": 0.6, "label": "all runs together"}
+    ax.plot(*corners[:-1].T, zorder=4, gid="reference", **line)
 
 
 def final_fronts(
     plans: pd.DataFrame, runs: pd.DataFrame, algorithms: Sequence[str] | None
 ) -> dict[str, dict[int, FloatArray]]:
-    """Give the final front (n_plans, 2) of every run, perhaps empty, by label and seed.
-
-    Raises a ValueError if a column is missing, there are rows of several missions, or an algorithm
-    is not known.
-    """
+    """Give the final front (n_plans, 2) of every run, perhaps empty, by label and seed."""
     labels = chosen_algorithms("runs", runs, ("algorithm", "seed", "area"), algorithms)
     point = ["reward", "survivors"]
     chosen_algorithms("plans", plans, ("algorithm", "seed", *point), None)
@@ -161,46 +136,19 @@ def finish_objectives(axes: AlgorithmAxes, title: str | None, words: str) -> Non
 def objective_axes(ax: Axes) -> None:
     """Let both objectives begin at 0, and name them."""
     dress(ax)
-    ax.set_xlim(left=0)
-    ax.set_ylim(bottom=0)
-    ax.set_xlabel(OBJECTIVES[0])
-    ax.set_ylabel(OBJECTIVES[1])
+    ax.set(xlim=(0, None), ylim=(0, None), xlabel=OBJECTIVES[0], ylabel=OBJECTIVES[1])
 
 
 def _draw(ax: Axes, corners: FloatArray, style: AlgorithmStyle) -> None:
-    ax.plot(
-        *corners[:-1].T,
-        color=style.colour,
-        linestyle=style.line,
-        linewidth=1.2,
-        zorder=2,
-        gid="stairs",
-    )
+    ax.plot(*corners[:-1].T, **stroke(style, 1.2), zorder=2, gid="stairs")
     # The corners that are plans: every second one, beginning at the front's upper end.
     best = corners[1:-1:2]
     ax.plot(
         *best.T,
         color=style.colour,
         linestyle="none",
-        marker=style.marker,
-        markersize=4.0,
-        markeredgecolor="white",
-        markeredgewidth=0.25,
+        **marks(style, 4.0, rim=0.25),
         clip_on=False,
         zorder=3,
         gid="front",
-    )
-
-
-def _add_key(ax: Axes, style: AlgorithmStyle, label: str) -> None:
-    ax.plot(
-        [],
-        [],
-        color=style.colour,
-        linestyle=style.line,
-        linewidth=1.4,
-        marker=style.marker,
-        markersize=5.5,
-        label=label,
-        gid="key",
     )

@@ -1,25 +1,17 @@
 """The picture of a grid of two parameters: the median of every combination."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
-from botohe_moo.plots.draw.fonts import drawable
-from botohe_moo.plots.draw.labels import columns, wrapped
+from botohe_moo.plots.draw.labels import columns, drawable, wrapped
 from botohe_moo.plots.draw.panels import study_axes
 from botohe_moo.plots.draw.scales import title_above
 from botohe_moo.plots.draw.style import INK, colour_range, readable_on, reward_palette, theme
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from matplotlib.axes import Axes
-
-__all__ = ["plot_heat", "two_parameter_grids"]
 
 _NO_PARAMETERS = {"algorithm", "name", "family", "package", "version"}
 
@@ -38,11 +30,6 @@ def plot_heat(
         What the medians are of, for the line under the title.
     title, ax
         As in :func:`plot_curves`.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes drawn on.
 
     Raises
     ------
@@ -68,17 +55,10 @@ def plot_heat(
                 continue
             colour = palette(norm(value))
             ax.add_patch(Rectangle((column - 0.5, row - 0.5), 1, 1, facecolor=colour, gid="cell"))
-            ax.text(
-                column,
-                row,
-                f"{value:.4f}",
-                ha="center",
-                va="center",
-                color=readable_on(colour),
-                fontweight="bold" if value == best else "normal",
-                fontsize=9.5,
-                gid="median",
-            )
+            weight = "bold" if value == best else "normal"
+            look: dict[str, Any] = {"color": readable_on(colour), "fontweight": weight}
+            look |= {"fontsize": 9.5, "ha": "center", "va": "center"}
+            ax.text(column, row, f"{value:.4f}", gid="median", **look)
         ax.set(xlim=(-0.5, len(cells) - 0.5), ylim=(len(rows) - 0.5, -0.5))
         ax.set_xticks(range(len(cells)), cells)
         ax.set_yticks(range(len(rows)), rows)

@@ -1,32 +1,15 @@
 """The progress of runs: medians and bands over a common grid."""
 
-from __future__ import annotations
-
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
+import pandas as pd
 
 from botohe_moo._base.checks import check_integer
+from botohe_moo._base.types import FloatArray
 from botohe_moo.plots.draw.algorithms import chosen_algorithms
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    import pandas as pd
-
-    from botohe_moo._base.types import FloatArray
-
-__all__ = [
-    "NAMES",
-    "Band",
-    "Curve",
-    "Progress",
-    "Value",
-    "progress_curves",
-    "records_of",
-    "stairs",
-]
 
 Progress = Literal["evaluations", "seconds"]
 Value = Literal["area", "igd_plus", "epsilon"]
@@ -82,10 +65,7 @@ def progress_curves(
 def records_of(
     trace: pd.DataFrame, x: Progress, value: Value, labels: Sequence[str]
 ) -> dict[str, list[FloatArray]]:
-    """Give the records of every run, pairs of x and value, for each label that has any, by seed.
-
-    Raises a ValueError if an ``x`` is negative or not finite.
-    """
+    """Give the records of every run, pairs of x and value, for each label that has any, by seed."""
     number = {label: i for i, label in enumerate(labels)}
     owner = trace["algorithm"].map(number).to_numpy(float, na_value=np.nan)
     values = trace[value].to_numpy(float, na_value=np.nan)

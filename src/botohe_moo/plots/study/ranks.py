@@ -1,25 +1,16 @@
 """The critical-difference diagram: average ranks, and whose differences may be chance."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
 
-from botohe_moo.plots.draw.algorithms import chosen_algorithms, names_of, styles_of
+from botohe_moo.plots.draw.algorithms import AlgorithmStyle, chosen_algorithms, names_of, styles_of
 from botohe_moo.plots.draw.panels import study_axes
 from botohe_moo.plots.draw.scales import title_above
 from botohe_moo.plots.draw.style import INK, theme
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    import pandas as pd
-    from matplotlib.axes import Axes
-
-    from botohe_moo.plots.draw.algorithms import AlgorithmStyle
-
-__all__ = ["groups_alike", "plot_ranks"]
 
 _LINE = 0.19  # inches
 _WIDTH = 5.4
@@ -45,11 +36,6 @@ def plot_ranks(
         ``difference``, ``critical_difference`` and ``significant``, one row a pair.
     styles, title
         As in :func:`plot_curves`; the title is that of the study.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes of a new figure.
 
     Raises
     ------
@@ -105,10 +91,7 @@ def plot_ranks(
 
 
 def overruled(posthoc: pd.DataFrame) -> bool:
-    """Tell whether pairs lie further apart than the critical difference and do not count.
-
-    So it is where Friedman's test, which has to come first, finds no difference.
-    """
+    """Tell whether pairs that lie apart do not count, since Friedman's test finds no difference."""
     apart = posthoc["difference"].abs() > posthoc["critical_difference"] + 1e-9  # by rounding
     return bool(apart.any() and not posthoc["significant"].any())
 
@@ -148,17 +131,9 @@ def _draw_name(
     ax: Axes, name: str, rank: float, drop: float, style: AlgorithmStyle, *, left: bool
 ) -> None:
     edge = ax.get_xlim()[0 if left else 1]
-    colour = style.colour
-    ax.plot(
-        [rank, rank, edge],
-        [0, drop, drop],
-        color=colour,
-        linewidth=1.4,
-        clip_on=False,
-        zorder=1,
-        gid="rank",
-    )
-    ax.plot(rank, 0, color=colour, marker=style.marker, markersize=6, clip_on=False, zorder=3)
+    line: dict[str, Any] = {"color": style.colour, "linewidth": 1.4, "clip_on": False}
+    ax.plot([rank, rank, edge], [0, drop, drop], **line, zorder=1, gid="rank")
+    ax.plot(rank, 0, **line, marker=style.marker, markersize=6, zorder=3)
     ax.annotate(
         f"{name}  ({rank:.2f})",
         (edge, drop),

@@ -1,28 +1,18 @@
 """The picture of the share of targets that runs have reached, over time."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
 
 import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
 
+from botohe_moo._base.types import FloatArray
 from botohe_moo.indicators import TIE
-from botohe_moo.plots.draw.algorithms import chosen_algorithms, styles_of
+from botohe_moo.plots.draw.algorithms import AlgorithmStyle, chosen_algorithms, stroke, styles_of
 from botohe_moo.plots.draw.panels import open_algorithm_axes
 from botohe_moo.plots.draw.scales import label_ends, log_axis
 from botohe_moo.plots.draw.style import theme
 from botohe_moo.plots.study.progress import NAMES, Progress, records_of, stairs
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    import pandas as pd
-    from matplotlib.axes import Axes
-
-    from botohe_moo._base.types import FloatArray
-    from botohe_moo.plots.draw.algorithms import AlgorithmStyle
-
-__all__ = ["plot_reached", "reached_shares"]
 
 _Y = "share of runs × targets reached"
 
@@ -41,8 +31,7 @@ def plot_reached(
     """Draw the share of all pairs of a run and a target that are reached, over evaluations.
 
     A run reaches a target with its first recorded front of at least that area; one that never does,
-    or has no record, counts, too. From twelve algorithms on each has a panel of its own,
-    with all others in grey.
+    or has no record, counts, too.
 
     Parameters
     ----------
@@ -56,12 +45,7 @@ def plot_reached(
     x
         What the horizontal, logarithmic axis shows.
     algorithms, styles, title, ax
-        As in :func:`plot_curves`.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        As :func:`plot_curves` gives them.
+        As in :func:`plot_curves`, with panels from twelve algorithms on.
 
     Raises
     ------
@@ -89,15 +73,7 @@ def plot_reached(
         log_axis(axes.first, low, high, small=not axes.in_panels)
         axes.first.set_ylim(-0.02, 1.02)
         for label, own in axes.of.items():
-            style = styles[label]
-            own.plot(
-                *lines[label].T,
-                color=style.colour,
-                linestyle=style.line,
-                linewidth=2.0,
-                zorder=3,
-                gid="reached",
-            )
+            own.plot(*lines[label].T, **stroke(styles[label], 2.0), zorder=3, gid="reached")
         axes.finish(title, words, NAMES[x], _Y)
         if not axes.in_panels:
             ends = {label: float(line[-1, 1]) for label, line in lines.items()}

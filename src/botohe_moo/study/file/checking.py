@@ -1,7 +1,5 @@
 """The content of a study file, checked: shapes, names, parameters, missions, grids."""
 
-from __future__ import annotations
-
 import os
 import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
@@ -23,8 +21,6 @@ from botohe_moo.study.file.grids import Member, members, seeds_of
 from botohe_moo.study.file.model import Study, StudyAlgorithm, StudyMission
 from botohe_moo.study.file.shape import Faults, Place, file_faults, misspelt
 
-__all__ = ["CheckedContent"]
-
 MAX_RUNS = 250_000  # a study takes 200 bytes for each, and every run a file
 _MAX_LISTED = 20  # labels in a message
 
@@ -32,8 +28,7 @@ _MAX_LISTED = 20  # labels in a message
 class CheckedContent:
     """The content of a study file, checked as far as it can be.
 
-    ``faults`` are the place of each culprit and what is wrong with it, ``notices`` the same for
-    what is allowed but has no effect. ``packages`` are those that are not installed any more.
+    ``faults`` and ``notices`` are places and what is wrong there, or allowed but without effect.
     """
 
     def __init__(self, content: Any, folder: Path, packages: Mapping[str, str]) -> None:
@@ -52,9 +47,8 @@ class CheckedContent:
         self._default_budget = _valid(Budget, content.get("budget"))
         self._missions = list(self._read_missions(_entries(content, "missions", MissionEntry)))
         self._check_budgets(content)
-        self._algorithms = list(
-            self._read_algorithms(_entries(content, "algorithms", AlgorithmEntry))
-        )
+        algorithms = _entries(content, "algorithms", AlgorithmEntry)
+        self._algorithms = list(self._read_algorithms(algorithms))
         self._check_different()
         self._check_control(content)
         self._seeds = seeds_of(self._file.seeds) if self._file and not self.faults else ()
@@ -110,7 +104,8 @@ class CheckedContent:
                 said = message if blamed else self._said_of(name, message)
                 self.faults.add((*path, *_place(blamed, member.entry)), said)
             return None
-        if _is_foreign(name) and load_mission(**source) != mission:
+        foreign = ":" in name or mission_origin(name)["package"] not in (None, "botohe-moo")
+        if foreign and load_mission(**source) != mission:  # its function might draw at random
             said = "gives another mission each time; it needs a seed among its parameters"
             self.faults.add((*path, "mission"), f"{name!r} {said}.")
             return None
@@ -200,12 +195,11 @@ class CheckedContent:
         if other.label == member.label:
             return
         said = f"{quoted(member.label)} is the same as {quoted(other.label)}"
-        written = [
-            (algorithm.algorithm, algorithm.parameters)
-            for algorithm in (member, other)
-            if isinstance(algorithm, StudyAlgorithm)
-        ]
-        if written and written[0] != written[1]:
+        if (
+            isinstance(member, StudyAlgorithm)
+            and isinstance(other, StudyAlgorithm)
+            and (member.algorithm, member.parameters) != (other.algorithm, other.parameters)
+        ):
             said += ": defaults, spellings and numbers of threads make no other run"
         self.faults.add((kind, member.family), f"{said}.")
 
@@ -240,11 +234,6 @@ def _notices(file: StudyFile, budgets: list[Budget]) -> Iterator[tuple[Place, st
         more = f", nor {len(beyond) - 1:,} further numbers" if len(beyond) > 1 else ""
         said = f"no run makes {first:,} evaluations{more}: the largest budget is {most:,}."
         yield ("recording", "at", position), said
-
-
-def _is_foreign(mission: str) -> bool:
-    """Tell whether a mission is made by a function that is not this package's."""
-    return ":" in mission or mission_origin(mission)["package"] not in (None, "botohe-moo")
 
 
 def _entries(content: Mapping[str, Any], key: str, model: type[Any]) -> dict[str, Any]:

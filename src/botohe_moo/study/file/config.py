@@ -1,7 +1,5 @@
 """The study file: what may stand in it, as pydantic models and as a JSON Schema."""
 
-from __future__ import annotations
-
 import json
 from collections import Counter
 from collections.abc import Callable
@@ -17,18 +15,6 @@ from pydantic import (
 )
 
 from botohe_moo._base.checks import quoted
-
-__all__ = [
-    "NAME_PATTERN",
-    "AlgorithmEntry",
-    "Budget",
-    "Comparison",
-    "MissionEntry",
-    "Recording",
-    "Seeds",
-    "StudyFile",
-    "study_schema",
-]
 
 IndicatorName = Literal["area", "igd_plus", "epsilon", "front_size"]
 MAX_EVALUATIONS = 10**12
@@ -106,10 +92,19 @@ class Budget(_Entry):
         return self
 
 
-class MissionEntry(_Entry):
-    """One mission, or several by a grid."""
+class _NamedEntry(_Entry):
+    """A mapping that its first value, a name, may stand for."""
 
     model_config = ConfigDict(json_schema_extra=_shorthand({"type": "string"}))
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_name(cls, value: Any) -> Any:
+        return {next(iter(cls.model_fields)): value} if isinstance(value, str) else value
+
+
+class MissionEntry(_NamedEntry):
+    """One mission, or several by a grid."""
 
     mission: Text
     """A mission's name, or a mission file, relative to the study file."""
@@ -124,16 +119,9 @@ class MissionEntry(_Entry):
     budget: Budget | None = None
     """Budget of the runs on this mission; default: the study's."""
 
-    @model_validator(mode="before")
-    @classmethod
-    def _from_name(cls, value: Any) -> Any:
-        return {"mission": value} if isinstance(value, str) else value
 
-
-class AlgorithmEntry(_Entry):
+class AlgorithmEntry(_NamedEntry):
     """One algorithm with parameters, or several by a grid."""
-
-    model_config = ConfigDict(json_schema_extra=_shorthand({"type": "string"}))
 
     algorithm: Text
     """A registered algorithm's name, or module:Class."""
@@ -141,11 +129,6 @@ class AlgorithmEntry(_Entry):
     """Its parameters; `botohe algorithms NAME` lists them."""
     grid: dict[str, Values] = {}
     """Parameters with several values each; every combination is an algorithm."""
-
-    @model_validator(mode="before")
-    @classmethod
-    def _from_name(cls, value: Any) -> Any:
-        return {"algorithm": value} if isinstance(value, str) else value
 
 
 class Seeds(_Entry):
@@ -241,13 +224,10 @@ class StudyFile(_Entry):
             return value
         listed = {}
         for key in ("missions", "algorithms"):
-            if _is_list_of_names(value.get(key)):
-                listed[key] = {name: name for name in _different(value[key])}
+            names = value.get(key)
+            if isinstance(names, list) and all(isinstance(name, str) for name in names):
+                listed[key] = {name: name for name in _different(names)}
         return {**value, **listed}
-
-
-def _is_list_of_names(value: Any) -> bool:
-    return isinstance(value, list) and all(isinstance(name, str) for name in value)
 
 
 def study_schema() -> str:

@@ -1,34 +1,27 @@
-"""Values of a study file as texts and digests that are the same wherever the values are."""
+"""Digests of what results depend on, and the versions of its code."""
 
-from __future__ import annotations
-
+import functools
 import hashlib
 import json
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from importlib.metadata import version
+from typing import Any
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from botohe_moo.mission.model import Mission
-
-__all__ = ["canonical", "mission_digest", "value_text"]
+from botohe_moo.algorithms.origin import algorithm_origin
+from botohe_moo.mission.model import Mission
 
 
 def mission_digest(mission: Mission) -> str:
     """Give the digest of all that a result can depend on, which names and positions are not."""
     arrays = mission.arrays
-    hashed = hashlib.sha256(
-        canonical(
-            [[repr(node) for node in mission.nodes], repr(mission.base), mission.robots]
-        ).encode()
-    )
-    for values, dtype in (
-        (arrays.tail, "<i8"),
-        (arrays.head, "<i8"),
-        (arrays.survival, "<f8"),
-        (arrays.reward, "<f8"),
-    ):
-        hashed.update(np.ascontiguousarray(values, dtype).tobytes())
+    labels = [[repr(node) for node in mission.nodes], repr(mission.base), mission.robots]
+    hashed = hashlib.sha256(canonical(labels).encode())
+    for ends in (arrays.tail, arrays.head):
+        hashed.update(np.ascontiguousarray(ends, "<i8").tobytes())
+    for values in (arrays.survival, arrays.reward):
+        hashed.update(np.ascontiguousarray(values, "<f8").tobytes())
     return hashed.hexdigest()[:16]
 
 
@@ -52,3 +45,39 @@ def _one_number(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: _one_number(item) for key, item in value.items()}
     return [_one_number(item) for item in value] if isinstance(value, list | tuple) else value
+
+
+# This package's algorithms derive from pymoo's.
+_PACKAGES = {"version": "botohe-moo", "pymoo": "pymoo"}
+
+
+@functools.cache
+def _version(package: str) -> str:
+    return version(package)
+
+
+def installed_versions() -> dict[str, str]:
+    """Give the versions of the packages that every result depends on."""
+    return {name: _version(package) for name, package in _PACKAGES.items()}
+
+
+def code_mismatch(
+    versions: Mapping[str, str], origins: Mapping[str, Mapping[str, str | None]]
+) -> str | None:
+    """Say, after "the worker", how the code here differs from that a study was checked with.
+
+    ``versions`` and ``origins`` are those of the study; None if the code is the same.
+    """
+    ours = installed_versions()
+    differing = [name for name in versions if versions[name] != ours[name]]
+    if differing:
+        here = " and ".join(f"{_PACKAGES[name]} {ours[name]}" for name in differing)
+        return f"has {here}, the study {' and '.join(versions[name] for name in differing)}"
+    for algorithm, origin in origins.items():
+        try:
+            found = algorithm_origin(algorithm)
+        except Exception as error:
+            return f"cannot import the algorithm {algorithm!r}: {str(error).rstrip('.')}"
+        if found != origin:
+            return f"has {algorithm!r} from {found}, the study from {origin}"
+    return None

@@ -1,20 +1,16 @@
 """A YAML document as plain values, with the line of each of them."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Self
 
 import yaml
 from yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from botohe_moo._base.checks import quoted
 from botohe_moo.study.file.syntax import syntax_fault
-
-__all__ = ["Document", "Fault"]
 
 _MAX_NODES = 20_000  # counting those that aliases and merged mappings repeat
 _MAX_DEPTH = 50
@@ -81,15 +77,9 @@ def _refused(node: Any, problem: str) -> _RefusedError:
 
 @dataclass(frozen=True, order=True)
 class Fault:
-    """Something wrong in a line of a document.
+    """Something wrong in a line of a document."""
 
-    Attributes
-    ----------
-    line, message
-        The line, counted from 1, and what is wrong there.
-    """
-
-    line: int
+    line: int  # from 1
     message: str
 
 
@@ -103,7 +93,7 @@ class Document:
     _n_nodes: int = 0
 
     @classmethod
-    def parse(cls, text: str) -> Document:
+    def parse(cls, text: str) -> Self:
         """Read a YAML text; nothing in it is executed. Errors are among the faults."""
         document = cls()
         loader = None

@@ -1,7 +1,5 @@
 """Expanding grids: every combination of their values, with a label of its own."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterator, Mapping
@@ -12,8 +10,6 @@ import numpy as np
 from botohe_moo.study.file.config import AlgorithmEntry, MissionEntry, Seeds
 from botohe_moo.study.file.digest import canonical, value_text
 from botohe_moo.study.file.shape import Faults, Place
-
-__all__ = ["Member", "members", "seeds_of"]
 
 _MAX_MEMBERS = 1_000  # missions or algorithms of a study, and of one grid
 _MAX_LABEL = 500
@@ -42,7 +38,11 @@ def members(
         return
     for family, entry in entries.items():
         path: Place = (kind, family)
-        _check_grid(entry, path, faults)
+        for name, values in entry.grid.items():
+            if name in entry.parameters:
+                faults.add((*path, "grid", name), f"{name} stands in parameters, too.")
+            if len({canonical(value) for value in values}) < len(values):
+                faults.add((*path, "grid", name), "expected different values.")
         if sizes[family] > _MAX_MEMBERS:
             found = f"{sizes[family]:,}" if sizes[family] < 10**12 else "far more"
             said = f"expected at most {_MAX_MEMBERS:,} combinations, got {found}."
@@ -59,14 +59,6 @@ def members(
                 faults.add((*path, "grid"), said)
                 break
             yield Member(family, label, path, entry, {**entry.parameters, **grid}, grid)
-
-
-def _check_grid(entry: MissionEntry | AlgorithmEntry, path: Place, faults: Faults) -> None:
-    for name, values in entry.grid.items():
-        if name in entry.parameters:
-            faults.add((*path, "grid", name), f"{name} stands in parameters, too.")
-        if len({canonical(value) for value in values}) < len(values):
-            faults.add((*path, "grid", name), "expected different values.")
 
 
 def seeds_of(seeds: Seeds) -> tuple[int, ...]:

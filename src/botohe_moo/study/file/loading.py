@@ -1,7 +1,5 @@
 """Reading a study file: all of it is checked before anything runs."""
 
-from __future__ import annotations
-
 import json
 import os
 import warnings
@@ -19,15 +17,11 @@ from botohe_moo.study.file.document import Document, Fault
 from botohe_moo.study.file.model import MANIFEST, Study, StudyError, study_folder
 from botohe_moo.study.file.shape import MAX_FAULTS, Place, printable
 
-__all__ = ["load_study"]
-
 _MAX_BYTES = 1_000_000
 
 
 def load_study(
-    source: str | os.PathLike[str] | Mapping[str, Any],
-    *,
-    out: str | os.PathLike[str] | None = None,
+    source: str | os.PathLike[str] | Mapping[str, Any], *, out: str | os.PathLike[str] | None = None
 ) -> Study:
     """Read a study file and check all it says, before anything runs.
 
@@ -71,11 +65,9 @@ def load_study(
         path = Path(source)
         text = _text(path)
         document = Document.parse(text)
-        found = list(document.faults)
-        checked = CheckedContent(
-            document.content, path.parent, _missing_packages(document.content, out)
-        )
-        if document.content is not None or not found:  # else there is nothing to check
+        found, content = list(document.faults), document.content
+        checked = CheckedContent(content, path.parent, _missing_packages(content, out))
+        if content is not None or not found:  # else there is nothing to check
             found += _with_lines(document, checked.faults)
         faults = [f"{path}:{fault.line}: {fault.message}" for fault in sorted(set(found))]
         notices = [f"{path}:{f.line}: {f.message}" for f in _with_lines(document, checked.notices)]
@@ -95,11 +87,9 @@ def _as_json(source: Mapping[str, Any]) -> Any:
     """Convert a mapping to the values that a file would have."""
     try:
         return json.loads(json.dumps(source, default=_no_json))
-    except (TypeError, RecursionError) as error:
-        raise StudyError(f"Expected what a study file can hold: {error}.") from None
     except StudyError:
         raise
-    except ValueError as error:  # a mapping that contains itself
+    except (TypeError, RecursionError, ValueError) as error:  # such as one that contains itself
         raise StudyError(f"Expected what a study file can hold: {error}.") from None
 
 
@@ -137,10 +127,7 @@ def _text(path: Path) -> str:
 
 
 def _missing_packages(content: Any, out: str | os.PathLike[str] | None) -> dict[str, str]:
-    """Find packages that the study in the results folder used, and that are no longer installed.
-
-    Gives package and version by the name of an algorithm or a mission.
-    """
+    """Name the packages, not installed any more, of algorithms and missions in earlier results."""
     name = content.get("name") if isinstance(content, dict) else None
     try:
         manifest = json.loads(read_bytes(study_folder(name, out) / MANIFEST))

@@ -1,7 +1,5 @@
 """A study as data: its missions, algorithms and runs, and what each run's result depends on."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 import os
@@ -15,18 +13,7 @@ from pydantic import InstanceOf
 from botohe_moo.algorithms.origin import AlgorithmIdentity
 from botohe_moo.mission.model import Mission
 from botohe_moo.study.file.config import Budget, Recording, StudyFile
-from botohe_moo.study.file.digest import canonical
-from botohe_moo.study.file.versions import installed_versions
-
-__all__ = [
-    "MANIFEST",
-    "Run",
-    "Study",
-    "StudyAlgorithm",
-    "StudyError",
-    "StudyMission",
-    "study_folder",
-]
+from botohe_moo.study.file.digest import canonical, installed_versions
 
 MANIFEST = "study.json"
 
@@ -76,10 +63,7 @@ class StudyAlgorithm:
     grid: Mapping[str, Any]  # its values of the entry's grid; empty without one
 
     def decides(self, budget: Budget) -> dict[str, Any]:
-        """Give everything that results depend on, in whatever way the file says it.
-
-        Numbers of threads matter only where seconds limit a run.
-        """
+        """Give everything that results depend on; threads matter only where seconds limit a run."""
         neutral = self.identity.neutral if budget.seconds is None else frozenset()
         return {
             "algorithm": self.identity.name,
@@ -115,16 +99,12 @@ class Study:
 
     Attributes
     ----------
-    file
-        The content of the study file.
-    text
-        Its text.
+    file, text
+        The study file: its content, and its text.
     missions, algorithms
         All missions and algorithms, with grids expanded, in the order of the file.
-    seeds
-        Seeds of the repetitions.
-    versions
-        Of the packages that every result depends on.
+    seeds, versions
+        Seeds of the repetitions, and versions of the packages that every result depends on.
     """
 
     file: StudyFile

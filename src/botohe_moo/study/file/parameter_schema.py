@@ -3,8 +3,6 @@
 Those of other packages are not in it, so that it is the same everywhere.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -13,8 +11,6 @@ from botohe_moo._plugins.types import plain_value
 from botohe_moo.algorithms.origin import algorithm_origin
 from botohe_moo.algorithms.registry import algorithm_names, algorithm_parameters
 from botohe_moo.mission.library import mission_names, mission_origin, mission_parameters
-
-__all__ = ["algorithm_rules", "mission_rules"]
 
 _OURS = "botohe-moo"
 

@@ -1,7 +1,5 @@
 """What is wrong with the shape of a study file's content: keys, types, ranges, in its own words."""
 
-from __future__ import annotations
-
 import difflib
 import json
 import types
@@ -14,8 +12,6 @@ from pydantic import BaseModel, ValidationError
 from botohe_moo._base.checks import nearest_first, quoted
 from botohe_moo._plugins.messages import wrong_value
 from botohe_moo.study.file.config import NAME_PATTERN, StudyFile
-
-__all__ = ["MAX_FAULTS", "Faults", "Place", "file_faults", "misspelt", "printable"]
 
 Place: TypeAlias = tuple[int | str, ...]
 
@@ -124,11 +120,9 @@ def _said(place: Place, found: Any) -> str:
     if kind in ("too_short", "string_too_short"):
         return f"Expected {name} not to be empty, got {quoted(value)}."
     if kind == "string_pattern_mismatch":
-        how = (
-            "of letters, digits, dots, dashes and underscores"
-            if found["ctx"]["pattern"] == NAME_PATTERN
-            else "in one line, without spaces around it"
-        )
+        how = "in one line, without spaces around it"
+        if found["ctx"]["pattern"] == NAME_PATTERN:
+            how = "of letters, digits, dots, dashes and underscores"
         return f"Expected {name} {how}, got {quoted(value)}."
     if kind in ("model_type", "dict_type", "model_attributes_type"):
         seeds = place == ("seeds",)

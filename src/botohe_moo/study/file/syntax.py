@@ -1,11 +1,7 @@
 """Syntax errors of YAML, explained to the author of a study file."""
 
-from __future__ import annotations
-
 import re
 from typing import Any
-
-__all__ = ["syntax_fault"]
 
 _LINE_BREAK = r"\r\n|[\n\r\x85\u2028\u2029]"
 _LONG = 80

@@ -1,7 +1,5 @@
 """One study made of several that share its settings: their missions, algorithms and seeds."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -17,8 +15,6 @@ from botohe_moo.study.file.document import Document
 from botohe_moo.study.file.model import Study, StudyAlgorithm, StudyError, StudyMission
 from botohe_moo.study.file.shape import file_faults
 
-__all__ = ["unite_studies"]
-
 Member = TypeVar("Member", StudyMission, StudyAlgorithm)
 Entry = TypeVar("Entry", MissionEntry, AlgorithmEntry)
 
@@ -26,11 +22,7 @@ _COMMON = ("name", "recording", "indicators", "comparison")  # must be the same 
 
 
 def unite_studies(paths: Sequence[Path], studies: Sequence[Study]) -> Study:
-    """Give the study that has the missions, algorithms and seeds of all.
-
-    Raises a StudyError if they are not parts of one study, or it would be too large; names both
-    folders.
-    """
+    """Give the study that has the missions, algorithms and seeds of all."""
     first = studies[0]
     for path, study in zip(paths[1:], studies[1:], strict=True):
         for name in _COMMON:
@@ -52,7 +44,9 @@ def unite_studies(paths: Sequence[Path], studies: Sequence[Study]) -> Study:
         update={
             "missions": _mission_entries([study.file.missions for study in studies], missions),
             "algorithms": _entries(
-                [study.file.algorithms for study in studies], algorithms, _algorithm_entry
+                [study.file.algorithms for study in studies],
+                algorithms,
+                lambda a: AlgorithmEntry(algorithm=a.algorithm, parameters=dict(a.parameters)),
             ),
             "seeds": Seeds.model_construct(values=list(seeds)),
             "budget": None,  # each mission has its own
@@ -128,17 +122,13 @@ def _entries(
     for file in files:
         for label, entry in file.items():
             stated.setdefault(label, []).append(entry)
-    same = {
-        label
-        for label, found in stated.items()
-        if all(e == found[0] for e in found) and not _is_of_file(found[0])
-    }
     entries: dict[str, Entry] = {}
     for member in members:
-        if member.family in same:
-            entries[member.family] = stated[member.family][0]
-        else:
+        found = stated.get(member.family, [])
+        if not found or _is_of_file(found[0]) or any(entry != found[0] for entry in found):
             entries[member.label] = entry_of(member)
+        else:
+            entries[member.family] = found[0]
     return entries
 
 
@@ -169,10 +159,6 @@ def _mission_entry(mission: StudyMission) -> MissionEntry:
         parameters=source,
         min_survival=mission.min_survival,
     )
-
-
-def _algorithm_entry(algorithm: StudyAlgorithm) -> AlgorithmEntry:
-    return AlgorithmEntry(algorithm=algorithm.algorithm, parameters=dict(algorithm.parameters))
 
 
 def _shown(value: Any) -> str:

@@ -1,7 +1,5 @@
 """Making a study's tables of the files of its runs."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 from collections.abc import Iterable, Iterator, Sequence
@@ -15,17 +13,15 @@ from botohe_moo._base.types import FloatArray
 from botohe_moo.mission.model import Mission
 from botohe_moo.study.file.model import Run, Study
 from botohe_moo.study.judge.comparisons import compare_algorithms
-from botohe_moo.study.judge.descriptions import algorithm_table, mission_table
 from botohe_moo.study.judge.ranks import compare_ranks, rank_algorithms
-from botohe_moo.study.judge.scores import reference_fronts, score_runs
-from botohe_moo.study.judge.summary import summarise
-from botohe_moo.study.judge.traces import reach_targets, score_records
+from botohe_moo.study.judge.scores import reference_fronts, score_records, score_runs
+from botohe_moo.study.judge.summary import algorithm_table, mission_table, reach_targets, summarise
 from botohe_moo.study.run.environment import environment
 from botohe_moo.study.run.task import Outcome
 from botohe_moo.study.store.folder import DamagedError, StudyFolder, writing
-from botohe_moo.study.store.tables import SCHEMAS, write_tables
-
-__all__ = ["collect_tables"]
+from botohe_moo.study.store.run_files import outcome_fields
+from botohe_moo.study.store.schemas import SCHEMAS
+from botohe_moo.study.store.tables import write_tables
 
 
 def collect_tables(study: Study, folder: StudyFolder) -> dict[str, pd.DataFrame]:
@@ -94,24 +90,17 @@ def _run_row(run: Run, outcome: Outcome, where: str) -> dict[str, Any]:
     budget = run.mission.budget
     last = outcome.records[-1] if outcome.records else None
     return {
+        **outcome_fields(outcome),
         "run": run.digest,
         "mission": run.mission.label,
         "algorithm": run.algorithm.label,
         "seed": run.seed,
-        "status": outcome.status,
-        "stopped_by": outcome.stopped_by,
-        "began": outcome.began,
-        "evaluations": outcome.evaluations,
-        "seconds": outcome.seconds,
-        "recording_seconds": outcome.recording_seconds,
         "budget_evaluations": budget.evaluations,
         "budget_seconds": budget.seconds,
         "min_survival": run.mission.min_survival,
         "front_size": last.front_size if last else 0,
         "ties": last.ties if last else 0,
         "environment": where,
-        "error": outcome.error,
-        "traceback": outcome.traceback,
     }
 
 

@@ -1,7 +1,5 @@
 """The table ``comparisons``: pairwise tests of algorithms on each mission, and verdicts."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,10 +11,8 @@ import pandas as pd
 
 from botohe_moo._base.checks import check_number, nearest_first
 from botohe_moo._base.types import FloatArray
-from botohe_moo.study.judge.pairs import a12, a12_interval, holm, mann_whitney, smallest_p
 from botohe_moo.study.judge.scores import as_table, merge_ties, samples_of, sign_of
-
-__all__ = ["Pair", "compare_algorithms", "compare_family", "effect_size", "p_text"]
+from botohe_moo.study.judge.statistics import a12, a12_interval, holm, mann_whitney, smallest_p
 
 _DECIMALS = 12  # to which an effect is rounded: it is computed, and 0.56 may be 0.5599999
 _EFFECTS = ((0.71, "large"), (0.64, "medium"), (0.56, "small"), (0.0, "negligible"))
@@ -37,9 +33,6 @@ def compare_algorithms(
     as ties. With a ``control``, all others are compared with it; without one, all pairs are
     compared. If one side has no run, as in a study that was interrupted, there is no row; if it has
     a single one, there is no test, and the pair does not count for Holm's correction.
-
-    Raises a ValueError if ``control`` is not among ``algorithms``, ``significance`` is out of
-    range, an indicator is not known, or a value is NaN or infinite.
     """
     level = check_number("significance", significance, above=0.0, below=1.0)
     if control is not None and control not in algorithms:
@@ -169,10 +162,7 @@ class Pair:
 
 
 def compare_family(pairs: Sequence[Pair]) -> list[dict[str, Any]]:
-    """Give the comparisons of a mission by an indicator, corrected together.
-
-    Pairs with too few runs for a test do not count for the correction.
-    """
+    """Give the rows of a mission and an indicator; pairs that are tested are corrected together."""
     tested = [pair for pair in pairs if pair.is_tested]
     corrected = iter(holm([pair.p_value for pair in tested]).tolist())
     # Holm's correction of a p-value grows with every other one: at best all are at their smallest.
@@ -188,8 +178,6 @@ def compare_family(pairs: Sequence[Pair]) -> list[dict[str, Any]]:
 def effect_size(effect: float) -> str:
     """Give Vargha and Delaney's word for the size of an A12, whichever side is better.
 
-    Examples
-    --------
     >>> effect_size(0.5), effect_size(0.44), effect_size(0.64), effect_size(0.0)
     ('negligible', 'small', 'medium', 'large')
     """

@@ -1,7 +1,5 @@
 """The tables ``ranks`` and ``posthoc``: ranks over missions, tested by Friedman and Nemenyi."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from itertools import combinations
@@ -14,11 +12,8 @@ from scipy import stats
 from botohe_moo._base.checks import check_number
 from botohe_moo._base.types import FloatArray
 from botohe_moo.study.judge.comparisons import p_text
-from botohe_moo.study.judge.resampling import friedman, generator_for
 from botohe_moo.study.judge.scores import as_table, best_first, samples_of, sign_of
-
-__all__ = ["MIN_ALGORITHMS", "MIN_BLOCKS", "compare_ranks", "nemenyi", "rank_algorithms"]
-
+from botohe_moo.study.judge.statistics import friedman, generator_for
 
 MIN_ALGORITHMS = 3
 MIN_BLOCKS = 5
@@ -40,9 +35,6 @@ def rank_algorithms(
     that are the same under several labels, with other budgets or survival floors: they are one
     block, and there is no test then. The column ``note`` says why there is no test. Missions where
     an algorithm has no run, as in a study that was interrupted, are left out and counted there.
-
-    Raises a ValueError if ``significance`` is out of range, an indicator is not known, or a value
-    is NaN or infinite.
     """
     level = check_number("significance", significance, above=0.0, below=1.0)
     by_indicator: dict[str, dict[str, dict[str, FloatArray]]] = {}
@@ -116,8 +108,6 @@ def _missions(count: int) -> str:
 def nemenyi(average_ranks: FloatArray, n_blocks: int, *, significance: float) -> Any:
     """Give the critical difference of k average ranks over blocks, and p-values, shape (k, k).
 
-    Notes
-    -----
     Demšar, "Statistical comparisons of classifiers over multiple data sets", Journal of Machine
     Learning Research 7, 2006, section 3.2.2: the difference of two average ranks, in units of
     sqrt(k (k + 1) / (6 n)), against the Studentized range with infinitely many degrees of freedom,

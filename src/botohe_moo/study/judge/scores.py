@@ -1,6 +1,4 @@
-"""Scores of final fronts: reference fronts, and the indicators of every run."""
-
-from __future__ import annotations
+"""Scores of fronts: reference fronts, and the indicators of every run and record."""
 
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
@@ -18,27 +16,14 @@ from botohe_moo._base.checks import nearest_first
 from botohe_moo._base.types import FloatArray
 from botohe_moo.indicators import TIE, area_indicator, epsilon_indicator, igd_plus_indicator
 from botohe_moo.mission.model import Mission
-from botohe_moo.study.store.tables import SCHEMAS
-
-__all__ = [
-    "INDICATORS",
-    "Indicator",
-    "Samples",
-    "as_table",
-    "best_first",
-    "check_indicators",
-    "merge_ties",
-    "reference_fronts",
-    "samples_of",
-    "score_runs",
-    "sign_of",
-]
+from botohe_moo.study.store.schemas import SCHEMAS
 
 # Values of each algorithm, by mission and indicator.
 Samples: TypeAlias = dict[tuple[str, str], dict[str, FloatArray]]
 
 _DIGITS = 16
 _NO_FRONT = np.empty((0, 2))
+_DISTANCES = {"igd_plus": igd_plus_indicator, "epsilon": epsilon_indicator}  # to the reference
 
 
 @dataclass(frozen=True)
@@ -93,16 +78,11 @@ def score_runs(
     plan that brings nothing back, (0, 0): its area is 0, its IGD+ and epsilon are those of that
     point, and its front has 0 points. Values of a mission that differ by at most 1e-12 are made
     equal by :func:`merge_ties`.
-
-    Raises a ValueError if an indicator is not known, a mission has no reference front where one is
-    needed, or the size of a run's front is not the number of its points.
     """
     check_indicators(indicators)
     fronts = _by_run(final_fronts)
-    targets = {
-        mission: (str(front["reference"].iloc[0]), _points(front))
-        for mission, front in references.groupby("mission", sort=False)
-    }
+    targets = points_by_mission(references)
+    names = references.groupby("mission")["reference"].first()
     rows: list[dict[str, Any]] = []
     identities: Any = runs[["run", "mission", "algorithm", "seed"]].to_dict("records")
     for run, size in zip(identities, runs["front_size"].tolist(), strict=True):
@@ -115,9 +95,8 @@ def score_runs(
             if INDICATORS[name].needs_reference:
                 if run["mission"] not in targets:
                     raise ValueError(f"Expected a reference front of mission {run['mission']!r}.")
-                row["reference"], target = targets[run["mission"]]
-                measure = igd_plus_indicator if name == "igd_plus" else epsilon_indicator
-                row["value"] = measure(points, target, mission)
+                row["reference"] = names[run["mission"]]
+                row["value"] = _DISTANCES[name](points, targets[run["mission"]], mission)
             else:
                 row["value"] = area_indicator(points, mission) if name == "area" else float(size)
             rows.append(row)
@@ -126,6 +105,34 @@ def score_runs(
         groups: Any = table.groupby(["mission", "indicator"], sort=False)["value"]
         table["value"] = groups.transform(merge_ties)
     return table
+
+
+def score_records(
+    fronts: Iterable[tuple[str, FloatArray]],
+    references: pd.DataFrame,
+    *,
+    missions: Mapping[str, Mission],
+    indicators: Sequence[str],
+) -> dict[str, list[float]]:
+    """Compute lists ``area``, ``igd_plus`` and ``epsilon``, with a value for each recorded front.
+
+    ``fronts`` are pairs of a mission's label and points (n, 2); a front equal to the one before it
+    is not measured again. An indicator that is not wanted is NaN.
+    """
+    targets = points_by_mission(references)
+    wanted = {name: measure for name, measure in _DISTANCES.items() if name in indicators}
+    scores: dict[str, list[float]] = {"area": [], **{name: [] for name in _DISTANCES}}
+    last: tuple[str, FloatArray] | None = None
+    found: dict[str, float] = {}
+    for label, points in fronts:
+        if last is None or last[0] != label or not np.array_equal(last[1], points):
+            last, mission = (label, points), missions[label]
+            found = {"area": area_indicator(points, mission)}
+            for name, measure in wanted.items():
+                found[name] = measure(points, targets[label], mission)
+        for name, column in scores.items():
+            column.append(found.get(name, np.nan))
+    return scores
 
 
 def check_indicators(names: Iterable[str]) -> None:
@@ -148,8 +155,6 @@ def merge_ties(values: ArrayLike) -> FloatArray:
     Each value is replaced by the largest that a chain of such steps leads to. Rounding would not
     do, as two neighbouring numbers may be rounded apart. Merging again changes nothing.
 
-    Examples
-    --------
     >>> merge_ties([0.3, 0.1 + 0.2, 0.2]).tolist()
     [0.30000000000000004, 0.30000000000000004, 0.2]
     """
@@ -191,6 +196,12 @@ def best_first(indicator: str, samples: Sequence[FloatArray]) -> FloatArray:
 def _by_run(final_fronts: pd.DataFrame) -> dict[str, FloatArray]:
     points, rows = _points(final_fronts), final_fronts.groupby("run", sort=False).indices
     return {str(run): points[of_run] for run, of_run in rows.items()}
+
+
+def points_by_mission(references: pd.DataFrame) -> dict[str, FloatArray]:
+    """Give the points (n, 2) of each mission's reference front."""
+    groups = references.groupby("mission", sort=False)
+    return {str(label): _points(front) for label, front in groups}
 
 
 def _points(front: pd.DataFrame) -> FloatArray:

@@ -1,8 +1,6 @@
-"""The table ``summary``: the runs of each algorithm on each mission."""
+"""The tables that describe: ``missions``, ``algorithms``, ``summary`` and ``targets``."""
 
-from __future__ import annotations
-
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,10 +8,92 @@ import pandas as pd
 from scipy import stats
 
 from botohe_moo._base.checks import check_number
-from botohe_moo.study.judge.resampling import generator_for, median_interval
-from botohe_moo.study.judge.scores import as_table, best_first, merge_ties, samples_of
+from botohe_moo.indicators import TIE, area_indicator
+from botohe_moo.mission.model import Mission
+from botohe_moo.study.file.digest import value_text
+from botohe_moo.study.judge.scores import (
+    as_table,
+    best_first,
+    merge_ties,
+    points_by_mission,
+    samples_of,
+)
+from botohe_moo.study.judge.statistics import generator_for, median_interval
 
-__all__ = ["summarise"]
+
+def mission_table(manifest: Mapping[str, Any], missions: Mapping[str, Mission]) -> pd.DataFrame:
+    """Make the table ``missions``, with a further column for each parameter in a grid."""
+    rows = []
+    for label, entry in manifest["missions"].items():
+        mission = missions[label]
+        rows.append(
+            {
+                "mission": label,
+                "name": str(entry["source"]["name_or_path"]),
+                "family": entry.get("family", label),
+                "nodes": mission.graph.number_of_nodes(),
+                "arcs": mission.graph.number_of_edges(),
+                "robots": mission.robots,
+                "total_reward": mission.total_reward,
+                "min_survival": entry["min_survival"],
+            }
+        )
+    varied = [entry.get("grid") or {} for entry in manifest["missions"].values()]
+    return _widened("missions", rows, varied, prefix="grid_")
+
+
+def algorithm_table(manifest: Mapping[str, Any]) -> pd.DataFrame:
+    """Make the table ``algorithms``, with a further column for each parameter that is given to any.
+
+    Other algorithms have their default there, if they have such a parameter.
+    """
+    rows = [
+        {
+            "algorithm": label,
+            "name": entry.get("name", entry["algorithm"]),
+            "family": entry.get("family", label),
+            "package": entry["package"],
+            "version": entry["version"],
+        }
+        for label, entry in manifest["algorithms"].items()
+    ]
+    entries = manifest["algorithms"].values()
+    given = dict.fromkeys(name for entry in entries for name in entry["parameters"])
+    used = [{**entry.get("effective", {}), **entry["parameters"]} for entry in entries]
+    shown = [{name: values[name] for name in given if name in values} for values in used]
+    return _widened("algorithms", rows, shown, prefix="parameter_")
+
+
+def _widened(
+    name: str, rows: list[dict[str, Any]], parameters: Sequence[Mapping[str, Any]], *, prefix: str
+) -> pd.DataFrame:
+    """Add a column for each parameter, in the order of appearance."""
+    table = as_table(name, rows)
+    for parameter in dict.fromkeys(key for given in parameters for key in given):
+        column = parameter
+        while column in table:
+            column = prefix + column
+        table[column] = _typed([given.get(parameter) for given in parameters])
+    return table
+
+
+def _typed(values: list[Any]) -> "pd.Series[Any]":
+    """Give a column the common type of its values; texts where there is none."""
+    kinds = {type(value) for value in values if value is not None}
+    if kinds == {bool}:
+        return pd.Series(values, dtype="boolean")
+    try:
+        if kinds == {int}:
+            return pd.Series(values, dtype="Int64")
+        if kinds and kinds <= {int, float}:
+            return pd.Series(values, dtype="float64")
+    except OverflowError:  # an integer of more than 64 bits
+        pass
+    texts = [value if value is None else value_text(value) for value in values]
+    return pd.Series(texts, dtype="str")
+
+
+SHARES = (0.9, 0.95, 0.99)
 
 
 def summarise(
@@ -29,9 +109,6 @@ def summarise(
     The intervals of median areas are bootstrapped with a generator seeded by the areas, so they do
     not depend on the rest of the study. An algorithm without runs on a mission, as in a study that
     was interrupted, has no row.
-
-    Raises a ValueError if ``significance`` is out of range, an indicator is not known, or a value
-    is NaN or infinite.
     """
     level = check_number("significance", significance, above=0.0, below=1.0)
     if len(runs):  # the values that are compared
@@ -73,3 +150,55 @@ def _described(runs: pd.DataFrame, level: float) -> dict[str, Any]:
         "evaluations_median": float(runs["evaluations"].median()),
         "seconds_median": float(runs["seconds"].median()),
     }
+
+
+def reach_targets(
+    runs: pd.DataFrame,
+    trace: pd.DataFrame,
+    references: pd.DataFrame,
+    *,
+    missions: Mapping[str, Mission],
+    algorithms: Sequence[str],
+) -> pd.DataFrame:
+    """Make the table ``targets``: what reaching 90, 95 and 99 % of the reference area takes.
+
+    What is reached between two records counts from the second. Medians are over all runs; one that
+    never reaches a target takes for ever. An algorithm without runs on a mission, as in a study
+    that was interrupted, has no rows, nor has a mission whose reference front has no area.
+    """
+    fronts = points_by_mission(references)
+    counts: Any = runs.groupby(["mission", "algorithm"], sort=False).size()
+    rows: list[dict[str, Any]] = []
+    areas = {label: area_indicator(fronts[label], missions[label]) for label in fronts}
+    whole = trace["mission"].map(areas).to_numpy(float)
+    reached: dict[float, Any] = {}
+    for share in SHARES:
+        there = trace[trace["area"].to_numpy(float) >= share * whole - TIE]
+        first = there.drop_duplicates(["run", "mission", "algorithm"])
+        reached[share] = dict(iter(first.groupby(["mission", "algorithm"], sort=False)))
+    for mission in missions:
+        for algorithm in algorithms:
+            n = int(counts.get((mission, algorithm), 0))
+            for share in SHARES if n and areas[mission] > 0 else ():
+                first = reached[share].get((mission, algorithm), trace.iloc[:0])
+                rows.append(
+                    {
+                        "mission": mission,
+                        "algorithm": algorithm,
+                        "share": share,
+                        "target": share * areas[mission],
+                        "n": n,
+                        "n_reached": len(first),
+                        "evaluations_median": _median(first["evaluations"], n),
+                        "seconds_median": _median(first["seconds"], n),
+                    }
+                )
+    return as_table("targets", rows)
+
+
+def _median(spent: "pd.Series[Any]", n: int) -> float | None:
+    """Give the median of n runs; all but ``spent`` take for ever. None if it is endless."""
+    values = np.full(n, np.inf)
+    values[: len(spent)] = spent
+    median = float(np.median(values))
+    return median if np.isfinite(median) else None

@@ -1,26 +1,17 @@
 """The figures of a report, with their captions."""
 
-from __future__ import annotations
-
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 
-from botohe_moo.plots.draw.algorithms import algorithm_styles
+from matplotlib.axes import Axes
+
+from botohe_moo.plots.draw.algorithms import AlgorithmStyle, algorithm_styles
 from botohe_moo.plots.draw.style import save_plot
 from botohe_moo.plots.study.ranks import overruled, plot_ranks
 from botohe_moo.study.report.pictures import MissionPictures
 from botohe_moo.study.report.words import INDICATORS, main_indicator
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-    from pathlib import Path
-
-    from matplotlib.axes import Axes
-
-    from botohe_moo.plots.draw.algorithms import AlgorithmStyle
-    from botohe_moo.study.store.tables import StudyTables
-
-__all__ = ["FORMATS", "ReportFigure", "draw_figures"]
+from botohe_moo.study.store.tables import StudyTables
 
 FORMATS = ("png", "pdf", "svg")
 _RANKS = "critical-difference"

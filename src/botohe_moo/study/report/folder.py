@@ -1,21 +1,14 @@
 """The folder of a study's report: LaTeX tables, figures, and one page with all of it."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from botohe_moo._base.files import replace_file
 from botohe_moo.study.report.figures import FORMATS, draw_figures
 from botohe_moo.study.report.latex import comparisons_latex, ranks_latex, summary_latex
 from botohe_moo.study.report.page import render_page
-
-if TYPE_CHECKING:
-    from botohe_moo.study.store.tables import StudyTables
-
-__all__ = ["slug", "write_report"]
+from botohe_moo.study.store.tables import StudyTables
 
 _LONGEST_SLUG = 60
 _FORMER = "summary.csv"  # written by earlier versions

@@ -1,26 +1,119 @@
 """The tables of a report in LaTeX, as wide as the text, and broken across pages."""
 
-from __future__ import annotations
-
 import re
+import unicodedata
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-from botohe_moo.study.report.latex_text import breakable, escape_latex, width
-from botohe_moo.study.report.words import (
-    INDICATORS,
-    comparison_cells,
-    count,
-    fixed,
-    summary_cells,
+from botohe_moo.study.report.words import INDICATORS, comparison_cells, count, fixed, summary_cells
+from botohe_moo.study.store.tables import StudyTables
+
+_SPECIAL = {
+    **{character: f"\\{character}" for character in "{}$&#%_"},
+    **dict.fromkeys("\n\t\xa0", " "),
+    # After the end of a row [ would begin an option; two - would become a dash.
+    **{character: f"{{{character}}}" for character in "[]-"},
+    "\\": r"\textbackslash{}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    "<": r"\textless{}",
+    ">": r"\textgreater{}",
+    "|": r"\textbar{}",
+    '"': r"\textquotedbl{}",
+    "`": r"\textasciigrave{}",
+    "'": r"\textquotesingle{}",
+    "–": "--",
+    "—": "---",
+    "°": r"\textdegree{}",
+    "²": r"\texttwosuperior{}",
+    "³": r"\textthreesuperior{}",
+}
+_MATHEMATICS = {
+    "−": "-",
+    "×": r"\times",
+    "·": r"\cdot",
+    "±": r"\pm",
+    "÷": r"\div",
+    "≤": r"\leq",
+    "≥": r"\geq",
+    "≠": r"\neq",
+    "≈": r"\approx",
+    "∞": r"\infty",
+    "→": r"\rightarrow",
+    "←": r"\leftarrow",
+    "∈": r"\in",
+    "µ": r"\mu",
+    "ς": r"\varsigma",
+}
+# Greek letters are named after their commands, but capitals that look Latin have none.
+_GREEK = re.compile(r"GREEK (SMALL|CAPITAL) LETTER ([A-Z]+)")
+_CAPITALS = {"gamma", "delta", "theta", "lamda", "xi", "pi", "sigma", "upsilon", "phi", "psi"}
+_CAPITALS |= {"omega"}
+# The part of Latin-1 and Latin Extended-A that fonts in T1 encoding have.
+_LATIN = {chr(code) for code in (0xA1, 0xA3, 0xAB, 0xBB, 0xBF, *range(0xC0, 0x17F))}
+_LATIN -= {chr(code) for code in (0x126, 0x127, 0x138, 0x13F, 0x140, 0x149)}
+_LATIN |= set("‘’“”‚„")
+
+_BREAK = r"\allowbreak{}"
+# After punctuation and in long words, never within a number.
+_BREAKS = re.compile(
+    r"(?<=[;:/_])(?=\S)|(?<=[-,.])(?=[^\W\d])|(?<==)(?=\S{9})"
+    r"|(?<=[^\W\d_]{8})(?=[^\W\d_])|(?<=[^\W_]{7}[^\W\d_])(?=\d)"
 )
+_NARROW, _WIDE = frozenset(" .,:;'|!()[]/-ijlt"), frozenset("mwMW%@&")
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
-    from botohe_moo.study.store.tables import StudyTables
+def escape_latex(text: str) -> str:
+    """Write a text so that pdflatex prints it unchanged.
 
-__all__ = ["comparisons_latex", "ranks_latex", "summary_latex"]
+    Characters that its fonts lack, such as Chinese ones, are written as code points,
+    {[}U+7F8E 672F{]}, so that labels still differ.
+    """
+    written: list[str] = []
+    foreign: list[str] = []
+    for character in [*unicodedata.normalize("NFC", text), ""]:
+        known = _escaped(character)
+        if known is None:
+            foreign.append(f"{ord(character):04X}")
+            continue
+        if foreign:
+            written.append(f"{{[}}U+{' '.join(foreign)}{{]}}")
+            foreign.clear()
+        written.append(known)
+    return "".join(written)
+
+
+def _escaped(character: str) -> str | None:
+    """Write a character; None if the fonts lack it."""
+    if character in _SPECIAL:
+        return _SPECIAL[character]
+    if character in _LATIN or (character.isascii() and character.isprintable()) or not character:
+        return character
+    command = _MATHEMATICS.get(character) or _greek(character)
+    return f"\\ensuremath{{{command}}}" if command else None
+
+
+def _greek(character: str) -> str | None:
+    match = _GREEK.fullmatch(unicodedata.name(character, ""))
+    if match is None:
+        return None
+    name = match[2].lower()
+    if (match[1] == "CAPITAL" and name not in _CAPITALS) or name == "omicron":
+        return None
+    name = {"lamda": "lambda"}.get(name, name)
+    return "\\" + (name.capitalize() if match[1] == "CAPITAL" else name)
+
+
+def breakable(text: str) -> str:
+    """Write a text that may break after punctuation and within long words."""
+    pieces = _BREAKS.split(unicodedata.normalize("NFC", text))
+    return _BREAK.join(map(escape_latex, pieces))
+
+
+def width(text: str) -> float:
+    """Estimate the width in em of a text of digits and plain words; a digit has half an em."""
+    return sum(0.29 if c in _NARROW else 0.83 if c in _WIDE else 0.5 for c in text)
+
 
 _NEEDS = r"% Needs \usepackage{array,booktabs,longtable} and \usepackage[T1]{fontenc}."
 # How many em the columns of numbers may take so that labels have room in 345 pt, article's text.
@@ -39,18 +132,9 @@ class _Group:
 
 def summary_latex(tables: StudyTables) -> str:
     """Write the summary as LaTeX: a block of rows for each mission, best medians bold."""
-    header = [
-        "algorithm",
-        "runs",
-        r"\shortstack[r]{median\\area}",
-        "interval",
-        r"IGD\textsuperscript{+}",
-        r"$\varepsilon$",
-        "points",
-        r"\shortstack[r]{evalu-\\ations}",
-        r"\shortstack[r]{time\\(s)}",
-        "rank",
-    ]
+    header = ["algorithm", "runs", r"\shortstack[r]{median\\area}", "interval"]
+    header += [r"IGD\textsuperscript{+}", r"$\varepsilon$", "points"]
+    header += [r"\shortstack[r]{evalu-\\ations}", r"\shortstack[r]{time\\(s)}", "rank"]
     groups = []
     for mission in tables.mission_labels:
         rows = tables.summary[tables.summary["mission"] == mission]
@@ -90,11 +174,7 @@ def ranks_latex(tables: StudyTables) -> str:
     groups = []
     for indicator, rows in tables.ranks.groupby("indicator", sort=False):
         cells = [
-            [
-                breakable(row["algorithm"]),
-                fixed(row["average_rank"], 2),
-                count(row["n_missions"]),
-            ]
+            [breakable(row["algorithm"]), fixed(row["average_rank"], 2), count(row["n_missions"])]
             for row in rows.to_dict("records")
         ]
         name = INDICATORS.get(str(indicator), str(indicator))

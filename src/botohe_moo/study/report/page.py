@@ -1,14 +1,13 @@
 """The page of a report: one HTML file with figures and styles in it."""
 
-from __future__ import annotations
-
 import base64
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import jinja2
 import pandas as pd
 
-from botohe_moo.study.report.matrix import matrix
+from botohe_moo.study.report.figures import ReportFigure
 from botohe_moo.study.report.page_tables import (
     TextTable,
     comparison_table,
@@ -19,7 +18,7 @@ from botohe_moo.study.report.page_tables import (
     summary_table,
     target_table,
 )
-from botohe_moo.study.report.standing import leader, standing
+from botohe_moo.study.report.standing import leader, matrix, standing
 from botohe_moo.study.report.words import (
     INDICATORS,
     budget_words,
@@ -32,14 +31,7 @@ from botohe_moo.study.report.words import (
     significant,
     verdict_words,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from botohe_moo.study.report.figures import ReportFigure
-    from botohe_moo.study.store.tables import StudyTables
-
-__all__ = ["render_page"]
+from botohe_moo.study.store.tables import StudyTables
 
 _MANY_FAULTS = 100
 
@@ -127,19 +119,10 @@ def _missions(tables: StudyTables) -> TextTable:
     rows = []
     for label, entry in tables.manifest["missions"].items():
         mission = tables.mission(label)
-        rows.append(
-            [
-                label,
-                mission.title,
-                _origin(entry["source"]),
-                budget_words(entry["budget"]),
-                significant(entry["min_survival"]),
-                count(mission.graph.number_of_nodes()),
-                count(mission.graph.number_of_edges()),
-                count(mission.robots),
-                significant(mission.total_reward, 4),
-            ]
-        )
+        origin, budget = _origin(entry["source"]), budget_words(entry["budget"])
+        sizes = (mission.arrays.n_nodes, mission.arrays.n_arcs, mission.robots)
+        row = [label, mission.title, origin, budget, significant(entry["min_survival"])]
+        rows.append([*row, *map(count, sizes), significant(mission.total_reward, 4)])
     header = ["mission", "title", "from", "budget of a run", "survival floor"]
     return TextTable([*header, "nodes", "arcs", "robots", "total reward"], rows, texts=4)
 
@@ -153,11 +136,7 @@ def _origin(source: Mapping[str, Any]) -> str:
 
 def _algorithms(tables: StudyTables) -> TextTable:
     rows = [
-        [
-            label,
-            str(entry.get("algorithm", label)),
-            parameter_words(entry.get("parameters") or {}) or "defaults",
-        ]
+        [label, entry["algorithm"], parameter_words(entry["parameters"]) or "defaults"]
         for label, entry in tables.manifest["algorithms"].items()
     ]
     return TextTable(["label", "algorithm", "parameters"], rows, texts=3)
@@ -203,37 +182,27 @@ def _figures(figures: Sequence[ReportFigure]) -> list[dict[str, str]]:
 
 
 def _ranks(tables: StudyTables) -> list[dict[str, Any]]:
-    blocks = []
-    for indicator, rows in tables.ranks.groupby("indicator", sort=False):
-        pairs = tables.posthoc[tables.posthoc["indicator"] == indicator]
-        blocks.append(
-            {
-                "indicator": INDICATORS.get(str(indicator), str(indicator)),
-                "table": rank_table(rows),
-                "note": str(rows["note"].iloc[0]),
-                "posthoc": posthoc_words(pairs),
-                "pairs": posthoc_table(pairs),
-            }
-        )
-    return blocks
+    pairs = tables.posthoc
+    return [
+        {
+            "indicator": INDICATORS.get(str(indicator), str(indicator)),
+            "table": rank_table(rows),
+            "note": str(rows["note"].iloc[0]),
+            "posthoc": posthoc_words(pairs[pairs["indicator"] == indicator]),
+            "pairs": posthoc_table(pairs[pairs["indicator"] == indicator]),
+        }
+        for indicator, rows in tables.ranks.groupby("indicator", sort=False)
+    ]
 
 
 def _faults(tables: StudyTables) -> TextTable:
     rows = tables.runs[tables.runs["status"] != "done"].head(_MANY_FAULTS)
+    shown = rows[["mission", "algorithm", "status", "stopped_by", "error", "seed", "area"]]
     cells = [
-        [
-            row["mission"],
-            row["algorithm"],
-            row["status"],
-            row["stopped_by"],
-            "–" if pd.isna(row["error"]) else str(row["error"]),
-            str(row["seed"]),
-            fixed(row["area"]),
-        ]
-        for row in rows.to_dict("records")
+        [*texts, "–" if pd.isna(error) else str(error), str(seed), fixed(area)]
+        for *texts, error, seed, area in shown.itertuples(index=False)
     ]
-    header = ["mission", "algorithm", "status", "stopped by", "error", "seed", "area"]
-    return TextTable(header, cells, texts=5)
+    return TextTable([str(name).replace("_", " ") for name in shown], cells, texts=5)
 
 
 def _environments(tables: StudyTables) -> TextTable:

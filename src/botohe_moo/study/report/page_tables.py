@@ -1,9 +1,7 @@
 """The tables of a report's page, with their cells as text."""
 
-from __future__ import annotations
-
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import pandas as pd
 
@@ -18,14 +16,7 @@ from botohe_moo.study.report.words import (
     significant,
     summary_cells,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from botohe_moo.study.store.tables import StudyTables
-
-__all__ = ["TextTable", "comparison_table", "missing_table", "posthoc_table", "posthoc_words"]
-__all__ += ["rank_table", "summary_table", "target_table"]
+from botohe_moo.study.store.tables import StudyTables
 
 _MANY_ROWS = 30
 

@@ -1,12 +1,15 @@
 """The pictures of one mission in a report, with their captions."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
 
+from botohe_moo._base.types import FloatArray
 from botohe_moo.indicators import area_indicator
+from botohe_moo.plots.draw.algorithms import AlgorithmStyle
 from botohe_moo.plots.draw.panels import MANY, names_room, study_axes
 from botohe_moo.plots.study.areas import plot_areas
 from botohe_moo.plots.study.attainment import plot_attainment
@@ -14,21 +17,10 @@ from botohe_moo.plots.study.curves import plot_curves
 from botohe_moo.plots.study.difference import plot_attainment_difference
 from botohe_moo.plots.study.fronts import plot_fronts
 from botohe_moo.plots.study.heat import plot_heat, two_parameter_grids
+from botohe_moo.plots.study.progress import Progress, Value
 from botohe_moo.plots.study.reached import plot_reached
 from botohe_moo.study.report.words import INDICATORS, level
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-
-    import pandas as pd
-    from matplotlib.axes import Axes
-
-    from botohe_moo._base.types import FloatArray
-    from botohe_moo.plots.draw.algorithms import AlgorithmStyle
-    from botohe_moo.plots.study.progress import Progress, Value
-    from botohe_moo.study.store.tables import StudyTables
-
-__all__ = ["MissionPictures", "rivals"]
+from botohe_moo.study.store.tables import StudyTables
 
 _SHARES = np.arange(50, 100) / 100  # of the reference front's area: the targets
 
@@ -65,6 +57,7 @@ class MissionPictures:
         self._tables, self._mission, self._styles = tables, mission, styles
         self._model = tables.mission(mission)
         self._title = f"{mission}\n{self._model.title}" if self._model.title != mission else mission
+        self._look: dict[str, Any] = {"styles": styles, "title": self._title}
         self._runs = self._rows(tables.runs)
         known = set(self._runs["algorithm"])
         self._labels = [label for label in tables.algorithm_labels if label in known]
@@ -75,7 +68,11 @@ class MissionPictures:
 
     def __iter__(self) -> Iterator[Picture]:
         if self._labels:
-            yield from self._over_time()
+            trace = self._rows(self._tables.trace)
+            if not trace.empty:
+                yield from self._curves(trace)
+                yield from self._reached(trace)
+                yield from self._distances(trace)
             yield from self._areas()
             yield from self._grids()
         if not self._rows(self._tables.plans).empty:
@@ -91,14 +88,6 @@ class MissionPictures:
         runs = self._runs.groupby("algorithm")["run"].nunique()
         missing = {label: runs[label] - found.get(label, 0) for label in self._labels}
         return [f"{n} of {label}" for label, n in missing.items() if n]
-
-    def _over_time(self) -> Iterator[Picture]:
-        trace = self._rows(self._tables.trace)
-        if trace.empty:
-            return
-        yield from self._curves(trace)
-        yield from self._reached(trace)
-        yield from self._distances(trace)
 
     def _recorded(self, rows: pd.DataFrame) -> list[str]:
         recorded = set(rows["algorithm"])
@@ -119,7 +108,7 @@ class MissionPictures:
             "seconds": "The same over the algorithms' own time, without recording.",
         }
         for (x, caption), kind in zip(captions.items(), ("curves", "seconds"), strict=True):
-            ax = plot_curves(trace, x=x, algorithms=labels, styles=self._styles, title=self._title)
+            ax = plot_curves(trace, x=x, algorithms=labels, **self._look)
             yield kind, ax, caption, f"Area over {x} of {', '.join(labels)}"
 
     def _stacked(self, *, share: bool) -> Sequence[Axes]:
@@ -165,29 +154,24 @@ class MissionPictures:
             "quartile."
         )
         shared = not self._many and len(found) > 1
-        chosen: dict[str, Any] = {"styles": self._styles}
         if not shared:
             for value, labels in found.items():
                 named = INDICATORS[value]
-                ax = plot_curves(trace, value=value, algorithms=labels, title=self._title, **chosen)
+                ax = plot_curves(trace, value=value, algorithms=labels, **self._look)
                 yield value, ax, caption.format(named), f"{named} of {', '.join(labels)}"
             return
         above, below = self._stacked(share=True)
         titles = {above: self._title, below: None}
         for (value, labels), (ax, title) in zip(found.items(), titles.items(), strict=True):
-            plot_curves(trace, value=value, algorithms=labels, title=title, ax=ax, **chosen)
+            look = {**self._look, "title": title}
+            plot_curves(trace, value=value, algorithms=labels, ax=ax, **look)
         above.set_xlabel("")
         named = " above, ".join(INDICATORS[value] for value in found) + " below"
         yield "distances", above, caption.format(named), f"Distances of {self._names()}"
 
     def _areas(self) -> Iterator[Picture]:
-        ax = plot_areas(
-            self._runs,
-            self._rows(self._tables.summary),
-            algorithms=self._labels,
-            styles=self._styles,
-            title=self._title,
-        )
+        summary = self._rows(self._tables.summary)
+        ax = plot_areas(self._runs, summary, algorithms=self._labels, **self._look)
         caption = (
             "The area of every run's final front, a point each. Above them the median (diamond) "
             f"and its {level(self._tables)} bootstrap interval (line)."
@@ -214,11 +198,7 @@ class MissionPictures:
 
     def _fronts(self) -> Iterator[Picture]:
         plans, reference = self._rows(self._tables.plans), self._rows(self._tables.references)
-        chosen: dict[str, Any] = {
-            "algorithms": self._labels,
-            "styles": self._styles,
-            "title": self._title,
-        }
+        chosen = {"algorithms": self._labels, **self._look}
         ax = plot_fronts(plans, self._runs, reference=reference, **chosen)
         caption = (
             "For each algorithm the final front of the run with the median area, of the middle two "
@@ -241,14 +221,8 @@ class MissionPictures:
         if pair is None:
             return
         first, second = pair
-        left, _ = plot_attainment_difference(
-            self._rows(self._tables.plans),
-            self._runs,
-            first,
-            second,
-            styles=self._styles,
-            title=self._title,
-        )
+        plans = self._rows(self._tables.plans)
+        left, _ = plot_attainment_difference(plans, self._runs, first, second, **self._look)
         why = (
             "the control and the best of the others"
             if first == self._tables.control

@@ -1,9 +1,8 @@
-"""How algorithms compare on a mission: headline, marks and ranks, from the same comparisons."""
+"""How algorithms compare on a mission, and the matrix of all missions that opens a report."""
 
-from __future__ import annotations
-
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import pandas as pd
 
@@ -11,6 +10,7 @@ from botohe_moo.study.judge import scores
 from botohe_moo.study.judge.scores import merge_ties
 from botohe_moo.study.report.words import (
     INDICATORS,
+    count,
     distinct,
     fixed,
     interval,
@@ -19,13 +19,7 @@ from botohe_moo.study.report.words import (
     main_indicator,
     significant,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from botohe_moo.study.store.tables import StudyTables
-
-__all__ = ["BETTER", "EQUAL", "WORSE", "Standing", "leader", "standing"]
+from botohe_moo.study.store.tables import StudyTables
 
 BETTER, WORSE, EQUAL = "+", "−", "="
 _INVERSE = {BETTER: WORSE, WORSE: BETTER, EQUAL: EQUAL}
@@ -134,3 +128,90 @@ def _tested(stands: Standing, label: str) -> str:
             all_others = len(found) == others > 1
             said.append(f"{words} {'all others' if all_others else listed(found)}")
     return f" By the tests it is {'; '.join(said)}." if said else ""
+
+
+_MARKS = (BETTER, EQUAL, WORSE)
+_EMPTY = "–"
+
+
+@dataclass(frozen=True)
+class Cell:
+    """The cell of an algorithm and a mission."""
+
+    text: str  # the median; a dash where there are no runs
+    mark: str = ""  # +, − or =: better than what it is compared with, worse, or neither
+    rank: str = ""  # of the median on the mission
+    best: bool = False
+
+
+@dataclass(frozen=True)
+class Matrix:
+    """Medians of all algorithms on all missions; the longer list goes down the page."""
+
+    header: Sequence[str]  # what the rows are, and the names of the columns
+    rows: Sequence[tuple[str, Sequence[Cell]]]
+    caption: str
+
+
+def matrix(tables: StudyTables) -> Matrix:
+    """Make the matrix of missions and algorithms."""
+    missions, algorithms = tables.mission_labels, tables.algorithm_labels
+    stands = {mission: standing(tables, mission) for mission in missions}
+    cells = {
+        (mission, algorithm): _cell(stands[mission], algorithm)
+        for mission in missions
+        for algorithm in algorithms
+    }
+    further = _further(tables, stands)
+    caption = _caption(tables)
+    if len(algorithms) > len(missions):
+        rows = [
+            (a, [*(cells[m, a] for m in missions), *(column[a] for column in further.values())])
+            for a in algorithms
+        ]
+        return Matrix(["algorithm", *missions, *further], rows, caption)
+    rows = [(m, [cells[m, a] for a in algorithms]) for m in missions]
+    rows += [(name, [column[a] for a in algorithms]) for name, column in further.items()]
+    return Matrix(["mission", *algorithms], rows, caption)
+
+
+def _cell(stands: Standing, algorithm: str) -> Cell:
+    if algorithm not in stands.medians:
+        return Cell(_EMPTY)
+    return Cell(
+        stands.medians[algorithm],
+        stands.mark(algorithm),
+        count(stands.ranks[algorithm]),
+        algorithm in stands.best,
+    )
+
+
+def _further(tables: StudyTables, stands: Mapping[str, Standing]) -> dict[str, dict[str, Cell]]:
+    """Give what sums up the missions: the count of each mark, and average ranks."""
+    labels = tables.algorithm_labels
+    columns: dict[str, dict[str, Cell]] = {}
+    if len(stands) > 1 and tables.control is not None:
+        marks = {a: Counter(of_one.mark(a) for of_one in stands.values()) for a in labels}
+        columns[" / ".join(_MARKS)] = {
+            a: Cell(_EMPTY if a == tables.control else " / ".join(str(found[m]) for m in _MARKS))
+            for a, found in marks.items()
+        }
+    ranks = tables.ranks[tables.ranks["indicator"] == main_indicator(tables.comparisons)]
+    if len(stands) > 1 and len(ranks):
+        averages = dict(zip(ranks["algorithm"], ranks["average_rank"], strict=True))
+        least = min(averages.values())
+        columns["average rank"] = {
+            a: Cell(fixed(averages.get(a), 2), best=averages.get(a) == least) for a in labels
+        }
+    return columns
+
+
+def _caption(tables: StudyTables) -> str:
+    name = INDICATORS[main_indicator(tables.comparisons)]
+    rival = "the best on the mission" if tables.control is None else tables.control
+    return (
+        f"Median {name} over runs, the best on a mission bold, its rank there in brackets. "
+        f"{BETTER} is better than {rival}, {WORSE} worse, {EQUAL} not told apart from it "
+        f"(Mann-Whitney, Holm, {tables.significance:g}); without a mark it is not tested. "
+        "Medians that look different are not ties."
+    )

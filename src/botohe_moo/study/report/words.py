@@ -1,9 +1,8 @@
 """Numbers and outcomes of a study as text, for its report."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -11,30 +10,7 @@ import pandas as pd
 from botohe_moo.study.file.digest import value_text
 from botohe_moo.study.judge import scores
 from botohe_moo.study.judge.scores import merge_ties
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
-
-    from botohe_moo.study.store.tables import StudyTables
-
-__all__ = [
-    "INDICATORS",
-    "budget_words",
-    "comparison_cells",
-    "count",
-    "distinct",
-    "fixed",
-    "interval",
-    "level",
-    "listed",
-    "main_indicator",
-    "p_value",
-    "parameter_words",
-    "seed_words",
-    "significant",
-    "summary_cells",
-    "verdict_words",
-]
+from botohe_moo.study.store.tables import StudyTables
 
 INDICATORS = {name: indicator.label for name, indicator in scores.INDICATORS.items()}
 _DASH = "–"
@@ -70,10 +46,7 @@ def interval(low: Any, high: Any, decimals: int = 4) -> str:
 
 
 def summary_cells(rows: pd.DataFrame) -> list[list[str]]:
-    """Write the columns that both tables of the summary have, for each of its rows.
-
-    Median area, its interval, IGD+, epsilon, points, evaluations, seconds and rank.
-    """
+    """Write what the page and LaTeX both have of each row of the summary."""
     return [
         [
             median,

@@ -4,8 +4,6 @@ It reads tasks from its standard input and writes messages to its standard outpu
 that started it ends.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import random
@@ -17,12 +15,10 @@ from multiprocessing.connection import Connection
 
 import numpy as np
 
-from botohe_moo.study.file.versions import code_mismatch
+from botohe_moo.study.file.digest import code_mismatch
 from botohe_moo.study.run.environment import environment
 from botohe_moo.study.run.perform import perform, warm_up
 from botohe_moo.study.run.task import Task, failure
-
-__all__ = ["main"]
 
 _SECONDS_BETWEEN_MESSAGES = 0.2
 _SIGNS_OF_LIFE = 10  # within the patience that a run may need

@@ -1,7 +1,5 @@
 """Performing runs on a Dask cluster; workers without the same code get none."""
 
-from __future__ import annotations
-
 import operator
 import pkgutil
 import queue
@@ -15,12 +13,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from botohe_moo.study.file.digest import code_mismatch, installed_versions
 from botohe_moo.study.file.model import StudyError
-from botohe_moo.study.file.versions import code_mismatch, installed_versions
 from botohe_moo.study.run.pool import Outcomes, SandboxPool
 from botohe_moo.study.run.task import Outcome, Task, failure
-
-__all__ = ["check_address", "dask_outcomes"]
 
 _SECONDS_BETWEEN_CHECKS = 0.2
 _SECONDS_TO_CONNECT = 10
@@ -41,9 +37,6 @@ def dask_outcomes(tasks: Sequence[Task], *, address: str, stopped: Callable[[], 
     have another version of them, get no runs, and a warning says so; so it is with workers that
     join later. ``stopped`` is asked five times a second; when it is true, waiting runs are
     cancelled, and the others are not waited for.
-
-    Raises a StudyError if ``distributed`` is not installed, or the scheduler does not answer, or no
-    longer does.
     """
     with _connected(address) as client:
         cluster = _Cluster(client, address, deque(tasks))
@@ -162,7 +155,10 @@ class _Cluster:
         try:
             there = self._client.nthreads()
         except (OSError, ValueError, TypeError, RuntimeError):  # the connection is closed
-            raise _gone() from None
+            raise StudyError(
+                "The Dask scheduler is gone. All runs that are finished are kept; run the study "
+                "again to go on."
+            ) from None
         for address in self._workers.keys() - there.keys():
             for future in self._workers.pop(address).running:
                 task, _ = self._running.pop(future)
@@ -248,13 +244,6 @@ class _Cluster:
         """Cancel everything that has not ended."""
         checks = [worker.check for worker in self._workers.values() if worker.check]
         self._client.cancel([*self._running, *checks])
-
-
-def _gone() -> StudyError:
-    return StudyError(
-        "The Dask scheduler is gone. All runs that are finished are kept; run the study again "
-        "to go on."
-    )
 
 
 def _is_lost(future: Any) -> bool:

@@ -1,7 +1,6 @@
 """Where runs run: versions, machine, settings of thread pools."""
 
-from __future__ import annotations
-
+import contextlib
 import functools
 import hashlib
 import json
@@ -12,15 +11,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-__all__ = ["THREAD_SETTINGS", "environment", "n_cpus"]
-
 # Thread pools of other libraries would take cores from other workers, and bring nothing here.
-THREAD_SETTINGS = (
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "NUMBA_NUM_THREADS",
-)
+THREAD_SETTINGS = tuple(f"{pool}_NUM_THREADS" for pool in ("OMP", "OPENBLAS", "MKL", "NUMBA"))
 _PACKAGES = ("numpy", "numba", "llvmlite", "pymoo", "moocore", "scipy", "networkx")
 
 
@@ -60,12 +52,10 @@ def n_cpus() -> int:
 
 
 def _processor() -> str:
-    try:
+    with contextlib.suppress(OSError):
         for line in Path("/proc/cpuinfo").read_text("utf-8").splitlines():
             if line.startswith("model name"):
                 return line.partition(":")[2].strip()
-    except OSError:
-        pass
     return platform.processor() or platform.machine()
 
 

@@ -1,11 +1,9 @@
 """Problems that count evaluations themselves, for algorithms that may not."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -14,8 +12,6 @@ from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE
 from botohe_moo.search.archive import PlanArchive
 from botohe_moo.trails import PlanBatch
-
-__all__ = ["BudgetSpentError", "CountedBOTOHE", "Meter", "MeteredBOTOHE"]
 
 
 class BudgetSpentError(Exception):
@@ -35,10 +31,10 @@ class Meter:
         if n_plans:
             self.watch()
 
-    def __reduce__(self) -> tuple[type[Meter], tuple[int]]:
+    def __reduce__(self) -> "tuple[type[Meter], tuple[int]]":
         return Meter, (self.spent,)  # a copy that an algorithm stores is not watched
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> Meter:
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         return self  # pymoo copies the problem with the algorithm; they share one meter
 
 
@@ -71,11 +67,7 @@ class MeteredBOTOHE(CountedBOTOHE):
         self.archive = PlanArchive(mission.robots)
 
     def evaluate_batch(self, batch: PlanBatch) -> FloatArray:
-        """Compute the objectives of many plans.
-
-        Raises a BudgetSpentError if the budget does not allow all of them; those that it allows are
-        archived. Raises a PlanError if a plan is not valid.
-        """
+        """Compute the objectives of plans; a BudgetSpentError if not all of them are allowed."""
         allowed = batch[: max(self.evaluations - self.meter.spent, 0)]
         F = super().evaluate_batch(allowed)
         feasible, objectives = allowed, -F
@@ -88,5 +80,5 @@ class MeteredBOTOHE(CountedBOTOHE):
             raise BudgetSpentError
         return F
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> MeteredBOTOHE:
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         return self

@@ -1,7 +1,5 @@
 """Workers of this machine: threads, each of which performs its runs in a sandbox."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Generator, Sequence
 
@@ -9,8 +7,6 @@ import joblib
 
 from botohe_moo.study.run.sandbox import Sandbox
 from botohe_moo.study.run.task import Outcome, Record, Task
-
-__all__ = ["Outcomes", "SandboxPool", "local_outcomes"]
 
 Outcomes = Generator[tuple[Task, Outcome], None, None]
 

@@ -1,7 +1,5 @@
 """A process for runs: one that hangs, crashes or fills the memory loses no other run."""
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import math
@@ -19,8 +17,6 @@ from typing import IO, Any
 from botohe_moo.study.run.environment import THREAD_SETTINGS, environment
 from botohe_moo.study.run.perform import verify
 from botohe_moo.study.run.task import Outcome, Record, Task, failure
-
-__all__ = ["Sandbox"]
 
 _SECONDS_BETWEEN_LOOKS = 0.1
 _MOST_SECONDS_TO_START = 600.0  # kernels are compiled then, perhaps on a slow machine

@@ -1,15 +1,11 @@
 """What a study and its workers exchange: tasks, records, outcomes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 
 from botohe_moo._base.types import FloatArray
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import PlanBatch
-
-__all__ = ["PATIENCE", "Outcome", "Record", "Task", "failure"]
 
 PATIENCE = 3600.0
 

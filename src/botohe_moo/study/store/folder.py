@@ -1,7 +1,5 @@
 """A study's folder: a file for each finished run, which is there whole or not at all."""
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import json
@@ -16,12 +14,15 @@ from botohe_moo._base.files import read_bytes, replace_file
 from botohe_moo.mission.formats.files import save_mission
 from botohe_moo.study.file.model import MANIFEST, Run, Study, StudyError
 from botohe_moo.study.run.task import Outcome
-from botohe_moo.study.store.index import IndexedFile
 from botohe_moo.study.store.manifest import dump_study, read_manifest
-from botohe_moo.study.store.run_files import DAMAGE, outcome_fields, pack_run, unpack_run
+from botohe_moo.study.store.run_files import (
+    DAMAGE,
+    IndexedFile,
+    outcome_fields,
+    pack_run,
+    unpack_run,
+)
 from botohe_moo.study.store.table_files import put_study, tables_locked
-
-__all__ = ["DamagedError", "StudyFolder", "writing"]
 
 _TEMPORARY = re.compile(r"\.[0-9a-f]{16}\.tmp$")  # as replace_file names them
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -34,10 +35,9 @@ class DamagedError(Exception):
 class StudyFolder:
     """The folder of a study's results; it need not exist, and :meth:`locked` makes it.
 
-    Notes
-    -----
     ``runs/DIGEST.npz`` holds a finished run, ``failures/DIGEST.json`` the last failure of a run
-    that has never finished. Failures are not results: the run is performed again.
+    that has never finished. Failures are not results: the run is performed again. What cannot be
+    used or written to is named by a StudyError.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
@@ -50,11 +50,7 @@ class StudyFolder:
 
     @contextlib.contextmanager
     def locked(self, study: Study) -> Iterator[None]:
-        """Make the folder for a study, and keep other runners out of it.
-
-        Raises a StudyError if the folder is not this study's, cannot be made or written to, or
-        another runner is at work in it.
-        """
+        """Make the folder for a study, and keep other runners out of it."""
         self.check(study)  # while the lock file does not mark the folder as a study's yet
         _make_folder(self.path)
         lock = filelock.FileLock(self._lock_file)
@@ -95,10 +91,7 @@ class StudyFolder:
                         leftover.unlink(missing_ok=True)
 
     def check(self, study: Study) -> None:
-        """Make sure that the folder is empty, missing, or holds this study.
-
-        Raises a StudyError if it holds a study of another name, or something else.
-        """
+        """Make sure that the folder is empty, missing, or holds this study."""
         marks = (MANIFEST, self._lock_file.name)
         names: list[str] = []
         with contextlib.suppress(OSError):  # not there, or reported when it is written to
@@ -119,10 +112,7 @@ class StudyFolder:
             )
 
     def write_study(self, study: Study) -> None:
-        """Write the study file, the missions and the manifest; existing tables stay readable.
-
-        Raises a StudyError if the folder cannot be written to.
-        """
+        """Write the study file, the missions and the manifest; existing tables stay readable."""
         with writing(self.path):
             for mission in study.missions:
                 save_mission(mission.mission, self._missions / f"{mission.digest}.json")
@@ -138,8 +128,6 @@ class StudyFolder:
         """Make sure that a run's file is whole; None if there is no file.
 
         The file is not read again if it is the ``known`` one.
-
-        Raises a DamagedError as :meth:`load` does.
         """
         try:
             state = self._path(run.digest).stat()
@@ -167,11 +155,7 @@ class StudyFolder:
             return None
 
     def save(self, run: Run, outcome: Outcome) -> IndexedFile | None:
-        """Write the outcome of a run; describe its file, None for a failed run.
-
-        Raises a StudyError if the folder cannot be written to, for example because the disk is
-        full.
-        """
+        """Write the outcome of a run; describe its file, None for a failed run."""
         failed = self._failures / f"{run.digest}.json"
         with writing(self.path):
             if outcome.status == "failed":
@@ -183,10 +167,7 @@ class StudyFolder:
             return IndexedFile.of(path.stat(), data, outcome.seconds)
 
     def load(self, run: Run) -> Outcome:
-        """Read the outcome of a run.
-
-        Raises a DamagedError if its file is truncated, corrupted, or another run's; names it.
-        """
+        """Read the outcome of a run; a DamagedError names a file that cannot be trusted."""
         return self._read(run)[1]
 
     def _read(self, run: Run) -> tuple[bytes, Outcome]:

@@ -1,35 +1,21 @@
 """What a study's folder says about the study: ``study.json`` and the missions beside it."""
 
-from __future__ import annotations
-
 import json
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from botohe_moo._base.checks import nearest_first
 from botohe_moo._base.files import read_bytes, replace_file
 from botohe_moo.mission.formats.files import read_mission
+from botohe_moo.mission.model import Mission
 from botohe_moo.mission.validation import MissionError
 from botohe_moo.study.file.config import StudyFile
 from botohe_moo.study.file.digest import mission_digest
 from botohe_moo.study.file.document import Document
 from botohe_moo.study.file.model import MANIFEST, Study, StudyAlgorithm, StudyError, StudyMission
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from pathlib import Path
-
-    from botohe_moo.mission.model import Mission
-
-__all__ = [
-    "dump_study",
-    "read_manifest",
-    "restore_study",
-    "saved_mission",
-    "tabled_manifest",
-    "write_manifest",
-]
 
 _ALGORITHM = TypeAdapter(StudyAlgorithm)
 _MISSION = TypeAdapter(StudyMission)
@@ -41,10 +27,7 @@ def write_manifest(folder: Path, manifest: Mapping[str, Any]) -> None:
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """Read the manifest of the study in a folder.
-
-    Raises a StudyError if the folder holds no study, or the file is damaged.
-    """
+    """Read the manifest of the study in a folder."""
     path = folder / MANIFEST
     try:
         content: dict[str, Any] = json.loads(read_bytes(path))
@@ -61,10 +44,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 
 
 def tabled_manifest(manifest: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Give the manifest that the tables were made for; None if there are no tables yet.
-
-    It is an earlier one where the study has changed since.
-    """
+    """Give the manifest of the tables that are there, which may be an earlier one."""
     return dict(manifest) if manifest["tables"] is not None else manifest.get("previous")
 
 
@@ -89,9 +69,6 @@ def restore_study(folder: Path) -> Study:
 
     No code is called: missions are read from the folder, and the packages that algorithms come
     from need not be installed.
-
-    Raises a StudyError if the folder holds no study, or its manifest or a mission is damaged; names
-    the file.
     """
     manifest = read_manifest(folder)
     path = folder / MANIFEST
@@ -183,4 +160,4 @@ class _Manifest(BaseModel):
     indicators: list[str]
     comparison: _ManifestComparison
     tables: dict[str, str] | None
-    previous: _Manifest | None = None  # what the tables were made for, if not this study
+    previous: "_Manifest | None" = None  # what the tables were made for, if not this study

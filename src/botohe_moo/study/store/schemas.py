@@ -1,10 +1,6 @@
 """The columns of a study's tables: names, types and meanings."""
 
-from __future__ import annotations
-
 import pyarrow as pa
-
-__all__ = ["FURTHER", "SCHEMAS"]
 
 TEXT, INTEGER, NUMBER, FLAG = pa.string(), pa.int64(), pa.float64(), pa.bool_()
 FURTHER = "further"  # key of a schema's metadata: what columns that depend on the study hold
@@ -145,11 +141,7 @@ SCHEMAS: dict[str, pa.Schema] = {
         ("target", NUMBER, "the area that this is"),
         ("n", INTEGER, "runs"),
         ("n_reached", INTEGER, "runs with a recorded front of at least this area"),
-        (
-            "evaluations_median",
-            NUMBER,
-            "median evaluations to it, of all runs; missing if endless",
-        ),
+        ("evaluations_median", NUMBER, "median evaluations to it, of all runs; missing if endless"),
         ("seconds_median", NUMBER, "median of the algorithm's own time to it; missing if endless"),
         optional=("evaluations_median", "seconds_median"),
     ),

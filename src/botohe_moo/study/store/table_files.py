@@ -6,25 +6,19 @@ were. A reader looks in both places, so the tables that the manifest names are t
 moment, even after a kill.
 """
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import json
 import shutil
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
 
 import filelock
 
 from botohe_moo._base.files import read_bytes, replace_file
 from botohe_moo.study.file.model import StudyError
 from botohe_moo.study.store.manifest import read_manifest, tabled_manifest, write_manifest
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-    from pathlib import Path
-
-__all__ = ["AGAIN", "note_inputs", "put_study", "put_tables", "read_file", "tables_locked"]
 
 AGAIN = "run the study again to make it"
 
@@ -36,11 +30,7 @@ _OF_TABLES = ("tables", "made_from", "previous")  # keys that speak of tables, n
 
 @contextlib.contextmanager
 def tables_locked(folder: Path) -> Iterator[None]:
-    """Keep other processes from making the tables, and finish a replacement that was killed.
-
-    Raises a StudyError if another process is making them and does not end, or the folder cannot be
-    written to.
-    """
+    """Keep other processes from making the tables, and finish a replacement that was killed."""
     lock = filelock.FileLock(folder / ".tables.lock")
     try:
         lock.acquire(timeout=_LONGEST_WAIT)
@@ -79,10 +69,7 @@ def _study_of(manifest: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def put_tables(folder: Path, files: Mapping[str, bytes], manifest: Mapping[str, Any]) -> None:
-    """Replace the tables by new files, in one step; the manifest gets their digests.
-
-    Raises an OSError if the folder cannot be written to: then nothing has changed.
-    """
+    """Replace the tables by new files in one step; the manifest gets their digests."""
     digests = {
         name.removesuffix(".parquet"): hashlib.sha256(data).hexdigest()
         for name, data in files.items()
@@ -107,10 +94,7 @@ def note_inputs(folder: Path, digest: str) -> None:
 
 
 def read_file(folder: Path, name: str, digests: Mapping[str, str]) -> bytes:
-    """Read the file of a table, whose digest the manifest has.
-
-    Raises a StudyError if there is no such file, or it has another digest.
-    """
+    """Read the file of a table, whose digest the manifest has."""
     missing = True
     for path in (folder / name, _new_folder(folder, digests) / name):
         try:

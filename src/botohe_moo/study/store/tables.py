@@ -1,32 +1,25 @@
 """The tables of a study: their columns, how they are written, and how they are read again."""
 
-from __future__ import annotations
-
 import dataclasses
 import io
 import json
+import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from botohe_moo.mission.model import Mission
 from botohe_moo.study.file.model import StudyError
 from botohe_moo.study.store.manifest import read_manifest, saved_mission, tabled_manifest
 from botohe_moo.study.store.schemas import SCHEMAS
 from botohe_moo.study.store.table_files import AGAIN, put_tables, read_file
-
-if TYPE_CHECKING:
-    import os
-    from collections.abc import Mapping
-
-    from botohe_moo.mission.model import Mission
-    from botohe_moo.trails import TrailPlan
-
-__all__ = ["SCHEMAS", "SMALL", "StudyTables", "read_study", "write_tables"]
+from botohe_moo.trails import TrailPlan
 
 # These are written as CSV, too.
 SMALL = tuple(name for name in SCHEMAS if name not in ("trace", "fronts", "plans", "references"))
@@ -41,36 +34,22 @@ class StudyTables:
 
     Attributes
     ----------
-    folder
-        Where the study is.
-    manifest
-        What the study is: its file, with labels, budgets and the comparison that is wanted.
-    runs
-        One row a run.
-    trace
-        One row a recorded front: how the area grows.
-    fronts
-        The points of all recorded fronts.
-    plans
-        The plans of the final fronts.
-    indicators
-        One row for each run and indicator.
+    folder, manifest
+        Where the study is, and what: its file's labels, budgets and the comparison that is wanted.
+    runs, indicators, summary
+        One row a run; one for each run and indicator; one for each mission and algorithm.
+    trace, fronts, plans
+        How the area of recorded fronts grows, their points, and the plans of the final ones.
     references
         The reference fronts: what all runs on a mission found together.
     comparisons
         Pairwise tests, by mission.
-    ranks
-        Average ranks over missions.
-    summary
-        One row for each mission and algorithm.
-    posthoc
-        Pairs of average ranks, where Friedman's test applies.
+    ranks, posthoc
+        Average ranks over missions, and pairs of them, where Friedman's test applies.
     targets
         What it took to reach parts of the reference fronts' areas.
-    missions, algorithms
-        What is compared, and on what, with a column for each parameter.
-    environments
-        Where runs ran.
+    missions, algorithms, environments
+        What is compared, on what, with a column for each parameter, and where runs ran.
     """
 
     folder: Path
@@ -198,12 +177,7 @@ def _label(value: Any) -> Any:
 
 
 def to_arrow(name: str, frame: pd.DataFrame) -> pa.Table:
-    """Check a table's columns and types.
-
-    Raises a StudyError if a column is missing or too many, of another type, or lacks values it has
-    to have. Further columns of ``missions`` and ``algorithms`` may be texts, integers, numbers or
-    flags.
-    """
+    """Check a table's columns and types; those that depend on the study may have several types."""
     schema = SCHEMAS[name]
     columns = list(frame.columns)
     n_further = len(columns) - len(schema) if schema.metadata else 0
@@ -226,11 +200,7 @@ def to_arrow(name: str, frame: pd.DataFrame) -> pa.Table:
 def write_tables(
     folder: Path, tables: Mapping[str, pd.DataFrame], manifest: Mapping[str, Any]
 ) -> None:
-    """Write tables as Parquet, the small ones as CSV, too, and the manifest that vouches for them.
-
-    Raises a StudyError if a table is not of its schema; nothing is written then. Raises an OSError
-    if the folder cannot be written to.
-    """
+    """Check tables; write them as Parquet, the small ones as CSV, too, and their manifest."""
     checked = {name: to_arrow(name, frame) for name, frame in tables.items()}
     files = {}
     for name, table in checked.items():

@@ -1,7 +1,6 @@
-"""Statistics of two samples: test, effect size, correction for several tests."""
+"""Statistics of samples: tests, effect sizes, intervals, and correction for several tests."""
 
-from __future__ import annotations
-
+import hashlib
 import math
 
 import numpy as np
@@ -11,22 +10,14 @@ from scipy import optimize, stats
 from botohe_moo._base.checks import check_number
 from botohe_moo._base.types import FloatArray
 
-__all__ = ["a12", "a12_interval", "check_sample", "holm", "mann_whitney", "smallest_p"]
-
 
 def holm(p_values: ArrayLike) -> FloatArray:
     """Correct p-values (n,) for the number of tests, by Holm.
 
-    Raises a ValueError if a p-value is not in [0, 1], or the shape is another.
-
-    Notes
-    -----
     Holm, "A simple sequentially rejective multiple test procedure", Scandinavian Journal of
     Statistics 6(2), 1979: the smallest of n is multiplied by n, the next by n - 1 and so on; none
     becomes smaller than one before it.
 
-    Examples
-    --------
     >>> holm([0.02, 0.01, 0.5]).tolist()
     [0.04, 0.03, 0.5]
     """
@@ -43,16 +34,10 @@ def holm(p_values: ArrayLike) -> FloatArray:
 def a12(x: ArrayLike, y: ArrayLike) -> float:
     """Give the probability that a value of ``x`` is larger than one of ``y``, ties counted half.
 
-    Raises a ValueError if there are no values, or one of them is NaN or infinite.
-
-    Notes
-    -----
     The effect size of Vargha and Delaney, "A critique and improvement of the CL common language
     effect size statistics of McGraw and Wong", Journal of Educational and Behavioral Statistics
     25(2), 2000: U / (n m) with the Mann-Whitney U from midranks.
 
-    Examples
-    --------
     >>> a12([3, 4, 5], [1, 2, 3])
     0.9444444444444444
     """
@@ -65,11 +50,6 @@ def a12(x: ArrayLike, y: ArrayLike) -> float:
 def a12_interval(x: ArrayLike, y: ArrayLike, *, confidence: float) -> tuple[float, float]:
     """Give the ends of the score interval of A12, which is informative even where A12 is 0 or 1.
 
-    Raises a ValueError if there are no values, or one of them is NaN or infinite, or ``confidence``
-    is out of range.
-
-    Notes
-    -----
     Method 5 of Newcombe, "Confidence intervals for an effect size measure based on the
     Mann-Whitney statistic. Part 2: asymptotic methods and evaluation", Statistics in Medicine
     25(4), 2006. The ends are the t with (A12 - t)² = z² V(t), where V is the variance of Hanley
@@ -105,10 +85,6 @@ def mann_whitney(x: ArrayLike, y: ArrayLike) -> float:
     Exact where one sample has at most 8 values and none are tied, by the normal approximation
     otherwise, as scipy decides; 1 where all values are equal.
 
-    Raises a ValueError if there are no values, or one of them is NaN or infinite.
-
-    Notes
-    -----
     Mann and Whitney, "On a test of whether one of two random variables is stochastically larger
     than the other", Annals of Mathematical Statistics 18(1), 1947; by
     ``scipy.stats.mannwhitneyu``.
@@ -137,3 +113,85 @@ def check_sample(name: str, given: ArrayLike) -> FloatArray:
     if values.ndim != 1 or not len(values) or not np.isfinite(values).all():
         raise ValueError(f"Expected {name} to be one or more finite numbers, got {values}.")
     return values
+
+
+N_RESAMPLES = 9_999
+_SEED = 20_250
+_BATCH = 1_000  # resamples at a time: memory, not the result
+
+
+def generator_for(values: ArrayLike) -> np.random.Generator:
+    """Give a generator seeded by the values (in their order), to resample them.
+
+    So a sample has the same interval in every study.
+    """
+    content = np.ascontiguousarray(check_sample("values", values), "<f8").tobytes()
+    digest = np.frombuffer(hashlib.sha256(content).digest(), "<u4")
+    return np.random.default_rng([_SEED, *digest.tolist()])
+
+
+def median_interval(
+    values: ArrayLike, *, confidence: float, rng: np.random.Generator
+) -> tuple[float, float, float]:
+    """Give the median of values (n,), and both ends of its bootstrap percentile interval.
+
+    All three are the same for a single value and for equal values.
+
+    Efron and Tibshirani, *An Introduction to the Bootstrap*, 1993, chapter 13; by
+    ``scipy.stats.bootstrap``. For very few runs the interval is too narrow: that of two runs
+    contains the median of their distribution half of the time.
+    """
+    sample = np.sort(check_sample("values", values))
+    level = check_number("confidence", confidence, above=0.0, below=1.0)
+    median = float(np.median(sample))
+    if sample[0] == sample[-1]:
+        return median, median, median
+    found = stats.bootstrap(
+        (sample,),
+        np.median,
+        n_resamples=N_RESAMPLES,
+        batch=_BATCH,
+        vectorized=True,
+        confidence_level=level,
+        method="percentile",
+        rng=rng,
+    ).confidence_interval
+    # Interpolated percentiles may lie beyond the values, or the median, by rounding.
+    low = min(max(float(found.low), float(sample[0])), median)
+    high = max(min(float(found.high), float(sample[-1])), median)
+    return median, low, high
+
+
+def friedman(
+    blocks: ArrayLike, *, rng: np.random.Generator
+) -> tuple[float, float] | tuple[None, None]:
+    """Test whether treatments rank differently over blocks (n_blocks, n_treatments >= 3).
+
+    Gives Friedman's statistic and its p-value; both are None if all treatments are tied in every
+    block, and there is nothing to test.
+
+    Friedman, "The use of ranks to avoid the assumption of normality implicit in the analysis of
+    variance", Journal of the American Statistical Association 32, 1937; the statistic is that of
+    ``scipy.stats.friedmanchisquare``. Its chi-squared approximation is poor for few blocks: the
+    p-value is that of a permutation test within blocks, by ``scipy.stats.permutation_test``, over
+    all permutations where there are at most 9 999, and over as many random ones otherwise.
+    """
+    table = np.asarray(blocks, np.float64)
+    if table.ndim != 2 or table.shape[1] < 3 or not len(table):
+        raise ValueError(f"Expected blocks of shape (n, 3 or more), got {table.shape}.")
+    ranks = stats.rankdata(table, axis=1)
+    if (ranks == ranks[:, :1]).all():
+        return None, None
+    statistic = stats.friedmanchisquare(*table.T).statistic
+    tested = stats.permutation_test(
+        tuple(ranks.T),
+        # The part of Friedman's statistic that permutations change.
+        lambda *of_each, axis: sum(ranked.sum(axis=axis) ** 2 for ranked in of_each),
+        permutation_type="samples",
+        alternative="greater",
+        vectorized=True,
+        n_resamples=N_RESAMPLES,
+        batch=_BATCH,
+        rng=rng,
+    )
+    return float(statistic), float(tested.pvalue)

@@ -1,27 +1,78 @@
-"""Showing the progress of a study: runs done, the time left, and failures."""
+"""Showing the progress of a search, and of a study: a bar, or lines where there is no terminal."""
 
 from __future__ import annotations
 
 import math
+import sys
 import threading
 import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Self
 
-from rich.console import Console
-
-from botohe_moo.cli.search_progress import is_terminal, new_bar
-
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from rich.progress import Progress as Bar
 
-    from rich.progress import Progress
-
+    from botohe_moo.solving import Progress
     from botohe_moo.study.file.model import Run
     from botohe_moo.study.planning import Plan
     from botohe_moo.study.run.task import Outcome, Record
 
-__all__ = ["ProgressWatcher", "showing_trials"]
+_SECONDS_BETWEEN_UPDATES = 0.1
+
+
+def is_terminal() -> bool:
+    """Tell whether standard error is a terminal."""
+    # rich would also take FORCE_COLOR, which many set for logs, for a terminal.
+    return sys.stderr is not None and sys.stderr.isatty()
+
+
+def new_bar(width: int, words: str) -> Bar:
+    """Make a bar on standard error, with words as rich formats them, and the time left."""
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        TaskProgressColumn,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
+    return Progress(
+        BarColumn(bar_width=width),
+        TaskProgressColumn(),
+        TextColumn(words),
+        TimeRemainingColumn(),
+        TextColumn("left"),
+        console=Console(stderr=True),
+        redirect_stdout=False,
+    )
+
+
+@contextmanager
+def progress_bar(total: int) -> Iterator[Progress | None]:
+    """Show evaluations, area and the time left on standard error, if that is a terminal.
+
+    Yields what takes the number of evaluations so far, and a function that gives the area, called
+    when it is about to be shown; None where nothing is shown. ``total`` evaluations are planned.
+    """
+    if not is_terminal():
+        yield None
+        return
+    words = "{task.completed:,.0f} evaluations  area {task.fields[area]:.4f} "
+    with new_bar(16, words) as bar:
+        task = bar.add_task("", total=total, area=0.0)
+        shown_at = -_SECONDS_BETWEEN_UPDATES
+
+        def show(evaluations: int, area: Callable[[], float]) -> None:
+            nonlocal shown_at
+            now = time.perf_counter()
+            if evaluations >= total or now - shown_at >= _SECONDS_BETWEEN_UPDATES:
+                shown_at = now
+                bar.update(task, completed=evaluations, area=area())
+
+        yield show
+
 
 _SECONDS_BETWEEN_LINES = 60.0  # where there is no terminal to draw a bar on
 _SECONDS_BETWEEN_TRIALS = 10.0  # that are shown there
@@ -30,11 +81,10 @@ _STEPS = 1_000  # of a run, so that the bar moves within one
 
 @contextmanager
 def showing_trials(say: Callable[[str], None]) -> Iterator[Callable[[str], None]]:
-    """Show on standard error what is tried: in a line that changes, or in one now and then.
-
-    Yields what takes the words to show.
-    """
+    """Show the words given to what it yields, in a line that changes, or in one now and then."""
     if is_terminal():
+        from rich.console import Console
+
         with Console(stderr=True).status("reading") as status:
             yield lambda tried: status.update(_trial(tried))
         return
@@ -61,7 +111,7 @@ class ProgressWatcher:
         self._lock = threading.Lock()
         self._shares: dict[str, float] = {}
         self._n_ended = self._n_runs = self._n_failed = 0
-        self._bar: Progress | None = None
+        self._bar: Bar | None = None
         self._said_at = time.monotonic()
 
     def __enter__(self) -> Self:
@@ -92,16 +142,10 @@ class ProgressWatcher:
     def record(self, run: Run, record: Record) -> None:
         """Note which part of its budget a run has spent."""
         budget = run.mission.budget
-        shares = [
-            spent / allowed
-            for spent, allowed in (
-                (record.evaluations, budget.evaluations),
-                (record.seconds, budget.seconds),
-            )
-            if allowed
-        ]
+        both = ((record.evaluations, budget.evaluations), (record.seconds, budget.seconds))
+        share = max(spent / allowed for spent, allowed in both if allowed)
         with self._lock:
-            self._shares[run.digest] = min(max(shares), 1.0)
+            self._shares[run.digest] = min(share, 1.0)
             self._show()
 
     def end(self, run: Run, outcome: Outcome) -> None:
