@@ -23,8 +23,6 @@ from botohe_moo.trails import PlanBatch, TrailPlan
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["BOACO"]
-
 Evaporation: TypeAlias = Annotated[float, Field(gt=0, lt=1)]
 Pheromone: TypeAlias = Positive | Literal["bounds"]
 Threads: TypeAlias = Annotated[int, Field(ge=1, le=1_024), SameResult()]

@@ -13,8 +13,6 @@ from botohe_moo.problem import BOTOHE
 from botohe_moo.search.exact import MEMORY_LIMIT, TIME_LIMIT, FrontSearch
 from botohe_moo.trails import TrailPlan
 
-__all__ = ["Exact"]
-
 
 class Exact(ArchiveAlgorithm):
     """The true Pareto front, for small missions.

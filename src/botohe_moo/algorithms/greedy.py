@@ -14,8 +14,6 @@ from botohe_moo.problem import BOTOHE
 from botohe_moo.search.sequential import BEAM_WIDTH, MAX_BEAM_WIDTH, SequentialPlanner
 from botohe_moo.trails import TrailPlan
 
-__all__ = ["Greedy"]
-
 
 class Greedy(ArchiveAlgorithm):
     """Greedy sequential planning: one robot after another, for a sweep of weights on reward.

@@ -21,8 +21,6 @@ from botohe_moo.search.local_search import DEFAULT_MOVES, MOVES, LocalSearch
 from botohe_moo.search.sequential import SequentialPlanner
 from botohe_moo.trails import PlanBatch, TrailPlan
 
-__all__ = ["ParetoLocalSearch"]
-
 # Partial trails that the search for the first plans keeps. Wider ones take longer, and the search
 # itself soon makes up for what they miss; on large missions narrow ones take a second or two.
 _WIDE_BEAM, _NARROW_BEAM = 20, 5

@@ -17,8 +17,6 @@ from botohe_moo.problem import BOTOHE
 from botohe_moo.search.annealing import Annealing, AnnealingSchedule
 from botohe_moo.trails import TrailPlan
 
-__all__ = ["SimulatedAnnealing"]
-
 SCHEDULES = ("cooled", "journal")
 
 

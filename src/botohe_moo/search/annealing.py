@@ -19,8 +19,6 @@ from botohe_moo.mission.model import Mission
 from botohe_moo.search.archive import PlanArchive
 from botohe_moo.trails import PlanBatch
 
-__all__ = ["Annealing", "AnnealingSchedule"]
-
 # How likely each kind of move is to be drawn: the published ones, and our deletion of loops;
 # ``kinds_of_moves`` adds detours.
 _PUBLISHED_KINDS = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.1, 0.0)

@@ -6,8 +6,6 @@ from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.fronts.archive import Archive, Batch, absorb, new_archive
 from botohe_moo.trails import PlanBatch
 
-__all__ = ["PlanArchive"]
-
 
 class PlanArchive:
     """Non-dominated plans by descending expected reward.

@@ -30,8 +30,6 @@ from botohe_moo.mission.model import Mission
 from botohe_moo.search.archive import PlanArchive
 from botohe_moo.trails import PlanBatch
 
-__all__ = ["Allocation", "AntThreads", "Colony", "ColonyRule", "exchange_archives"]
-
 Allocation = Literal["sequential", "concurrent"]
 
 

@@ -16,8 +16,6 @@ from botohe_moo.search.exact_trails import TrailSearch
 from botohe_moo.search.sequential import SequentialPlanner
 from botohe_moo.trails import PlanBatch, TrailPlan
 
-__all__ = ["MEMORY_LIMIT", "TIME_LIMIT", "FrontSearch", "TooLargeError", "exact_front"]
-
 TIME_LIMIT = 60.0
 MEMORY_LIMIT = 2048.0
 

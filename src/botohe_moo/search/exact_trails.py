@@ -17,8 +17,6 @@ from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.rng import hash_keys
 from botohe_moo.mission.model import Mission
 
-__all__ = ["TrailSearch"]
-
 _ROWS = 1024  # that tables have room for at first
 # An estimate ends after so many descents, or when they have met so many labels.
 _MAX_DIVES, _MAX_MET = 1_000, 30_000

@@ -18,8 +18,6 @@ from botohe_moo.kernels.rng import draw_state
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import PlanBatch
 
-__all__ = ["DEFAULT_MOVES", "MOVES", "LocalSearch"]
-
 # Names of the moves, in the order in which the kernels number them.
 MOVES = ("shortcut", "visit", "visit-two", "splice", "graft", "swap-loops", "reverse", "adopt")
 

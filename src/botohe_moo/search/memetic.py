@@ -10,8 +10,6 @@ from botohe_moo.mission.model import Mission
 from botohe_moo.search.local_search import DEFAULT_MOVES, LocalSearch
 from botohe_moo.trails import PlanBatch
 
-__all__ = ["IterationSearch"]
-
 
 class IterationSearch:
     """Improves a share of the plans of each iteration of an algorithm.

@@ -15,8 +15,6 @@ from botohe_moo.kernels.beam.search import MAX_LABELS, best_trail
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import TrailPlan
 
-__all__ = ["BEAM_WIDTH", "MAX_BEAM_WIDTH", "SequentialPlanner", "plan_sequentially"]
-
 BEAM_WIDTH = 100
 MAX_BEAM_WIDTH = 100_000
 
