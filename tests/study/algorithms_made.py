@@ -155,7 +155,8 @@ class Lying(ArchiveAlgorithm):
 
     def _advance(self, **_):
         sample(self, 20)
-        self.archive._objectives = self.archive._objectives * 1.01
+        held = self.archive._held
+        self.archive._held = held._replace(objectives=held.objectives * 1.01)
 
 
 class Slow(ArchiveAlgorithm):
@@ -215,7 +216,8 @@ class Overstating(ArchiveAlgorithm):
     def _advance(self, **_):
         if not self.evaluator.n_eval:
             sample(self, 20)
-            self.archive._objectives = self.archive._objectives * 1.5
+            held = self.archive._held
+            self.archive._held = held._replace(objectives=held.objectives * 1.5)
             return
         time.sleep(3600)
 
