@@ -346,7 +346,6 @@ class TestErrors:
             ),
             ({"n_children": 0}, r"Expected n_children in \[1, 100000\], got 0\."),
             ({"n_drawn": 2.5}, r"Expected n_drawn to be an integer in \[1, 1000\], got 2\.5\."),
-            (),
             ({"max_size": 9}, r"Expected max_size in \[10, 1000000000\], got 9\."),
             ({"greedy_start": 1}, r"Expected greedy_start to be "),
             (
