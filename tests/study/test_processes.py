@@ -72,6 +72,14 @@ def finish(process, timeout=120):
     return process.returncode, out, err
 
 
+@pytest.fixture(autouse=True)
+def interruptible():
+    """Let Ctrl-C reach the processes that tests start, even if the tests are run without it."""
+    usual = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, usual)
+
+
 @pytest.fixture(scope="module")
 def study_file(tmp_path_factory):
     path = tmp_path_factory.mktemp("file") / "study.yaml"
