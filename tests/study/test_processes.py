@@ -41,7 +41,7 @@ algorithms:
   NSGA-II: {algorithm: nsga2, parameters: {pop_size: 20}}
   few: {algorithm: random, parameters: {n_ants: 20}}
   random: random
-budget: {evaluations: 600}
+budget: {evaluations: 1_000}
 seeds: 4
 comparison: {control: random}
 """
@@ -99,12 +99,12 @@ def wait_until(condition, timeout=60):
         time.sleep(0.02)
 
 
-def test_kills_at_random_moments_change_nothing(study_file, uninterrupted, tmp_path):
+def test_ten_kills_at_random_moments_change_nothing(study_file, uninterrupted, tmp_path):
     folder = tmp_path / "killed"
     environment = {**os.environ, "BOTOHE_TEST_FOLDER": str(folder)}
     rng = random.Random(5)
     n_runs, n_done = 24, []
-    for _ in range(6):
+    for _ in range(10):
         process = start("run", study_file, "--out", folder, "--workers", 2, env=environment)
         # Past the start, so that some of the kills meet runs and files; never waits for the end.
         before = len(list(folder.glob("runs/*.npz")))
