@@ -6,6 +6,7 @@ import inspect
 import math
 import sys
 from collections.abc import Iterable
+from dataclasses import fields
 from typing import Annotated, Any, TypeAlias
 
 import numpy as np
@@ -152,6 +153,12 @@ class ArchiveAlgorithm(Algorithm):
 
     @pop.setter
     def pop(self, value: Population | None) -> None: ...
+
+
+def settings_of(algorithm: Algorithm, kind: type[Any]) -> dict[str, Any]:
+    """Give the parameters of an algorithm that are fields of a dataclass, by their name."""
+    names = [field.name for field in fields(kind)]
+    return {name: getattr(algorithm, name) for name in names if hasattr(algorithm, name)}
 
 
 def check_options(algorithm: Algorithm, options: Iterable[str]) -> None:

@@ -14,6 +14,14 @@ from botohe_moo._plugins.factories import declared_factory
 from botohe_moo._plugins.stated import Accepted, accepted_parameters
 
 PLUGINS = PluginGroup("botohe_moo.algorithms", "algorithm")
+# Classes of pymoo's that loop inside of one generation, where no budget ends them.
+_ENDLESS = {
+    "pymoo.algorithms.moo.ctaea:CTAEA": (
+        "pymoo's CTAEA never ends where there are fewer plans than directions, which is what "
+        "leaving out duplicates does: its diversity archive looks for plans in as many directions "
+        "as there are plans, until it has all of them"
+    ),
+}
 # Who runs an algorithm decides on these, through ``minimize``.
 _PYMOOS_OWN = frozenset(inspect.signature(Algorithm).parameters)
 
@@ -29,12 +37,21 @@ def find_algorithm(name: str) -> Callable[..., Any]:
         raise ValueError(f"Expected the name of an algorithm, got {name!r}.")
     try:
         if is_path(name):
+            found = declared_factory(name, PLUGINS, Algorithm)
+            if isinstance(found, type) and (reason := never_ends(found)):
+                raise PluginError(f"cannot be used; {reason}")
             from botohe_moo.algorithms.wired import wired  # loads all operators
 
-            return wired(name, declared_factory(name, PLUGINS, Algorithm))
+            return wired(name, found)
         return PLUGINS.load(name)
     except PluginError as error:
         raise ValueError(f"{PLUGINS.source(name)}: {error}.") from error
+
+
+def never_ends(kind: type) -> str | None:
+    """Return why algorithms of a class, or of one derived from it, never end; None if they do."""
+    names = (f"{base.__module__}:{base.__qualname__}" for base in kind.__mro__)
+    return next((_ENDLESS[name] for name in names if name in _ENDLESS), None)
 
 
 def accepted_by(factory: Callable[..., Any]) -> Accepted:

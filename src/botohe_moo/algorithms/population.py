@@ -21,7 +21,7 @@ from pymoo.core.survival import Survival
 
 from botohe_moo._base.types import FloatArray, ObjectArray
 from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.ranges import Count, Probability
+from botohe_moo._plugins.types import Count, Probability
 from botohe_moo.algorithms.base import (
     MaxTies,
     check_budget,

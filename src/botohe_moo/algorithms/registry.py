@@ -11,8 +11,7 @@ from botohe_moo._base.checks import mapping_of
 from botohe_moo._plugins.checks import Fault, call_factory, check_values, raised_fault
 from botohe_moo._plugins.docstrings import summary_of
 from botohe_moo._plugins.stated import Accepted, Parameter
-from botohe_moo.algorithms.endless import never_ends
-from botohe_moo.algorithms.finding import PLUGINS, accepted_by, find_algorithm
+from botohe_moo.algorithms.finding import PLUGINS, accepted_by, find_algorithm, never_ends
 
 
 def make_algorithm(name: str, /, **parameters: Any) -> Algorithm:

@@ -12,9 +12,8 @@ from botohe_moo.algorithms.population import PlanGeneticAlgorithm
 class PlanSPEA2(PlanGeneticAlgorithm, SPEA2):
     """SPEA2 with operators for trail plans.
 
-    Its parameters are ``pop_size``, the plans in the population, ``n_offsprings``, the plans that a
-    generation adds (by default as many), and the operators and options of
-    :class:`PopulationAlgorithm`.
+    Its parameters are ``pop_size``, ``n_offsprings`` (plans that a generation adds, by default as
+    many) and those of :class:`PopulationAlgorithm`.
 
     Notes
     -----

@@ -1,14 +1,14 @@
 """Arguments and options that several commands take."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from contextlib import suppress
 from typing import Annotated, Any
 
 import typer
 
 
-def integer(*, at_least: int) -> Callable[[str], int]:
-    """Make a parser of integers whose message says what was found, unlike typer's own."""
+def integer_option(*names: str, metavar: str, help: str, at_least: int = 1) -> Any:  # noqa: A002
+    """Make an option for integers whose message says what was found, unlike typer's own."""
 
     def parse(text: str) -> int:
         with suppress(ValueError):
@@ -16,7 +16,7 @@ def integer(*, at_least: int) -> Callable[[str], int]:
                 return number
         raise typer.BadParameter(f"expected an integer >= {at_least}, got {text}.")
 
-    return parse
+    return typer.Option(*names, metavar=metavar, parser=parse, help=help)
 
 
 def probability(text: str) -> float:
@@ -31,10 +31,7 @@ MissionArgument = Annotated[
     str, typer.Argument(metavar="MISSION", help="A mission's name, or a mission file.")
 ]
 RobotsOption = Annotated[
-    int | None,
-    typer.Option(
-        "--robots", metavar="K", parser=integer(at_least=1), help="Another number of robots."
-    ),
+    int | None, integer_option("--robots", metavar="K", help="Another number of robots.")
 ]
 MinSurvivalOption = Annotated[
     float,
@@ -64,20 +61,11 @@ ParameterOption = Annotated[
     ),
 ]
 EvaluationsOption = Annotated[
-    int,
-    typer.Option(
-        "--evaluations",
-        "-n",
-        metavar="N",
-        parser=integer(at_least=1),
-        help="Trail plans to evaluate.",
-    ),
+    int, integer_option("--evaluations", "-n", metavar="N", help="Trail plans to evaluate.")
 ]
 SeedOption = Annotated[
     int,
-    typer.Option(
-        "--seed", "-s", metavar="S", parser=integer(at_least=0), help="Seed of the random numbers."
-    ),
+    integer_option("--seed", "-s", metavar="S", at_least=0, help="Seed of the random numbers."),
 ]
 
 

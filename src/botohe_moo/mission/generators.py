@@ -18,7 +18,7 @@ from pydantic import Field
 from botohe_moo._base.checks import ParameterError
 from botohe_moo._base.types import FloatArray, OffsetArray, Rng
 from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.ranges import Robots
+from botohe_moo._plugins.types import Robots
 from botohe_moo.mission.formats.benchmark import near_pairs, spanning_pairs
 from botohe_moo.mission.memory import check_memory
 from botohe_moo.mission.model import Mission

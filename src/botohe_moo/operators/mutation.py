@@ -12,7 +12,7 @@ from pymoo.core.mutation import Mutation
 from botohe_moo._base.checks import check_weights
 from botohe_moo._base.types import ObjectArray, Rng
 from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.ranges import Count, Probability
+from botohe_moo._plugins.types import Count, Probability
 from botohe_moo.kernels.plans.change import MoveRule, change_plans
 from botohe_moo.kernels.plans.ragged import read_trails
 from botohe_moo.kernels.plans.vary import join_pieces, ruin, send_home, share, whole_trails
