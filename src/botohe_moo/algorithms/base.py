@@ -146,13 +146,7 @@ class ArchiveAlgorithm(Algorithm):
     @opt.setter
     def opt(self, value: Population | None) -> None: ...
 
-    @property
-    def pop(self) -> Population | None:
-        """The same as ``opt``."""
-        return self.opt
-
-    @pop.setter
-    def pop(self, value: Population | None) -> None: ...
+    pop = opt
 
 
 def settings_of(algorithm: Algorithm, kind: type[Any]) -> dict[str, Any]:

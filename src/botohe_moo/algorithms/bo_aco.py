@@ -244,11 +244,9 @@ class BOACO(ArchiveAlgorithm):
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
         super()._setup(problem)
         mission = problem.mission
-        reward, survival = (
-            (mission.total_reward or 1.0, float(mission.robots))
-            if self.initial_pheromone == "bounds"
-            else (float(self.initial_pheromone),) * 2
-        )
+        reward, survival = mission.total_reward or 1.0, float(mission.robots)
+        if self.initial_pheromone != "bounds":
+            reward = survival = float(self.initial_pheromone)
         rule = ColonyRule(
             initial_reward_pheromone=reward,
             initial_survival_pheromone=survival,

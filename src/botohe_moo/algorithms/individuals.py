@@ -73,9 +73,7 @@ class PopulationArchive(PlanArchive):
 def _individual(
     plan: TrailPlan, objectives: FloatArray, constraints: FloatArray | None
 ) -> Individual:
-    x = np.empty(1, dtype=object)
-    x[0] = plan
-    individual = Individual(X=x, F=-objectives)
+    individual = Individual(X=np.array([plan], dtype=object), F=-objectives)
     if constraints is not None:
         individual.set("G", constraints)
     individual.evaluated.update(("F", "G", "H"))

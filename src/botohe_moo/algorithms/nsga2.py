@@ -1,7 +1,5 @@
 """NSGA-II with operators for trail plans."""
 
-from __future__ import annotations
-
 from pymoo.algorithms.moo.nsga2 import NSGA2
 from pymoo.operators.survival.rank_and_crowding import RankAndCrowding
 

@@ -17,8 +17,6 @@ from botohe_moo.problem import BOTOHE
 from botohe_moo.search.annealing import Annealing, AnnealingSchedule
 from botohe_moo.trails import TrailPlan
 
-SCHEDULES = ("cooled", "journal")
-
 
 class SimulatedAnnealing(ArchiveAlgorithm):
     """Simulated annealing of a weighted sum of the objectives, for one weight after another.

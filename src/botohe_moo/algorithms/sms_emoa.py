@@ -1,7 +1,5 @@
 """SMS-EMOA with operators for trail plans."""
 
-from __future__ import annotations
-
 from pymoo.algorithms.moo.sms import SMSEMOA, LeastHypervolumeContributionSurvival
 
 from botohe_moo.algorithms.population import PlanGeneticAlgorithm

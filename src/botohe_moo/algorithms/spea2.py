@@ -1,7 +1,5 @@
 """SPEA2 with operators for trail plans."""
 
-from __future__ import annotations
-
 from functools import partial
 
 from pymoo.algorithms.moo.spea2 import SPEA2, SPEA2Survival

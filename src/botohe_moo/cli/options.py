@@ -27,6 +27,11 @@ def probability(text: str) -> float:
     raise typer.BadParameter(f"expected a probability in [0, 1], got {text}.")
 
 
+def pairs_option(*names: str, help: str) -> Any:  # noqa: A002
+    """Make an option for parameters, given as NAME=VALUE."""
+    return typer.Option(*names, metavar="NAME=VALUE", help=f"{help} Repeatable.")
+
+
 MissionArgument = Annotated[
     str, typer.Argument(metavar="MISSION", help="A mission's name, or a mission file.")
 ]
@@ -44,21 +49,13 @@ MinSurvivalOption = Annotated[
 ]
 MissionParameterOption = Annotated[
     list[str] | None,
-    typer.Option(
-        "--mission-parameter",
-        "-m",
-        metavar="NAME=VALUE",
-        help="A parameter of the mission, such as nodes=500 or seed=3. Repeatable.",
+    pairs_option(
+        "--mission-parameter", "-m", help="A parameter of the mission, such as nodes=500 or seed=3."
     ),
 ]
 ParameterOption = Annotated[
     list[str] | None,
-    typer.Option(
-        "--parameter",
-        "-p",
-        metavar="NAME=VALUE",
-        help="A parameter of the algorithm, such as n_ants=50. Repeatable.",
-    ),
+    pairs_option("--parameter", "-p", help="A parameter of the algorithm, such as n_ants=50."),
 ]
 EvaluationsOption = Annotated[
     int, integer_option("--evaluations", "-n", metavar="N", help="Trail plans to evaluate.")

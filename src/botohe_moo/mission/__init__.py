@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from botohe_moo.mission.library import load_mission as load_mission
     from botohe_moo.mission.library import mission_names as mission_names
     from botohe_moo.mission.model import Mission as Mission
-    from botohe_moo.mission.plan_faults import PlanError as PlanError
     from botohe_moo.mission.validation import MissionError as MissionError
+    from botohe_moo.mission.validation import PlanError as PlanError
 
 __getattr__, __dir__, __all__ = lazy_names(__name__)
