@@ -1,7 +1,5 @@
 """Trail plans as ragged arrays of node indices, independent of any mission."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any, Self, TypeAlias, overload

@@ -1,7 +1,5 @@
 """Checks of parameters at the boundary, with one way to say what was expected."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Iterable, Mapping
 from difflib import SequenceMatcher

@@ -3,8 +3,6 @@
 By its signature and docstring, or by a pydantic model: the attribute ``Parameters``.
 """
 
-from __future__ import annotations
-
 import functools
 import inspect
 import re

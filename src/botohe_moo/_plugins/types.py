@@ -1,7 +1,5 @@
 """What types say of values: their range, their name, and what a text file can hold."""
 
-from __future__ import annotations
-
 import collections.abc
 import enum
 import os

@@ -1,7 +1,5 @@
 """What algorithms have in common that build whole batches of plans and keep an archive."""
 
-from __future__ import annotations
-
 import inspect
 import math
 import sys

@@ -284,7 +284,7 @@ class BOACO(ArchiveAlgorithm):
         if n_ants == 0:  # the plans to start from have spent the budget
             return
         if self.n_colonies > 1 and self.n_iter == 1 and len(self.archive):
-            for origin in self._origins:  # everybody is given the plans to start from
+            for origin in self._origins:  # every colony is given the plans to start from
                 origin.absorb(self.archive.plans, self.archive.objectives.copy())
         shares = _shares(n_ants, self.n_colonies)
         for colony, origin, planned in zip(self.colonies, self._origins, shares, strict=True):

@@ -1,7 +1,5 @@
 """What results of an algorithm depend on: its name, parameters and code."""
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import sys

@@ -62,7 +62,7 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         segment the other way round. Default: ``DEFAULT_MOVES``.
     greedy_start
         Whether to begin with plans that :func:`~botohe_moo.plan_sequentially` makes for reward
-        alone, for the whole team and for fewer robots, beside that in which everybody stays at
+        alone, for the whole team and for fewer robots, beside the plan in which all robots stay at
         base.
     max_size
         Plans that the front keeps after each generation; None keeps all. Where there are more, that

@@ -22,12 +22,7 @@ from pymoo.core.survival import Survival
 from botohe_moo._base.types import FloatArray, ObjectArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Count, Probability
-from botohe_moo.algorithms.base import (
-    BudgetedAlgorithm,
-    MaxTies,
-    check_options,
-    check_problem,
-)
+from botohe_moo.algorithms.base import BudgetedAlgorithm, MaxTies, check_options, check_problem
 from botohe_moo.algorithms.individuals import PopulationArchive
 from botohe_moo.operators.duplicates import PlanDuplicates
 from botohe_moo.operators.repair import PenaltyOnly, PlanRepair

@@ -1,7 +1,5 @@
 """Algorithms by name: those of this package and those that other packages register."""
 
-from __future__ import annotations
-
 import functools
 import inspect
 from collections.abc import Callable, Hashable, Mapping
@@ -25,7 +23,7 @@ _ENDLESS = {
         "as there are plans, until it has all of them"
     ),
 }
-# Who runs an algorithm decides on these, through ``minimize``.
+# Options of a run: the caller of ``minimize`` sets them.
 _PYMOOS_OWN = frozenset(inspect.signature(Algorithm).parameters)
 
 

@@ -21,7 +21,7 @@ from botohe_moo.algorithms.population import (
     keyword_only,
 )
 
-# What the wiring, or whoever runs the algorithm, gives to every class of pymoo's.
+# What the wiring, or the caller of ``minimize``, gives to every class of pymoo's.
 _TAKEN_CARE_OF = frozenset(
     {"sampling", "crossover", "mutation", "repair", "eliminate_duplicates", "output", "mating"}
     | {"pop_size", "n_offsprings"}

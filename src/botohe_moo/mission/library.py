@@ -1,7 +1,5 @@
 """The missions that have a name: those of the package and those that other packages register."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Mapping
 from importlib.resources import as_file, files

@@ -1,7 +1,5 @@
 """What operators share: their parts, and drawing one of several."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Generic, TypeVar
 

@@ -1,7 +1,5 @@
 """Crossovers: children that share the trails of two plans."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Mutations: small changes to the trails of one plan."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
 

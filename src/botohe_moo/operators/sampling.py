@@ -1,7 +1,5 @@
 """Samplings: plans to start from."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
