@@ -23,109 +23,63 @@ _SHORT_SCAN = 5
 
 
 class BuildRule(NamedTuple):
-    """How plans are built.
+    """How plans are built."""
 
-    Attributes
-    ----------
-    n_robots
-        Trails per plan.
-    n_ants
-        Size of the colony: ant i has λ = i / (n_ants − 1), a single ant λ = 1/2.
-    concurrent
-        Whether all robots are out at once and take one hop each in turn, those left out that have
-        ended their trails; otherwise one trail is complete before the next begins.
-    exploration
-        Every weight is raised by exploration · (mean weight) / (number of candidates).
-    min_survival
-        Survival floor: the least probability with which every robot gets home; 0 sets none.
-    """
-
-    n_robots: int
-    n_ants: int
+    n_robots: int  # trails per plan
+    n_ants: int  # size of the colony: ant i has λ = i / (n_ants − 1), a single ant λ = 1/2
+    # Whether all robots are out at once and take one hop each in turn, those left out that have
+    # ended their trails; otherwise one trail is complete before the next begins.
     concurrent: bool
+    # Every weight is raised by exploration · (mean weight) / (number of candidates).
     exploration: float
+    # Survival floor: the least probability with which every robot gets home; 0 sets none.
     min_survival: float
 
 
 class Weights(NamedTuple):
-    """What ants weigh arcs by.
+    """What ants weigh arcs by."""
 
-    Attributes
-    ----------
-    log_reward, log_survival
-        log(τ_R η_R), with η_R that of a head already in this trail, and log(τ_S η_S)
-        (n_maps, n_arcs + 1); one map a robot, or one that all robots share.
-    gain, log_fresh
-        What a head that no robot reaches yet adds to η_R, relative, and log(1 + gain) (n_arcs + 1).
-    """
-
+    # log(τ_R η_R), with η_R that of a head already in this trail, and log(τ_S η_S)
+    # (n_maps, n_arcs + 1); one map a robot, or one that all robots share.
     log_reward: FloatArray
     log_survival: FloatArray
+    # What a head that no robot reaches yet adds to η_R, relative, and log(1 + gain) (n_arcs + 1).
     gain: FloatArray
     log_fresh: FloatArray
 
 
 class Plans(NamedTuple):
-    """Where plans are written, hop by hop.
+    """Where plans are written, hop by hop."""
 
-    Attributes
-    ----------
-    nodes
-        Nodes of the trails one after another: where each hop begins.
-    robots
-        Scratch as long: whose hop each is.
-    lengths
-        Nodes of each trail (n_ants · n_robots).
-    size
-        How many hops have been written (1).
-    """
-
-    nodes: IntArray
-    robots: IntArray
-    lengths: OffsetArray
-    size: OffsetArray
+    nodes: IntArray  # nodes of the trails one after another: where each hop begins
+    robots: IntArray  # scratch as long: whose hop each is
+    lengths: OffsetArray  # nodes of each trail (n_ants · n_robots)
+    size: OffsetArray  # how many hops have been written (1)
 
 
 class Scratch(NamedTuple):
-    """Scratch of an ant: weights in tables, and where its robots have been.
+    """Scratch of an ant: weights in tables, and where its robots have been."""
 
-    Attributes
-    ----------
-    seen, fresh
-        Weights of arcs for each ant of a block (n_maps, ``BLOCK``, n_arcs + 1): for a head already
-        in the trail, and for one that no robot reaches yet.
-    tabulated
-        For which block the arcs that leave a node have been tabulated (n_maps, n_nodes).
-    used, visited
-        The last trail that used each arc (n_rows, n_arcs + 1) and visited each node (n_rows,
-        n_nodes): a row for each robot that is out at once.
-    here, alive
-        Where each robot is, −1 where its trail has ended, and with what probability (n_robots).
-    unreached
-        Probability that no robot reaches each node (n_nodes).
-    touched, n_touched
-        The nodes where that is below 1, and how many they are (n_nodes), (1).
-    cumulated
-        Weights of the candidates, summed up (n_arcs + 1).
-    rejected
-        Arcs that were drawn and lead to where no way home is left (n_arcs + 1).
-    states
-        State of each ant's random numbers (n_ants, 2).
-    """
-
+    # Weights of arcs for each ant of a block (n_maps, ``BLOCK``, n_arcs + 1): for a head already in
+    # the trail, and for one that no robot reaches yet.
     seen: FloatArray
     fresh: FloatArray
+    # For which block the arcs that leave a node have been tabulated (n_maps, n_nodes).
     tabulated: OffsetArray
+    # The last trail that used each arc (n_rows, n_arcs + 1) and visited each node
+    # (n_rows, n_nodes): a row for each robot that is out at once.
     used: OffsetArray
     visited: OffsetArray
+    # Where each robot is, −1 where its trail has ended, and with what probability (n_robots).
     here: OffsetArray
     alive: FloatArray
-    unreached: FloatArray
+    unreached: FloatArray  # probability that no robot reaches each node (n_nodes)
+    # The nodes where that is below 1, and how many they are (n_nodes), (1).
     touched: OffsetArray
     n_touched: OffsetArray
-    cumulated: FloatArray
-    rejected: OffsetArray
-    states: SeedArray
+    cumulated: FloatArray  # weights of the candidates, summed up (n_arcs + 1)
+    rejected: OffsetArray  # arcs that were drawn and lead to where no way home is left (n_arcs + 1)
+    states: SeedArray  # state of each ant's random numbers (n_ants, 2)
 
 
 @helper(makes_arrays=True)

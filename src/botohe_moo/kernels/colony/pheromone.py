@@ -19,62 +19,35 @@ LOG_LOW, LOG_HIGH = -650.0, 250.0
 
 
 class LearningRule(NamedTuple):
-    """How pheromone changes.
+    """How pheromone changes."""
 
-    Attributes
-    ----------
-    n_robots
-        Trails per plan.
-    evaporation
-        Share that evaporates, in (0, 1).
-    pooled
-        Whether each deposit is divided by the number of plans in both sets together, or by the
-        size of its own set.
-    archive_changed
-        Whether ``archive_deposits`` is out of date; as long as no plan enters it stays the same.
-    """
-
-    n_robots: int
-    evaporation: float
+    n_robots: int  # trails per plan
+    evaporation: float  # share that evaporates, in (0, 1)
+    # Whether each deposit is divided by the number of plans in both sets together, or by the size
+    # of its own set.
     pooled: bool
+    # Whether ``archive_deposits`` is out of date; as long as no plan enters it stays the same.
     archive_changed: bool
 
 
 class Depositors(NamedTuple):
-    """Plans that leave pheromone.
+    """Plans that leave pheromone."""
 
-    Attributes
-    ----------
-    objectives
-        E[R] and E[S] of all plans (n_plans, 2).
-    members
-        Indices of those that deposit.
-    nodes, offsets
-        All trails, ragged.
-    """
-
-    objectives: FloatArray
-    members: OffsetArray
+    objectives: FloatArray  # E[R] and E[S] of all plans (n_plans, 2)
+    members: OffsetArray  # indices of those that deposit
+    # All trails, ragged.
     nodes: IntArray
     offsets: OffsetArray
 
 
 class Pheromone(NamedTuple):
-    """Pheromone, and what has been deposited last; with one map the robots share it.
+    """Pheromone, and what has been deposited last; with one map the robots share it."""
 
-    Attributes
-    ----------
-    levels
-        Reward and survival pheromone, above 0 (n_maps, n_arcs + 1, 2).
-    deposits, archive_deposits
-        What the iteration's and the global Pareto set have left, in sum (n_maps, n_arcs + 1, 2).
-    log_eta_reward, log_eta_survival
-        Logarithms of the heuristics (n_arcs + 1); that of reward for a node already visited.
-    """
-
-    levels: FloatArray
+    levels: FloatArray  # reward and survival pheromone, above 0 (n_maps, n_arcs + 1, 2)
+    # What the iteration's and the global Pareto set have left, in sum (n_maps, n_arcs + 1, 2).
     deposits: FloatArray
     archive_deposits: FloatArray
+    # Logarithms of the heuristics (n_arcs + 1); that of reward for a node already visited.
     log_eta_reward: FloatArray
     log_eta_survival: FloatArray
 

@@ -24,23 +24,12 @@ class Batch(NamedTuple):
 
 
 class Archive(NamedTuple):
-    """Non-dominated plans by descending E[R].
+    """Non-dominated plans by descending E[R]."""
 
-    Attributes
-    ----------
-    objectives
-        E[R] and E[S] (n_plans, 2).
-    hashes
-        Of each plan's multiset of trails (n_plans).
-    ids
-        A number that no other plan ever gets (n_plans).
-    nodes, offsets
-        The trails, ragged.
-    """
-
-    objectives: FloatArray
-    hashes: SeedArray
-    ids: OffsetArray
+    objectives: FloatArray  # E[R] and E[S] (n_plans, 2)
+    hashes: SeedArray  # of each plan's multiset of trails (n_plans)
+    ids: OffsetArray  # a number that no other plan ever gets (n_plans)
+    # The trails, ragged.
     nodes: IntArray
     offsets: OffsetArray
 

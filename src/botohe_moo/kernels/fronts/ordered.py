@@ -21,35 +21,22 @@ _PLACE = np.dtype([("slot", np.int64), ("reward", np.float64), ("survivors", np.
 
 
 class OrderedFront(NamedTuple):
-    """Places for plans, in order of their objectives.
+    """Places for plans, in order of their objectives."""
 
-    Attributes
-    ----------
-    n
-        How many ``blocks`` and ``plans`` there are, how many plans ever ``entered``, and how many
-        blocks are ``free`` and slots ``spare``.
-    directory
-        The blocks in order.
-    size
-        Plans in each block.
-    places
-        Of each place of each block, which ``slot`` holds the plan, and its E[R] and E[S]
-        (``reward`` and ``survivors``; n_blocks, BLOCK).
-    free_blocks, spare_slots
-        Those that are not in use, as stacks.
-    plan
-        The plan in each slot: numbers of its trails, in lexicographic order (n_slots, n_robots).
-    serial, tried
-        How many plans had entered before it, and how often it has been a parent (n_slots).
-    """
-
+    # How many ``blocks`` and ``plans`` there are, how many plans ever ``entered``, and how many
+    # blocks are ``free`` and slots ``spare``.
     n: Record
-    directory: OffsetArray
-    size: OffsetArray
+    directory: OffsetArray  # the blocks in order
+    size: OffsetArray  # plans in each block
+    # Of each place of each block (n_blocks, BLOCK), which ``slot`` holds the plan, and its E[R] and
+    # E[S] (``reward`` and ``survivors``).
     places: RecordArray
+    # Those that are not in use, as stacks.
     free_blocks: OffsetArray
     spare_slots: OffsetArray
+    # The plan in each slot: numbers of its trails, in lexicographic order (n_slots, n_robots).
     plan: IntArray
+    # How many plans had entered before it, and how often it has been a parent (n_slots).
     serial: OffsetArray
     tried: OffsetArray
 

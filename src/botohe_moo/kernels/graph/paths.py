@@ -15,34 +15,21 @@ ANYWHERE = -1
 
 
 class Paths(NamedTuple):
-    """Scratch of searches for paths.
+    """Scratch of searches for paths."""
 
-    Attributes
-    ----------
-    n_searches
-        How many searches there have been (1).
-    met
-        The last search that met each node (n_nodes); only for nodes met by the current search
-        ``distance`` and ``entry`` hold.
-    distance, entry
-        Cost of the safest path between each node and the source, and the arc by which that path
-        comes to the node, −1 at the source (n_nodes).
-    order
-        The nodes whose safest path is known, by ascending cost (n_nodes).
-    keys, held
-        The heap (n_arcs + 1).
-    path
-        Arcs of the path that was asked for, in order (n_nodes).
-    """
-
-    n_searches: OffsetArray
+    n_searches: OffsetArray  # how many searches there have been (1)
+    # The last search that met each node (n_nodes); only for nodes met by the current search
+    # ``distance`` and ``entry`` hold.
     met: OffsetArray
+    # Cost of the safest path between each node and the source, and the arc by which that path comes
+    # to the node, −1 at the source (n_nodes).
     distance: FloatArray
     entry: OffsetArray
-    order: OffsetArray
+    order: OffsetArray  # the nodes whose safest path is known, by ascending cost (n_nodes)
+    # The heap (n_arcs + 1).
     keys: FloatArray
     held: OffsetArray
-    path: OffsetArray
+    path: OffsetArray  # arcs of the path that was asked for, in order (n_nodes)
 
 
 @helper(makes_arrays=True)

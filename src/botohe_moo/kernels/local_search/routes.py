@@ -27,27 +27,17 @@ _ENTRY = np.dtype(
 
 
 class Routes(NamedTuple):
-    """Safest paths, a row for every node where they lead to.
+    """Safest paths, a row for every node where they lead to."""
 
-    Attributes
-    ----------
-    n_known
-        Entries in each row; 0 before the row has been asked for (n_nodes).
-    entries
-        Where a path begins (``source``, ascending along the known part of a row), its ``cost``,
-        its first ``arc``, −1 at the goal itself, and the entry, in the same row, of that arc's head
-        (``onward``; n_nodes, n_entries).
-    near
-        For each node others, the safest to reach first; −1 before somebody has asked
-        (n_nodes, n_near).
-    paths
-        Scratch of the search.
-    """
-
-    n_known: OffsetArray
+    n_known: OffsetArray  # entries in each row; 0 before the row has been asked for (n_nodes)
+    # Where a path begins (``source``, ascending along the known part of a row), its ``cost``, its
+    # first ``arc``, −1 at the goal itself, and the entry, in the same row, of that arc's head
+    # (``onward``; n_nodes, n_entries).
     entries: RecordArray
+    # For each node others, the safest to reach first; −1 before somebody has asked
+    # (n_nodes, n_near).
     near: OffsetArray
-    paths: Paths
+    paths: Paths  # scratch of the search
 
 
 def new_routes(graph: Graph) -> Routes:

@@ -27,30 +27,18 @@ _TRAIL = np.dtype(
 
 
 class TrailStore(NamedTuple):
-    """Trails by number: their arcs, and what they reach.
+    """Trails by number: their arcs, and what they reach."""
 
-    Attributes
-    ----------
-    n
-        How many ``arcs`` and ``visits`` are in use, and how many trails are ``spare``.
-    trails
-        Of each trail, where its arcs and visits begin, how many there are, how many plans have it
-        (``n_users``), and with what probability a robot survives it (``alive``).
-    arc
-        The arcs of all trails, one trail after another.
-    node, reach
-        Likewise the nodes with a reward, the base left out, by first visit, and the probability
-        to reach each.
-    spare
-        Numbers that are free, as a stack.
-    """
-
-    n: Record
+    n: Record  # how many ``arcs`` and ``visits`` are in use, and how many trails are ``spare``
+    # Of each trail, where its arcs and visits begin, how many there are, how many plans have it
+    # (``n_users``), and with what probability a robot survives it (``alive``).
     trails: RecordArray
-    arc: IntArray
+    arc: IntArray  # the arcs of all trails, one trail after another
+    # Likewise the nodes with a reward, the base left out, by first visit, and the probability to
+    # reach each.
     node: IntArray
     reach: FloatArray
-    spare: OffsetArray
+    spare: OffsetArray  # numbers that are free, as a stack
 
 
 def new_store(n_trails: int, n_arcs: int, n_visits: int) -> TrailStore:

@@ -52,63 +52,41 @@ _MOST_GOALS = 64
 
 
 class SearchRule(NamedTuple):
-    """How to search; :class:`~botohe_moo.ParetoLocalSearch` documents what users may set.
+    """How to search; :class:`~botohe_moo.ParetoLocalSearch` documents what users may set."""
 
-    Attributes
-    ----------
-    n_children, n_children_busy
-        Children of a parent before the next is drawn; and as long as the search is busy.
-    busy
-        It is when a plan has entered the front within so many evaluations.
-    p_newest
-        With what probability the next parent is the plan that has just entered the front.
-    p_end
-        With what probability the parent is the plan of most reward.
-    n_drawn, n_drawn_busy
-        Plans among which a parent is chosen, by the area that its neighbours leave it divided by
-        how often it has been a parent; and as long as the search is busy.
-    patience, p_alone, n_alone
-        After so many evaluations without a plan that enters the front, with what probability the
-        other robots of a parent stay as they are for ``n_alone`` evaluations, and the search goes
-        on from a front of trails of the one robot.
-    p_neighbour
-        With what probability the other plan of a move is one near the parent: of its block of the
-        front, or of one of the two beside that.
-    p_short, n_short
-        With what probability a segment that is cut out has at most ``n_short`` arcs.
-    p_near
-        With what probability a node to visit is drawn among those near.
-    p_step
-        With what probability each visit is one step instead, along an arc drawn, be it safe or not.
-    p_more
-        With what probability two visits are followed by another, and that by another, and so on.
-    p_meet
-        With what probability two trails are joined where they meet, if they do at the node drawn.
-    p_detour
-        With what probability safest paths go round arcs that the trail uses already.
-    min_survival
-        Survival floor of every robot.
-    """
-
+    # Children of a parent before the next is drawn; and as long as the search is busy.
     n_children: int = 24
     n_children_busy: int = 8
-    busy: int = 100
+    busy: int = 100  # it is when a plan has entered the front within so many evaluations
+    # With what probability the next parent is the plan that has just entered the front.
     p_newest: float = 0.9
-    p_end: float = 0.1
+    p_end: float = 0.1  # with what probability the parent is the plan of most reward
+    # Plans among which a parent is chosen, by the area that its neighbours leave it divided by how
+    # often it has been a parent; and as long as the search is busy.
     n_drawn: int = 2
     n_drawn_busy: int = 8
+    # After so many evaluations without a plan that enters the front, with what probability the
+    # other robots of a parent stay as they are for ``n_alone`` evaluations, and the search goes on
+    # from a front of trails of the one robot.
     patience: int = 2_000
     p_alone: float = 0.1
     n_alone: int = 500
+    # With what probability the other plan of a move is one near the parent: of its block of the
+    # front, or of one of the two beside that.
     p_neighbour: float = 0.5
+    # With what probability a segment that is cut out has at most ``n_short`` arcs.
     p_short: float = 0.6
     n_short: int = 4
-    p_near: float = 0.8
+    p_near: float = 0.8  # with what probability a node to visit is drawn among those near
+    # With what probability each visit is one step instead, along an arc drawn, be it safe or not.
     p_step: float = 0.3
+    # With what probability two visits are followed by another, and that by another, and so on.
     p_more: float = 0.6
+    # With what probability two trails are joined where they meet, if they do at the node drawn.
     p_meet: float = 0.9
+    # With what probability safest paths go round arcs that the trail uses already.
     p_detour: float = 0.3
-    min_survival: float = 0.0
+    min_survival: float = 0.0  # survival floor of every robot
 
     @property
     def most_new(self) -> int:
@@ -117,63 +95,44 @@ class SearchRule(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """What a search remembers, and scratch, which holds nothing between two parents.
+    """What a search remembers, and scratch, which holds nothing between two parents."""
 
-    Attributes
-    ----------
-    memory
-        E[S] of the plan that has just entered the front, −1 where none has (``newest``), and how
-        many plans have been evaluated since one entered (``idle``).
-    tally
-        How often each kind of move gave a child, and one that entered (2, N_KINDS).
-    states
-        The search's random numbers (1, 2).
-    weights
-        How likely each kind of move is, relative, summed up to each (N_KINDS).
-    now
-        Of the parent: its block of the front, in the directory (``at``), the ``robot`` at hand, how
-        many more evaluations it goes on ``alone``, how many nodes the others reach (``touched``),
-        and E[R] and E[S] of these (``others`` and ``survivors``). Of the trail: how many arcs it
-        has (``length``). Of the child: how many arcs are kept from the trail's start (``prefix``),
-        how many are new (``middle``), from which position the trail is kept to its end
-        (``suffix``), how many ``goals`` there are, and arcs in the ``piece``. And the last
-        ``mark``.
-    steps
-        At each position of the trail (n_arcs + 1) the ``node`` and the ``arc`` that leaves it; the
-        probability to get there (``alive``); what was collected up to there (``gained``), and what
-        a robot sure to be there that had collected nothing would collect from there on (``ahead``).
-    nodes
-        What the other robots leave of each node's reward, 0 at the base (``left``); the probability
-        that none of them reaches it, −1 where none may (``unreached``); the position of the trail's
-        first visit, ``NEVER`` where there is none (``met``); and scratch: ``seen`` holds marks,
-        ``later`` what a later visit gains, ``chance`` that the team reaches it.
-    arcs
-        Of each arc, its ``position`` on the trail or −1; the ``mark`` of the last child that took
-        it, and its ``place`` among that child's new arcs.
-    middle, child
-        The child's new arcs, and all of them (n_arcs).
-    goals, piece
-        Nodes that a child visits between its prefix and its suffix, and arcs that it takes then.
-    touched, reached
-        Nodes that the other robots reach, and that the team does (n_nodes).
-    held, trails, single
-        Trails of the parent's plan, and of the child's (n_robots), and a single one (1).
-    """
-
+    # E[S] of the plan that has just entered the front, −1 where none has (``newest``), and how many
+    # plans have been evaluated since one entered (``idle``).
     memory: Record
+    # How often each kind of move gave a child, and one that entered (2, N_KINDS).
     tally: OffsetArray
-    states: SeedArray
-    weights: FloatArray
+    states: SeedArray  # the search's random numbers (1, 2)
+    weights: FloatArray  # how likely each kind of move is, relative, summed up to each (N_KINDS)
+    # Of the parent: its block of the front, in the directory (``at``), the ``robot`` at hand, how
+    # many more evaluations it goes on ``alone``, how many nodes the others reach (``touched``), and
+    # E[R] and E[S] of these (``others`` and ``survivors``). Of the trail: how many arcs it has
+    # (``length``). Of the child: how many arcs are kept from the trail's start (``prefix``), how
+    # many are new (``middle``), from which position the trail is kept to its end (``suffix``), how
+    # many ``goals`` there are, and arcs in the ``piece``. And the last ``mark``.
     now: Record
+    # At each position of the trail (n_arcs + 1) the ``node`` and the ``arc`` that leaves it; the
+    # probability to get there (``alive``); what was collected up to there (``gained``), and what a
+    # robot sure to be there that had collected nothing would collect from there on (``ahead``).
     steps: RecordArray
+    # What the other robots leave of each node's reward, 0 at the base (``left``); the probability
+    # that none of them reaches it, −1 where none may (``unreached``); the position of the trail's
+    # first visit, ``NEVER`` where there is none (``met``); and scratch: ``seen`` holds marks,
+    # ``later`` what a later visit gains, ``chance`` that the team reaches it.
     nodes: RecordArray
+    # Of each arc, its ``position`` on the trail or −1; the ``mark`` of the last child that took it,
+    # and its ``place`` among that child's new arcs.
     arcs: RecordArray
+    # The child's new arcs, and all of them (n_arcs).
     middle: OffsetArray
     child: OffsetArray
+    # Nodes that a child visits between its prefix and its suffix, and arcs that it takes then.
     goals: OffsetArray
     piece: OffsetArray
+    # Nodes that the other robots reach, and that the team does (n_nodes).
     touched: OffsetArray
     reached: OffsetArray
+    # Trails of the parent's plan, and of the child's (n_robots), and a single one (1).
     held: OffsetArray
     trails: OffsetArray
     single: OffsetArray

@@ -24,25 +24,14 @@ _LAST_TRIES = 10
 
 
 class MoveRule(NamedTuple):
-    """How trails are changed.
+    """How trails are changed."""
 
-    Attributes
-    ----------
-    weights
-        How likely each kind of move is to be drawn, relative (up to ``N_KINDS``; those left out
-        are not drawn).
-    max_tries
-        How often to draw, before a few detours are tried.
-    every_robot
-        Whether every trail of a plan is changed, rather than one drawn uniformly.
-    min_survival
-        Survival floor, which trails keep; 0 sets none.
-    """
-
+    # How likely each kind of move is to be drawn, relative (up to ``N_KINDS``; those left out are
+    # never drawn).
     weights: FloatArray
-    max_tries: int
-    every_robot: bool
-    min_survival: float
+    max_tries: int  # how often to draw, before a few detours are tried
+    every_robot: bool  # whether every trail of a plan is changed, rather than one drawn uniformly
+    min_survival: float  # survival floor, which trails keep; 0 sets none
 
 
 @inlined

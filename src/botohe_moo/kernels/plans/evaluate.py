@@ -25,22 +25,13 @@ Chance = TypeVar("Chance", float, FloatArray)
 
 
 class Values(NamedTuple):
-    """What plans are worth.
+    """What plans are worth."""
 
-    Attributes
-    ----------
-    objectives
-        E[R] in rewards and E[S] in robots (n_plans, 2).
-    faults
-        Trails that do not begin or do not end at base, missing arcs, and arcs that are used again
-        (n_plans).
-    alive
-        The probability that each robot survives (n_plans, n_robots).
-    """
-
-    objectives: FloatArray
+    objectives: FloatArray  # E[R] in rewards and E[S] in robots (n_plans, 2)
+    # Trails that do not begin or do not end at base, missing arcs, and arcs that are used again
+    # (n_plans).
     faults: FloatArray
-    alive: FloatArray
+    alive: FloatArray  # the probability that each robot survives (n_plans, n_robots)
 
 
 class _Scratch(NamedTuple):

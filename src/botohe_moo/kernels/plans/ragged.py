@@ -9,19 +9,12 @@ from botohe_moo._base.types import IntArray, OffsetArray
 
 
 class Trails(NamedTuple):
-    """Trail t is ``nodes[offsets[t]:offsets[t + 1]]``; a plan's trails follow one another.
+    """Trail t is ``nodes[offsets[t]:offsets[t + 1]]``; a plan's trails follow one another."""
 
-    Attributes
-    ----------
-    nodes
-        Indices of nodes, 64-bit as everywhere in kernels; where kernels write, there may be room
-        for more.
-    offsets
-        Where each trail begins, and the end of the last one (n_trails + 1).
-    """
-
+    # Indices of nodes, 64-bit as everywhere in kernels; where kernels write, there may be room for
+    # more.
     nodes: OffsetArray
-    offsets: OffsetArray
+    offsets: OffsetArray  # where each trail begins, and the end of the last one (n_trails + 1)
 
 
 def read_trails(nodes: IntArray, offsets: OffsetArray) -> Trails:
