@@ -38,9 +38,9 @@ class Best(NamedTuple):
 class Walked(NamedTuple):
     """Trails in slots, two for each robot: 2k and 2k + 1 are those of robot k.
 
-    One of them is the robot's trail in the plan the search is at; a step writes the other one. To
-    accept it is to change slots. What is known of trails is kept, so that those that have not
-    changed are not walked again.
+    One of them is the robot's trail in the plan the search is at; a step writes the other one, and
+    where it is accepted the two change roles. What is known of trails is kept, so that those that
+    have not changed are not walked again.
     """
 
     nodes: OffsetArray  # the trails, n_arcs + 1 nodes apart

@@ -26,7 +26,7 @@ TOLERANCE = 1e-12
 
 
 class Near(NamedTuple):
-    """For each node others, the safest to reach first."""
+    """For each node those others that are safest to reach, in this order."""
 
     near: OffsetArray  # which nodes (n_nodes, n_near), n_near < n_nodes
     reach: FloatArray  # survival of the safest path to each of them (n_nodes, n_near)
@@ -58,6 +58,7 @@ def _write_near(graph: Graph, paths: Paths, used: OffsetArray, near: Near) -> No
         _search_from(graph, paths, used, near, source)
 
 
+# A helper of its own: from helpers ``search_paths`` is called elsewhere, too, and compiled once.
 @helper
 def _search_from(graph: Graph, paths: Paths, used: OffsetArray, near: Near, source: int) -> None:
     n_near = near.near.shape[1]

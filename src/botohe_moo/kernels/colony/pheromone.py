@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
-from botohe_moo.kernels.colony.construct import Weights
+from botohe_moo.kernels.colony.weighing import Weights
 from botohe_moo.kernels.compile import helper, kernel
 from botohe_moo.kernels.graph.arcs import find_arc
 from botohe_moo.kernels.graph.graph import Graph
@@ -95,16 +95,7 @@ def learn(
 ) -> None:
     """Evaporate pheromone and let the iteration's and the global Pareto set deposit theirs.
 
-    Parameters
-    ----------
-    pheromone
-        ``levels`` and deposits are changed in place.
-    weights
-        What ants make of it: written anew.
-    graph, rule
-        Where, and how.
-    iteration, archive
-        Both sets.
+    ``weights``, what ants make of it, are written anew.
     """
     levels, deposits, archived = pheromone.levels, pheromone.deposits, pheromone.archive_deposits
     _deposit(graph, iteration, rule.n_robots, deposits)

@@ -12,7 +12,7 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, Record, RecordArray, SeedArray
 from botohe_moo.kernels.compile import helper, inlined
-from botohe_moo.kernels.rng import uniform
+from botohe_moo.kernels.rng import below
 
 BLOCK = 64
 
@@ -90,7 +90,7 @@ def copy_front(front: OrderedFront, kept: OffsetArray, n_slots: int) -> OrderedF
 
 def has_room(front: OrderedFront, n: int) -> bool:
     """Tell whether so many plans can still enter."""
-    # So are the blocks then: two neighbours hold more than half a block together.
+    # Then there are enough blocks, too: two neighbours hold more than half a block together.
     return bool(front.n.spare >= n)
 
 
@@ -137,9 +137,9 @@ def draw_place(front: OrderedFront, states: SeedArray) -> tuple[int, int]:
     """Draw a plan uniformly: blocks are drawn again by how full they are."""
     n = front.n.blocks
     while True:
-        at = int(uniform(states, 0) * n)
+        at = below(states, n)
         size = front.size[front.directory[at]]
-        place = int(uniform(states, 0) * (BLOCK if n > 1 else size))
+        place = below(states, BLOCK if n > 1 else size)
         if place < size:
             return at, place
 

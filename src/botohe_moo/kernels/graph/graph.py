@@ -56,15 +56,7 @@ class Graph(NamedTuple):
 def new_graph(
     tail: OffsetArray, head: OffsetArray, survival: FloatArray, reward: FloatArray, base: int
 ) -> Graph:
-    """Prepare a valid mission's graph.
-
-    Parameters
-    ----------
-    tail, head, survival
-        The arcs, sorted by tail, then by head.
-    reward, base
-        As in :class:`Graph`.
-    """
+    """Prepare a valid mission's graph; its arcs are sorted by tail, then by head."""
     n_nodes, n_arcs = len(reward), len(head)
     leaving = np.bincount(tail, minlength=n_nodes)
     n_entering = np.bincount(head, minlength=n_nodes)

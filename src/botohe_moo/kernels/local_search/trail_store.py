@@ -91,7 +91,7 @@ def fits(graph: Graph, store: TrailStore, n_trails: int) -> bool:
 
 @inlined
 def release(store: TrailStore, trail: int) -> None:
-    """Note that one plan less has a trail, which is free when it was the last."""
+    """Note that one plan fewer has a trail; where no plan is left, its number is free."""
     store.trails[trail].n_users -= 1
     if store.trails[trail].n_users == 0:
         store.spare[store.n.spare] = trail

@@ -1,4 +1,4 @@
-"""A trail that moves change: its nodes in a buffer, its arcs marked."""
+"""Scratch of moves, which change a trail in a buffer whose arcs are marked."""
 
 from typing import NamedTuple
 
