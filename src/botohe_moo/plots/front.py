@@ -111,16 +111,9 @@ def _rows(highlight: int | Sequence[int] | None, n_plans: int) -> list[int]:
 
 def _dominated(points: FloatArray) -> NDArray[np.bool_]:
     """Tell which rows another one exceeds in one objective and matches in the other."""
-    order = np.lexsort((-points[:, 1], -points[:, 0]))
-    dominated = np.zeros(len(points), dtype=bool)
-    best = (np.inf, -np.inf)
-    for i in order:
-        reward, survivors = points[i]
-        if survivors > best[1]:
-            best = (reward, survivors)
-        else:
-            dominated[i] = (reward, survivors) != best
-    return dominated
+    import moocore  # late: the other pictures of a mission do without it
+
+    return ~np.asarray(moocore.is_nondominated(points, maximise=True, keep_weakly=True))
 
 
 def _summary(points: FloatArray, corners: FloatArray, mission: Mission | None) -> str:

@@ -1,5 +1,6 @@
 """Estimating how long the missing runs of a study will take, by finished runs and trials."""
 
+import contextlib
 import heapq
 import statistics
 import time
@@ -56,8 +57,8 @@ def estimate_times(plan: Plan, tell: Callable[[str], None]) -> Iterator[Estimate
     for run in plan.runs:
         cells.setdefault((run.mission.label, run.algorithm.label), []).append(run)
     missing = {(run.mission.label, run.algorithm.label): run for run in plan.missing}
-    trial = _Trial()
-    try:
+    with contextlib.closing(Sandbox()) as sandbox:
+        trial = _Trial(sandbox)
         for n, (cell, runs) in enumerate(cells.items(), 1):
             mission, algorithm = cell
             there = [plan.finished[run.digest] for run in runs if run.digest in plan.finished]
@@ -82,8 +83,6 @@ def estimate_times(plan: Plan, tell: Callable[[str], None]) -> Iterator[Estimate
                 at_most=at_most,
                 shared_start_seconds=shared_start,
             )
-    finally:
-        trial.close()
 
 
 def time_left(estimates: Iterable[Estimate], workers: int) -> float:
@@ -104,8 +103,8 @@ def _has_own_process(run: Run) -> bool:
 class _Trial:
     """Tries runs; the first trial of each algorithm compiles its kernels."""
 
-    def __init__(self) -> None:
-        self._sandbox = Sandbox()
+    def __init__(self, sandbox: Sandbox) -> None:
+        self._sandbox = sandbox
         self._compiled: set[str] = set()
         self._shared_start: float | None = None
 
@@ -128,12 +127,9 @@ class _Trial:
     def shared_start(self, run: Run) -> float:
         """Give the seconds until a worker's process begins with a run that was tried before."""
         if self._shared_start is None:
-            sandbox = Sandbox()
             started = time.perf_counter()
-            try:
+            with contextlib.closing(Sandbox()) as sandbox:
                 outcome = self._perform(run, _FIRST_SECONDS, _GRACE_SECONDS, sandbox)
-            finally:
-                sandbox.close()
             waited = time.perf_counter() - started
             self._shared_start = max(0.0, waited - outcome.seconds - outcome.recording_seconds)
         return self._shared_start
@@ -149,10 +145,6 @@ class _Trial:
         )
         assert outcome is not None  # it was not stopped
         return outcome
-
-    def close(self) -> None:
-        """End the process."""
-        self._sandbox.close()
 
 
 def _whole(budget: Budget, outcome: Outcome) -> tuple[float, bool]:

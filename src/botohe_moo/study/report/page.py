@@ -119,19 +119,15 @@ def _missions(tables: StudyTables) -> TextTable:
     rows = []
     for label, entry in tables.manifest["missions"].items():
         mission = tables.mission(label)
-        origin, budget = _origin(entry["source"]), budget_words(entry["budget"])
+        source = dict(entry["source"])
+        name, parameters = source.pop("name_or_path"), parameter_words(source)
+        origin = f"{name} ({parameters})" if parameters else str(name)
+        budget, floor = budget_words(entry["budget"]), significant(entry["min_survival"])
         sizes = (mission.arrays.n_nodes, mission.arrays.n_arcs, mission.robots)
-        row = [label, mission.title, origin, budget, significant(entry["min_survival"])]
-        rows.append([*row, *map(count, sizes), significant(mission.total_reward, 4)])
+        row = [label, mission.title, origin, budget, floor, *map(count, sizes)]
+        rows.append([*row, significant(mission.total_reward, 4)])
     header = ["mission", "title", "from", "budget of a run", "survival floor"]
     return TextTable([*header, "nodes", "arcs", "robots", "total reward"], rows, texts=4)
-
-
-def _origin(source: Mapping[str, Any]) -> str:
-    """Say what a mission was made from."""
-    parameters = {key: value for key, value in source.items() if key != "name_or_path"}
-    named = f" ({parameter_words(parameters)})" if parameters else ""
-    return f"{source['name_or_path']}{named}"
 
 
 def _algorithms(tables: StudyTables) -> TextTable:

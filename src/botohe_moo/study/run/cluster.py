@@ -216,7 +216,10 @@ class _Cluster:
             if _is_lost(future):
                 self._died(task)
                 return None
-            return task, _outcome_of(future)
+            if error := future.exception():
+                said = f"the Dask worker failed ({type(error).__name__}: {error})"
+                return task, failure(said)
+            return task, future.result()
         for address, worker in self._workers.items():
             if worker.check == future:
                 worker.check = None
@@ -249,14 +252,6 @@ class _Cluster:
 def _is_lost(future: Any) -> bool:
     """Tell whether a future ended without a result, as when its worker or the scheduler dies."""
     return future.status in ("cancelled", "lost")
-
-
-def _outcome_of(future: Any) -> Outcome:
-    error = future.exception()
-    if error is None:
-        outcome: Outcome = future.result()
-        return outcome
-    return failure(f"the Dask worker failed ({type(error).__name__}: {error})")
 
 
 # One for all threads of a Dask worker; its processes end with the worker's.
