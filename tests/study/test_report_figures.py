@@ -13,7 +13,7 @@ import pytest
 
 from botohe_moo import load_mission
 from botohe_moo.plots.study.heat import two_parameter_grids
-from botohe_moo.study.report.figures import FORMATS, draw_figures
+from botohe_moo.study.report.folder import FORMATS, draw_figures
 from tests.study.made import make_study, random_record
 
 TOY = load_mission("toy")

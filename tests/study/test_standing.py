@@ -8,9 +8,8 @@ import pytest
 from botohe_moo.study import read_study
 from botohe_moo.study.file.loading import load_study
 from botohe_moo.study.judge.collect import collect_tables
-from botohe_moo.study.report.figures import ReportFigure
 from botohe_moo.study.report.folder import write_report
-from botohe_moo.study.report.page import render_page
+from botohe_moo.study.report.page import ReportFigure, render_page
 from botohe_moo.study.report.page_tables import posthoc_words
 from botohe_moo.study.report.standing import leader, matrix, standing
 from botohe_moo.study.report.words import distinct, listed, significant

@@ -2,6 +2,7 @@
 
 import contextlib
 import heapq
+import math
 import statistics
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -151,18 +152,11 @@ def _whole(budget: Budget, outcome: Outcome) -> tuple[float, bool]:
     """Give the seconds of a whole run after a trial, and whether it may take less."""
     if outcome.stopped_by != "seconds":
         return outcome.seconds, False
-    limits = [] if budget.seconds is None else [budget.seconds]
-    at_most = False
-    if budget.evaluations is not None:
-        scaled, at_most = _scaled(outcome, budget.evaluations)
-        limits.append(scaled)
-    return min(limits), at_most
-
-
-def _scaled(outcome: Outcome, evaluations: int) -> tuple[float, bool]:
-    """Scale a trial up to a budget; its first iteration counts once if there was another."""
+    limit = math.inf if budget.seconds is None else budget.seconds
+    if budget.evaluations is None:
+        return limit, False
     first = outcome.records[0] if outcome.records else None
-    if first is not None and outcome.evaluations > first.evaluations:
+    if first is not None and outcome.evaluations > first.evaluations:  # the first iteration is once
         pace = (outcome.seconds - first.seconds) / (outcome.evaluations - first.evaluations)
-        return first.seconds + pace * (evaluations - first.evaluations), False
-    return outcome.seconds * evaluations / max(outcome.evaluations, 1), True
+        return min(limit, first.seconds + pace * (budget.evaluations - first.evaluations)), False
+    return min(limit, outcome.seconds * budget.evaluations / max(outcome.evaluations, 1)), True

@@ -68,8 +68,11 @@ def plot_fronts(
         corners = {label: staircase(front) for label, front in shown.items()}
         lines = {label: found[:-1] for label, found in corners.items()}
         axes = open_algorithm_axes(lines, styles, ax, size=(5.6, 4.2), stretch=2.0, names=names)
-        for own in dict.fromkeys(axes.of.values()):
-            _draw_reference(own, reference)
+        if reference is not None:
+            line = staircase(reference[["reward", "survivors"]].to_numpy(float))[:-1].T
+            look: dict[str, Any] = {"color": INK, "linewidth": 0.6, "zorder": 4}
+            for own in dict.fromkeys(axes.of.values()):
+                own.plot(*line, **look, label="all runs together", gid="reference")
         for label, own in axes.of.items():
             _draw(own, corners[label], styles[label])
             if not axes.in_panels:
@@ -84,14 +87,6 @@ def _with_seed(name: str, seed: int, n_points: int) -> str:
     told = f"(seed {seed})" if n_points else f"(seed {seed}): no plans"
     room = columns(name.split("\n")[-1]) + 1 + len(told) <= WIDTH
     return f"{name} {told}" if room else f"{name}\n{told}"
-
-
-def _draw_reference(ax: Axes, reference: pd.DataFrame | None) -> None:
-    if reference is None:
-        return
-    corners = staircase(reference[["reward", "survivors"]].to_numpy(float))
-    line: dict[str, Any] = {"color": INK, "linewidth": 0.6, "label": "all runs together"}
-    ax.plot(*corners[:-1].T, zorder=4, gid="reference", **line)
 
 
 def final_fronts(

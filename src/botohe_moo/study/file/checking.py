@@ -71,7 +71,11 @@ class CheckedContent:
                         said = f"{name} stands in the mission's own keys."
                         self.faults.add(("missions", label, key, name), said)
         for member in members("missions", entries, self.faults):
-            source = self._mission_source(member)
+            name = member.entry.mission
+            if Path(name).suffix.lower() in SUFFIXES or "/" in name or os.sep in name:
+                name = str(self._folder / name)
+            robots = {} if member.entry.robots is None else {"robots": member.entry.robots}
+            source = {"name_or_path": name, **robots, **member.parameters} | {"name_or_path": name}
             if mission := self._load(source, member):
                 yield StudyMission(
                     label=member.label,
@@ -84,13 +88,6 @@ class CheckedContent:
                     family=member.family,
                     grid=member.grid,
                 )
-
-    def _mission_source(self, member: Member) -> dict[str, Any]:
-        name = member.entry.mission
-        if Path(name).suffix.lower() in SUFFIXES or "/" in name or os.sep in name:
-            name = str(self._folder / name)
-        robots = {} if member.entry.robots is None else {"robots": member.entry.robots}
-        return {"name_or_path": name, **robots, **member.parameters} | {"name_or_path": name}
 
     def _load(self, source: dict[str, Any], member: Member) -> Mission | None:
         name, path = source["name_or_path"], member.path

@@ -2,12 +2,13 @@
 
 import base64
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import jinja2
 import pandas as pd
 
-from botohe_moo.study.report.figures import ReportFigure
 from botohe_moo.study.report.page_tables import (
     TextTable,
     comparison_table,
@@ -34,6 +35,16 @@ from botohe_moo.study.report.words import (
 from botohe_moo.study.store.tables import StudyTables
 
 _MANY_FAULTS = 100
+
+
+@dataclass(frozen=True)
+class ReportFigure:
+    """A figure of a report."""
+
+    path: Path  # the PNG file
+    paths: tuple[Path, ...]  # the same as PNG, PDF and SVG
+    caption: str  # what it shows, what its lines and bands mean, and what is not in it
+    alternative: str  # text for readers who cannot see it
 
 
 def render_page(
