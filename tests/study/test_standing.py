@@ -258,7 +258,7 @@ def test_figures_of_the_study_as_a_whole_have_a_place(tmp_path):
     picture = tmp_path / "ranks.png"
     picture.write_bytes(b"\x89PNG")
     figure = ReportFigure(picture, (picture,), "All of it.", "Everything at a glance.")
-    text = render_page(tables, {"m": "m"}, {"": [figure]})
+    text = render_page(tables, {"": [figure]})
     assert text.count("<figure>") == 1
     assert re.search(r'<section id="ranks">.*Everything at a glance.*</section>', text, re.DOTALL)
 

@@ -19,9 +19,7 @@ from botohe_moo.plots.draw.algorithms import (
 from botohe_moo.plots.draw.labels import WIDTH, columns
 from botohe_moo.plots.draw.panels import AlgorithmAxes, open_algorithm_axes
 from botohe_moo.plots.draw.style import INK, dress, theme
-from botohe_moo.plots.front import staircase
-
-OBJECTIVES = ("expected team reward E[R]", "expected number of survivors E[S]")
+from botohe_moo.plots.front import OBJECTIVES, staircase
 
 
 def plot_fronts(

@@ -1,7 +1,5 @@
 """The folder of a study's report: LaTeX tables, figures, and one page with all of it."""
 
-import hashlib
-import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -14,12 +12,10 @@ from botohe_moo.plots.study.ranks import overruled, plot_ranks
 from botohe_moo.study.report.latex import comparisons_latex, ranks_latex, summary_latex
 from botohe_moo.study.report.page import ReportFigure, render_page
 from botohe_moo.study.report.pictures import MissionPictures
-from botohe_moo.study.report.words import INDICATORS, main_indicator
+from botohe_moo.study.report.words import INDICATORS, main_indicator, slug
 from botohe_moo.study.store.tables import StudyTables
 
 FORMATS = ("png", "pdf", "svg")
-_RANKS = "critical-difference"
-_LONGEST_SLUG = 60
 _FORMER = "summary.csv"  # written by earlier versions
 _DRAWN = ".figures"  # names of the figures that are in the folder
 
@@ -33,12 +29,11 @@ def write_report(tables: StudyTables) -> list[Path]:
     """
     folder = tables.folder / "report"
     folder.mkdir(exist_ok=True)
-    slugs = {label: slug(label) for label in tables.mission_labels}
-    figures = draw_figures(tables, folder, slugs)
+    figures = draw_figures(tables, folder)
     drawn = [path for shown in figures.values() for figure in shown for path in figure.paths]
     _remove_others(folder, {path.name for path in drawn})
     texts = {
-        "report.html": render_page(tables, slugs, figures),
+        "report.html": render_page(tables, figures),
         "summary.tex": summary_latex(tables),
         "comparisons.tex": comparisons_latex(tables),
         "ranks.tex": ranks_latex(tables),
@@ -63,34 +58,21 @@ def _remove_others(folder: Path, names: set[str]) -> None:
     replace_file(folder / _DRAWN, "\n".join(sorted(names)).encode())
 
 
-def slug(label: str) -> str:
-    """Give the part of a file's name that stands for a mission; it differs for every label."""
-    plain = re.sub(r"[^a-z0-9._-]+", "-", label.lower()).strip(".-_")[:_LONGEST_SLUG]
-    if plain == label:
-        return plain
-    # Two labels may differ only in what was left out.
-    digest = hashlib.sha256(label.encode()).hexdigest()[:8]
-    return f"{plain}-{digest}" if plain else digest
-
-
-def draw_figures(
-    tables: StudyTables, folder: Path, slugs: Mapping[str, str]
-) -> dict[str, list[ReportFigure]]:
+def draw_figures(tables: StudyTables, folder: Path) -> dict[str, list[ReportFigure]]:
     """Draw and save all figures of a study; give them by mission.
 
-    Under ``""`` are those of the study as a whole; a mission without runs has none. ``slugs`` stand
-    for missions in the names of files.
+    Under ``""`` are those of the study as a whole; a mission without runs has none.
     """
     styles = algorithm_styles(tables.algorithm_labels)
     figures: dict[str, list[ReportFigure]] = {
         "": [
-            _saved(folder, f"{_RANKS}-{indicator}", ax, caption, alternative)
+            _saved(folder, f"critical-difference-{indicator}", ax, caption, alternative)
             for indicator, ax, caption, alternative in _ranks(tables, styles)
         ]
     }
     for label in tables.mission_labels:
         figures[label] = [
-            _saved(folder, f"{kind}-{slugs[label]}", ax, caption, f"{alternative} on {label}.")
+            _saved(folder, f"{kind}-{slug(label)}", ax, caption, f"{alternative} on {label}.")
             for kind, ax, caption, alternative in MissionPictures(tables, label, styles)
         ]
     return figures

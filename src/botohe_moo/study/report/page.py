@@ -30,6 +30,7 @@ from botohe_moo.study.report.words import (
     parameter_words,
     seed_words,
     significant,
+    slug,
     verdict_words,
 )
 from botohe_moo.study.store.tables import StudyTables
@@ -47,13 +48,10 @@ class ReportFigure:
     alternative: str  # text for readers who cannot see it
 
 
-def render_page(
-    tables: StudyTables, slugs: Mapping[str, str], figures: Mapping[str, Sequence[ReportFigure]]
-) -> str:
+def render_page(tables: StudyTables, figures: Mapping[str, Sequence[ReportFigure]]) -> str:
     """Write the report as one HTML page.
 
-    ``slugs`` stand for missions in addresses within the page; ``figures`` are those of each
-    mission, and under ``""`` those of the study as a whole.
+    ``figures`` are those of each mission, and under ``""`` those of the study as a whole.
     """
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("botohe_moo.study.report", "templates"),
@@ -77,7 +75,7 @@ def render_page(
         missions=_missions(tables),
         algorithms=_algorithms(tables),
         settings=_settings(tables),
-        sections=[_section(tables, label, slugs, figures) for label in tables.mission_labels],
+        sections=[_section(tables, label, figures) for label in tables.mission_labels],
         ranks=_ranks(tables),
         figures=_figures(figures.get("", ())),
         faults=_faults(tables),
@@ -160,15 +158,12 @@ def _settings(tables: StudyTables) -> list[tuple[str, str]]:
 
 
 def _section(
-    tables: StudyTables,
-    mission: str,
-    slugs: Mapping[str, str],
-    figures: Mapping[str, Sequence[ReportFigure]],
+    tables: StudyTables, mission: str, figures: Mapping[str, Sequence[ReportFigure]]
 ) -> dict[str, Any]:
     comparisons = tables.comparisons[tables.comparisons["mission"] == mission]
     return {
         "label": mission,
-        "anchor": f"mission-{slugs[mission]}",
+        "anchor": f"mission-{slug(mission)}",
         "title": tables.mission(mission).title,
         "summary": summary_table(tables, mission),
         "figures": _figures(figures.get(mission, ())),
