@@ -1,7 +1,7 @@
 """Palettes, the theme, and saving of pictures."""
 
+import io
 import os
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import Colormap, LinearSegmentedColormap, Normalize, to_rgb
 from matplotlib.figure import Figure
 
+from botohe_moo._base.files import replace_file
 from botohe_moo._base.types import FloatArray
 from botohe_moo.plots.draw.labels import families
 
@@ -152,22 +153,16 @@ def save_figure(
 
 def _write_all(fig: Figure, targets: Sequence[Path], dpi: int) -> None:
     box = fig.get_tightbbox().padded(0.1)
-    for folder in dict.fromkeys(target.parent for target in targets):
-        here = [target for target in targets if target.parent == folder]
-        with tempfile.TemporaryDirectory(dir=folder, prefix=".figure-") as drafts:
-            for target in here:
-                kind = target.suffix.lower()
-                # Artists have names for tests; in SVG names have to be unique.
-                with _without_names(fig) if kind == ".svg" else nullcontext():
-                    fig.savefig(
-                        Path(drafts) / target.name,
-                        format=kind[1:],
-                        dpi=dpi,
-                        bbox_inches=box,
-                        metadata=dict(_METADATA[kind]),
-                    )
-            for target in here:
-                (Path(drafts) / target.name).replace(target)
+    drawn: dict[Path, bytes] = {}
+    for target in targets:
+        kind, buffer = target.suffix.lower(), io.BytesIO()
+        metadata = dict(_METADATA[kind])
+        # Artists have names for tests; in SVG names have to be unique.
+        with _without_names(fig) if kind == ".svg" else nullcontext():
+            fig.savefig(buffer, format=kind[1:], dpi=dpi, bbox_inches=box, metadata=metadata)
+        drawn[target] = buffer.getvalue()
+    for target, data in drawn.items():
+        replace_file(target, data)
 
 
 @contextmanager

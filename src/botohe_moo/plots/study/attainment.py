@@ -129,10 +129,8 @@ def attainment_difference(
 
 def _sets(fronts: Iterable[FloatArray]) -> FloatArray:
     """Points of all runs with the number of their run; moocore does not take empty sets."""
-    rows = []
-    for number, front in enumerate(fronts):
-        points = front if len(front) else np.zeros((1, 2))
-        rows.append(np.column_stack([points, np.full(len(points), float(number))]))
-    if not rows:
+    points = [front if len(front) else np.zeros((1, 2)) for front in fronts]
+    if not points:
         raise ValueError("Expected the front of at least one run, got none.")
-    return np.concatenate(rows)
+    numbers = np.repeat(np.arange(len(points), dtype=float), list(map(len, points)))
+    return np.column_stack([np.concatenate(points), numbers])

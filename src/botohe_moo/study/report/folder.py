@@ -96,7 +96,7 @@ def _ranks(
     pairs = posthoc[posthoc["indicator"] == main]
     if pairs.empty or len(rows) < 2:
         return
-    named = INDICATORS.get(main, main)
+    named = INDICATORS[main]
     ax = plot_ranks(rows, pairs, styles=styles, title=f"{tables.title}\nranks by {named}")
     caption = (
         f"Average ranks over missions of the algorithms' medians by {named}; 1, on the left, is "

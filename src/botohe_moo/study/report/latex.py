@@ -159,8 +159,7 @@ def comparisons_latex(tables: StudyTables) -> str:
                 if row["significant"]:
                     line[4] = rf"\textbf{{{line[4]}}}"
                 cells.append(line)
-            name = INDICATORS.get(str(indicator), str(indicator))
-            groups.append(_Group(breakable(f"{mission}: {name}"), cells))
+            groups.append(_Group(breakable(f"{mission}: {INDICATORS[str(indicator)]}"), cells))
     return _table(header, groups, n_labels=2)
 
 
@@ -172,8 +171,8 @@ def ranks_latex(tables: StudyTables) -> str:
             [breakable(row["algorithm"]), fixed(row["average_rank"], 2), count(row["n_missions"])]
             for row in rows.to_dict("records")
         ]
-        name = INDICATORS.get(str(indicator), str(indicator))
-        groups.append(_Group(breakable(name), cells, escape_latex(str(rows["note"].iloc[0]))))
+        name, note = INDICATORS[str(indicator)], str(rows["note"].iloc[0])
+        groups.append(_Group(breakable(name), cells, escape_latex(note)))
     return _table(["algorithm", "average rank", "missions"], groups, n_labels=1)
 
 

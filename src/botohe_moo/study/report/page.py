@@ -152,7 +152,7 @@ def _settings(tables: StudyTables) -> list[tuple[str, str]]:
     compared = f"others with {tables.control}" if tables.control is not None else "all pairs"
     return [
         ("Seeds", seed_words(tables.manifest["seeds"])),
-        ("Indicators", ", ".join(INDICATORS.get(name, name) for name in indicators)),
+        ("Indicators", ", ".join(INDICATORS[name] for name in indicators)),
         ("Compared", f"{compared}, at a significance level of {tables.significance:g}"),
     ]
 
@@ -187,7 +187,7 @@ def _ranks(tables: StudyTables) -> list[dict[str, Any]]:
     pairs = tables.posthoc
     return [
         {
-            "indicator": INDICATORS.get(str(indicator), str(indicator)),
+            "indicator": INDICATORS[str(indicator)],
             "table": rank_table(rows),
             "note": str(rows["note"].iloc[0]),
             "posthoc": posthoc_words(pairs[pairs["indicator"] == indicator]),
