@@ -645,7 +645,7 @@ def test_save_figure_replaces_whole_files_or_nothing(tmp_path, monkeypatch):
     with monkeypatch.context() as patch:
 
         def fail_half_way(target, **_):
-            Path(target).write_text("half")
+            target.write(b"half")
             raise OSError("disk full")
 
         patch.setattr(ax.figure, "savefig", fail_half_way)

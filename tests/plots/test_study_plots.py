@@ -24,8 +24,8 @@ from botohe_moo.plots import (
 )
 from botohe_moo.plots.draw.scales import log_axis, plain_number, spread
 from botohe_moo.plots.study.attainment import attainment_difference, attainment_surface
+from botohe_moo.plots.study.curves import progress_curves
 from botohe_moo.plots.study.fronts import median_run
-from botohe_moo.plots.study.progress import progress_curves
 
 
 @pytest.fixture(autouse=True)

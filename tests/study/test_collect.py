@@ -111,7 +111,9 @@ class TestFrontSize:
         archive = PlanArchive(1)
         archive.absorb(PlanBatch.from_plans(plans, 1), mission.evaluate(plans))
         records = []
-        Recorder(make_task(study.runs()[0]), lambda: archive, records.append).last(3, 0.1)
+        Recorder(make_task(study.runs()[0]), lambda: archive, records.append).record(
+            3, 0.1, whole=True
+        )
         [record] = records
         assert (len(record.plans[0]), record.front_size, record.ties) == (3, 2, 1)
 

@@ -15,8 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import load_mission
-from botohe_moo.study.report.figures import FORMATS
-from botohe_moo.study.report.folder import slug, write_report
+from botohe_moo.study.report.folder import FORMATS, write_report
 from botohe_moo.study.report.latex import escape_latex
 from botohe_moo.study.report.pictures import rivals
 from botohe_moo.study.report.standing import leader
@@ -28,6 +27,7 @@ from botohe_moo.study.report.words import (
     parameter_words,
     seed_words,
     significant,
+    slug,
     verdict_words,
 )
 from botohe_moo.study.store.tables import StudyTables, read_study

@@ -13,11 +13,10 @@ import pytest
 
 from botohe_moo import load_mission
 from botohe_moo.plots.study.heat import two_parameter_grids
-from botohe_moo.study.report.figures import FORMATS, draw_figures
+from botohe_moo.study.report.folder import FORMATS, draw_figures
 from tests.study.made import make_study, random_record
 
 TOY = load_mission("toy")
-SLUGS = {"toy": "toy", "later": "later"}
 
 
 @pytest.fixture(autouse=True)
@@ -54,7 +53,7 @@ def kinds(figures, label):
 class TestDrawFigures:
     def test_a_grid_has_a_heat_map_and_labels_are_whole(self, tmp_path):
         tables = grid_study(tmp_path, missions=("toy", "later"))
-        figures = draw_figures(tables, tmp_path, SLUGS)
+        figures = draw_figures(tables, tmp_path)
         assert figures[""] == []
         assert figures["later"] == []  # without runs
         assert kinds(figures, "toy") == [
@@ -78,9 +77,9 @@ class TestDrawFigures:
     def test_what_is_missing_everywhere_has_no_figure(self, tmp_path):
         tables = grid_study(tmp_path)
         bare = replace(tables, trace=tables.trace.assign(igd_plus=np.nan, epsilon=np.nan))
-        assert "distances" not in kinds(draw_figures(bare, tmp_path, SLUGS), "toy")
+        assert "distances" not in kinds(draw_figures(bare, tmp_path), "toy")
         half = replace(tables, trace=tables.trace.assign(epsilon=np.nan))
-        drawn = kinds(draw_figures(half, tmp_path, SLUGS), "toy")
+        drawn = kinds(draw_figures(half, tmp_path), "toy")
         assert "igd_plus" in drawn
         assert not {"epsilon", "distances"} & set(drawn)
 
@@ -101,7 +100,7 @@ class TestDrawFigures:
                 for a, b in combinations(ranks, 2)
             ]
         )
-        figures = draw_figures(replace(tables, posthoc=posthoc), tmp_path, SLUGS)
+        figures = draw_figures(replace(tables, posthoc=posthoc), tmp_path)
         (figure,) = figures[""]
         assert [path.name for path in figure.paths] == [
             f"critical-difference-area.{end}" for end in FORMATS

@@ -8,9 +8,8 @@ import pytest
 from botohe_moo.study import read_study
 from botohe_moo.study.file.loading import load_study
 from botohe_moo.study.judge.collect import collect_tables
-from botohe_moo.study.report.figures import ReportFigure
 from botohe_moo.study.report.folder import write_report
-from botohe_moo.study.report.page import render_page
+from botohe_moo.study.report.page import ReportFigure, render_page
 from botohe_moo.study.report.page_tables import posthoc_words
 from botohe_moo.study.report.standing import leader, matrix, standing
 from botohe_moo.study.report.words import distinct, listed, significant
@@ -259,7 +258,7 @@ def test_figures_of_the_study_as_a_whole_have_a_place(tmp_path):
     picture = tmp_path / "ranks.png"
     picture.write_bytes(b"\x89PNG")
     figure = ReportFigure(picture, (picture,), "All of it.", "Everything at a glance.")
-    text = render_page(tables, {"m": "m"}, {"": [figure]})
+    text = render_page(tables, {"": [figure]})
     assert text.count("<figure>") == 1
     assert re.search(r'<section id="ranks">.*Everything at a glance.*</section>', text, re.DOTALL)
 

@@ -29,21 +29,15 @@ def is_terminal() -> bool:
 
 def new_bar(width: int, words: str) -> Bar:
     """Make a bar on standard error, with words as rich formats them, and the time left."""
+    from rich import progress
     from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        Progress,
-        TaskProgressColumn,
-        TextColumn,
-        TimeRemainingColumn,
-    )
 
-    return Progress(
-        BarColumn(bar_width=width),
-        TaskProgressColumn(),
-        TextColumn(words),
-        TimeRemainingColumn(),
-        TextColumn("left"),
+    return progress.Progress(
+        progress.BarColumn(bar_width=width),
+        progress.TaskProgressColumn(),
+        progress.TextColumn(words),
+        progress.TimeRemainingColumn(),
+        progress.TextColumn("left"),
         console=Console(stderr=True),
         redirect_stdout=False,
     )

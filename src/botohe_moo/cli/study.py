@@ -250,6 +250,6 @@ def report(folder: FolderArgument) -> None:
 def schema() -> None:
     """Print the JSON Schema of study files, for editors."""
     with ending_on_interrupt:
-        from botohe_moo.study.file.config import study_schema
+        from botohe_moo.study.file.schema import study_schema
 
     tell(study_schema().rstrip())

@@ -13,6 +13,7 @@ from botohe_moo.mission import Mission
 from botohe_moo.plots.draw.labels import drawable
 from botohe_moo.plots.draw.style import INK, MARKERS, colours, dress, new_axes, theme, tint
 
+OBJECTIVES = ("expected team reward E[R]", "expected number of survivors E[S]")
 _CROWD = 150
 
 
@@ -111,16 +112,9 @@ def _rows(highlight: int | Sequence[int] | None, n_plans: int) -> list[int]:
 
 def _dominated(points: FloatArray) -> NDArray[np.bool_]:
     """Tell which rows another one exceeds in one objective and matches in the other."""
-    order = np.lexsort((-points[:, 1], -points[:, 0]))
-    dominated = np.zeros(len(points), dtype=bool)
-    best = (np.inf, -np.inf)
-    for i in order:
-        reward, survivors = points[i]
-        if survivors > best[1]:
-            best = (reward, survivors)
-        else:
-            dominated[i] = (reward, survivors) != best
-    return dominated
+    import moocore  # late: the other pictures of a mission do without it
+
+    return ~np.asarray(moocore.is_nondominated(points, maximise=True, keep_weakly=True))
 
 
 def _summary(points: FloatArray, corners: FloatArray, mission: Mission | None) -> str:
@@ -162,16 +156,13 @@ def _ring(ax: Axes, row: int, point: FloatArray) -> None:
 
 
 def _dress(ax: Axes, mission: Mission | None) -> None:
-    ax.set_xlabel("expected team reward E[R]")
-    ax.set_ylabel("expected number of survivors E[S]")
+    ax.set(xlabel=OBJECTIVES[0], ylabel=OBJECTIVES[1])
     dress(ax)
     if mission is not None:
-        ax.set_xlim(0, mission.total_reward or 1.0)
-        ax.set_ylim(0, mission.robots)
+        ax.set(xlim=(0, mission.total_reward or 1.0), ylim=(0, mission.robots))
         ax.yaxis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 5, 10]))
         return
     # The front is one of several, perhaps: all of them must stay in view.
     lines = [line.get_xydata() for line in ax.lines if line.get_gid() in ("front", "dominated")]
     reach = np.concatenate([np.asarray(line) for line in lines]).max(axis=0, initial=0.0)
-    ax.set_xlim(0, 1.05 * reach[0] or 1.0)
-    ax.set_ylim(0, 1.05 * reach[1] or 1.0)
+    ax.set(xlim=(0, 1.05 * reach[0] or 1.0), ylim=(0, 1.05 * reach[1] or 1.0))

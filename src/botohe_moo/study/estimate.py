@@ -1,6 +1,8 @@
 """Estimating how long the missing runs of a study will take, by finished runs and trials."""
 
+import contextlib
 import heapq
+import math
 import statistics
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -56,8 +58,8 @@ def estimate_times(plan: Plan, tell: Callable[[str], None]) -> Iterator[Estimate
     for run in plan.runs:
         cells.setdefault((run.mission.label, run.algorithm.label), []).append(run)
     missing = {(run.mission.label, run.algorithm.label): run for run in plan.missing}
-    trial = _Trial()
-    try:
+    with contextlib.closing(Sandbox()) as sandbox:
+        trial = _Trial(sandbox)
         for n, (cell, runs) in enumerate(cells.items(), 1):
             mission, algorithm = cell
             there = [plan.finished[run.digest] for run in runs if run.digest in plan.finished]
@@ -82,8 +84,6 @@ def estimate_times(plan: Plan, tell: Callable[[str], None]) -> Iterator[Estimate
                 at_most=at_most,
                 shared_start_seconds=shared_start,
             )
-    finally:
-        trial.close()
 
 
 def time_left(estimates: Iterable[Estimate], workers: int) -> float:
@@ -104,8 +104,8 @@ def _has_own_process(run: Run) -> bool:
 class _Trial:
     """Tries runs; the first trial of each algorithm compiles its kernels."""
 
-    def __init__(self) -> None:
-        self._sandbox = Sandbox()
+    def __init__(self, sandbox: Sandbox) -> None:
+        self._sandbox = sandbox
         self._compiled: set[str] = set()
         self._shared_start: float | None = None
 
@@ -128,12 +128,9 @@ class _Trial:
     def shared_start(self, run: Run) -> float:
         """Give the seconds until a worker's process begins with a run that was tried before."""
         if self._shared_start is None:
-            sandbox = Sandbox()
             started = time.perf_counter()
-            try:
+            with contextlib.closing(Sandbox()) as sandbox:
                 outcome = self._perform(run, _FIRST_SECONDS, _GRACE_SECONDS, sandbox)
-            finally:
-                sandbox.close()
             waited = time.perf_counter() - started
             self._shared_start = max(0.0, waited - outcome.seconds - outcome.recording_seconds)
         return self._shared_start
@@ -150,27 +147,16 @@ class _Trial:
         assert outcome is not None  # it was not stopped
         return outcome
 
-    def close(self) -> None:
-        """End the process."""
-        self._sandbox.close()
-
 
 def _whole(budget: Budget, outcome: Outcome) -> tuple[float, bool]:
     """Give the seconds of a whole run after a trial, and whether it may take less."""
     if outcome.stopped_by != "seconds":
         return outcome.seconds, False
-    limits = [] if budget.seconds is None else [budget.seconds]
-    at_most = False
-    if budget.evaluations is not None:
-        scaled, at_most = _scaled(outcome, budget.evaluations)
-        limits.append(scaled)
-    return min(limits), at_most
-
-
-def _scaled(outcome: Outcome, evaluations: int) -> tuple[float, bool]:
-    """Scale a trial up to a budget; its first iteration counts once if there was another."""
+    limit = math.inf if budget.seconds is None else budget.seconds
+    if budget.evaluations is None:
+        return limit, False
     first = outcome.records[0] if outcome.records else None
-    if first is not None and outcome.evaluations > first.evaluations:
+    if first is not None and outcome.evaluations > first.evaluations:  # the first iteration is once
         pace = (outcome.seconds - first.seconds) / (outcome.evaluations - first.evaluations)
-        return first.seconds + pace * (evaluations - first.evaluations), False
-    return outcome.seconds * evaluations / max(outcome.evaluations, 1), True
+        return min(limit, first.seconds + pace * (budget.evaluations - first.evaluations)), False
+    return min(limit, outcome.seconds * budget.evaluations / max(outcome.evaluations, 1)), True

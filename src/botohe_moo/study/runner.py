@@ -15,7 +15,7 @@ from botohe_moo.study.file.model import Run, Study, study_folder
 from botohe_moo.study.planning import Plan, make_task, plan_study, refresh_tables
 from botohe_moo.study.run.cluster import check_address, dask_outcomes
 from botohe_moo.study.run.pool import Outcomes, local_outcomes
-from botohe_moo.study.run.task import PATIENCE, Outcome, Record, Task
+from botohe_moo.study.run.task import PATIENCE, Outcome, Record
 from botohe_moo.study.store.folder import StudyFolder
 from botohe_moo.study.store.manifest import read_manifest, restore_study
 from botohe_moo.study.store.run_files import IndexedFile
@@ -32,10 +32,6 @@ class Stop:
 
     pressed: threading.Event
     signal: int = signal.SIGINT
-
-    def is_set(self) -> bool:
-        """Tell whether the study is to stop."""
-        return self.pressed.is_set()
 
 
 @contextlib.contextmanager
@@ -90,6 +86,16 @@ class Watcher(Protocol):
 
     def end(self, run: Run, outcome: Outcome) -> None:
         """Take note of a run that has ended and whose outcome is saved."""
+
+
+class _Silent:
+    """A watcher that shows nothing."""
+
+    def begin(self, plan: Plan) -> None: ...
+
+    def record(self, run: Run, record: Record) -> None: ...
+
+    def end(self, run: Run, outcome: Outcome) -> None: ...
 
 
 def run_study(
@@ -156,16 +162,38 @@ def run_study(
         plan = plan_study(study, folder)
         folder.write_study(study)
         watcher.begin(plan)
+        runs = {run.digest: run for run in plan.missing}
+        tasks = [make_task(run, patience) for run in runs.values()]
         with hold_stop() as stop:
-            outcomes = _outcomes(
-                plan, stop, workers=workers, dask=dask, patience=patience, watcher=watcher
-            )
-            done = _save(plan, outcomes, folder, watcher)
+            if dask is not None and tasks:
+                outcomes = dask_outcomes(tasks, address=dask, stopped=stop.pressed.is_set)
+            else:
+                outcomes = local_outcomes(
+                    tasks,
+                    workers=workers,
+                    stopped=stop.pressed.is_set,
+                    note=lambda task, record: watcher.record(runs[task.digest], record),
+                )
+            done = _save(outcomes, runs, folder, watcher)
             with tables_locked(folder.path):
                 tables = refresh_tables(study, folder, {**plan.finished, **done})
-    if stop.is_set():
+    if stop.pressed.is_set():
         raise StudyInterrupted(stop.signal)
     return tables
+
+
+def _save(
+    outcomes: Outcomes, runs: Mapping[str, Run], folder: StudyFolder, watcher: Watcher
+) -> dict[str, IndexedFile]:
+    """Save outcomes as they come; give the files of runs that did not fail."""
+    done: dict[str, IndexedFile] = {}
+    with contextlib.closing(outcomes):
+        for task, outcome in outcomes:
+            run = runs[task.digest]
+            if file := folder.save(run, outcome):
+                done[run.digest] = file
+            watcher.end(run, outcome)
+    return done
 
 
 def make_tables(
@@ -197,43 +225,3 @@ def make_tables(
             if say is not None:
                 say(f"{fault}; the run is missing from the tables.")
         return refresh_tables(study, ours, plan.finished, anew=True)
-
-
-def _outcomes(
-    plan: Plan, stop: Stop, *, workers: int, dask: str | None, patience: float, watcher: Watcher
-) -> Outcomes:
-    """Perform the missing runs, here or on a Dask cluster, and yield what comes of them."""
-    runs = {run.digest: run for run in plan.missing}
-    tasks = [make_task(run, patience) for run in runs.values()]
-    if dask is not None and tasks:
-        return dask_outcomes(tasks, address=dask, stopped=stop.is_set)
-
-    def note(task: Task, record: Record) -> None:
-        watcher.record(runs[task.digest], record)
-
-    return local_outcomes(tasks, workers=workers, stopped=stop.is_set, note=note)
-
-
-def _save(
-    plan: Plan, outcomes: Outcomes, folder: StudyFolder, watcher: Watcher
-) -> dict[str, IndexedFile]:
-    """Save outcomes as they come; give the files of runs that did not fail."""
-    runs = {run.digest: run for run in plan.missing}
-    done: dict[str, IndexedFile] = {}
-    with contextlib.closing(outcomes):
-        for task, outcome in outcomes:
-            run = runs[task.digest]
-            if file := folder.save(run, outcome):
-                done[run.digest] = file
-            watcher.end(run, outcome)
-    return done
-
-
-class _Silent:
-    """A watcher that shows nothing."""
-
-    def begin(self, plan: Plan) -> None: ...
-
-    def record(self, run: Run, record: Record) -> None: ...
-
-    def end(self, run: Run, outcome: Outcome) -> None: ...

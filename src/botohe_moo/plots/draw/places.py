@@ -15,17 +15,17 @@ def node_positions(mission: Mission) -> FloatArray:
     """Give places (n_nodes, 2): attributes ``pos``, or a reproducible layout if any lacks one."""
     graph = mission.graph
     places = dict(graph.nodes(data="pos"))
-    if any(place is None for place in places.values()):
+    laid_out = any(place is None for place in places.values())
+    if laid_out:
         ties: nx.Graph[Any] = nx.Graph(graph.edges)
         ties.add_nodes_from(graph)
         if len(ties) <= _MAX_KAMADA_KAWAI:
             places = nx.kamada_kawai_layout(ties, weight=None)
         else:
             places = nx.spring_layout(ties, seed=0, weight=None)
-        xy = np.array([_point(node, places[node]) for node in mission.nodes])
-        # Pages are wider than high, and a layout has no up and down of its own.
-        return xy[:, ::-1] if np.ptp(xy[:, 1]) > np.ptp(xy[:, 0]) else xy
-    return np.array([_point(node, places[node]) for node in mission.nodes])
+    xy = np.array([_point(node, places[node]) for node in mission.nodes])
+    # Pages are wider than high, and a layout has no up and down of its own.
+    return xy[:, ::-1] if laid_out and np.ptp(xy[:, 1]) > np.ptp(xy[:, 0]) else xy
 
 
 def _point(node: Any, place: Any) -> tuple[float, float]:

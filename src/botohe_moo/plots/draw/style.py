@@ -1,11 +1,10 @@
 """Palettes, the theme, and saving of pictures."""
 
+import io
 import os
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import Any
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
@@ -13,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import Colormap, LinearSegmentedColormap, Normalize, to_rgb
 from matplotlib.figure import Figure
 
+from botohe_moo._base.files import replace_file
 from botohe_moo._base.types import FloatArray
 from botohe_moo.plots.draw.labels import families
 
@@ -41,41 +41,9 @@ _COLOURBLIND = (
     *("#0173b2", "#de8f05", "#029e73", "#cc78bc", "#d55e00"),
     *("#56b4e9", "#ca9161", "#fbafe4", "#ece133", "#949494"),
 )
-_AS_BY_DEFAULT = (
-    *("axes.facecolor", "axes.grid", "figure.facecolor", "grid.linestyle"),
-    *("axes.spines.bottom", "axes.spines.left", "axes.spines.right", "axes.spines.top"),
-    *("lines.linewidth", "lines.markersize", "patch.linewidth"),
-    *("xtick.bottom", "xtick.direction", "xtick.top"),
-    *("ytick.direction", "ytick.left", "ytick.right"),
+_THEME = mpl.rc_params_from_file(
+    Path(__file__).with_name("theme.mplstyle"), use_default_template=False
 )
-_TICKS: Mapping[str, Any] = {
-    "color": INK,
-    "labelsize": 9.9,
-    "major.size": 6.0,
-    "major.width": 1.25,
-    "minor.size": 4.0,
-    "minor.width": 1.0,
-}
-_SETTINGS: Mapping[str, Any] = {
-    "axes.axisbelow": True,
-    "axes.edgecolor": INK,
-    "axes.labelcolor": INK,
-    "axes.labelsize": 10.8,
-    "axes.linewidth": 1.25,
-    "axes.titlesize": 12,
-    "font.size": 10.8,
-    "grid.color": "0.8",
-    "grid.linewidth": 1.0,
-    "legend.fontsize": 9.5,
-    "legend.title_fontsize": 10.8,
-    "lines.solid_capstyle": "round",
-    "patch.edgecolor": "white",
-    "patch.force_edgecolor": True,
-    **{f"{axis}tick.{key}": value for axis in "xy" for key, value in _TICKS.items()},
-    "svg.hashsalt": "botohe_moo",  # or names within the file would differ every time
-    "text.color": INK,
-    "text.parse_math": False,  # a dollar sign in a label is a dollar sign
-}
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")  # so that fronts differ in a grey print too
 
 
@@ -124,10 +92,7 @@ def colour_range(values: FloatArray, *, low: float | None = None) -> Normalize:
 @contextmanager
 def theme() -> Iterator[None]:
     """Draw in the project's style; what matplotlib is set to outside stays as it is."""
-    defaults: Any = mpl.rcParamsDefault
-    settings: Any = {name: defaults[name] for name in _AS_BY_DEFAULT}
-    settings |= {**_SETTINGS, "font.family": list(families())}
-    with mpl.rc_context(settings):
+    with mpl.rc_context({**_THEME, "font.family": list(families())}):
         yield
 
 
@@ -188,22 +153,16 @@ def save_figure(
 
 def _write_all(fig: Figure, targets: Sequence[Path], dpi: int) -> None:
     box = fig.get_tightbbox().padded(0.1)
-    for folder in dict.fromkeys(target.parent for target in targets):
-        here = [target for target in targets if target.parent == folder]
-        with tempfile.TemporaryDirectory(dir=folder, prefix=".figure-") as drafts:
-            for target in here:
-                kind = target.suffix.lower()
-                # Artists have names for tests; in SVG names have to be unique.
-                with _without_names(fig) if kind == ".svg" else nullcontext():
-                    fig.savefig(
-                        Path(drafts) / target.name,
-                        format=kind[1:],
-                        dpi=dpi,
-                        bbox_inches=box,
-                        metadata=dict(_METADATA[kind]),
-                    )
-            for target in here:
-                (Path(drafts) / target.name).replace(target)
+    drawn: dict[Path, bytes] = {}
+    for target in targets:
+        kind, buffer = target.suffix.lower(), io.BytesIO()
+        metadata = dict(_METADATA[kind])
+        # Artists have names for tests; in SVG names have to be unique.
+        with _without_names(fig) if kind == ".svg" else nullcontext():
+            fig.savefig(buffer, format=kind[1:], dpi=dpi, bbox_inches=box, metadata=metadata)
+        drawn[target] = buffer.getvalue()
+    for target, data in drawn.items():
+        replace_file(target, data)
 
 
 @contextmanager

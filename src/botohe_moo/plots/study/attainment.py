@@ -45,7 +45,10 @@ def plot_attainment(
     """
     fronts = final_fronts(plans, runs, algorithms)
     styles = styles_of(list(fronts), styles)
-    surfaces = {label: _surfaces(found) for label, found in fronts.items()}
+    surfaces = {
+        label: [staircase(attainment_surface(found.values(), p))[:-1] for p in (25, 50, 75)]
+        for label, found in fronts.items()
+    }
     words = "reached by half of the runs; bands: by a quarter to three quarters"
     with theme():
         lines = {label: half for label, (_, half, _) in surfaces.items()}
@@ -57,18 +60,10 @@ def plot_attainment(
     return axes.first
 
 
-Surfaces = tuple[FloatArray, FloatArray, FloatArray]
-
-
-def _surfaces(found: Mapping[int, FloatArray]) -> Surfaces:
-    """Give what a quarter of the runs reach, what half and what three quarters."""
-    few, half, most = (
-        staircase(attainment_surface(found.values(), percent))[:-1] for percent in (25, 50, 75)
-    )
-    return few, half, most
-
-
-def _draw(ax: Axes, surfaces: Surfaces, style: AlgorithmStyle, name: str, n_runs: int) -> None:
+def _draw(
+    ax: Axes, surfaces: Sequence[FloatArray], style: AlgorithmStyle, name: str, n_runs: int
+) -> None:
+    """Draw what a quarter of the runs reach, what half and what three quarters."""
     few, half, most = surfaces
     if n_runs > 1:
         add_band(ax, np.concatenate([few, most[::-1]]), style.colour, 0.2)
@@ -115,17 +110,16 @@ def attainment_difference(
     pooled = [*fronts, *others]
     if np.array_equal(attainment_surface(pooled, 0), attainment_surface(pooled, 100)):
         return np.empty((0, 4)), np.empty(0)  # all alike, which moocore cannot say
-    first, second = _sets(fronts), _sets(others)
-    n_first, n_second = len(fronts), len(others)
     # Moocore gives whole steps, at most half as many as there are runs: with equally many runs
     # of both, all differences are whole.
-    steps = math.lcm(n_first, n_second)
-    if steps <= _MAX_STEPS:
-        first = _repeated(first, n_first, steps // n_first)
-        second = _repeated(second, n_second, steps // n_second)
+    steps = math.lcm(len(fronts), len(others))
+    if 0 < steps <= _MAX_STEPS:
+        fronts, others = fronts * (steps // len(fronts)), others * (steps // len(others))
     else:
-        steps = (n_first + n_second) // 2
-    found = moocore.eafdiff(first, second, intervals=steps, maximise=True, rectangles=True)
+        steps = len(pooled) // 2
+    found = moocore.eafdiff(
+        _sets(fronts), _sets(others), intervals=steps, maximise=True, rectangles=True
+    )
     corners = np.maximum(found[:, :4], 0.0)  # unbounded ones reach to the axes
     low = np.minimum(corners[:, :2], corners[:, 2:])
     high = np.maximum(corners[:, :2], corners[:, 2:])
@@ -135,14 +129,8 @@ def attainment_difference(
 
 def _sets(fronts: Iterable[FloatArray]) -> FloatArray:
     """Points of all runs with the number of their run; moocore does not take empty sets."""
-    rows = []
-    for number, front in enumerate(fronts):
-        points = front if len(front) else np.zeros((1, 2))
-        rows.append(np.column_stack([points, np.full(len(points), float(number))]))
-    if not rows:
+    points = [front if len(front) else np.zeros((1, 2)) for front in fronts]
+    if not points:
         raise ValueError("Expected the front of at least one run, got none.")
-    return np.concatenate(rows)
-
-
-def _repeated(sets: FloatArray, n_sets: int, times: int) -> FloatArray:
-    return np.concatenate([sets + np.array([0.0, 0.0, n_sets * copy]) for copy in range(times)])
+    numbers = np.repeat(np.arange(len(points), dtype=float), list(map(len, points)))
+    return np.column_stack([np.concatenate(points), numbers])

@@ -19,9 +19,7 @@ from botohe_moo.plots.draw.algorithms import (
 from botohe_moo.plots.draw.labels import WIDTH, columns
 from botohe_moo.plots.draw.panels import AlgorithmAxes, open_algorithm_axes
 from botohe_moo.plots.draw.style import INK, dress, theme
-from botohe_moo.plots.front import staircase
-
-OBJECTIVES = ("expected team reward E[R]", "expected number of survivors E[S]")
+from botohe_moo.plots.front import OBJECTIVES, staircase
 
 
 def plot_fronts(
@@ -68,8 +66,11 @@ def plot_fronts(
         corners = {label: staircase(front) for label, front in shown.items()}
         lines = {label: found[:-1] for label, found in corners.items()}
         axes = open_algorithm_axes(lines, styles, ax, size=(5.6, 4.2), stretch=2.0, names=names)
-        for own in dict.fromkeys(axes.of.values()):
-            _draw_reference(own, reference)
+        if reference is not None:
+            line = staircase(reference[["reward", "survivors"]].to_numpy(float))[:-1].T
+            look: dict[str, Any] = {"color": INK, "linewidth": 0.6, "zorder": 4}
+            for own in dict.fromkeys(axes.of.values()):
+                own.plot(*line, **look, label="all runs together", gid="reference")
         for label, own in axes.of.items():
             _draw(own, corners[label], styles[label])
             if not axes.in_panels:
@@ -84,14 +85,6 @@ def _with_seed(name: str, seed: int, n_points: int) -> str:
     told = f"(seed {seed})" if n_points else f"(seed {seed}): no plans"
     room = columns(name.split("\n")[-1]) + 1 + len(told) <= WIDTH
     return f"{name} {told}" if room else f"{name}\n{told}"
-
-
-def _draw_reference(ax: Axes, reference: pd.DataFrame | None) -> None:
-    if reference is None:
-        return
-    corners = staircase(reference[["reward", "survivors"]].to_numpy(float))
-    line: dict[str, Any] = {"color": INK, "linewidth": 0.6, "label": "all runs together"}
-    ax.plot(*corners[:-1].T, zorder=4, gid="reference", **line)
 
 
 def final_fronts(

@@ -75,7 +75,7 @@ def two_parameter_grids(algorithms: pd.DataFrame) -> dict[str, pd.DataFrame]:
 
     Gives for each family the algorithms' labels: a row for each value of the first parameter, a
     column for each of the second, in ascending order, or in that of ``algorithms``, the study's
-    table, if they are not numbers; None where there is no such algorithm.
+    table, if they are not numbers; missing where there is no such algorithm.
     """
     parameters = [column for column in algorithms.columns if column not in _NO_PARAMETERS]
     if algorithms.empty or len(parameters) < 2:
@@ -84,22 +84,12 @@ def two_parameter_grids(algorithms: pd.DataFrame) -> dict[str, pd.DataFrame]:
     for family, rows in algorithms.groupby("family", sort=False):
         shown = rows[parameters].astype(object).where(rows[parameters].notna(), "default")
         varying = [name for name in parameters if len(set(shown[name])) > 1]
-        if len(varying) == 2 and len(set(rows["name"])) == 1:
-            places = zip(*(shown[name] for name in varying), strict=True)
-            cells = dict(zip(places, rows["algorithm"], strict=True))
-            if len(cells) == len(rows):
-                grids[str(family)] = _table(cells, varying)
+        if len(varying) != 2 or len(set(rows["name"])) > 1 or shown.duplicated(varying).any():
+            continue
+        labels = rows["algorithm"].set_axis(pd.MultiIndex.from_frame(shown[varying])).unstack()  # noqa: PD010
+        index, columns = (_ordered(shown[name]) for name in varying)
+        grids[str(family)] = labels.reindex(index=index, columns=columns)
     return grids
-
-
-def _table(cells: dict[tuple[Any, Any], str], names: list[str]) -> pd.DataFrame:
-    rows, columns = (_ordered(values) for values in zip(*cells, strict=True))
-    return pd.DataFrame(
-        [[cells.get((row, column)) for column in columns] for row in rows],
-        index=pd.Index(rows, name=names[0], dtype=object),
-        columns=pd.Index(columns, name=names[1], dtype=object),
-        dtype=object,
-    )
 
 
 def _ordered(values: Iterable[Any]) -> list[Any]:

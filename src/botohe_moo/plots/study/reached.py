@@ -12,7 +12,7 @@ from botohe_moo.plots.draw.algorithms import AlgorithmStyle, chosen_algorithms, 
 from botohe_moo.plots.draw.panels import open_algorithm_axes
 from botohe_moo.plots.draw.scales import label_ends, log_axis
 from botohe_moo.plots.draw.style import theme
-from botohe_moo.plots.study.progress import NAMES, Progress, records_of, stairs
+from botohe_moo.plots.study.curves import NAMES, Progress, records_of, stairs
 
 _Y = "share of runs × targets reached"
 

@@ -71,7 +71,11 @@ class CheckedContent:
                         said = f"{name} stands in the mission's own keys."
                         self.faults.add(("missions", label, key, name), said)
         for member in members("missions", entries, self.faults):
-            source = self._mission_source(member)
+            name = member.entry.mission
+            if Path(name).suffix.lower() in SUFFIXES or "/" in name or os.sep in name:
+                name = str(self._folder / name)
+            robots = {} if member.entry.robots is None else {"robots": member.entry.robots}
+            source = {"name_or_path": name, **robots, **member.parameters} | {"name_or_path": name}
             if mission := self._load(source, member):
                 yield StudyMission(
                     label=member.label,
@@ -84,13 +88,6 @@ class CheckedContent:
                     family=member.family,
                     grid=member.grid,
                 )
-
-    def _mission_source(self, member: Member) -> dict[str, Any]:
-        name = member.entry.mission
-        if Path(name).suffix.lower() in SUFFIXES or "/" in name or os.sep in name:
-            name = str(self._folder / name)
-        robots = {} if member.entry.robots is None else {"robots": member.entry.robots}
-        return {"name_or_path": name, **robots, **member.parameters} | {"name_or_path": name}
 
     def _load(self, source: dict[str, Any], member: Member) -> Mission | None:
         name, path = source["name_or_path"], member.path
@@ -161,15 +158,11 @@ class CheckedContent:
 
     def _check_different(self) -> None:
         """Refuse what stands in a study under two labels: its runs would be the same."""
-        alike: dict[str, StudyMission | StudyAlgorithm] = {}
-        for mission in self._missions:
-            self._note("missions", mission, canonical(mission.decides()), alike)
         # Where one mission's runs are not limited by seconds, threads change nothing there.
         budgets = [mission.budget for mission in self._missions]
         budget = next((b for b in budgets if b.seconds is None), Budget(seconds=1))
-        alike = {}
-        for algorithm in self._algorithms:
-            self._note("algorithms", algorithm, canonical(algorithm.decides(budget)), alike)
+        self._check_results("missions", [(m, m.decides()) for m in self._missions])
+        self._check_results("algorithms", [(a, a.decides(budget)) for a in self._algorithms])
         self._check_labels("missions", self._missions)
         self._check_labels("algorithms", self._algorithms)
 
@@ -184,24 +177,20 @@ class CheckedContent:
                 said = f"two entries {how} the label {quoted(member.label)}."
                 self.faults.add((kind, member.family), said)
 
-    def _note(
-        self,
-        kind: str,
-        member: StudyMission | StudyAlgorithm,
-        key: str,
-        alike: dict[str, StudyMission | StudyAlgorithm],
-    ) -> None:
-        other = alike.setdefault(key, member)
-        if other.label == member.label:
-            return
-        said = f"{quoted(member.label)} is the same as {quoted(other.label)}"
-        if (
-            isinstance(member, StudyAlgorithm)
-            and isinstance(other, StudyAlgorithm)
-            and (member.algorithm, member.parameters) != (other.algorithm, other.parameters)
-        ):
-            said += ": defaults, spellings and numbers of threads make no other run"
-        self.faults.add((kind, member.family), f"{said}.")
+    def _check_results(self, kind: str, found: Sequence[tuple[Any, dict[str, Any]]]) -> None:
+        """Refuse missions or algorithms on which all results depend in the same way."""
+        seen: dict[str, Any] = {}
+        for member, decides in found:
+            other = seen.setdefault(canonical(decides), member)
+            if other.label == member.label:
+                continue
+            said = f"{quoted(member.label)} is the same as {quoted(other.label)}"
+            if kind == "algorithms" and (member.algorithm, member.parameters) != (
+                other.algorithm,
+                other.parameters,
+            ):
+                said += ": defaults, spellings and numbers of threads make no other run"
+            self.faults.add((kind, member.family), f"{said}.")
 
     def _check_control(self, content: Mapping[str, Any]) -> None:
         comparison = content.get("comparison")

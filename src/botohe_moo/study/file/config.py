@@ -1,6 +1,5 @@
 """The study file: what may stand in it, as pydantic models and as a JSON Schema."""
 
-import json
 from collections import Counter
 from collections.abc import Callable
 from typing import Annotated, Any, Literal, Self, get_args
@@ -228,20 +227,3 @@ class StudyFile(_Entry):
             if isinstance(names, list) and all(isinstance(name, str) for name in names):
                 listed[key] = {name: name for name in _different(names)}
         return {**value, **listed}
-
-
-def study_schema() -> str:
-    """Give the JSON Schema of study files, for editors that check while one types."""
-    # Algorithms load numba and pymoo, for which nobody who only reads a study file should wait.
-    from botohe_moo.study.file.parameter_schema import algorithm_rules, mission_rules
-
-    schema = StudyFile.model_json_schema()
-    for entry, rules in (("AlgorithmEntry", algorithm_rules()), ("MissionEntry", mission_rules())):
-        schema["$defs"][entry]["anyOf"][-1]["allOf"] = rules
-    names = {"type": "array", "items": {"type": "string"}, "minItems": 1}
-    for key in ("missions", "algorithms"):
-        whole = schema["properties"][key]
-        about = {"description": whole.pop("description"), "title": whole.pop("title")}
-        schema["properties"][key] = {**about, "anyOf": [names, whole]}
-    schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
-    return json.dumps(schema, indent=1) + "\n"

@@ -1,6 +1,5 @@
 """A YAML document as plain values, with the line of each of them."""
 
-import math
 import re
 from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -193,9 +192,7 @@ class Document:
         if kind == "bool":
             return text.lower() == "true"
         if kind == "float":
-            word = text.lower().lstrip("+-").lstrip(".")
-            special = {"inf": math.inf, "nan": math.nan}.get(word)
-            return float(text) if special is None else -special if text[0] == "-" else special
+            return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
         try:
             return int(text)
         except ValueError:

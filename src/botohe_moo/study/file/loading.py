@@ -138,19 +138,12 @@ def _missing_packages(content: Any, out: str | os.PathLike[str] | None) -> dict[
         return {
             name: f"{entry['package']} {entry['version']}"
             for name, entry in entries
-            if entry["package"] is not None and not _is_installed(entry["package"])
+            if entry["package"] is not None
+            and not any(metadata.distributions(name=entry["package"]))
         }
     # There is none, or it is not a study's.
     except (OSError, ValueError, RecursionError, KeyError, TypeError, AttributeError):
         return {}
-
-
-def _is_installed(package: str) -> bool:
-    try:
-        metadata.distribution(package)
-    except metadata.PackageNotFoundError:
-        return False
-    return True
 
 
 def _dotted(path: tuple[int | str, ...]) -> str:

@@ -43,10 +43,12 @@ class StudyMission:
 
     def decides(self) -> dict[str, Any]:
         """Give everything that results depend on; labels are not part of it."""
+        # Without a budget of seconds no run is killed.
+        unused = {"grace_seconds"} if self.budget.seconds is None else None
         return {
             "mission": self.digest,
             "min_survival": float(self.min_survival),
-            "budget": _spent(self.budget),
+            "budget": self.budget.model_dump(exclude=unused),
         }
 
 
@@ -170,10 +172,13 @@ class Study:
 
 def _runs(mission: StudyMission, algorithm: StudyAlgorithm, study: Study) -> Iterator[Run]:
     recording = study.file.recording
+    # Further counts in order, and within the budget: all others make no difference.
+    limit = math.inf if mission.budget.evaluations is None else mission.budget.evaluations
+    at = sorted({count for count in recording.at if count <= limit})
     setting = {
         **mission.decides(),
         **algorithm.decides(mission.budget),
-        "recording": _recorded(recording, mission.budget),
+        "recording": {**recording.model_dump(), "at": at},
         "seed": None,
         **study.versions,
     }
@@ -183,14 +188,3 @@ def _runs(mission: StudyMission, algorithm: StudyAlgorithm, study: Study) -> Ite
         text = f"{before}{mark.removesuffix('null')}{seed}{after}"
         digest = hashlib.sha256(text.encode()).hexdigest()[:16]
         yield Run(mission, algorithm, seed, recording, setting, digest)
-
-
-def _spent(budget: Budget) -> dict[str, Any]:
-    """Give the part of a budget that results depend on: no run is killed without seconds."""
-    return budget.model_dump(exclude={"grace_seconds"} if budget.seconds is None else None)
-
-
-def _recorded(recording: Recording, budget: Budget) -> dict[str, Any]:
-    """Give the part of a recording that results depend on: counts in order, within the budget."""
-    limit = math.inf if budget.evaluations is None else budget.evaluations
-    return {**recording.model_dump(), "at": sorted({n for n in recording.at if n <= limit})}

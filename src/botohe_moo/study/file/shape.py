@@ -85,15 +85,9 @@ def _written(content: Mapping[str, Any], location: Sequence[int | str]) -> Place
         if isinstance(value, list) and isinstance(step, str):  # a name in a list of names
             value = step if step in value else None
         else:
-            value = _step(value, step)
+            known = dict(enumerate(value)) if isinstance(value, list) else value
+            value = known.get(step, {})
     return tuple(place)
-
-
-def _step(value: Any, step: int | str) -> Any:
-    try:
-        return value[step]
-    except (KeyError, IndexError, TypeError):
-        return {}
 
 
 def _said(place: Place, found: Any) -> str:

@@ -5,67 +5,38 @@ from typing import Any
 
 _LINE_BREAK = r"\r\n|[\n\r\x85\u2028\u2029]"
 _LONG = 80
-# PyYAML's message, its meaning, and whether the culprit is where it began or where it ended.
-_MEANINGS = (
-    (r"could not find expected ':'", "expected 'key: value', found no ':' after it", "began"),
-    (
-        r"mapping values are not allowed here",
-        "no ':' can stand here; keys of one mapping begin in the same column, and a text that "
-        "contains ': ' has to be in quotes",
-        "ended",
-    ),
-    (
-        r"sequence entries are not allowed here",
-        "no list item can stand here; '- ' begins a line of its own, below its key",
-        "ended",
-    ),
-    (r"mapping keys are not allowed here", "no '? ' can stand here", "ended"),
-    (r"found character '\\t'", "expected spaces, found a tab", "ended"),
-    (r"found character", "no value begins like this; put it in quotes", "ended"),
-    (
-        r"(?:an (?:alias|anchor)).*expected alphabetic",
-        "expected a name after '*' or '&'; a text that begins with one has to be in quotes",
-        "began",
-    ),
-    (r"directive", "a text that begins with '%' has to be in quotes", "began"),
-    (
-        r"a block scalar",
-        "'|' and '>' begin a text of several lines, and nothing follows them in theirs; a text "
-        "that begins with one has to be in quotes",
-        "began",
-    ),
-    (
-        r"found unknown escape|expected escape sequence",
-        "this escape is not valid in double quotes; use single ones, or write \\\\",
-        "ended",
-    ),
-    (r"a quoted scalar", "these quotes are never closed", "began"),
-    (r"tag", "a text that begins with '!' has to be in quotes", "began"),
-    (
-        r"expected <block end>",
-        "this does not fit what began in line {began}; keys of one mapping, and items of one "
-        "list, begin in the same column",
-        "ended",
-    ),
-    (r"expected ',' or ']'", "expected ',' or ']' for the list that line {began} opens", "ended"),
-    (
-        r"expected ',' or '}'",
-        "expected ',' or '}}' for the mapping that line {began} opens",
-        "ended",
-    ),
-    (r"expected the node content", "expected a value", "ended"),
-    (
-        r"expected a single document|expected '<document start>'",
-        "expected a single document, found more after its end",
-        "ended",
-    ),
-    (r"found undefined alias '(.*)'", "undefined alias: nothing before it is named &{0}", "ended"),
-    (
-        r"found duplicate anchor '(.*)'",
-        "the anchor &{0} stands twice, first in line {began}",
-        "ended",
-    ),
-)
+# PyYAML's messages and their meanings; the culprit is where what they are about began.
+_BEGAN = {
+    r"could not find expected ':'": "expected 'key: value', found no ':' after it",
+    r"(?:an (?:alias|anchor)).*expected alphabetic": "expected a name after '*' or '&'; a text "
+    "that begins with one has to be in quotes",
+    r"directive": "a text that begins with '%' has to be in quotes",
+    r"a block scalar": "'|' and '>' begin a text of several lines, and nothing follows them in "
+    "theirs; a text that begins with one has to be in quotes",
+    r"a quoted scalar": "these quotes are never closed",
+    r"tag": "a text that begins with '!' has to be in quotes",
+}
+# The same; the culprit is where it ended.
+_ENDED = {
+    r"mapping values are not allowed here": "no ':' can stand here; keys of one mapping begin in "
+    "the same column, and a text that contains ': ' has to be in quotes",
+    r"sequence entries are not allowed here": "no list item can stand here; '- ' begins a line of "
+    "its own, below its key",
+    r"mapping keys are not allowed here": "no '? ' can stand here",
+    r"found character '\\t'": "expected spaces, found a tab",
+    r"found character": "no value begins like this; put it in quotes",
+    r"found unknown escape|expected escape sequence": "this escape is not valid in double quotes; "
+    "use single ones, or write \\\\",
+    r"expected <block end>": "this does not fit what began in line {began}; keys of one mapping, "
+    "and items of one list, begin in the same column",
+    r"expected ',' or ']'": "expected ',' or ']' for the list that line {began} opens",
+    r"expected ',' or '}'": "expected ',' or '}}' for the mapping that line {began} opens",
+    r"expected the node content": "expected a value",
+    r"expected a single document|expected '<document start>'": "expected a single document, found "
+    "more after its end",
+    r"found undefined alias '(.*)'": "undefined alias: nothing before it is named &{0}",
+    r"found duplicate anchor '(.*)'": "the anchor &{0} stands twice, first in line {began}",
+}
 
 
 def syntax_fault(error: Any, text: str) -> tuple[int, str]:
@@ -76,11 +47,12 @@ def syntax_fault(error: Any, text: str) -> tuple[int, str]:
         return _placed("this character cannot stand in YAML", at, text)
     began = error.context_mark or ended
     said = " ".join(part for part in (error.context, error.problem) if part)
-    for pattern, meaning, where in _MEANINGS:
-        if found := re.search(pattern, said):
-            names = (name[:_LONG] + "..." * (len(name) > _LONG) for name in found.groups())
-            words = meaning.format(*names, began=began.line + 1)
-            return _placed(words, began.index if where == "began" else ended.index, text)
+    for mark, meanings in ((began, _BEGAN), (ended, _ENDED)):
+        for pattern, meaning in meanings.items():
+            if found := re.search(pattern, said):
+                names = (name[:_LONG] + "..." * (len(name) > _LONG) for name in found.groups())
+                words = meaning.format(*names, began=began.line + 1)
+                return _placed(words, mark.index, text)
     return _placed("this cannot be read", ended.index, text)
 
 

@@ -47,12 +47,10 @@ def collect_tables(study: Study, folder: StudyFolder) -> dict[str, pd.DataFrame]
 def _outcomes(study: Study, folder: StudyFolder) -> Iterator[tuple[Run, Outcome]]:
     for run in study.runs():
         outcome = None
-        if folder.has_run(run.digest):
-            # If it is damaged, the last failure counts, if there is one.
-            with contextlib.suppress(DamagedError):
-                outcome = folder.load(run)
-        outcome = outcome or folder.failure(run.digest)
-        if outcome is not None:
+        # If its file is damaged or not there, the last failure counts, if there is one.
+        with contextlib.suppress(DamagedError):
+            outcome = folder.load(run)
+        if outcome := outcome or folder.failure(run.digest):
             yield run, outcome
 
 

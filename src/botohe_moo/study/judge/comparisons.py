@@ -98,11 +98,6 @@ class Pair:
         """The p-value of the Mann-Whitney test; 1 where there is no test."""
         return mann_whitney(*self.sides) if self.is_tested else 1.0
 
-    @property
-    def smallest_p(self) -> float:
-        """The smallest p-value that so many runs can have."""
-        return smallest_p(len(self.values), len(self.other_values))
-
     def row(self, p_holm: float, smallest_holm: float, n_tests: int) -> dict[str, Any]:
         """Give the row of the table ``comparisons``, without mission and indicator.
 
@@ -166,7 +161,8 @@ def compare_family(pairs: Sequence[Pair]) -> list[dict[str, Any]]:
     tested = [pair for pair in pairs if pair.is_tested]
     corrected = iter(holm([pair.p_value for pair in tested]).tolist())
     # Holm's correction of a p-value grows with every other one: at best all are at their smallest.
-    smallest = iter(holm([pair.smallest_p for pair in tested]).tolist())
+    sizes = ((len(pair.values), len(pair.other_values)) for pair in tested)
+    smallest = iter(holm([smallest_p(n, m) for n, m in sizes]).tolist())
     return [
         pair.row(next(corrected), next(smallest), len(tested))
         if pair.is_tested

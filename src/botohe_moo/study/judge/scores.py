@@ -3,7 +3,6 @@
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any, TypeAlias
 
 import moocore
@@ -32,17 +31,14 @@ class Indicator:
 
     label: str  # in reports
     higher_is_better: bool | None  # None: it describes a front and does not judge it
-    needs_reference: bool  # whether it is measured against the reference front
 
 
-INDICATORS: Mapping[str, Indicator] = MappingProxyType(
-    {
-        "area": Indicator("area", higher_is_better=True, needs_reference=False),
-        "igd_plus": Indicator("IGD+", higher_is_better=False, needs_reference=True),
-        "epsilon": Indicator("epsilon", higher_is_better=False, needs_reference=True),
-        "front_size": Indicator("front size", higher_is_better=None, needs_reference=False),
-    }
-)
+INDICATORS = {
+    "area": Indicator("area", higher_is_better=True),
+    "igd_plus": Indicator("IGD+", higher_is_better=False),
+    "epsilon": Indicator("epsilon", higher_is_better=False),
+    "front_size": Indicator("front size", higher_is_better=None),
+}
 
 
 def reference_fronts(runs: pd.DataFrame, final_fronts: pd.DataFrame) -> pd.DataFrame:
@@ -92,7 +88,7 @@ def score_runs(
         mission = missions[run["mission"]]
         for name in indicators:
             row = {**run, "indicator": name, "reference": None}
-            if INDICATORS[name].needs_reference:
+            if name in _DISTANCES:
                 if run["mission"] not in targets:
                     raise ValueError(f"Expected a reference front of mission {run['mission']!r}.")
                 row["reference"] = names[run["mission"]]

@@ -110,11 +110,6 @@ def breakable(text: str) -> str:
     return _BREAK.join(map(escape_latex, pieces))
 
 
-def width(text: str) -> float:
-    """Estimate the width in em of a text of digits and plain words; a digit has half an em."""
-    return sum(0.29 if c in _NARROW else 0.83 if c in _WIDE else 0.5 for c in text)
-
-
 _NEEDS = r"% Needs \usepackage{array,booktabs,longtable} and \usepackage[T1]{fontenc}."
 # How many em the columns of numbers may take so that labels have room in 345 pt, article's text.
 _SIZES = ((28.0, r"\footnotesize"), (34.0, r"\scriptsize"))
@@ -164,8 +159,7 @@ def comparisons_latex(tables: StudyTables) -> str:
                 if row["significant"]:
                     line[4] = rf"\textbf{{{line[4]}}}"
                 cells.append(line)
-            name = INDICATORS.get(str(indicator), str(indicator))
-            groups.append(_Group(breakable(f"{mission}: {name}"), cells))
+            groups.append(_Group(breakable(f"{mission}: {INDICATORS[str(indicator)]}"), cells))
     return _table(header, groups, n_labels=2)
 
 
@@ -177,8 +171,8 @@ def ranks_latex(tables: StudyTables) -> str:
             [breakable(row["algorithm"]), fixed(row["average_rank"], 2), count(row["n_missions"])]
             for row in rows.to_dict("records")
         ]
-        name = INDICATORS.get(str(indicator), str(indicator))
-        groups.append(_Group(breakable(name), cells, escape_latex(str(rows["note"].iloc[0]))))
+        name, note = INDICATORS[str(indicator)], str(rows["note"].iloc[0])
+        groups.append(_Group(breakable(name), cells, escape_latex(note)))
     return _table(["algorithm", "average rank", "missions"], groups, n_labels=1)
 
 
@@ -217,7 +211,10 @@ def _across(n_columns: int, text: str) -> str:
 
 
 def _width(cell: str) -> float:
-    """Estimate the width of a cell in em: that of its widest line."""
+    """Estimate the width of a cell in em, half of one a digit: that of its widest line."""
     bold = 1.15 if "textbf" in cell else 1.0
     lines = re.sub(r"\\shortstack\[r\]", "", cell).split(r"\\")
-    return bold * max(width(_COMMAND.sub("", line)) for line in lines)
+    return bold * max(
+        sum(0.29 if c in _NARROW else 0.83 if c in _WIDE else 0.5 for c in _COMMAND.sub("", line))
+        for line in lines
+    )

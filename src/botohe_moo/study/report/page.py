@@ -2,12 +2,13 @@
 
 import base64
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import jinja2
 import pandas as pd
 
-from botohe_moo.study.report.figures import ReportFigure
 from botohe_moo.study.report.page_tables import (
     TextTable,
     comparison_table,
@@ -29,6 +30,7 @@ from botohe_moo.study.report.words import (
     parameter_words,
     seed_words,
     significant,
+    slug,
     verdict_words,
 )
 from botohe_moo.study.store.tables import StudyTables
@@ -36,13 +38,20 @@ from botohe_moo.study.store.tables import StudyTables
 _MANY_FAULTS = 100
 
 
-def render_page(
-    tables: StudyTables, slugs: Mapping[str, str], figures: Mapping[str, Sequence[ReportFigure]]
-) -> str:
+@dataclass(frozen=True)
+class ReportFigure:
+    """A figure of a report."""
+
+    path: Path  # the PNG file
+    paths: tuple[Path, ...]  # the same as PNG, PDF and SVG
+    caption: str  # what it shows, what its lines and bands mean, and what is not in it
+    alternative: str  # text for readers who cannot see it
+
+
+def render_page(tables: StudyTables, figures: Mapping[str, Sequence[ReportFigure]]) -> str:
     """Write the report as one HTML page.
 
-    ``slugs`` stand for missions in addresses within the page; ``figures`` are those of each
-    mission, and under ``""`` those of the study as a whole.
+    ``figures`` are those of each mission, and under ``""`` those of the study as a whole.
     """
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("botohe_moo.study.report", "templates"),
@@ -66,7 +75,7 @@ def render_page(
         missions=_missions(tables),
         algorithms=_algorithms(tables),
         settings=_settings(tables),
-        sections=[_section(tables, label, slugs, figures) for label in tables.mission_labels],
+        sections=[_section(tables, label, figures) for label in tables.mission_labels],
         ranks=_ranks(tables),
         figures=_figures(figures.get("", ())),
         faults=_faults(tables),
@@ -119,19 +128,15 @@ def _missions(tables: StudyTables) -> TextTable:
     rows = []
     for label, entry in tables.manifest["missions"].items():
         mission = tables.mission(label)
-        origin, budget = _origin(entry["source"]), budget_words(entry["budget"])
+        source = dict(entry["source"])
+        name, parameters = source.pop("name_or_path"), parameter_words(source)
+        origin = f"{name} ({parameters})" if parameters else str(name)
+        budget, floor = budget_words(entry["budget"]), significant(entry["min_survival"])
         sizes = (mission.arrays.n_nodes, mission.arrays.n_arcs, mission.robots)
-        row = [label, mission.title, origin, budget, significant(entry["min_survival"])]
-        rows.append([*row, *map(count, sizes), significant(mission.total_reward, 4)])
+        row = [label, mission.title, origin, budget, floor, *map(count, sizes)]
+        rows.append([*row, significant(mission.total_reward, 4)])
     header = ["mission", "title", "from", "budget of a run", "survival floor"]
     return TextTable([*header, "nodes", "arcs", "robots", "total reward"], rows, texts=4)
-
-
-def _origin(source: Mapping[str, Any]) -> str:
-    """Say what a mission was made from."""
-    parameters = {key: value for key, value in source.items() if key != "name_or_path"}
-    named = f" ({parameter_words(parameters)})" if parameters else ""
-    return f"{source['name_or_path']}{named}"
 
 
 def _algorithms(tables: StudyTables) -> TextTable:
@@ -147,21 +152,18 @@ def _settings(tables: StudyTables) -> list[tuple[str, str]]:
     compared = f"others with {tables.control}" if tables.control is not None else "all pairs"
     return [
         ("Seeds", seed_words(tables.manifest["seeds"])),
-        ("Indicators", ", ".join(INDICATORS.get(name, name) for name in indicators)),
+        ("Indicators", ", ".join(INDICATORS[name] for name in indicators)),
         ("Compared", f"{compared}, at a significance level of {tables.significance:g}"),
     ]
 
 
 def _section(
-    tables: StudyTables,
-    mission: str,
-    slugs: Mapping[str, str],
-    figures: Mapping[str, Sequence[ReportFigure]],
+    tables: StudyTables, mission: str, figures: Mapping[str, Sequence[ReportFigure]]
 ) -> dict[str, Any]:
     comparisons = tables.comparisons[tables.comparisons["mission"] == mission]
     return {
         "label": mission,
-        "anchor": f"mission-{slugs[mission]}",
+        "anchor": f"mission-{slug(mission)}",
         "title": tables.mission(mission).title,
         "summary": summary_table(tables, mission),
         "figures": _figures(figures.get(mission, ())),
@@ -185,7 +187,7 @@ def _ranks(tables: StudyTables) -> list[dict[str, Any]]:
     pairs = tables.posthoc
     return [
         {
-            "indicator": INDICATORS.get(str(indicator), str(indicator)),
+            "indicator": INDICATORS[str(indicator)],
             "table": rank_table(rows),
             "note": str(rows["note"].iloc[0]),
             "posthoc": posthoc_words(pairs[pairs["indicator"] == indicator]),

@@ -63,7 +63,7 @@ def comparison_table(rows: pd.DataFrame) -> TextTable:
     cells = []
     for row in rows.to_dict("records"):
         *numbers, effect, ends = comparison_cells(row)
-        name = INDICATORS.get(row["indicator"], row["indicator"])
+        name = INDICATORS[row["indicator"]]
         labels = [name, row["algorithm"], row["other"], row["verdict"]]
         cells.append([*labels, *numbers, f"{effect} ({ends})"])
     strong = frozenset(i for i, found in enumerate(rows["significant"]) if found)

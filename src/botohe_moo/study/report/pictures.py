@@ -13,11 +13,10 @@ from botohe_moo.plots.draw.algorithms import AlgorithmStyle
 from botohe_moo.plots.draw.panels import MANY, names_room, study_axes
 from botohe_moo.plots.study.areas import plot_areas
 from botohe_moo.plots.study.attainment import plot_attainment
-from botohe_moo.plots.study.curves import plot_curves
+from botohe_moo.plots.study.curves import Progress, Value, plot_curves
 from botohe_moo.plots.study.difference import plot_attainment_difference
 from botohe_moo.plots.study.fronts import plot_fronts
 from botohe_moo.plots.study.heat import plot_heat, two_parameter_grids
-from botohe_moo.plots.study.progress import Progress, Value
 from botohe_moo.plots.study.reached import plot_reached
 from botohe_moo.study.report.words import INDICATORS, level
 from botohe_moo.study.store.tables import StudyTables
@@ -61,6 +60,7 @@ class MissionPictures:
         self._runs = self._rows(tables.runs)
         known = set(self._runs["algorithm"])
         self._labels = [label for label in tables.algorithm_labels if label in known]
+        self._names = ", ".join(self._labels)
         self._many = len(self._labels) >= MANY
 
     def _rows(self, table: pd.DataFrame) -> pd.DataFrame:
@@ -78,9 +78,6 @@ class MissionPictures:
         if not self._rows(self._tables.plans).empty:
             yield from self._fronts()
             yield from self._difference()
-
-    def _names(self) -> str:
-        return ", ".join(self._labels)
 
     def _without_front(self, table: pd.DataFrame) -> list[str]:
         """Say which algorithms have runs without a row in a table."""
@@ -127,7 +124,7 @@ class MissionPictures:
             f"and a target. Targets are the {len(_SHARES)} whole percents from 50 to 99 of the "
             f"reference front's area, {whole:.4f}. All runs count, also those that never get there."
         )
-        what = f"Targets reached by {self._names()}"
+        what = f"Targets reached by {self._names}"
         chosen: dict[str, Any] = {"algorithms": self._labels, "styles": self._styles}
         if self._many:
             kinds: dict[Progress, str] = {"evaluations": "reached", "seconds": "reached_seconds"}
@@ -167,7 +164,7 @@ class MissionPictures:
             plot_curves(trace, value=value, algorithms=labels, ax=ax, **look)
         above.set_xlabel("")
         named = " above, ".join(INDICATORS[value] for value in found) + " below"
-        yield "distances", above, caption.format(named), f"Distances of {self._names()}"
+        yield "distances", above, caption.format(named), f"Distances of {self._names}"
 
     def _areas(self) -> Iterator[Picture]:
         summary = self._rows(self._tables.summary)
@@ -178,7 +175,7 @@ class MissionPictures:
         )
         if (self._runs["status"] != "done").any():
             caption += " Crosses are runs that are not done; without a front their area is 0."
-        yield "areas", ax, caption, f"Final areas of the runs of {self._names()}"
+        yield "areas", ax, caption, f"Final areas of the runs of {self._names}"
 
     def _grids(self) -> Iterator[Picture]:
         found = two_parameter_grids(self._tables.algorithms)
@@ -205,7 +202,7 @@ class MissionPictures:
             "the one with less; its seed stands beside the name. The thin line is the reference "
             "front: what all runs on this mission found together."
         )
-        yield "fronts", ax, caption, f"Final fronts of the median runs of {self._names()}"
+        yield "fronts", ax, caption, f"Final fronts of the median runs of {self._names}"
         ax = plot_attainment(plans, self._runs, **chosen)
         caption = (
             "Empirical attainment surfaces. What lies below and left of a line, at least half of "
@@ -214,7 +211,7 @@ class MissionPictures:
         )
         if absent := self._without_front(plans):
             caption += f" Runs without a front reach nothing: {', '.join(absent)}."
-        yield "attainment", ax, caption, f"Attainment surfaces of {self._names()}"
+        yield "attainment", ax, caption, f"Attainment surfaces of {self._names}"
 
     def _difference(self) -> Iterator[Picture]:
         pair = rivals(self._tables, self._mission)

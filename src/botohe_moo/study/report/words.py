@@ -1,6 +1,8 @@
 """Numbers and outcomes of a study as text, for its report."""
 
+import hashlib
 import math
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
@@ -14,6 +16,7 @@ from botohe_moo.study.store.tables import StudyTables
 
 INDICATORS = {name: indicator.label for name, indicator in scores.INDICATORS.items()}
 _DASH = "–"
+_LONGEST_SLUG = 60
 _MOST_DIGITS = 13  # with which all values that are not ties differ
 
 
@@ -123,6 +126,16 @@ def listed(names: Sequence[str]) -> str:
     """Write names with commas and a last and."""
     *first, last = names
     return f"{', '.join(first)} and {last}" if first else last
+
+
+def slug(label: str) -> str:
+    """Give the part of a file's name that stands for a mission; it differs for every label."""
+    plain = re.sub(r"[^a-z0-9._-]+", "-", label.lower()).strip(".-_")[:_LONGEST_SLUG]
+    if plain == label:
+        return plain
+    # Two labels may differ only in what was left out.
+    digest = hashlib.sha256(label.encode()).hexdigest()[:8]
+    return f"{plain}-{digest}" if plain else digest
 
 
 def main_indicator(comparisons: pd.DataFrame) -> str:

@@ -8,9 +8,9 @@ import socket
 import threading
 import time
 import warnings
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from botohe_moo.study.file.digest import code_mismatch, installed_versions
@@ -113,7 +113,6 @@ class _Worker:
     check: Any  # the future of the check of its code; None once it has ended
     checked_at: float
     fit: bool = False
-    running: set[Any] = field(default_factory=set)  # futures of runs
 
 
 class _Cluster:
@@ -126,7 +125,7 @@ class _Cluster:
         self._waiting = waiting
         self._origins = {task.algorithm: task.origin for task in waiting}
         self._workers: dict[str, _Worker] = {}
-        self._running: dict[Any, tuple[Task, str]] = {}
+        self._running: dict[Any, tuple[Task, str]] = {}  # by future, with the worker's address
         self._n_deaths: dict[str, int] = {}
         self._n_submitted = 0
         self._counted_at = float("-inf")
@@ -143,12 +142,13 @@ class _Cluster:
         if now - self._counted_at >= _SECONDS_BETWEEN_COUNTS:
             self._counted_at = now
             self._count()
+        busy = Counter(address for _, address in self._running.values())
         for address, worker in self._workers.items():
-            while worker.fit and self._waiting and len(worker.running) < worker.n_threads:
+            while worker.fit and self._waiting and busy[address] < worker.n_threads:
                 task = self._waiting.popleft()
                 future = self._submit(address, f"run-{task.digest}", _perform_on_worker, task)
-                worker.running.add(future)
                 self._running[future] = task, address
+                busy[address] += 1
         self._warn_if_idle(now)
 
     def _count(self) -> None:
@@ -160,8 +160,10 @@ class _Cluster:
                 "again to go on."
             ) from None
         for address in self._workers.keys() - there.keys():
-            for future in self._workers.pop(address).running:
-                task, _ = self._running.pop(future)
+            del self._workers[address]
+        for future, (task, address) in list(self._running.items()):
+            if address not in self._workers:
+                del self._running[future]
                 future.cancel()
                 self._died(task)
         for address in there.keys() - self._workers.keys():
@@ -210,13 +212,14 @@ class _Cluster:
         if isinstance(future, tuple):
             return future
         if future in self._running:
-            task, address = self._running.pop(future)
-            if address in self._workers:
-                self._workers[address].running.discard(future)
+            task, _ = self._running.pop(future)
             if _is_lost(future):
                 self._died(task)
                 return None
-            return task, _outcome_of(future)
+            if error := future.exception():
+                said = f"the Dask worker failed ({type(error).__name__}: {error})"
+                return task, failure(said)
+            return task, future.result()
         for address, worker in self._workers.items():
             if worker.check == future:
                 worker.check = None
@@ -249,14 +252,6 @@ class _Cluster:
 def _is_lost(future: Any) -> bool:
     """Tell whether a future ended without a result, as when its worker or the scheduler dies."""
     return future.status in ("cancelled", "lost")
-
-
-def _outcome_of(future: Any) -> Outcome:
-    error = future.exception()
-    if error is None:
-        outcome: Outcome = future.result()
-        return outcome
-    return failure(f"the Dask worker failed ({type(error).__name__}: {error})")
 
 
 # One for all threads of a Dask worker; its processes end with the worker's.

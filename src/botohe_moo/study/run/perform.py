@@ -63,34 +63,22 @@ class Recorder:
     def watch(self, evaluations: int) -> None:
         """Record the front if a record is due after so many evaluations."""
         if evaluations >= self._next:
-            began = time.perf_counter()
-            self._record(evaluations, began - self._started - self.recording, whole=self._whole)
+            self.record(evaluations, self.elapsed(), whole=self._whole)
             passed = bisect.bisect_right(self._counts, evaluations)
             self._next = self._counts[passed] if passed < len(self._counts) else sys.maxsize
-            self.recording += time.perf_counter() - began
 
-    def last(self, evaluations: int, seconds: float) -> None:
-        """Record the final front with its plans, and what was spent altogether."""
+    def record(self, evaluations: int, seconds: float, *, whole: bool) -> None:
+        """Send a record of the front, if it has any points, and of its plans if it is ``whole``."""
         began = time.perf_counter()
-        self._record(evaluations, seconds, whole=True)
-        self.recording += time.perf_counter() - began
-
-    def _record(self, evaluations: int, seconds: float, *, whole: bool) -> None:
         archive = self._archive()
-        if not len(archive):
-            return
-        objectives = archive.objectives
-        different = np.ones(len(objectives), bool)
-        different[1:] = (objectives[1:] != objectives[:-1]).any(axis=1)
-        self._send(
-            Record(
-                evaluations=evaluations,
-                seconds=seconds,
-                objectives=objectives[different],
-                ties=int(len(objectives) - different.sum()),
-                plans=(archive.plans, objectives.copy()) if whole else None,
-            )
-        )
+        if len(archive):
+            objectives = archive.objectives
+            different = np.ones(len(objectives), bool)
+            different[1:] = (objectives[1:] != objectives[:-1]).any(axis=1)
+            ties = int(len(objectives) - different.sum())
+            plans = (archive.plans, objectives.copy()) if whole else None
+            self._send(Record(evaluations, seconds, objectives[different], ties, plans))
+        self.recording += time.perf_counter() - began
 
 
 _WARM_UP_EVALUATIONS = 250
@@ -121,7 +109,7 @@ def perform(
         if task.evaluations is not None and spent[0] > task.evaluations:
             raise RuntimeError(f"evaluated {spent[0]} plans of the {task.evaluations} allowed")
         archive = _archive(algorithm, problem)
-        recorder.last(spent[0], seconds)
+        recorder.record(spent[0], seconds, whole=True)
     except (Exception, SystemExit) as error:  # an algorithm may end its own run only
         said = "".join(traceback.format_exception_only(error)).strip()
         seconds = recorder.elapsed() if recorder else 0.0

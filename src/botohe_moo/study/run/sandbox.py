@@ -192,8 +192,11 @@ class Sandbox:
         return "died", None, None, None
 
     def _died(self, state: _RunState) -> Outcome:
-        process, output = self._process, self._end_of_output()
+        process = self._process
         assert process is not None
+        size = self._output.seek(0, os.SEEK_END)
+        self._output.seek(max(0, size - _MOST_OUTPUT))
+        output = self._output.read().decode(errors="replace").strip()
         with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(_SECONDS_TO_DIE)  # it may still be about to
         status = process.poll()
@@ -203,11 +206,6 @@ class Sandbox:
         known = {member.value: member.name for member in signal.Signals}
         how = f"signal {known.get(-status, -status)}" if status < 0 else f"exit status {status}"
         return state.failed(f"its process died ({how})", output or None)
-
-    def _end_of_output(self) -> str:
-        size = self._output.seek(0, os.SEEK_END)
-        self._output.seek(max(0, size - _MOST_OUTPUT))
-        return self._output.read().decode(errors="replace").strip()
 
     def close(self) -> None:
         """End the process and all it has started, whatever they do."""

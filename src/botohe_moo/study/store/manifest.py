@@ -12,7 +12,7 @@ from botohe_moo._base.files import read_bytes, replace_file
 from botohe_moo.mission.formats.files import read_mission
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.validation import MissionError
-from botohe_moo.study.file.config import StudyFile
+from botohe_moo.study.file.config import Comparison, StudyFile
 from botohe_moo.study.file.digest import mission_digest
 from botohe_moo.study.file.document import Document
 from botohe_moo.study.file.model import MANIFEST, Study, StudyAlgorithm, StudyError, StudyMission
@@ -79,20 +79,18 @@ def restore_study(folder: Path) -> Study:
         )
     try:
         dump = _Dump.model_validate(manifest["kept"])
-        missions = tuple(_restore_mission(folder, entry) for entry in dump.missions)
-        algorithms = tuple(_ALGORITHM.validate_python(entry) for entry in dump.algorithms)
+        missions = []
+        for entry in dump.missions:
+            digest = entry["digest"]
+            mission = saved_mission(folder / "missions" / f"{digest}.json", digest)
+            missions.append(_MISSION.validate_python({**entry, "mission": mission}))
         file = StudyFile.model_validate(Document.parse(dump.text).content)
     except StudyError:
         raise
     except (ValueError, TypeError, KeyError, RecursionError) as error:
         said = f"{path}: cannot be read ({_reason(error)}); run the study again."
         raise StudyError(said) from error
-    return Study(file, dump.text, missions, algorithms, dump.seeds, dump.versions)
-
-
-def _restore_mission(folder: Path, dump: dict[str, Any]) -> StudyMission:
-    mission = saved_mission(folder / "missions" / f"{dump['digest']}.json", dump["digest"])
-    return _MISSION.validate_python({**dump, "mission": mission})
+    return Study(file, dump.text, tuple(missions), dump.algorithms, dump.seeds, dump.versions)
 
 
 def saved_mission(path: Path, digest: str) -> Mission:
@@ -122,7 +120,7 @@ class _Dump(BaseModel):
     seeds: tuple[int, ...]
     versions: dict[str, str]
     missions: list[dict[str, Any]]
-    algorithms: list[dict[str, Any]]
+    algorithms: tuple[StudyAlgorithm, ...]
 
 
 class _ManifestMission(BaseModel):
@@ -142,11 +140,6 @@ class _ManifestAlgorithm(BaseModel):
     version: str | None
 
 
-class _ManifestComparison(BaseModel):
-    control: str | None
-    significance: float
-
-
 class _Manifest(BaseModel):
     """The part of a manifest that readers rely on."""
 
@@ -158,6 +151,6 @@ class _Manifest(BaseModel):
     algorithms: dict[str, _ManifestAlgorithm]
     seeds: list[int]
     indicators: list[str]
-    comparison: _ManifestComparison
+    comparison: Comparison
     tables: dict[str, str] | None
     previous: "_Manifest | None" = None  # what the tables were made for, if not this study

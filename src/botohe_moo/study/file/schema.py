@@ -1,0 +1,65 @@
+"""The JSON Schema of study files, with the parameters of built-in algorithms and missions.
+
+Those of other packages are not in it, so that it is the same everywhere.
+"""
+
+import json
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+from botohe_moo._plugins.stated import Parameter
+from botohe_moo._plugins.types import plain_value
+from botohe_moo.algorithms.origin import algorithm_origin
+from botohe_moo.algorithms.registry import algorithm_names, algorithm_parameters
+from botohe_moo.mission.library import mission_names, mission_origin, mission_parameters
+from botohe_moo.study.file.config import StudyFile
+
+
+def study_schema() -> str:
+    """Give the JSON Schema of study files, for editors that check while one types."""
+    schema = StudyFile.model_json_schema()
+    rules = {
+        "AlgorithmEntry": _rules(
+            "algorithm", algorithm_names(), algorithm_origin, algorithm_parameters
+        ),
+        "MissionEntry": _rules("mission", mission_names(), mission_origin, mission_parameters),
+    }
+    for entry, found in rules.items():
+        schema["$defs"][entry]["anyOf"][-1]["allOf"] = found
+    names = {"type": "array", "items": {"type": "string"}, "minItems": 1}
+    for key in ("missions", "algorithms"):
+        whole = schema["properties"][key]
+        about = {"description": whole.pop("description"), "title": whole.pop("title")}
+        schema["properties"][key] = {**about, "anyOf": [names, whole]}
+    schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
+    return json.dumps(schema, indent=1) + "\n"
+
+
+def _rules(
+    key: str,
+    names: Iterable[str],
+    origin_of: Callable[[str], Mapping[str, str | None]],
+    parameters_of: Callable[[str], Iterable[Parameter]],
+) -> list[dict[str, Any]]:
+    """Give a rule for each built-in algorithm or mission: parameters, types and ranges."""
+    also: dict[str, Any] = {"robots": {}} if key == "mission" else {}  # which all missions take
+    rules = []
+    for name in names:
+        if origin_of(name)["package"] != "botohe-moo":
+            continue
+        single = {p.name: _described(p) for p in parameters_of(name) if p.plain} | also
+        several = {name: {"items": schema} for name, schema in single.items()}
+        given = {
+            "parameters": {"properties": single, "additionalProperties": False},
+            "grid": {"properties": several, "additionalProperties": False},
+        }
+        condition = {"properties": {key: {"const": name}}, "required": [key]}
+        rules.append({"if": condition, "then": {"properties": given}})
+    return rules
+
+
+def _described(parameter: Parameter) -> dict[str, Any]:
+    schema = parameter.adapter.json_schema() if parameter.adapter and parameter.plain else {}
+    default = plain_value(parameter.default)
+    known = {} if parameter.required or default is NotImplemented else {"default": default}
+    return {**schema, **known, "description": parameter.description}
