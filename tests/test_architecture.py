@@ -9,14 +9,14 @@ import importlib
 import re
 import subprocess
 import sys
-from importlib.util import find_spec, resolve_name
+from importlib.util import find_spec
 from pathlib import Path
 
 import networkx as nx
 import pytest
 
 import botohe_moo
-from botohe_moo import algorithms, plots, study
+from botohe_moo import algorithms, mission, operators, outcomes, plots, study
 
 PACKAGE = Path(botohe_moo.__file__).parent
 SOURCES = sorted(PACKAGE.rglob("*.py"))
@@ -127,8 +127,8 @@ def pymoo_faults(module, tree):
     return [name for name in imported(tree) if name.split(".")[0] == "pymoo"]
 
 
-LAZY_NAMES = "__getattr__, __dir__ = lazy_names(__name__, _HOMES)"
-ALSO_MOVED = LAZY_NAMES.replace("_HOMES", "_HOMES, _MOVED")
+LAZY_NAMES = "__getattr__, __dir__, __all__ = lazy_names(__name__)"
+ALSO_MOVED = LAZY_NAMES.replace("__name__", "__name__, _MOVED")
 LAZY = {ast.dump(ast.parse(line).body[0]) for line in (LAZY_NAMES, ALSO_MOVED)}
 
 
@@ -140,7 +140,7 @@ def initialiser_faults(tree):
             faults += initialiser_faults(ast.Module([*node.body, *node.orelse], []))
         elif isinstance(node, ast.Assign):
             named = [ast.unparse(target) for target in node.targets]
-            if ast.dump(node) not in LAZY and named not in (["__all__"], ["_HOMES"], ["_MOVED"]):
+            if ast.dump(node) not in LAZY and named not in (["__all__"], ["_MOVED"]):
                 faults.append(f"assigns {named}")
         elif not (
             isinstance(node, ast.Import | ast.ImportFrom)
@@ -276,12 +276,23 @@ def parameter_faults(node, docstring, exported):
     return faults + [f"{name} is not described" for name in needed if name not in described]
 
 
+def homes_for_checkers(tree):
+    """The names that type checkers take for exported, ``NAME as NAME``, and their modules."""
+    return {
+        alias.asname: node.module
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+        if alias.asname == alias.name
+    }
+
+
 def exported_by(tree):
-    """The names in ``__all__``."""
+    """The names in ``__all__``, or imported for type checkers as exported."""
     for node in tree.body:
         if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__all__":
             return ast.literal_eval(node.value)
-    return []
+    return [*homes_for_checkers(tree)]
 
 
 INITIALISERS = [path for path in SOURCES if path.name == "__init__.py"]
@@ -430,7 +441,7 @@ class TestInitialisers:
         assert initialiser_faults(ast.parse(line))
 
     def test_what_is_lazy_is_allowed(self):
-        lazy = f"if TYPE_CHECKING:\n import a\n_HOMES = {{}}\n{LAZY_NAMES}"
+        lazy = f"if TYPE_CHECKING:\n from a import b as b\n{LAZY_NAMES}"
         assert initialiser_faults(ast.parse(lazy)) == []
 
     @pytest.mark.parametrize("path", INITIALISERS, ids=module_name)
@@ -444,7 +455,7 @@ class TestInitialisers:
         assert sorted(names - {"TYPE_CHECKING", "lazy_names"}) == sorted(exported_by(tree))
 
 
-LAZY_PACKAGES = [botohe_moo, algorithms, plots, study]
+LAZY_PACKAGES = [botohe_moo, algorithms, mission, operators, outcomes, plots, study]
 PUBLIC = [(package, name) for package in LAZY_PACKAGES for name in package.__all__]
 
 
@@ -455,19 +466,14 @@ class TestLazyNames:
     def test_all_homes_and_type_checkers_agree(self, package):
         tree = parsed(Path(package.__file__))
         [checked] = [node for node in tree.body if isinstance(node, ast.If)]
-        for_checkers = dict(name.rpartition(".")[::-2] for name in imported(checked))
-        homes = {
-            name: resolve_name(home, package.__name__)
-            for home, names in package._HOMES.items()
-            for name in names
-        }
-        assert homes == for_checkers
-        assert sorted(homes) == sorted(package.__all__)
+        for_checkers = homes_for_checkers(checked)
+        assert sorted(for_checkers) == sorted(name.split(".")[-1] for name in imported(checked))
+        assert sorted(for_checkers) == package.__all__
 
     @pytest.mark.parametrize(("package", "name"), PUBLIC)
     def test_each_is_what_its_home_says(self, package, name):
-        [home] = [home for home, names in package._HOMES.items() if name in names]
-        expected = getattr(importlib.import_module(home, package.__name__), name)
+        home = homes_for_checkers(parsed(Path(package.__file__)))[name]
+        expected = getattr(importlib.import_module(home), name)
         assert getattr(package, name) is expected
         scope = {}
         exec(f"from {package.__name__} import {name}", scope)

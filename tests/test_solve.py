@@ -519,6 +519,26 @@ class TestReading:
         with pytest.raises(ValueError, match=r"plans\.json: plan 0: Expected 3 trails"):
             read_solution(tmp_path, mission=toy.with_robots(3))
 
+    @pytest.mark.parametrize("with_mission", [False, True])
+    @pytest.mark.parametrize(
+        ("name", "found"),
+        [
+            ("nowhere", "No such file or directory"),
+            ("a file", "Not a directory"),
+            ("nul\0", "embedded null (byte|character)"),
+            ("a folder", "none of these files"),
+        ],
+    )
+    def test_what_holds_no_solution_is_named(self, toy, tmp_path, name, found, with_mission):
+        (tmp_path / "a file").write_text("{}")
+        (tmp_path / "a folder").mkdir()
+        (tmp_path / "a folder" / "runs.csv").write_text("")
+        expected = "expected a folder with front.csv, plans.json, mission.json"
+        with pytest.raises(ValueError, match=f"{expected}, as .*, found: .*{found}") as caught:
+            read_solution(tmp_path / name, mission=toy if with_mission else None)
+        assert str(caught.value).startswith(f"{tmp_path / name}: expected")
+        assert not isinstance(caught.value, MissionError)
+
     @pytest.mark.parametrize(
         ("name", "damage", "fault"),
         [

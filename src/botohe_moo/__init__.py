@@ -9,70 +9,29 @@ from typing import TYPE_CHECKING
 from botohe_moo._base.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from botohe_moo.algorithms import (
-        BOACO,
-        Exact,
-        Greedy,
-        ParetoLocalSearch,
-        RandomTrails,
-        SimulatedAnnealing,
-        algorithm_names,
-        make_algorithm,
-    )
-    from botohe_moo.indicators import area_indicator
-    from botohe_moo.mission import Mission, MissionError, load_mission, mission_names, save_mission
-    from botohe_moo.outcomes import plan_outcomes
-    from botohe_moo.plots import plot_front, plot_mission
-    from botohe_moo.problem import BOTOHE
-    from botohe_moo.solution import Solution, read_solution
-    from botohe_moo.solving import solve
-    from botohe_moo.trails import TrailPlan
+    from botohe_moo.algorithms import BOACO as BOACO
+    from botohe_moo.algorithms import Exact as Exact
+    from botohe_moo.algorithms import Greedy as Greedy
+    from botohe_moo.algorithms import ParetoLocalSearch as ParetoLocalSearch
+    from botohe_moo.algorithms import RandomTrails as RandomTrails
+    from botohe_moo.algorithms import SimulatedAnnealing as SimulatedAnnealing
+    from botohe_moo.algorithms import algorithm_names as algorithm_names
+    from botohe_moo.algorithms import make_algorithm as make_algorithm
+    from botohe_moo.indicators import area_indicator as area_indicator
+    from botohe_moo.mission import Mission as Mission
+    from botohe_moo.mission import MissionError as MissionError
+    from botohe_moo.mission import load_mission as load_mission
+    from botohe_moo.mission import mission_names as mission_names
+    from botohe_moo.mission import save_mission as save_mission
+    from botohe_moo.outcomes import plan_outcomes as plan_outcomes
+    from botohe_moo.plots import plot_front as plot_front
+    from botohe_moo.plots import plot_mission as plot_mission
+    from botohe_moo.problem import BOTOHE as BOTOHE
+    from botohe_moo.solution import Solution as Solution
+    from botohe_moo.solution import read_solution as read_solution
+    from botohe_moo.solving import solve as solve
+    from botohe_moo.trails import TrailPlan as TrailPlan
 
-__all__ = [
-    "BOACO",
-    "BOTOHE",
-    "Exact",
-    "Greedy",
-    "Mission",
-    "MissionError",
-    "ParetoLocalSearch",
-    "RandomTrails",
-    "SimulatedAnnealing",
-    "Solution",
-    "TrailPlan",
-    "algorithm_names",
-    "area_indicator",
-    "load_mission",
-    "make_algorithm",
-    "mission_names",
-    "plan_outcomes",
-    "plot_front",
-    "plot_mission",
-    "read_solution",
-    "save_mission",
-    "solve",
-]
-
-_HOMES = {
-    ".algorithms": (
-        "BOACO",
-        "Exact",
-        "Greedy",
-        "ParetoLocalSearch",
-        "RandomTrails",
-        "SimulatedAnnealing",
-        "algorithm_names",
-        "make_algorithm",
-    ),
-    ".indicators": ("area_indicator",),
-    ".mission": ("Mission", "MissionError", "load_mission", "mission_names", "save_mission"),
-    ".outcomes": ("plan_outcomes",),
-    ".plots": ("plot_front", "plot_mission"),
-    ".problem": ("BOTOHE",),
-    ".solution": ("Solution", "read_solution"),
-    ".solving": ("solve",),
-    ".trails": ("TrailPlan",),
-}
 # Names that were here once and now belong to the modules that have them.
 _MOVED = {
     ".mission": ("PlanError", "read_mission"),
@@ -88,4 +47,4 @@ _MOVED = {
     ".search.sequential": ("plan_sequentially",),
     ".trails": ("PlanBatch",),
 }
-__getattr__, __dir__ = lazy_names(__name__, _HOMES, _MOVED)
+__getattr__, __dir__, __all__ = lazy_names(__name__, _MOVED)

@@ -1,7 +1,5 @@
 """Quality of a front as one number: area, IGD+ and additive epsilon."""
 
-from __future__ import annotations
-
 import moocore
 import numpy as np
 from numpy.typing import ArrayLike

@@ -12,7 +12,7 @@ from pymoo.util.display.output import Output
 
 from botohe_moo._base.types import FloatArray, ObjectArray
 from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.ranges import Probability
+from botohe_moo._plugins.types import Probability
 from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import PlanBatch

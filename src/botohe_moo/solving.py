@@ -1,11 +1,10 @@
 """From a mission and an algorithm to a front, in one call."""
 
-import contextlib
 import os
 import threading
 import time
 from collections.abc import Callable, Mapping
-from functools import partial
+from contextlib import nullcontext
 from typing import Any
 
 import moocore
@@ -136,9 +135,12 @@ def search(
         algorithm.setup(problem, termination=("n_eval", evaluations), seed=seed)
     except (AssertionError, TypeError, ValueError) as error:  # pymoo asserts what it demands
         raise RefusalError(f"Algorithm {name!r}: {error}") from error
+
+    def area() -> float:
+        return area_indicator(_front(algorithm)[0], mission)
+
     startup: dict[str, Any] = {}
-    with contextlib.ExitStack() as stack:
-        stop = stack.enter_context(hold_interrupt()) if stop is None else stop
+    with hold_interrupt() if stop is None else nullcontext(stop) as stop:
         going_on = True
         while going_on:  # at least once, so that something is found however soon it is stopped
             try:
@@ -155,7 +157,7 @@ def search(
             }
             going_on = algorithm.has_next() and not stop.is_set()
             if progress is not None:
-                progress(algorithm.evaluator.n_eval, partial(_area, algorithm, mission))
+                progress(algorithm.evaluator.n_eval, area)
     seconds = time.perf_counter() - started
     objectives, plans = _front(algorithm)
     return Solution(
@@ -170,10 +172,6 @@ def search(
         **{**record, "algorithm": name},
         **startup,
     )
-
-
-def _area(algorithm: Algorithm, mission: Mission) -> float:
-    return area_indicator(_front(algorithm)[0], mission)
 
 
 def _front(algorithm: Algorithm) -> tuple[FloatArray, tuple[TrailPlan, ...]]:

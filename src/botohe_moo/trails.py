@@ -1,10 +1,7 @@
 """Trail plans as ragged arrays of node indices, independent of any mission."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
-from operator import index as as_index
 from typing import Any, Self, TypeAlias, overload
 
 import numpy as np
@@ -261,13 +258,11 @@ class PlanBatch:
         if isinstance(index, slice):
             return self.take(np.arange(len(self))[index])
         try:
-            i = as_index(index)
+            cut = range(len(self))[index] * self.n_robots
         except TypeError:
             raise TypeError(f"Expected a plan index or a slice, got {index!r}.") from None
-        n_plans = len(self)
-        if not -n_plans <= i < n_plans:
-            raise IndexError(f"Expected a plan index below {n_plans}, got {i}.")
-        cut = (i % n_plans) * self.n_robots
+        except IndexError:
+            raise IndexError(f"Expected a plan index below {len(self)}, got {index}.") from None
         offsets = self.offsets[cut : cut + self.n_robots + 1]
         return TrailPlan._wrap(self.nodes[offsets[0] : offsets[-1]].copy(), offsets - offsets[0])
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from botohe_moo import Mission, TrailPlan, load_mission, plan_sequentially
 from botohe_moo.kernels.fronts.ordered import best_reward
-from botohe_moo.kernels.local_search import moves, routes
+from botohe_moo.kernels.local_search import children, routes
 from botohe_moo.kernels.local_search import search as kernels
 from botohe_moo.kernels.local_search.workspace import SearchRule
 from botohe_moo.search import local_search as search_module
@@ -80,7 +80,7 @@ class Child:
             *work.middle[: now.middle].tolist(),
             *trail[now.suffix : now.length],
         ]
-        n = moves.write_child(work)
+        n = children.write_child(work)
         assert work.child[:n].tolist() == self.arcs
         self.tails, self.heads = graph.tail[self.arcs].tolist(), graph.head[self.arcs].tolist()
         self.trail = (*base, *self.heads)

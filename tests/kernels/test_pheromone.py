@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import load_mission
-from botohe_moo.kernels.colony.construct import Weights
 from botohe_moo.kernels.colony.pheromone import LEAST, Depositors, LearningRule, Pheromone, learn
+from botohe_moo.kernels.colony.weighing import Weights
 
 N_ROBOTS = 2
 GRAPH = load_mission("complete", nodes=4).arrays

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from botohe_moo import Mission, TrailPlan
 from botohe_moo.kernels.graph.arcs import find_arc
+from botohe_moo.kernels.local_search import admission, workspace
 from botohe_moo.kernels.local_search import trail_store as kernels
-from botohe_moo.kernels.local_search import workspace
 from tests.strategies import missions, missions_with_plans, trails
 
 
@@ -29,7 +29,7 @@ class Stored:
         arcs = [find_arc(self.mission.arrays, u, v) for u, v in pairwise(nodes)]
         self.work.child[: len(arcs)] = arcs
         self.work.child[len(arcs) :] = -1  # there is room for more than is used
-        trail = workspace.add_trail(self.mission.arrays, self.store, self.work, len(arcs))
+        trail = admission.add_trail(self.mission.arrays, self.store, self.work, len(arcs))
         self.nodes[trail] = tuple(nodes)
         return trail
 
@@ -97,7 +97,7 @@ def test_objectives_have_the_bits_of_evaluate(case, random):
     random.shuffle(nodes)
     stored.work.trails[:] = sorted(map(stored.add, nodes), key=stored.nodes.get)
     for _ in range(2):
-        objectives = workspace.evaluate_trails(mission.arrays, stored.store, stored.work)
+        objectives = admission.evaluate_trails(mission.arrays, stored.store, stored.work)
         assert list(objectives) == mission.evaluate([TrailPlan(nodes)])[0].tolist()
 
 

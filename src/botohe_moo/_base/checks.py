@@ -1,7 +1,5 @@
 """Checks of parameters at the boundary, with one way to say what was expected."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Iterable, Mapping
 from difflib import SequenceMatcher
@@ -95,18 +93,19 @@ def check_weights(
         expected = f"{parameter} to be a mapping from names to weights"
         raise ParameterError(f"Expected {expected}, got {quoted(given)}.", parameter)
     weights = {}
-    for name, weight in given.items():
-        try:
+    expected = ""
+    try:
+        for name, weight in given.items():
             check_choice(what, name, known)
             weights[name] = check_number(f"weight of {name!r} in {what}", weight, at_least=0)
-        except ParameterError as error:
-            raise ParameterError(str(error), parameter) from None
+    except ParameterError as error:
+        raise ParameterError(str(error), parameter) from None
     if sum(weights.values()) == math.inf:
-        message = f"Expected weights of {what} with a finite sum, got {quoted(given)}."
-        raise ParameterError(message, parameter)
-    if needed and not any(weights.values()):
-        message = f"Expected a {needed} of weight above 0, got {quoted(given)}."
-        raise ParameterError(message, parameter)
+        expected = f"weights of {what} with a finite sum"
+    elif needed and not any(weights.values()):
+        expected = f"a {needed} of weight above 0"
+    if expected:
+        raise ParameterError(f"Expected {expected}, got {quoted(given)}.", parameter)
     return weights
 
 

@@ -1,7 +1,5 @@
 """Writing files so that no half-written file is ever found."""
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import itertools

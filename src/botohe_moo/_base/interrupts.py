@@ -1,7 +1,5 @@
 """A Ctrl-C that loses nothing: long steps end where what was found can be kept."""
 
-from __future__ import annotations
-
 import os
 import signal
 import threading
@@ -30,7 +28,7 @@ def hold_interrupt(*, answer: str | None = None) -> Iterator[threading.Event]:
         # Not the usual handler: if that ends the process at once, nothing is put in order.
         signal.signal(signal.SIGINT, signal.default_int_handler)
         pressed.set()
-        say_once()  # before whoever looks at the event says something
+        say_once()  # before what waits for the event prints something
 
     signal.signal(signal.SIGINT, note)
     try:

@@ -1,33 +1,39 @@
 """Packages whose names are imported when they are first used."""
 
+import ast
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from typing import Any
 
 
 def lazy_names(
-    package: str,
-    homes: Mapping[str, Sequence[str]],
-    moved: Mapping[str, Sequence[str]] | None = None,
-) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """Make the ``__getattr__`` and ``__dir__`` (PEP 562) of a package of that ``__name__``.
+    package: str, moved: Mapping[str, Sequence[str]] | None = None
+) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
+    """Make the ``__getattr__`` and ``__dir__`` (PEP 562) and the ``__all__`` of a package.
 
-    ``homes`` has its public names by the module that defines them. Those in ``moved`` can be
-    imported, too, but are not listed.
+    Its public names are those that its ``__init__`` imports for type checkers, written as these
+    want it of what is exported: ``from HOME import NAME as NAME``. They are read from its source,
+    so that each is named once. Those in ``moved``, by their home, can be imported, too, but are not
+    listed.
 
     Examples
     --------
-    >>> get, names = lazy_names("botohe_moo", {".trails": ("TrailPlan",)})
-    >>> get("TrailPlan").__module__, names()
-    ('botohe_moo.trails', ['TrailPlan'])
+    >>> get, names, listed = lazy_names("botohe_moo")
+    >>> get("TrailPlan").__module__, "TrailPlan" in names(), "TrailPlan" in listed
+    ('botohe_moo.trails', True, True)
     """
-    listed = sorted(name for names in homes.values() for name in names)
-    known = [*homes.items(), *(moved or {}).items()]
-    home_of = {name: home for home, names in known for name in names}
+    source = sys.modules[package].__loader__.get_source(package)  # type: ignore[union-attr]
+    imports = [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.ImportFrom)]
+    homes = {
+        alias.asname: str(node.module) for node in imports for alias in node.names if alias.asname
+    }
+    listed = sorted(homes)
+    homes |= {name: home for home, names in (moved or {}).items() for name in names}
 
     def get(name: str) -> Any:
-        if name not in home_of:
+        if name not in homes:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        return getattr(import_module(home_of[name], package), name)
+        return getattr(import_module(homes[name], package), name)
 
-    return get, lambda: list(listed)
+    return get, listed.copy, listed

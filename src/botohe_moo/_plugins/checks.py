@@ -1,7 +1,5 @@
 """What is wrong with the values that a factory is given: everything, before it is called."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable, Collection, Mapping
 from typing import Any, ParamSpec, TypeAlias, TypeVar

@@ -1,7 +1,5 @@
 """What numpydoc docstrings say of functions and classes, and of their parameters."""
 
-from __future__ import annotations
-
 import functools
 import inspect
 import re

@@ -1,7 +1,5 @@
 """What other packages register, found through entry points; nothing is imported before its use."""
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import os
@@ -110,7 +108,7 @@ def same_factory(one: object, other: object) -> bool:
 
 
 def imported(load: Callable[[], Any], origin: str) -> Any:
-    """Import what others have written; it can neither end the process nor write among results.
+    """Import another package's code, which can neither end the process nor print among results.
 
     Whatever ``load`` raises becomes a PluginError that begins with ``origin``, what it is.
     """

@@ -1,7 +1,5 @@
 """What ``module:name`` leads to: it is called only if it says that it makes what is wanted."""
 
-from __future__ import annotations
-
 import ast
 import functools
 import inspect

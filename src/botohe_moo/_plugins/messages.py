@@ -1,7 +1,5 @@
 """What pydantic finds wrong with values, in this package's words."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, TypeAlias
 

@@ -3,8 +3,6 @@
 By its signature and docstring, or by a pydantic model: the attribute ``Parameters``.
 """
 
-from __future__ import annotations
-
 import functools
 import inspect
 import re
@@ -208,14 +206,10 @@ def signature_parameters(function: Factory) -> Iterator[Parameter]:
             text = type_text(hint)
         resolved = hint is not Any
         plain = is_plain(hint) if resolved else not text or re.search(_PLAIN_WORDS, text)
-        description = described.get(stated.name) or _field_description(hint)
+        marks = getattr(hint, "__metadata__", ())
+        said = [m.description for m in marks if isinstance(m, FieldInfo) and m.description]
+        description = described.get(stated.name) or (said[0] if said else "")
         yield Parameter(stated.name, stated.default, hint, text, description, bool(plain))
-
-
-def _field_description(hint: Any) -> str:
-    """Give what a ``Field`` says in an ``Annotated`` type."""
-    fields = (part for part in getattr(hint, "__metadata__", ()) if isinstance(part, FieldInfo))
-    return next((field.description for field in fields if field.description), "")
 
 
 def _signature(function: Factory) -> inspect.Signature | None:

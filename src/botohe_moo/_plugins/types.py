@@ -1,17 +1,23 @@
 """What types say of values: their range, their name, and what a text file can hold."""
 
-from __future__ import annotations
-
 import collections.abc
 import enum
 import os
 import types
 from collections.abc import Iterable, Mapping, Sequence
 from numbers import Integral, Number, Real
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, TypeAlias, Union, get_args, get_origin
 
 import numpy as np
+from pydantic import Field
 from pydantic.fields import FieldInfo
+
+# Ranges that several algorithms, operators and missions declare.
+Count: TypeAlias = Annotated[int, Field(ge=1, le=1_000_000)]
+Probability: TypeAlias = Annotated[float, Field(ge=0, le=1)]
+Positive: TypeAlias = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative: TypeAlias = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Robots: TypeAlias = Annotated[int, Field(ge=1, description="Team size.")]
 
 UNIONS = (Union, types.UnionType)
 # What lists and mappings of a text file can stand for.

@@ -1,11 +1,10 @@
 """What algorithms have in common that build whole batches of plans and keep an archive."""
 
-from __future__ import annotations
-
 import inspect
 import math
 import sys
 from collections.abc import Iterable
+from dataclasses import fields
 from typing import Annotated, Any, TypeAlias
 
 import numpy as np
@@ -28,7 +27,30 @@ MaxTies: TypeAlias = Annotated[int, Field(ge=1, le=1_000_000_000)]
 PYMOO_OPTIONS = sorted({*inspect.signature(Algorithm).parameters} - {"archive", "kwargs"})
 
 
-class ArchiveAlgorithm(Algorithm):
+class BudgetedAlgorithm(Algorithm):
+    """A pymoo algorithm that never spends more evaluations than its termination allows."""
+
+    def setup(self, problem: Any, **kwargs: Any) -> Algorithm:
+        """Prepare to solve ``problem``; without any termination, for 100 000 evaluations.
+
+        pymoo's default would look for convergence in the design space, which trail plans do not
+        have. A ValueError is raised for a termination that allows no evaluation.
+        """
+        if self.termination is None and kwargs.get("termination") is None:
+            kwargs["termination"] = ("n_eval", 100_000)
+        super().setup(problem, **kwargs)
+        if budget(self.termination) < 1:
+            found = f"{budget(self.termination):g}"
+            raise ValueError(f"Expected a budget of at least 1 evaluation, got {found}.")
+        return self
+
+    def _n_left(self) -> int:
+        """Count the evaluations that the budget still allows."""
+        left = budget(self.termination) - self.evaluator.n_eval
+        return max(0, math.ceil(left)) if left < sys.maxsize else sys.maxsize
+
+
+class ArchiveAlgorithm(BudgetedAlgorithm):
     """A pymoo algorithm whose optimum is an archive of all non-dominated plans it evaluated.
 
     A subclass builds plans in ``_advance`` and hands them to ``_take_in``, which evaluates them,
@@ -76,9 +98,7 @@ class ArchiveAlgorithm(Algorithm):
                 f"Expected a problem without equality constraints, which {type(self).__name__} "
                 f"would not heed, got {problem.n_eq_constr} in {problem.name()}."
             )
-        super().setup(problem, **with_termination(self, kwargs))
-        check_budget(self.termination)
-        return self
+        return super().setup(problem, **kwargs)
 
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
         self.archive = PopulationArchive(
@@ -127,9 +147,6 @@ class ArchiveAlgorithm(Algorithm):
         members = self.archive.absorb(batch.take(feasible), objectives[feasible])
         return objectives, feasible[members]
 
-    def _n_left(self) -> int:
-        return evaluations_left(self)
-
     def _set_optimum(self) -> None:
         pass  # the archive is the optimum, at all times
 
@@ -145,13 +162,13 @@ class ArchiveAlgorithm(Algorithm):
     @opt.setter
     def opt(self, value: Population | None) -> None: ...
 
-    @property
-    def pop(self) -> Population | None:
-        """The same as ``opt``."""
-        return self.opt
+    pop = opt
 
-    @pop.setter
-    def pop(self, value: Population | None) -> None: ...
+
+def settings_of(algorithm: Algorithm, kind: type[Any]) -> dict[str, Any]:
+    """Give the parameters of an algorithm that are fields of a dataclass, by their name."""
+    names = [field.name for field in fields(kind)]
+    return {name: getattr(algorithm, name) for name in names if hasattr(algorithm, name)}
 
 
 def check_options(algorithm: Algorithm, options: Iterable[str]) -> None:
@@ -170,16 +187,6 @@ def check_problem(problem: Any) -> None:
         raise TypeError(f"Expected a BOTOHE problem, got {type(problem).__name__}.")
 
 
-def with_termination(algorithm: Algorithm, options: dict[str, Any]) -> dict[str, Any]:
-    """Let a run without any termination end after 100 000 evaluations.
-
-    pymoo's default would look for convergence in the design space, which trail plans do not have.
-    """
-    if algorithm.termination is None and options.get("termination") is None:
-        return {**options, "termination": ("n_eval", 100_000)}
-    return options
-
-
 def refuse_overrides(algorithm: Algorithm, problem: BOTOHE) -> None:
     """Refuse, by a TypeError, a problem that overrides the evaluation that kernels contain."""
     for method in ("evaluate_batch", "constrain_batch"):
@@ -190,14 +197,6 @@ def refuse_overrides(algorithm: Algorithm, problem: BOTOHE) -> None:
                 "does not call: it evaluates plans inside a kernel. Algorithms such as BOACO heed "
                 "it."
             )
-
-
-def check_budget(termination: Termination) -> None:
-    """Refuse, by a ValueError, a termination that allows no evaluation."""
-    if budget(termination) < 1:
-        raise ValueError(
-            f"Expected a budget of at least 1 evaluation, got {budget(termination):g}."
-        )
 
 
 def budget(termination: Termination) -> float:
@@ -219,9 +218,3 @@ def _limit(termination: Termination, kind: type, attribute: str) -> float:
     parts = [*getattr(termination, "terminations", ()), *getattr(termination, "criteria", ())]
     whole = max if isinstance(termination, TerminateIfAll) else min
     return whole((_limit(part, kind, attribute) for part in parts), default=math.inf)
-
-
-def evaluations_left(algorithm: Algorithm) -> int:
-    """Count the evaluations that an algorithm's budget still allows."""
-    left = budget(algorithm.termination) - algorithm.evaluator.n_eval
-    return max(0, math.ceil(left)) if left < sys.maxsize else sys.maxsize

@@ -11,9 +11,8 @@ from pydantic import Field
 from botohe_moo._base.checks import ParameterError
 from botohe_moo._base.types import FloatArray, ObjectArray, OffsetArray
 from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.ranges import Count, NotNegative, Positive, Probability
-from botohe_moo._plugins.types import SameResult
-from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies
+from botohe_moo._plugins.types import Count, NotNegative, Positive, Probability, SameResult
+from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies, settings_of
 from botohe_moo.problem import BOTOHE
 from botohe_moo.search.archive import PlanArchive
 from botohe_moo.search.colony import Allocation, AntThreads, Colony, ColonyRule, exchange_archives
@@ -223,21 +222,19 @@ class BOACO(ArchiveAlgorithm):
         if self.problem is None:
             raise RuntimeError("There is no pheromone before the algorithm has a problem.")
         graph, nodes = self.problem.mission.arrays, self.problem.mission.nodes
-        tails, heads = (np.append(ends, graph.base) for ends in (graph.tail, graph.head))
-        arcs = {
-            "tail": pd.Series([nodes[i] for i in tails], dtype=object),
-            "head": pd.Series([nodes[i] for i in heads], dtype=object),
-        }
-        frames = {
-            (number, robot): pd.DataFrame(
-                {**arcs, "reward": levels[:, 0], "survival": levels[:, 1]}
-            )
+        tails, heads = (
+            pd.Series([nodes[i] for i in [*ends, graph.base]], dtype=object)
+            for ends in (graph.tail, graph.head)
+        )
+        columns = ["colony", "robot", "tail", "head", "reward", "survival"]
+        maps = [
+            pd.DataFrame(dict(zip(columns, [number, robot, tails, heads, *levels.T], strict=True)))
             for number, colony in enumerate(self.colonies)
             for robot, levels in enumerate(colony.pheromone)
-        }
+        ]
         several = {"colony": self.n_colonies > 1, "robot": self.pheromone_per_robot}
-        maps = pd.concat(frames, names=[*several]).reset_index([*several]).reset_index(drop=True)
-        return maps.drop(columns=[name for name, is_there in several.items() if not is_there])
+        single = [name for name, is_there in several.items() if not is_there]
+        return pd.concat(maps, ignore_index=True).drop(columns=single)
 
     @property
     def colony(self) -> Colony:
@@ -247,24 +244,13 @@ class BOACO(ArchiveAlgorithm):
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
         super()._setup(problem)
         mission = problem.mission
-        reward, survival = (
-            (mission.total_reward or 1.0, float(mission.robots))
-            if self.initial_pheromone == "bounds"
-            else (float(self.initial_pheromone),) * 2
-        )
+        reward, survival = mission.total_reward or 1.0, float(mission.robots)
+        if self.initial_pheromone != "bounds":
+            reward = survival = float(self.initial_pheromone)
         rule = ColonyRule(
-            evaporation=self.evaporation,
-            heuristic=self.heuristic,
-            pheromone=self.pheromone,
-            pheromone_per_robot=self.pheromone_per_robot,
             initial_reward_pheromone=reward,
             initial_survival_pheromone=survival,
-            reward_epsilon=self.reward_epsilon,
-            survival_epsilon=self.survival_epsilon,
-            unvisited_bonus=self.unvisited_bonus,
-            exploration=self.exploration,
-            pooled_deposit=self.pooled_deposit,
-            allocation=self.allocation,
+            **settings_of(self, ColonyRule),
         )
         self._improver: IterationSearch | None = None
         if self.local_search > 0:
@@ -298,7 +284,7 @@ class BOACO(ArchiveAlgorithm):
         if n_ants == 0:  # the plans to start from have spent the budget
             return
         if self.n_colonies > 1 and self.n_iter == 1 and len(self.archive):
-            for origin in self._origins:  # everybody is given the plans to start from
+            for origin in self._origins:  # every colony is given the plans to start from
                 origin.absorb(self.archive.plans, self.archive.objectives.copy())
         shares = _shares(n_ants, self.n_colonies)
         for colony, origin, planned in zip(self.colonies, self._origins, shares, strict=True):

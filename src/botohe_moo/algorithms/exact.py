@@ -7,7 +7,7 @@ from typing import Any
 
 from botohe_moo._base.types import ObjectArray
 from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.ranges import Positive
+from botohe_moo._plugins.types import Positive
 from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies
 from botohe_moo.problem import BOTOHE
 from botohe_moo.search.exact import MEMORY_LIMIT, TIME_LIMIT, FrontSearch

@@ -1,7 +1,5 @@
 """An archive whose plans pymoo can be given."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Self
 
@@ -15,7 +13,7 @@ from botohe_moo.trails import PlanBatch, TrailPlan
 
 
 class PopulationArchive(PlanArchive):
-    """An archive that makes pymoo's individuals when somebody looks at them.
+    """An archive that makes pymoo's individuals when they are read.
 
     Handing pymoo new ones every iteration would cost more than the iteration itself. ``constrain``
     gives the constraints G of a batch (n, n_ieq_constr).
@@ -73,9 +71,7 @@ class PopulationArchive(PlanArchive):
 def _individual(
     plan: TrailPlan, objectives: FloatArray, constraints: FloatArray | None
 ) -> Individual:
-    x = np.empty(1, dtype=object)
-    x[0] = plan
-    individual = Individual(X=x, F=-objectives)
+    individual = Individual(X=np.array([plan], dtype=object), F=-objectives)
     if constraints is not None:
         individual.set("G", constraints)
     individual.evaluated.update(("F", "G", "H"))

@@ -12,7 +12,7 @@ from pymoo.decomposition.tchebicheff import Tchebicheff
 
 from botohe_moo._base.types import FloatArray
 from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.ranges import Probability
+from botohe_moo._plugins.types import Probability
 from botohe_moo.algorithms.population import PopulationAlgorithm, PopulationSize, even_weights
 from botohe_moo.problem import BOTOHE
 

@@ -1,7 +1,5 @@
 """NSGA-II with operators for trail plans."""
 
-from __future__ import annotations
-
 from pymoo.algorithms.moo.nsga2 import NSGA2
 from pymoo.operators.survival.rank_and_crowding import RankAndCrowding
 
@@ -11,9 +9,8 @@ from botohe_moo.algorithms.population import PlanGeneticAlgorithm
 class PlanNSGA2(PlanGeneticAlgorithm, NSGA2):
     """NSGA-II with operators for trail plans.
 
-    Its parameters are ``pop_size``, the plans in the population, ``n_offsprings``, the plans that a
-    generation adds (by default as many), and the operators and options of
-    :class:`PopulationAlgorithm`.
+    Its parameters are ``pop_size``, ``n_offsprings`` (plans that a generation adds, by default as
+    many) and those of :class:`PopulationAlgorithm`.
 
     Notes
     -----

@@ -1,7 +1,5 @@
 """What results of an algorithm depend on: its name, parameters and code."""
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import sys
@@ -15,7 +13,7 @@ from botohe_moo._plugins.checks import call_factory
 from botohe_moo._plugins.entry_points import same_factory
 from botohe_moo._plugins.factories import named
 from botohe_moo._plugins.types import plain_value
-from botohe_moo.algorithms.finding import PLUGINS, accepted_by, find_algorithm, is_path
+from botohe_moo.algorithms.registry import PLUGINS, accepted_by, find_algorithm, is_path
 
 # Their versions identify them; all other modules are identified by their file.
 _VERSIONED = frozenset({"botohe_moo", "pymoo"})

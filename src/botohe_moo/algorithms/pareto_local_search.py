@@ -9,7 +9,7 @@ from pydantic import Field
 from pymoo.core.individual import Individual
 from pymoo.core.population import Population
 
-from botohe_moo._base.checks import ParameterError, check_weights, quoted
+from botohe_moo._base.checks import check_weights
 from botohe_moo._base.types import FloatArray, ObjectArray, OffsetArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo.algorithms.base import ArchiveAlgorithm
@@ -62,7 +62,7 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         segment the other way round. Default: ``DEFAULT_MOVES``.
     greedy_start
         Whether to begin with plans that :func:`~botohe_moo.plan_sequentially` makes for reward
-        alone, for the whole team and for fewer robots, beside that in which everybody stays at
+        alone, for the whole team and for fewer robots, beside the plan in which all robots stay at
         base.
     max_size
         Plans that the front keeps after each generation; None keeps all. Where there are more, that
@@ -116,16 +116,12 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         sampling: Iterable[TrailPlan] | ObjectArray | None = None,
         **options: Any,
     ) -> None:
-        self._search: LocalSearch | None = None
         super().__init__(max_ties=1, sampling=sampling, **options)
         self.evaluations_per_generation = evaluations_per_generation
         self.n_children = n_children
         self.n_drawn = n_drawn
-        self.moves = check_weights("moves", DEFAULT_MOVES if moves is None else moves, MOVES)
-        if not any(self.moves.values()):
-            raise ParameterError(
-                f"Expected a move of weight above 0, got {quoted(moves)}.", "moves"
-            )
+        given = DEFAULT_MOVES if moves is None else moves
+        self.moves = check_weights("moves", given, MOVES, needed="move")
         self.greedy_start = greedy_start
         self.max_size = max_size
 
@@ -150,8 +146,7 @@ class ParetoLocalSearch(ArchiveAlgorithm):
 
     def _initialize_advance(self, **_: Any) -> None:
         problem: BOTOHE = self.problem
-        mission, search = problem.mission, self._search
-        assert search is not None  # setup has been called
+        mission = problem.mission
         plans = [*self.sampling, TrailPlan([[mission.arrays.base]] * mission.robots)]
         if self.greedy_start and len(plans) < self._n_left():
             wide = len(mission.nodes) * mission.robots <= _WIDE_UP_TO
@@ -167,17 +162,15 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         if problem.n_ieq_constr:
             batch = batch.take((problem.constrain_batch(batch) <= 0).all(axis=1))
         self.evaluator.n_eval += min(len(plans), self._n_left())
-        search.admit(batch)
+        self._search.admit(batch)
         self._advance()
 
     def _advance(self, **_: Any) -> None:
-        search = self._search
-        assert search is not None  # setup has been called
         n = max(_FIRST_GENERATION, self.evaluator.n_eval // 10)
         n = min(n, self.evaluations_per_generation, self._n_left())
         if n == 0:
             return
-        n_evaluated = search.run(n)
+        n_evaluated = self._search.run(n)
         self.evaluator.n_eval += n_evaluated
         if n_evaluated < n:  # no move makes another plan
             self.termination.force_termination = True

@@ -21,15 +21,8 @@ from pymoo.core.survival import Survival
 
 from botohe_moo._base.types import FloatArray, ObjectArray
 from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.ranges import Count, Probability
-from botohe_moo.algorithms.base import (
-    MaxTies,
-    check_budget,
-    check_options,
-    check_problem,
-    evaluations_left,
-    with_termination,
-)
+from botohe_moo._plugins.types import Count, Probability
+from botohe_moo.algorithms.base import BudgetedAlgorithm, MaxTies, check_options, check_problem
 from botohe_moo.algorithms.individuals import PopulationArchive
 from botohe_moo.operators.duplicates import PlanDuplicates
 from botohe_moo.operators.repair import PenaltyOnly, PlanRepair
@@ -53,7 +46,7 @@ def keyword_only(function: Callable[..., Any]) -> list[inspect.Parameter]:
     return [parameter for parameter in parameters if parameter.kind is parameter.KEYWORD_ONLY]
 
 
-class PopulationAlgorithm(Algorithm):
+class PopulationAlgorithm(BudgetedAlgorithm):
     """What this package adds to a population-based algorithm of pymoo's.
 
     Operators for trail plans, an archive of all non-dominated feasible plans that were evaluated,
@@ -179,9 +172,7 @@ class PopulationAlgorithm(Algorithm):
         if any(isinstance(repair, PenaltyOnly) for repair in self._repairs()):
             problem = problem.allowing_invalid()
         self.archive = PopulationArchive(problem.mission.robots, max_ties=self.max_ties)
-        super().setup(problem, **with_termination(self, kwargs))
-        check_budget(self.termination)
-        return self
+        return super().setup(problem, **kwargs)
 
     def _repairs(self) -> list[object]:
         """List the repairs of all operators, also of those that were given as objects."""
@@ -192,7 +183,7 @@ class PopulationAlgorithm(Algorithm):
     def infill(self) -> Population | None:
         """Give the plans to evaluate next, no more than the budget allows."""
         infills = super().infill()
-        return None if infills is None else infills[: evaluations_left(self)]
+        return None if infills is None else infills[: self._n_left()]
 
     def advance(self, infills: Population | None = None, **kwargs: Any) -> Any:
         """Archive what was evaluated, and let pymoo's algorithm go on.

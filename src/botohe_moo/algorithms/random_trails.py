@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from botohe_moo._base.types import ObjectArray
-from botohe_moo._plugins.ranges import Count
+from botohe_moo._plugins.types import Count
 from botohe_moo.algorithms.bo_aco import BOACO, Threads
 from botohe_moo.trails import TrailPlan
 

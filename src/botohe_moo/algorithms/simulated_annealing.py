@@ -11,13 +11,11 @@ from pydantic import Field
 from botohe_moo._base.checks import ParameterError
 from botohe_moo._base.types import ObjectArray
 from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.ranges import Count, Positive, Probability
-from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies, generation_limit
+from botohe_moo._plugins.types import Count, Positive, Probability
+from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies, generation_limit, settings_of
 from botohe_moo.problem import BOTOHE
 from botohe_moo.search.annealing import Annealing, AnnealingSchedule
 from botohe_moo.trails import TrailPlan
-
-SCHEDULES = ("cooled", "journal")
 
 
 class SimulatedAnnealing(ArchiveAlgorithm):
@@ -128,19 +126,9 @@ class SimulatedAnnealing(ArchiveAlgorithm):
 
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
         super()._setup(problem)
-        schedule = AnnealingSchedule(
-            schedule=self.schedule,
-            initial_temperature=self.initial_temperature,
-            final_temperature=self.final_temperature,
-            n_weights=self.n_weights,
-            n_passes=self.n_passes,
-            return_probability=self.return_probability,
-            sweep_evaluations=self.sweep_evaluations,
-            steps_per_generation=self.steps_per_generation,
-        )
         self._search = Annealing(
             problem.mission,
-            schedule,
+            AnnealingSchedule(**settings_of(self, AnnealingSchedule)),
             min_survival=problem.planning_floor,
             random_state=self.random_state,
         )

@@ -1,7 +1,5 @@
 """SMS-EMOA with operators for trail plans."""
 
-from __future__ import annotations
-
 from pymoo.algorithms.moo.sms import SMSEMOA, LeastHypervolumeContributionSurvival
 
 from botohe_moo.algorithms.population import PlanGeneticAlgorithm
@@ -10,9 +8,8 @@ from botohe_moo.algorithms.population import PlanGeneticAlgorithm
 class PlanSMSEMOA(PlanGeneticAlgorithm, SMSEMOA):
     """SMS-EMOA with operators for trail plans.
 
-    Its parameters are ``pop_size``, the plans in the population, ``n_offsprings``, the plans that a
-    generation adds (by default as many), and the operators and options of
-    :class:`PopulationAlgorithm`.
+    Its parameters are ``pop_size``, ``n_offsprings`` (plans that a generation adds, by default as
+    many) and those of :class:`PopulationAlgorithm`.
 
     Notes
     -----

@@ -1,7 +1,5 @@
 """SPEA2 with operators for trail plans."""
 
-from __future__ import annotations
-
 from functools import partial
 
 from pymoo.algorithms.moo.spea2 import SPEA2, SPEA2Survival
@@ -12,9 +10,8 @@ from botohe_moo.algorithms.population import PlanGeneticAlgorithm
 class PlanSPEA2(PlanGeneticAlgorithm, SPEA2):
     """SPEA2 with operators for trail plans.
 
-    Its parameters are ``pop_size``, the plans in the population, ``n_offsprings``, the plans that a
-    generation adds (by default as many), and the operators and options of
-    :class:`PopulationAlgorithm`.
+    Its parameters are ``pop_size``, ``n_offsprings`` (plans that a generation adds, by default as
+    many) and those of :class:`PopulationAlgorithm`.
 
     Notes
     -----

@@ -12,8 +12,7 @@ from pymoo.algorithms.base.genetic import GeneticAlgorithm
 
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.factories import named
-from botohe_moo._plugins.ranges import Count
-from botohe_moo.algorithms.endless import never_ends
+from botohe_moo._plugins.types import Count
 from botohe_moo.algorithms.population import (
     PopulationAlgorithm,
     PopulationSize,
@@ -22,7 +21,7 @@ from botohe_moo.algorithms.population import (
     keyword_only,
 )
 
-# What the wiring, or whoever runs the algorithm, gives to every class of pymoo's.
+# What the wiring, or the caller of ``minimize``, gives to every class of pymoo's.
 _TAKEN_CARE_OF = frozenset(
     {"sampling", "crossover", "mutation", "repair", "eliminate_duplicates", "output", "mating"}
     | {"pop_size", "n_offsprings"}
@@ -56,11 +55,8 @@ ref_dirs
 def wired(path: str, found: Callable[..., Any]) -> Callable[..., Any]:
     """Wire a class of pymoo's with this package's operators; give others back as they are.
 
-    A ValueError is raised for a class of pymoo's that is not population-based or cannot be wired,
-    and for any that never ends.
+    A ValueError is raised for a class of pymoo's that is not population-based or cannot be wired.
     """
-    if isinstance(found, type) and (reason := never_ends(found)):
-        raise ValueError(f"Algorithm {path!r}: cannot be used; {reason}.")
     if getattr(found, "__module__", "").partition(".")[0] != "pymoo":
         return found
     if not (isinstance(found, type) and issubclass(found, GeneticAlgorithm)):

@@ -45,7 +45,6 @@ with ending_on_interrupt:
 if TYPE_CHECKING:
     from pymoo.core.algorithm import Algorithm
 
-    from botohe_moo.mission.model import Mission
     from botohe_moo.problem import BOTOHE
 
 _STOPPING = "stopping; what was found will be written. Press Ctrl-C again to break off."
@@ -196,13 +195,11 @@ def list_missions() -> None:
     from botohe_moo.mission.library import describe_mission
 
     tell(listing((name, describe_mission(name)) for name in mission_names()))
-    tell("")
-    tell(
-        paragraph(
-            "`botohe missions show NAME` tells more. Generators take parameters: "
-            "`botohe missions show terrain -m nodes=50 -m seed=3`."
-        )
+    more = (
+        "`botohe missions show NAME` tells more. Generators take parameters: "
+        "`botohe missions show terrain -m nodes=50 -m seed=3`."
     )
+    tell(f"\n{paragraph(more)}")
 
 
 @missions_app.command("show")
@@ -224,20 +221,17 @@ def show_mission(
     tell(describe(loaded))
     for parameter in mission_parameters(mission):
         tell(f"\n{parameter_text(parameter)}")
-    if picture is not None:
-        with failing():
-            _draw(loaded, picture)
-        tell(f"wrote {picture}")
-
-
-def _draw(mission: Mission, picture: Path) -> None:
+    if picture is None:
+        return
     from botohe_moo.cli.checks import check_picture
     from botohe_moo.plots import plot_mission, save_plot
 
-    if not picture.parent.is_dir():
-        raise ValueError(f"{picture.parent}: there is no such folder.")
-    check_picture(mission)
-    save_plot(plot_mission(mission), picture)
+    with failing():
+        if not picture.parent.is_dir():
+            raise ValueError(f"{picture.parent}: there is no such folder.")
+        check_picture(loaded)
+        save_plot(plot_mission(loaded), picture)
+    tell(f"wrote {picture}")
 
 
 @missions_app.command("check")

@@ -1,14 +1,14 @@
 """Arguments and options that several commands take."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from contextlib import suppress
 from typing import Annotated, Any
 
 import typer
 
 
-def integer(*, at_least: int) -> Callable[[str], int]:
-    """Make a parser of integers whose message says what was found, unlike typer's own."""
+def integer_option(*names: str, metavar: str, help: str, at_least: int = 1) -> Any:  # noqa: A002
+    """Make an option for integers whose message says what was found, unlike typer's own."""
 
     def parse(text: str) -> int:
         with suppress(ValueError):
@@ -16,7 +16,7 @@ def integer(*, at_least: int) -> Callable[[str], int]:
                 return number
         raise typer.BadParameter(f"expected an integer >= {at_least}, got {text}.")
 
-    return parse
+    return typer.Option(*names, metavar=metavar, parser=parse, help=help)
 
 
 def probability(text: str) -> float:
@@ -27,14 +27,16 @@ def probability(text: str) -> float:
     raise typer.BadParameter(f"expected a probability in [0, 1], got {text}.")
 
 
+def pairs_option(*names: str, help: str) -> Any:  # noqa: A002
+    """Make an option for parameters, given as NAME=VALUE."""
+    return typer.Option(*names, metavar="NAME=VALUE", help=f"{help} Repeatable.")
+
+
 MissionArgument = Annotated[
     str, typer.Argument(metavar="MISSION", help="A mission's name, or a mission file.")
 ]
 RobotsOption = Annotated[
-    int | None,
-    typer.Option(
-        "--robots", metavar="K", parser=integer(at_least=1), help="Another number of robots."
-    ),
+    int | None, integer_option("--robots", metavar="K", help="Another number of robots.")
 ]
 MinSurvivalOption = Annotated[
     float,
@@ -47,37 +49,20 @@ MinSurvivalOption = Annotated[
 ]
 MissionParameterOption = Annotated[
     list[str] | None,
-    typer.Option(
-        "--mission-parameter",
-        "-m",
-        metavar="NAME=VALUE",
-        help="A parameter of the mission, such as nodes=500 or seed=3. Repeatable.",
+    pairs_option(
+        "--mission-parameter", "-m", help="A parameter of the mission, such as nodes=500 or seed=3."
     ),
 ]
 ParameterOption = Annotated[
     list[str] | None,
-    typer.Option(
-        "--parameter",
-        "-p",
-        metavar="NAME=VALUE",
-        help="A parameter of the algorithm, such as n_ants=50. Repeatable.",
-    ),
+    pairs_option("--parameter", "-p", help="A parameter of the algorithm, such as n_ants=50."),
 ]
 EvaluationsOption = Annotated[
-    int,
-    typer.Option(
-        "--evaluations",
-        "-n",
-        metavar="N",
-        parser=integer(at_least=1),
-        help="Trail plans to evaluate.",
-    ),
+    int, integer_option("--evaluations", "-n", metavar="N", help="Trail plans to evaluate.")
 ]
 SeedOption = Annotated[
     int,
-    typer.Option(
-        "--seed", "-s", metavar="S", parser=integer(at_least=0), help="Seed of the random numbers."
-    ),
+    integer_option("--seed", "-s", metavar="S", at_least=0, help="Seed of the random numbers."),
 ]
 
 

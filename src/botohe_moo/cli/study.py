@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from botohe_moo.cli.interrupt import ending_on_interrupt
-from botohe_moo.cli.options import integer
+from botohe_moo.cli.options import integer_option
 from botohe_moo.cli.shell import FAILED, fail, failing, say, tell
 
 if TYPE_CHECKING:
@@ -31,21 +31,19 @@ OutOption = Annotated[
 ]
 WorkersOption = Annotated[
     int | None,
-    typer.Option(
+    integer_option(
         "--workers",
         "-w",
         metavar="N",
-        parser=integer(at_least=1),
         help="Runs at a time; by default as many as there are processors.",
     ),
 ]
 
 PatienceOption = Annotated[
     int,
-    typer.Option(
+    integer_option(
         "--patience",
         metavar="SECONDS",
-        parser=integer(at_least=1),
         help="A run of another package's algorithm fails that evaluates nothing for that long, "
         "where its budget has no seconds.",
     ),

@@ -58,3 +58,9 @@ def uniform(states: SeedArray, which: int) -> float:
     states[which, 0] = ((low << _A) | (low >> (_WORD - _A))) ^ high ^ (high << _B)
     states[which, 1] = (high << _C) | (high >> (_WORD - _C))
     return float(drawn >> _DROP) * _SCALE
+
+
+@inlined
+def below(states: SeedArray, n: int) -> int:
+    """Draw an integer from 0 to n − 1 by the first state."""
+    return int(uniform(states, 0) * n)

@@ -1,17 +1,16 @@
 """Missions: the model, files, the named ones and generators."""
 
-from botohe_moo.mission.formats.files import read_mission, save_mission
-from botohe_moo.mission.library import load_mission, mission_names
-from botohe_moo.mission.model import Mission
-from botohe_moo.mission.plan_faults import PlanError
-from botohe_moo.mission.validation import MissionError
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "Mission",
-    "MissionError",
-    "PlanError",
-    "load_mission",
-    "mission_names",
-    "read_mission",
-    "save_mission",
-]
+from botohe_moo._base.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from botohe_moo.mission.formats.files import read_mission as read_mission
+    from botohe_moo.mission.formats.files import save_mission as save_mission
+    from botohe_moo.mission.library import load_mission as load_mission
+    from botohe_moo.mission.library import mission_names as mission_names
+    from botohe_moo.mission.model import Mission as Mission
+    from botohe_moo.mission.validation import MissionError as MissionError
+    from botohe_moo.mission.validation import PlanError as PlanError
+
+__getattr__, __dir__, __all__ = lazy_names(__name__)

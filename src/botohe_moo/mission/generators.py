@@ -18,7 +18,7 @@ from pydantic import Field
 from botohe_moo._base.checks import ParameterError
 from botohe_moo._base.types import FloatArray, OffsetArray, Rng
 from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.ranges import Robots
+from botohe_moo._plugins.types import Robots
 from botohe_moo.mission.formats.benchmark import near_pairs, spanning_pairs
 from botohe_moo.mission.memory import check_memory
 from botohe_moo.mission.model import Mission
@@ -65,9 +65,9 @@ def two_communities(*, seed: Seed = 0, robots: Robots = 2) -> Mission:
     survivals = _truncated(rng, 0.9, 0.3, len(pairs), *_SURVIVALS)
     survivals[pairs[:, 0] == 0] = 1
     return _mission(
-        "two_communities",
-        f"Two communities, seed {seed}",
-        robots,
+        nx.DiGraph(
+            name="two_communities", title=f"Two communities, seed {seed}", base=0, robots=robots
+        ),
         np.concatenate([[0], *rewards]),
         np.concatenate([[[0.5, 0]], _circle(poor, 0.2, 0.2), _circle(rich, 0.8, 0.2)]),
         pairs,
@@ -107,10 +107,9 @@ def random(
         )
         raise ParameterError(message, "arc_probability")
     steps = 10**_DIGITS
+    title = f"Random graph of {nodes} nodes, arc probability {arc_probability:g}, seed {seed}"
     return _mission(
-        "random",
-        f"Random graph of {nodes} nodes, arc probability {arc_probability:g}, seed {seed}",
-        robots,
+        nx.DiGraph(name="random", title=title, base=0, robots=robots),
         np.round(0.1 + rng.integers(0, steps, nodes) / steps, _DIGITS),
         _circle(nodes, 0.5, 0.5),
         pairs,
@@ -128,10 +127,9 @@ def complete(*, nodes: Nodes = 25, robots: Robots = 2, seed: Seed = 0) -> Missio
     rng = np.random.default_rng(seed)
     check_memory("nodes", nodes, nodes=nodes, arcs=nodes**2)
     pairs = np.column_stack(np.triu_indices(nodes, 1))
+    title = f"Complete graph of {nodes} nodes, seed {seed}"
     return _mission(
-        "complete",
-        f"Complete graph of {nodes} nodes, seed {seed}",
-        robots,
+        nx.DiGraph(name="complete", title=title, base=0, robots=robots),
         _truncated(rng, 1, 1, nodes),
         _circle(nodes, 0.5, 0.5),
         pairs,
@@ -154,15 +152,14 @@ def terrain(*, nodes: Nodes = 200, robots: Robots = 5, seed: Seed = 0) -> Missio
     # The spanning tree's long edges are the ones that join the parts, shortest first.
     near = near_pairs(positions, _REACH / math.sqrt(nodes))
     pairs = np.array(sorted({*near, *spanning_pairs(positions)}))
+    title = f"Rolling terrain: {nodes} waypoints, random geometric graph, seed {seed}"
+    base = int(((positions - 0.5) ** 2).sum(axis=1).argmin())
     return _mission(
-        "terrain",
-        f"Rolling terrain: {nodes} waypoints, random geometric graph, seed {seed}",
-        robots,
+        nx.DiGraph(name="terrain", title=title, base=base, robots=robots),
         np.round(rng.random(nodes), 3),
         positions,
         pairs,
         np.round(0.9 + 0.095 * rng.random((len(pairs), 2)), _DIGITS),
-        base=int(((positions - 0.5) ** 2).sum(axis=1).argmin()),
     )
 
 
@@ -200,19 +197,19 @@ def _circle(nodes: int, x: float, radius: float) -> FloatArray:
 
 
 def _mission(
-    name: str,
-    title: str,
-    robots: int,
+    graph: nx.DiGraph[Any],
     rewards: FloatArray,
     positions: FloatArray,
     pairs: OffsetArray,
     survivals: FloatArray,
     *,
-    base: int = 0,
     zones: Sequence[str] | None = None,
 ) -> Mission:
-    """Make a mission of rewards (n), positions (n, 2), pairs and survivals both ways (m, 2)."""
-    graph: nx.DiGraph[Any] = nx.DiGraph(name=name, title=title, base=base, robots=robots)
+    """Fill a graph with nodes and arcs, and make a mission of it.
+
+    Of rewards (n), positions (n, 2), pairs and survivals both ways (m, 2).
+    """
+    base = graph.graph["base"]
     for node, (reward, position) in enumerate(
         zip(rewards.tolist(), positions.tolist(), strict=True)
     ):

@@ -1,7 +1,5 @@
 """The missions that have a name: those of the package and those that other packages register."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Mapping
 from importlib.resources import as_file, files
@@ -13,8 +11,8 @@ from botohe_moo._plugins.checks import Fault, call_factory, check_values, checke
 from botohe_moo._plugins.docstrings import summary_of
 from botohe_moo._plugins.entry_points import PluginError, PluginGroup
 from botohe_moo._plugins.factories import declared_factory
-from botohe_moo._plugins.ranges import Robots
 from botohe_moo._plugins.stated import Parameter, accepted_parameters
+from botohe_moo._plugins.types import Robots
 from botohe_moo.mission.formats.files import SUFFIXES, read_mission
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.validation import MissionError

@@ -3,8 +3,6 @@
 The limit is one for all machines, so that a study file is valid on each of them or on none.
 """
 
-from __future__ import annotations
-
 from botohe_moo._base.checks import ParameterError, quoted
 
 _GIB = 2**30

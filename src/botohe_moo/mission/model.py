@@ -12,8 +12,14 @@ import numpy as np
 from botohe_moo._base.types import FloatArray
 from botohe_moo.kernels.graph.graph import Graph, new_graph
 from botohe_moo.kernels.plans import evaluate as kernels
-from botohe_moo.mission.plan_faults import PlanError, fault_text, trail_indices
-from botohe_moo.mission.validation import MissionError, mission_faults, team_size_fault
+from botohe_moo.mission.validation import (
+    MissionError,
+    PlanError,
+    fault_text,
+    mission_faults,
+    team_size_fault,
+    trail_indices,
+)
 from botohe_moo.trails import PlanBatch, Plans, TrailPlan
 
 

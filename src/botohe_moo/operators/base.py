@@ -1,6 +1,4 @@
-"""What operators share: they write drafts, and a repair makes valid plans of them."""
-
-from __future__ import annotations
+"""What operators share: their parts, and drawing one of several."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Generic, TypeVar
@@ -9,18 +7,15 @@ import numpy as np
 
 from botohe_moo._base.checks import check_number
 from botohe_moo._base.types import OffsetArray, Rng
-from botohe_moo.operators.repair import PlanRepair, SafestPathRepair
 
 Part = TypeVar("Part")
 
 
-def check_repair(repair: PlanRepair | None) -> PlanRepair:
-    """Give the repair of an operator's children, by default a new :class:`SafestPathRepair`."""
-    if repair is None:
-        return SafestPathRepair()
-    if not isinstance(repair, PlanRepair):
-        raise TypeError(f"Expected repair to be a PlanRepair, got {repair!r}.")
-    return repair
+def check_part(name: str, part: Part | None, kind: type[Part], default: type[Part]) -> Part:
+    """Give a part of an operator, by default a new one; a TypeError if it is of another kind."""
+    if part is not None and not isinstance(part, kind):
+        raise TypeError(f"Expected {name} to be a {kind.__name__}, got {part!r}.")
+    return default() if part is None else part
 
 
 class Mixture(Generic[Part]):

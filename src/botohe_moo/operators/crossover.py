@@ -1,7 +1,5 @@
 """Crossovers: children that share the trails of two plans."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any
 
 import numpy as np
@@ -10,12 +8,12 @@ from pymoo.core.crossover import Crossover
 
 from botohe_moo._base.types import ObjectArray, OffsetArray, Rng
 from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.ranges import Probability
+from botohe_moo._plugins.types import Probability
 from botohe_moo.kernels.plans.ragged import read_trails
 from botohe_moo.kernels.plans.vary import EXCHANGE, N_PIECES, SPLICE, cross, join_pieces
 from botohe_moo.kernels.rng import draw_state
-from botohe_moo.operators.base import check_repair
-from botohe_moo.operators.repair import PlanRepair
+from botohe_moo.operators.base import check_part
+from botohe_moo.operators.repair import PlanRepair, SafestPathRepair
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import PlanBatch
 
@@ -43,7 +41,7 @@ class PlanCrossover(Crossover):
         repair: PlanRepair | None = None,
     ) -> None:
         super().__init__(2, n_offsprings, prob=prob)
-        self.plan_repair = check_repair(repair)
+        self.plan_repair = check_part("repair", repair, PlanRepair, SafestPathRepair)
 
     def _kinds(self, n_pairs: int, rng: Rng) -> OffsetArray:
         raise NotImplementedError

@@ -1,7 +1,5 @@
 """Duplicate elimination in linear time."""
 
-from __future__ import annotations
-
 from pymoo.core.duplicate import DuplicateElimination
 from pymoo.core.population import Population
 

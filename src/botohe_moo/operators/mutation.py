@@ -1,7 +1,5 @@
 """Mutations: small changes to the trails of one plan."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
 
@@ -12,15 +10,15 @@ from pymoo.core.mutation import Mutation
 from botohe_moo._base.checks import check_weights
 from botohe_moo._base.types import ObjectArray, Rng
 from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.ranges import Count, Probability
+from botohe_moo._plugins.types import Count, Probability
 from botohe_moo.kernels.plans.change import MoveRule, change_plans
 from botohe_moo.kernels.plans.ragged import read_trails
 from botohe_moo.kernels.plans.vary import join_pieces, ruin, send_home, share, whole_trails
 from botohe_moo.kernels.rng import draw_state
 from botohe_moo.mission.model import Mission
-from botohe_moo.mission.plan_faults import PlanError
-from botohe_moo.operators.base import Mixture, check_repair
-from botohe_moo.operators.repair import PlanRepair
+from botohe_moo.mission.validation import PlanError
+from botohe_moo.operators.base import Mixture, check_part
+from botohe_moo.operators.repair import PlanRepair, SafestPathRepair
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import PlanBatch
 
@@ -40,7 +38,7 @@ class PlanMutation(Mutation):
     def __init__(self, *, prob: Probability = 1.0, repair: PlanRepair | None = None) -> None:
         # The base class applies prob: to apply it again in _do would mutate at prob².
         super().__init__(prob=prob)
-        self.plan_repair = check_repair(repair)
+        self.plan_repair = check_part("repair", repair, PlanRepair, SafestPathRepair)
 
     def mutate_batch(self, mission: Mission, plans: PlanBatch, random_state: Rng) -> PlanBatch:
         """Change every plan of a batch; gives a new batch in the same order.

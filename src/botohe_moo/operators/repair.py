@@ -1,7 +1,5 @@
 """Repairs: valid trail plans out of arbitrary sequences of nodes."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass
 from typing import Any, ClassVar

@@ -1,7 +1,5 @@
 """Samplings: plans to start from."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -9,7 +7,7 @@ from pymoo.core.sampling import Sampling
 
 from botohe_moo._base.checks import check_integer
 from botohe_moo._base.types import ObjectArray, Rng
-from botohe_moo.operators.base import Mixture
+from botohe_moo.operators.base import Mixture, check_part
 from botohe_moo.problem import BOTOHE
 from botohe_moo.search.colony import Colony, ColonyRule
 from botohe_moo.search.sequential import plan_sequentially
@@ -99,7 +97,7 @@ class CornerSampling(PlanSampling):
 
     def __init__(self, rest: PlanSampling | None = None) -> None:
         super().__init__()
-        self.rest = _checked_rest(rest)
+        self.rest = check_part("rest", rest, PlanSampling, GuidedTrailSampling)
 
     def _sample(self, problem: BOTOHE, n_samples: int, rng: Rng) -> PlanBatch:
         mission = problem.mission
@@ -107,12 +105,6 @@ class CornerSampling(PlanSampling):
         greedy = plan_sequentially(mission, 1.0, min_survival=problem.planning_floor)
         corners = PlanBatch.from_plans([home, greedy], mission.robots)
         return _filled(corners[:n_samples], self.rest, problem, n_samples, rng)
-
-
-def _checked_rest(rest: PlanSampling | None) -> PlanSampling:
-    if rest is not None and not isinstance(rest, PlanSampling):
-        raise TypeError(f"Expected rest to be a PlanSampling, got {rest!r}.")
-    return GuidedTrailSampling() if rest is None else rest
 
 
 def _filled(
@@ -143,7 +135,7 @@ class GivenSampling(PlanSampling):
     ) -> None:
         super().__init__()
         self.plans = listed_plans(plans)
-        self.rest = _checked_rest(rest)
+        self.rest = check_part("rest", rest, PlanSampling, GuidedTrailSampling)
 
     def _sample(self, problem: BOTOHE, n_samples: int, rng: Rng) -> PlanBatch:
         given = problem.mission.batch(self.plans)

@@ -1,7 +1,5 @@
 """Operators by name, as algorithms and study files speak of them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias
 

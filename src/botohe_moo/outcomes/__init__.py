@@ -1,19 +1,15 @@
 """Outcomes of a plan: distributions of reward and survivors, risk, simulation."""
 
-from botohe_moo.outcomes.distribution import Distribution
-from botohe_moo.outcomes.outcomes import (
-    Outcomes,
-    plan_outcomes,
-    reward_distribution,
-    simulate,
-    survivors_distribution,
-)
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "Distribution",
-    "Outcomes",
-    "plan_outcomes",
-    "reward_distribution",
-    "simulate",
-    "survivors_distribution",
-]
+from botohe_moo._base.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from botohe_moo.outcomes.distribution import Distribution as Distribution
+    from botohe_moo.outcomes.outcomes import Outcomes as Outcomes
+    from botohe_moo.outcomes.outcomes import plan_outcomes as plan_outcomes
+    from botohe_moo.outcomes.outcomes import reward_distribution as reward_distribution
+    from botohe_moo.outcomes.outcomes import simulate as simulate
+    from botohe_moo.outcomes.outcomes import survivors_distribution as survivors_distribution
+
+__getattr__, __dir__, __all__ = lazy_names(__name__)

@@ -1,7 +1,5 @@
 """The exact distribution of the team reward, by joining the robots one after another."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from typing import NamedTuple
 

@@ -53,23 +53,8 @@ class AnnealingSchedule:
 class Annealing:
     """A search that anneals one plan, for one weight after another.
 
-    Parameters
-    ----------
-    mission
-        What to plan for.
-    schedule
-        How weights follow one another.
-    min_survival
-        Survival floor of every robot; 0 sets none.
-    random_state
-        Where the search's own generator takes its seed from.
-
-    Attributes
-    ----------
-    weight
-        The weight on reward, in [0, 1], whose turn it is.
-    steps_left
-        Steps that are left of its turn.
+    ``weight``, in [0, 1], is the weight on reward whose turn it is, and ``steps_left`` the steps
+    that are left of its turn. The search's own generator takes its seed from ``random_state``.
     """
 
     def __init__(

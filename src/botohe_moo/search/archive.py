@@ -10,14 +10,8 @@ from botohe_moo.trails import PlanBatch
 class PlanArchive:
     """Non-dominated plans by descending expected reward.
 
-    Plans with equal objectives but different trails stay; repeated plans are dropped.
-
-    Parameters
-    ----------
-    n_robots
-        Trails per plan.
-    max_ties
-        Plans with equal objectives that are kept, the first ones found.
+    Plans with equal objectives but different trails stay, the first ``max_ties`` of them; repeated
+    plans are dropped.
     """
 
     def __init__(self, n_robots: int, *, max_ties: int = 1_000) -> None:
@@ -52,19 +46,9 @@ class PlanArchive:
         return self._next_id
 
     def absorb(self, batch: PlanBatch, objectives: FloatArray) -> OffsetArray:
-        """Take in what the archive does not dominate.
+        """Take in evaluated plans, with E[R] and E[S] (n, 2), that the archive does not dominate.
 
-        Parameters
-        ----------
-        batch
-            Newly evaluated plans.
-        objectives
-            Their E[R] and E[S] (n, 2).
-
-        Returns
-        -------
-        numpy.ndarray
-            Indices of the batch's own Pareto set.
+        Gives the indices of the batch's own Pareto set.
         """
         return self._absorb(batch, objectives)[0]
 

@@ -10,13 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
-from botohe_moo.kernels.colony.construct import (
-    BuildRule,
-    Plans,
-    Weights,
-    construct,
-    new_plans,
-)
+from botohe_moo.kernels.colony.construct import Plans, construct, new_plans
 from botohe_moo.kernels.colony.pheromone import (
     LOG_HIGH,
     Depositors,
@@ -24,6 +18,7 @@ from botohe_moo.kernels.colony.pheromone import (
     Pheromone,
     learn,
 )
+from botohe_moo.kernels.colony.weighing import BuildRule, Weights
 from botohe_moo.kernels.graph.paths import Paths, new_paths
 from botohe_moo.kernels.rng import seed_states
 from botohe_moo.mission.model import Mission
@@ -54,10 +49,7 @@ class ColonyRule:
 class AntThreads:
     """Threads that build plans, which several colonies may share; they start when needed.
 
-    Parameters
-    ----------
-    n_threads
-        How many, the calling one among them.
+    The calling one is among the ``n_threads``.
     """
 
     def __init__(self, n_threads: int) -> None:
@@ -83,20 +75,8 @@ class AntThreads:
 class Colony:
     """Ants that build plans, and the pheromone they leave.
 
-    Parameters
-    ----------
-    mission
-        What to plan for.
-    rule
-        How ants choose and deposit.
-    n_ants
-        Size of the colony.
-    threads
-        Which build plans, by default the calling one alone; results do not depend on them.
-    min_survival
-        Probability with which every robot has to survive.
-    random_state
-        Where each ant's own generator takes its seed from.
+    Plans are built by ``threads``, by default by the calling one alone; results do not depend on
+    them: each ant's own generator takes its seed from ``random_state``.
     """
 
     def __init__(
@@ -130,12 +110,9 @@ class Colony:
         return self._pheromone.levels
 
     def construct(self, n_ants: int) -> PlanBatch:
-        """Let ants build one plan each, robots in the order in which they were planned.
+        """Let ants, at most all of them, build one plan each; robots are in the order of planning.
 
-        Parameters
-        ----------
-        n_ants
-            How many, at most the colony's size; their weights on the objectives are spread evenly.
+        The ants' weights on the objectives are spread evenly.
         """
         n_threads = min(self.threads.n_threads, n_ants)
         cuts = [n_ants * i // n_threads for i in range(n_threads + 1)]
@@ -178,14 +155,8 @@ class Colony:
     ) -> None:
         """Evaporate and deposit pheromone, unless the colony does without.
 
-        Parameters
-        ----------
-        batch, objectives
-            The iteration's plans, and their E[R] and E[S].
-        members
-            Indices of the iteration's Pareto set.
-        archive
-            The global Pareto set, of all plans or of those that the colony knows of.
+        ``objectives`` are E[R] and E[S] of the iteration's plans, and ``members`` the indices of
+        its Pareto set; ``archive`` is the global one, of all plans or of those the colony knows of.
         """
         if not self.rule.pheromone or len(archive) == 0:
             return

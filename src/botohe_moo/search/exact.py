@@ -34,6 +34,9 @@ _N_GUIDES, _GUIDE_WIDTH = 11, 20
 # In shares of all reward and of all robots: by how much less than this a plan is better does not
 # count in the search, and points of the front that differ by no more are one.
 _SLACK, _SAME = 1e-13, 1e-12
+_REMEDY = (
+    "Raise the limits, take fewer robots or a smaller mission, or another algorithm such as BOACO."
+)
 
 
 class TooLargeError(ValueError):
@@ -103,9 +106,6 @@ def exact_front(
     return search.plans
 
 
-_NO_LIMIT = 1e9
-
-
 @cache
 def _compile_kernels() -> None:
     """Search a mission of three nodes: compiling takes long, and no limit is meant for it."""
@@ -116,7 +116,7 @@ def _compile_kernels() -> None:
         graph.add_edge(0, node, survival=0.9)
         graph.add_edge(node, 0, survival=0.9)
     mission = Mission(graph, base=0, robots=2)
-    search = FrontSearch(mission, time_limit=_NO_LIMIT, memory_limit=_NO_LIMIT)
+    search = FrontSearch(mission, time_limit=1e9, memory_limit=1e9)
     while search.plans is None:
         search._advance()
 
@@ -124,22 +124,7 @@ def _compile_kernels() -> None:
 class FrontSearch:
     """The search for the true Pareto front, a portion at a time; see :func:`exact_front`.
 
-    Parameters
-    ----------
-    mission, min_survival, time_limit, memory_limit
-        As for :func:`exact_front`.
-
-    Raises
-    ------
-    TypeError
-        If ``mission`` is not a Mission.
-    ValueError
-        If a parameter is out of its range.
-
-    Attributes
-    ----------
-    plans : PlanBatch or None
-        The front by descending E[R]; None as long as the search has not ended.
+    ``plans`` is the front by descending E[R]; None as long as the search has not ended.
     """
 
     def __init__(
@@ -175,13 +160,7 @@ class FrontSearch:
         return 0 if self._trails is None else self._trails.n_trails
 
     def advance(self) -> None:
-        """Do a portion of the work.
-
-        Raises
-        ------
-        TooLargeError
-            If the search reaches a limit, or an estimate says that it would by far.
-        """
+        """Do a portion of the work; raise ``TooLargeError`` as ``exact_front`` does."""
         _compile_kernels()
         self._advance()
 
@@ -195,10 +174,7 @@ class FrontSearch:
             self._advance_teams(self._trails, self._choices)
         self._spent += time.perf_counter() - begun
         if self.plans is None and self._spent > self.time_limit:
-            raise TooLargeError(
-                f"{self._name()}: the exact front was not found within time_limit = "
-                f"{self.time_limit:g} seconds. {self._progress()} {_REMEDY}"
-            )
+            raise self._beyond(f"time_limit = {self.time_limit:g} seconds")
 
     def _begin(self) -> TrailSearch:
         self._guides = self._guiding_plans()
@@ -296,10 +272,11 @@ class FrontSearch:
         if self._choices is not None:
             held += tables.n_bytes(self._choices) + tables.n_bytes(self._front)
         if held + n_bytes > self.memory_limit * _MIB:
-            raise TooLargeError(
-                f"{self._name()}: the exact front was not found within memory_limit = "
-                f"{self.memory_limit:g} MiB. {self._progress()} {_REMEDY}"
-            )
+            raise self._beyond(f"memory_limit = {self.memory_limit:g} MiB")
+
+    def _beyond(self, limit: str) -> TooLargeError:
+        found = f"the exact front was not found within {limit}. {self._progress()}"
+        return TooLargeError(f"{self._name()}: {found} {_REMEDY}")
 
     def _name(self) -> str:
         mission = self.mission
@@ -319,8 +296,3 @@ class FrontSearch:
             f"The search had found all {self.n_trails} trails that matter, and tried {n_done} of "
             f"{n} for the first robot of a team."
         )
-
-
-_REMEDY = (
-    "Raise the limits, take fewer robots or a smaller mission, or another algorithm such as BOACO."
-)

@@ -25,19 +25,7 @@ _MAX_DIVES, _MAX_MET = 1_000, 30_000
 class TrailSearch:
     """The search for all trails of a mission that some best team may need, a portion at a time.
 
-    Parameters
-    ----------
-    mission
-        What to search.
-    least
-        Survival floor.
-    known
-        Trails that are known: what they are as good as need not be found.
-
-    Attributes
-    ----------
-    graph, rule
-        The mission.
+    ``least`` is the survival floor. What ``known`` trails are as good as need not be found.
     """
 
     def __init__(
@@ -99,14 +87,9 @@ class TrailSearch:
         return self._trails.reached[: self.n_trails].copy()
 
     def advance(self, n_looks: int, require: Callable[[int], None]) -> bool:
-        """Go on from some labels; tell whether all trails are known.
+        """Go on from ``n_looks`` labels at most; tell whether all trails are known.
 
-        Parameters
-        ----------
-        n_looks
-            From how many labels at most.
-        require
-            Called with a number of bytes before so many more are taken.
+        ``require`` is called with a number of bytes before so many more are taken.
         """
         full = self._grow(n_looks, True)
         if self.n_trails > 1.5 * self._n_tidy + 64:
@@ -136,12 +119,9 @@ class TrailSearch:
         self._n_tidy = self.n_trails
 
     def estimate(self, n_bytes: int) -> float:
-        """Estimate from above how many labels there will be, always in the same way.
+        """Estimate from above how many labels there will be, the same every time.
 
-        Parameters
-        ----------
-        n_bytes
-            What the estimate may take.
+        The estimate takes ``n_bytes`` at most.
         """
         most = 1 + self.graph.n_arcs * int(np.diff(self.graph.first).max())
         n_rows = min(most, _MAX_MET, n_bytes // self.n_label_bytes)

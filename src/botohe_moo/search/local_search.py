@@ -9,9 +9,10 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray, SeedArray
 from botohe_moo.kernels.fronts.ordered import copy_front, has_room, new_front, read_front
+from botohe_moo.kernels.local_search.admission import Given
 from botohe_moo.kernels.local_search.moves import N_KINDS
 from botohe_moo.kernels.local_search.routes import new_routes
-from botohe_moo.kernels.local_search.search import Fronts, Given, search
+from botohe_moo.kernels.local_search.search import Fronts, search
 from botohe_moo.kernels.local_search.trail_store import copy_trails, fits, new_store, pieces
 from botohe_moo.kernels.local_search.workspace import SearchRule, new_memory, new_workspace
 from botohe_moo.kernels.rng import draw_state
@@ -40,18 +41,9 @@ _MOST_ALONE = 1_024
 class LocalSearch:
     """A front, and the search that improves it.
 
-    Parameters
-    ----------
-    mission
-        What to plan for.
-    rule
-        How to search.
-    moves
-        How likely each move is to be drawn, by its name in ``MOVES``; those left out are not.
-    random_state
-        Where the search's own generator takes its seed from.
-    max_size
-        Plans that the front keeps at most after each call, at least 2; None keeps all.
+    ``moves`` says how likely each move is to be drawn, by its name in ``MOVES``; those left out are
+    not. The search's own generator takes its seed from ``random_state``. After each call the front
+    keeps ``max_size`` plans at most, at least 2; None keeps all.
     """
 
     def __init__(
@@ -103,11 +95,8 @@ class LocalSearch:
     def run(self, n_evaluations: int) -> int:
         """Search from the plans of the front, of which there must be one.
 
-        Returns
-        -------
-        int
-            How many plans were evaluated: fewer than ``n_evaluations`` where no move makes any
-            other plan.
+        Gives how many plans were evaluated: fewer than ``n_evaluations`` where no move makes any
+        other plan.
         """
         if self.mission.arrays.n_arcs == 0:  # kernels draw arcs and nodes, and look for none before
             return 0
@@ -150,12 +139,9 @@ class LocalSearch:
         return read_front(self._front)[1]
 
     def plans(self) -> tuple[PlanBatch, FloatArray, OffsetArray]:
-        """Give the front: its plans by descending E[R], their objectives, and a number for each.
+        """Give the front: its plans by descending E[R], and of each E[R] and E[S] (n_plans, 2).
 
-        Returns
-        -------
-        tuple
-            The plans; E[R] and E[S] (n_plans, 2); and how many plans had entered before each.
+        And how many plans had entered before each.
         """
         front, store, graph = self._front, self._store, self.mission.arrays
         slots, objectives = read_front(front)

@@ -12,20 +12,10 @@ from botohe_moo.trails import PlanBatch
 
 
 class IterationSearch:
-    """Improves a share of the plans of each iteration of an algorithm.
+    """Improves a share, in (0, 1], of the plans of each iteration of an algorithm.
 
-    Parameters
-    ----------
-    mission
-        What to plan for.
-    share
-        Share of an iteration's plans, in (0, 1].
-    evaluations_each
-        Evaluations for each of them, at least 1.
-    min_survival
-        Survival floor of every robot.
-    random_state
-        Where the search's own generator takes its seed from.
+    It spends ``evaluations_each``, at least 1, on each of them. The search's own generator takes
+    its seed from ``random_state``.
     """
 
     def __init__(
@@ -49,24 +39,13 @@ class IterationSearch:
     def improve(
         self, batch: PlanBatch, members: OffsetArray, random_state: np.random.Generator, n_left: int
     ) -> tuple[PlanBatch, FloatArray, int]:
-        """Start a Pareto local search from some of the plans.
+        """Start a Pareto local search from some of the iteration's plans.
 
-        Parameters
-        ----------
-        batch
-            The iteration's plans.
-        members
-            Indices of its Pareto set: these come first, then others, drawn.
-        random_state
-            Draws among the plans.
-        n_left
-            Evaluations that are left.
+        Those of its Pareto set, ``members``, come first, then others, drawn by ``random_state``.
+        ``n_left`` is how many evaluations are left.
 
-        Returns
-        -------
-        tuple
-            The plans that the search has added to the front of those it began with, their E[R]
-            and E[S] (n, 2), and how many plans it has evaluated.
+        Gives the plans that the search has added to the front of those it began with, their E[R]
+        and E[S] (n, 2), and how many plans it has evaluated.
         """
         n_chosen = max(1, round(self.share * len(batch)))
         chosen = random_state.permutation(members)[:n_chosen]

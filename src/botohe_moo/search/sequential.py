@@ -57,7 +57,7 @@ def plan_sequentially(
     Raises
     ------
     TypeError
-        If ``mission`` is no Mission.
+        If ``mission`` is not a Mission.
     ValueError
         If a parameter is out of its range.
 
@@ -84,20 +84,7 @@ def plan_sequentially(
 
 
 class SequentialPlanner:
-    """Plans of one mission for many weights; see :func:`plan_sequentially`.
-
-    Parameters
-    ----------
-    mission, beam_width, min_survival
-        As for :func:`plan_sequentially`.
-
-    Raises
-    ------
-    TypeError
-        If ``mission`` is no Mission.
-    ValueError
-        If a parameter is out of its range.
-    """
+    """Plans of one mission for many weights; :func:`plan_sequentially` documents parameters."""
 
     def __init__(
         self, mission: Mission, *, beam_width: int = BEAM_WIDTH, min_survival: float = 0.0
@@ -117,43 +104,14 @@ class SequentialPlanner:
         return find_near(self.mission.arrays, _N_NEAR)
 
     def plan(self, weight: float) -> TrailPlan:
-        """Plan the whole team.
-
-        Parameters
-        ----------
-        weight
-            Weight on reward, in [0, 1].
-
-        Returns
-        -------
-        TrailPlan
-            The trails in the order in which they were planned.
-
-        Raises
-        ------
-        ValueError
-            If the weight is out of its range.
-        """
+        """Plan the whole team, for a weight on reward."""
         return self._team(self._trails(weight))
 
     def plans(self, weight: float) -> list[TrailPlan]:
         """Plan the whole team, and let the last robots stay at base.
 
-        Parameters
-        ----------
-        weight
-            Weight on reward, in [0, 1].
-
-        Returns
-        -------
-        list of TrailPlan
-            The team's plan, that of all robots but the last, and so on to the first robot's alone;
-            none twice.
-
-        Raises
-        ------
-        ValueError
-            If the weight is out of its range.
+        Gives the team's plan, that of all robots but the last, and so on to the first robot's
+        alone; none twice.
         """
         trails = self._trails(weight)
         return [self._team(trails[:n]) for n in range(len(trails), 0, -1)] or [self._team([])]

@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
-FILES = ("front.csv", "plans.json", "mission.json", "front.png", "mission.png")
+TABLES = ("front.csv", "plans.json", "mission.json")
+FILES = (*TABLES, "front.png", "mission.png")
 COLUMNS = ("plan_id", "reward", "survivors")
 _ROWS_SHOWN = 40
 _LONG_START = 0.5  # seconds; with everything loaded and compiled, a search starts in milliseconds

@@ -13,7 +13,7 @@ from botohe_moo.mission.formats.files import file_content, read_mission
 from botohe_moo.mission.formats.nodelink import decode, read_label
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.validation import MissionError
-from botohe_moo.solution.model import COLUMNS, Solution
+from botohe_moo.solution.model import COLUMNS, TABLES, Solution
 from botohe_moo.trails import TrailPlan
 
 
@@ -52,11 +52,12 @@ def read_solution(folder: str | os.PathLike[str], *, mission: Mission | None = N
     Raises
     ------
     ValueError
-        If a file is missing or is not what ``write`` wrote, a plan is not one of the mission's, or
-        the objectives are not those of the plans; names the file and the fault. Nothing in the
-        files is executed.
+        If there is no solution in the folder, a file is missing or is not what ``write`` wrote, a
+        plan is not one of the mission's, or the objectives are not those of the plans; names the
+        folder or file and the fault. Nothing in the files is executed.
     """
     folder = Path(folder)
+    _check_folder(folder)
     if mission is None:
         mission = read_mission(folder / "mission.json")
     path = folder / "plans.json"
@@ -79,6 +80,18 @@ def read_solution(folder: str | os.PathLike[str], *, mission: Mission | None = N
     )
     _check_front(folder / "front.csv", solution.rows())
     return solution
+
+
+def _check_folder(folder: Path) -> None:
+    """Refuse what holds no file of a solution; where only some are missing, reading names one."""
+    found = "none of these files"
+    try:
+        if not {path.name for path in folder.iterdir()}.isdisjoint(TABLES):
+            return
+    except (OSError, ValueError) as error:  # ValueError: a path with a null character
+        found = getattr(error, "strerror", None) or str(error)
+    expected = f"a folder with {', '.join(TABLES)}, as Solution.write makes it"
+    raise ValueError(f"{folder}: expected {expected}, found: {found}.")
 
 
 def _record(path: Path) -> _Record:

@@ -9,32 +9,15 @@ from typing import TYPE_CHECKING
 from botohe_moo._base.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from botohe_moo.study.file.loading import load_study
-    from botohe_moo.study.file.model import Study, StudyError
-    from botohe_moo.study.merge import merge_studies
-    from botohe_moo.study.runner import StudyInterrupted, make_tables, run_study
-    from botohe_moo.study.store.schemas import SCHEMAS
-    from botohe_moo.study.store.tables import StudyTables, read_study
+    from botohe_moo.study.file.loading import load_study as load_study
+    from botohe_moo.study.file.model import Study as Study
+    from botohe_moo.study.file.model import StudyError as StudyError
+    from botohe_moo.study.merge import merge_studies as merge_studies
+    from botohe_moo.study.runner import StudyInterrupted as StudyInterrupted
+    from botohe_moo.study.runner import make_tables as make_tables
+    from botohe_moo.study.runner import run_study as run_study
+    from botohe_moo.study.store.schemas import SCHEMAS as SCHEMAS
+    from botohe_moo.study.store.tables import StudyTables as StudyTables
+    from botohe_moo.study.store.tables import read_study as read_study
 
-__all__ = [
-    "SCHEMAS",
-    "Study",
-    "StudyError",
-    "StudyInterrupted",
-    "StudyTables",
-    "load_study",
-    "make_tables",
-    "merge_studies",
-    "read_study",
-    "run_study",
-]
-
-_HOMES = {
-    ".file.model": ("Study", "StudyError"),
-    ".file.loading": ("load_study",),
-    ".merge": ("merge_studies",),
-    ".runner": ("StudyInterrupted", "make_tables", "run_study"),
-    ".store.schemas": ("SCHEMAS",),
-    ".store.tables": ("StudyTables", "read_study"),
-}
-__getattr__, __dir__ = lazy_names(__name__, _HOMES)
+__getattr__, __dir__, __all__ = lazy_names(__name__)

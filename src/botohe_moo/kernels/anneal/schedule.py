@@ -22,7 +22,7 @@ from botohe_moo.kernels.plans.change import MoveRule, change_trail
 from botohe_moo.kernels.plans.evaluate import either
 from botohe_moo.kernels.plans.marks import CANNOT, NO_PATHS, MoveScratch
 from botohe_moo.kernels.plans.order import precedes
-from botohe_moo.kernels.rng import uniform
+from botohe_moo.kernels.rng import below, uniform
 
 Number = TypeVar("Number", float, FloatArray)
 
@@ -211,8 +211,8 @@ def anneal(
     "Optimization by simulated annealing", Science 220, 1983.
 
     Each plan that is evaluated is recorded, but for those that the plan the search is at or its
-    best dominates. Gives how many steps were made: fewer where there may be no room to record
-    another plan; −1 less that where the next step needs scratch for detours.
+    best dominates. Gives how many steps, n, were made: fewer than asked for where there may be no
+    room to record another plan; −1 − n where the next step needs scratch for detours.
     """
     best, walked, team, states = state.best, state.walked, state.team, state.random
     here, tried, at, temperature = state.here, state.tried, state.objectives, state.temperature
@@ -227,7 +227,7 @@ def anneal(
         low, high = states[0, 0], states[0, 1]
         chosen = 0
         if not every_robot and n_robots > 1:
-            chosen = int(uniform(states, 0) * n_robots)
+            chosen = below(states, n_robots)
         for k in range(n_robots):
             tried[k] = here[k]
             if every_robot or k == chosen:

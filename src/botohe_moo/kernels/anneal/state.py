@@ -11,47 +11,26 @@ from botohe_moo.kernels.plans.marks import MoveScratch, new_move_scratch
 
 
 class AnnealRule(NamedTuple):
-    """How to anneal.
+    """How to anneal."""
 
-    Attributes
-    ----------
-    moves
-        How trails are changed. Every robot of every plan keeps its floor, that of the first plan
-        included.
-    record
-        Whether to record the plans that are evaluated.
-    total_reward
-        Sum of all rewards, or 1 where there is none.
-    weight
-        The weight on reward, in [0, 1].
-    cooling
-        The factor by which the temperature falls after each step.
-    return_probability
-        With what probability a rejected step ends at the best plan.
-    """
-
+    # How trails are changed. Every robot of every plan keeps its floor, that of the first plan
+    # included.
     moves: MoveRule
-    record: bool
-    total_reward: float
-    weight: float
-    cooling: float
-    return_probability: float
+    record: bool  # whether to record the plans that are evaluated
+    total_reward: float  # sum of all rewards, or 1 where there is none
+    weight: float  # on reward, in [0, 1]
+    cooling: float  # the factor by which the temperature falls after each step
+    return_probability: float  # with what probability a rejected step ends at the best plan
 
 
 class Best(NamedTuple):
-    """The best plan that has been evaluated.
+    """The best plan that has been evaluated."""
 
-    Attributes
-    ----------
-    nodes, lengths
-        One trail a row (n_robots, n_arcs + 1), and the trails' lengths (n_robots).
-    objectives, score
-        E[R] and E[S] (2), and the weighted sum of their shares (1). The score may be −inf at
-        first, whatever the plan is: then the best plan is among those evaluated from now on.
-    """
-
+    # One trail a row (n_robots, n_arcs + 1), and the trails' lengths (n_robots).
     nodes: OffsetArray
     lengths: OffsetArray
+    # E[R] and E[S] (2), and the weighted sum of their shares (1). The score may be −inf at first,
+    # whatever the plan is: then the best plan is among those evaluated from now on.
     objectives: FloatArray
     score: FloatArray
 
@@ -59,106 +38,60 @@ class Best(NamedTuple):
 class Walked(NamedTuple):
     """Trails in slots, two for each robot: 2k and 2k + 1 are those of robot k.
 
-    One of them is the robot's trail in the plan the search is at; a step writes the other one. To
-    accept it is to change slots. What is known of trails is kept, so that those that have not
-    changed are not walked again.
-
-    Attributes
-    ----------
-    nodes
-        The trails, n_arcs + 1 nodes apart.
-    lengths
-        Of the trails (n_slots).
-    met, n_met
-        The nodes of each trail by first visit (n_slots, n_nodes), and how many (n_slots).
-    reach
-        The chance to reach each of these (n_slots, n_nodes).
-    alive
-        The chance to survive each trail (n_slots).
+    One of them is the robot's trail in the plan the search is at; a step writes the other one, and
+    where it is accepted the two change roles. What is known of trails is kept, so that those that
+    have not changed are not walked again.
     """
 
-    nodes: OffsetArray
-    lengths: OffsetArray
+    nodes: OffsetArray  # the trails, n_arcs + 1 nodes apart
+    lengths: OffsetArray  # of the trails (n_slots)
+    # The nodes of each trail by first visit (n_slots, n_nodes), and how many (n_slots).
     met: OffsetArray
     n_met: OffsetArray
-    reach: FloatArray
-    alive: FloatArray
+    reach: FloatArray  # the chance to reach each of these (n_slots, n_nodes)
+    alive: FloatArray  # the chance to survive each trail (n_slots)
 
 
 class TeamScratch(NamedTuple):
-    """Scratch of evaluations.
+    """Scratch of evaluations."""
 
-    Attributes
-    ----------
-    n_walks, n_plans
-        How many trails have been walked, and how many plans evaluated (1 each).
-    visited, touched_by
-        The last walk, and the last plan, that came to each node (n_nodes).
-    touched, reached
-        The plan's nodes by first visit, and the chance that its robots reach each node (n_nodes).
-    order
-        The plan's slots in the order of their trails (n_robots).
-    """
-
+    # How many trails have been walked, and how many plans evaluated (1 each).
     n_walks: OffsetArray
     n_plans: OffsetArray
+    # The last walk, and the last plan, that came to each node (n_nodes).
     visited: OffsetArray
     touched_by: OffsetArray
+    # The plan's nodes by first visit, and the chance that its robots reach each node (n_nodes).
     touched: OffsetArray
     reached: FloatArray
-    order: OffsetArray
+    order: OffsetArray  # the plan's slots in the order of their trails (n_robots)
 
 
 class AnnealState(NamedTuple):
-    """Where a search is.
+    """Where a search is."""
 
-    Attributes
-    ----------
-    best
-        The best plan so far.
-    to_best
-        Whether the search has to go to the best plan before its next step (1); so it begins.
-    here, tried
-        The slots of the plan the search is at, and of the one it tries (n_robots).
-    objectives
-        E[R] and E[S] of the plan the search is at (2).
-    temperature
-        Now (1).
-    random
-        State of the random numbers (1, 2).
-    walked, team, moves
-        The trails, and scratch.
-    """
-
-    best: Best
+    best: Best  # the best plan so far
+    # Whether the search has to go to the best plan before its next step (1); so it begins.
     to_best: OffsetArray
+    # The slots of the plan the search is at, and of the one it tries (n_robots).
     here: OffsetArray
     tried: OffsetArray
-    objectives: FloatArray
-    temperature: FloatArray
-    random: SeedArray
+    objectives: FloatArray  # E[R] and E[S] of the plan the search is at (2)
+    temperature: FloatArray  # (1)
+    random: SeedArray  # state of the random numbers (1, 2)
     walked: Walked
     team: TeamScratch
     moves: MoveScratch
 
 
 class Records(NamedTuple):
-    """Plans that a search has evaluated, but for those that the plans at hand dominated.
+    """Plans that a search has evaluated, but for those that the plans at hand dominated."""
 
-    Attributes
-    ----------
-    nodes, offsets
-        Their trails; there may be room for more.
-    objectives
-        E[R] and E[S] of each (n_most, 2).
-    n_plans
-        How many there are (1).
-    """
-
+    # Their trails; there may be room for more.
     nodes: IntArray
     offsets: OffsetArray
-    objectives: FloatArray
-    n_plans: OffsetArray
+    objectives: FloatArray  # E[R] and E[S] of each (n_most, 2)
+    n_plans: OffsetArray  # how many there are (1)
 
 
 def new_state(graph: Graph, n_robots: int, random: SeedArray, *, detours: bool) -> AnnealState:

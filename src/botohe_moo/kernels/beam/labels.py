@@ -48,72 +48,39 @@ _N_LABELS = 4096  # for which there is room at first
 
 
 class Standing(NamedTuple):
-    """What the label at hand has used and visited.
+    """What the label at hand has used and visited."""
 
-    Attributes
-    ----------
-    used
-        1 for the arcs it has used, 0 for the others (n_arcs).
-    visits
-        How often it has visited each node (n_nodes).
-    ahead
-        Worth of each node that it has not visited, 0 for the others (n_nodes).
-    """
-
-    used: OffsetArray
-    visits: OffsetArray
-    ahead: FloatArray
+    used: OffsetArray  # 1 for the arcs it has used, 0 for the others (n_arcs)
+    visits: OffsetArray  # how often it has visited each node (n_nodes)
+    ahead: FloatArray  # worth of each node that it has not visited, 0 for the others (n_nodes)
 
 
 class Level(NamedTuple):
-    """The children of one level, of which some go on.
+    """The children of one level, of which some go on."""
 
-    Attributes
-    ----------
-    children
-        As ``LABEL``.
-    table
-        A hash table of children, −1 where a slot is empty.
-    order, spare
-        Children, sorted and to be sorted.
-    """
-
-    children: Records
-    table: OffsetArray
+    children: Records  # as ``LABEL``
+    table: OffsetArray  # a hash table of children, −1 where a slot is empty
+    # Children in order, and scratch to sort them.
     order: OffsetArray
     spare: OffsetArray
 
 
 class Beam(NamedTuple):
-    """State and scratch of a search for a trail.
+    """State and scratch of a search for a trail."""
 
-    Attributes
-    ----------
-    state
-        A ``STATE`` (1).
-    labels
-        All labels that went on, as ``LABEL``, level by level.
-    level, standing, paths
-        Scratch.
-    gathered
-        Of each node at least what a robot that is there for sure collects on the safest way home
-        (n_nodes).
-    arc_keys, node_keys, place_keys
-        Keys for hashes: of each arc used, of each node visited, and of the node where a label ends.
-    trail
-        The arcs of the best trail (n_arcs).
-    """
-
-    state: Records
-    labels: Records
+    state: Records  # a ``STATE`` (1)
+    labels: Records  # all labels that went on, as ``LABEL``, level by level
     level: Level
     standing: Standing
     paths: Paths
+    # Of each node at least what a robot that is there for sure collects on the safest way home
+    # (n_nodes).
     gathered: FloatArray
+    # Keys for hashes: of each arc used, of each node visited, and of the node where a label ends.
     arc_keys: SeedArray
     node_keys: SeedArray
     place_keys: SeedArray
-    trail: OffsetArray
+    trail: OffsetArray  # the arcs of the best trail (n_arcs)
 
 
 def new_beam(graph: Graph) -> Beam:

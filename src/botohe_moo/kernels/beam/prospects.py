@@ -26,46 +26,22 @@ TOLERANCE = 1e-12
 
 
 class Near(NamedTuple):
-    """For each node others, the safest to reach first.
+    """For each node those others that are safest to reach, in this order."""
 
-    Attributes
-    ----------
-    near
-        Which nodes (n_nodes, n_near), n_near < n_nodes.
-    reach
-        Survival of the safest path to each of them (n_nodes, n_near).
-    """
-
-    near: OffsetArray
-    reach: FloatArray
+    near: OffsetArray  # which nodes (n_nodes, n_near), n_near < n_nodes
+    reach: FloatArray  # survival of the safest path to each of them (n_nodes, n_near)
 
 
 class Rule(NamedTuple):
-    """What a trail is searched for; see ``best_trail``.
+    """What a trail is searched for; see ``best_trail``."""
 
-    Attributes
-    ----------
-    worth
-        Of each node to a robot that reaches it for sure, at least 0 (n_nodes).
-    danger
-        What going to each near node before going home costs a robot alive for sure
-        (n_nodes, n_near).
-    survival_weight
-        What surviving for sure is worth, at least 0.
-    least
-        Survival floor: the least probability to survive the trail; 0 sets none.
-    width
-        Labels that go on from each level, at least 1.
-    max_labels
-        How many labels are kept at most.
-    """
-
-    worth: FloatArray
+    worth: FloatArray  # of each node to a robot that reaches it for sure, at least 0 (n_nodes)
+    # What going to each near node before going home costs a robot alive for sure (n_nodes, n_near).
     danger: FloatArray
-    survival_weight: float
-    least: float
-    width: int
-    max_labels: int
+    survival_weight: float  # what surviving for sure is worth, at least 0
+    least: float  # survival floor: the least probability to survive the trail; 0 sets none
+    width: int  # labels that go on from each level, at least 1
+    max_labels: int  # how many labels are kept at most
 
 
 def find_near(graph: Graph, n_near: int) -> Near:
@@ -82,6 +58,7 @@ def _write_near(graph: Graph, paths: Paths, used: OffsetArray, near: Near) -> No
         _search_from(graph, paths, used, near, source)
 
 
+# A helper of its own: from helpers ``search_paths`` is called elsewhere, too, and compiled once.
 @helper
 def _search_from(graph: Graph, paths: Paths, used: OffsetArray, near: Near, source: int) -> None:
     n_near = near.near.shape[1]

@@ -19,6 +19,7 @@ from botohe_moo.kernels.beam.prospects import (
 from botohe_moo.kernels.compile import helper, kernel
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.graph.paths import way_home
+from botohe_moo.kernels.plans.order import sort_descending
 
 # A search keeps no more labels than this, whatever its width: a few hundred megabytes.
 MAX_LABELS = 5_000_000
@@ -53,12 +54,9 @@ def best_trail(graph: Graph, near: Near, rule: Rule, beam: Beam) -> tuple[Offset
     number of hops, and with the arcs that leave a node; the search ends when it has kept
     ``max_labels``.
 
-    Returns
-    -------
-    tuple
-        The arcs of the trail (none for the trail that stays at base), its value, and whether any
-        label was dropped for want of width. If none was, no trail is better by more than a 10⁻¹²
-        of the value (but for a collision of 64-bit hashes).
+    Gives the arcs of the trail (none for the trail that stays at base), its value, and whether any
+    label was dropped for want of width. If none was, no trail is better by more than a 10⁻¹² of the
+    value (but for a collision of 64-bit hashes).
     """
     state = beam.state[0]
     state["high"] = _STARTING
@@ -181,29 +179,13 @@ def _rank(level: Level, n_children: int, enough: float) -> int:
 
     Gives how many they are. Equal ranks stay in order.
     """
-    children, order, spare = level.children, level.order, level.spare
+    children, order = level.children, level.order
     n = 0
     for child in range(n_children):
         if children[child].bound > enough:
             order[n] = child
             n += 1
-    length = 1
-    while length < n:
-        for start in range(0, n, 2 * length):
-            left, middle, stop = start, min(start + length, n), min(start + 2 * length, n)
-            right = middle
-            for i in range(start, stop):
-                if right == stop or (
-                    left < middle and children[order[left]].rank >= children[order[right]].rank
-                ):
-                    spare[i] = order[left]
-                    left += 1
-                else:
-                    spare[i] = order[right]
-                    right += 1
-        for i in range(n):
-            order[i] = spare[i]
-        length *= 2
+    sort_descending(children["rank"], order, level.spare, n)
     return n
 
 

@@ -1,305 +1,40 @@
-"""Ants that build trail plans hop by hop.
+"""Ants that build trail plans hop by hop."""
 
-Arcs are numbered as in the graph; behind them comes the base's self-loop, which ends a trail.
-"""
-
-import math
 from typing import NamedTuple
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
-from botohe_moo.kernels.compile import helper, inlined, kernel
+from botohe_moo._base.types import IntArray, OffsetArray, SeedArray
+from botohe_moo.kernels.colony.weighing import (
+    BLOCK,
+    Ant,
+    BuildRule,
+    Scratch,
+    Weights,
+    draw_arc,
+    new_scratch,
+    tabulate_node,
+    weigh,
+)
+from botohe_moo.kernels.compile import inlined, kernel
 from botohe_moo.kernels.graph.graph import Graph
-from botohe_moo.kernels.graph.paths import Paths, leads_home, survives_home
+from botohe_moo.kernels.graph.paths import Paths, survives_home
 from botohe_moo.kernels.rng import uniform
-
-# Ants whose weights are tabulated together: enough to share the exponentials, few enough that
-# the tables of a small mission stay in the fastest caches.
-BLOCK = 50
-
-# Up to this many arcs a scan that stops early beats one without branches (measured).
-_SHORT_SCAN = 5
-
-
-class BuildRule(NamedTuple):
-    """How plans are built.
-
-    Attributes
-    ----------
-    n_robots
-        Trails per plan.
-    n_ants
-        Size of the colony: ant i has λ = i / (n_ants − 1), a single ant λ = 1/2.
-    concurrent
-        Whether all robots are out at once and take one hop each in turn, those left out that have
-        ended their trails; otherwise one trail is complete before the next begins.
-    exploration
-        Every weight is raised by exploration · (mean weight) / (number of candidates).
-    min_survival
-        Survival floor: the least probability with which every robot gets home; 0 sets none.
-    """
-
-    n_robots: int
-    n_ants: int
-    concurrent: bool
-    exploration: float
-    min_survival: float
-
-
-class Weights(NamedTuple):
-    """What ants weigh arcs by.
-
-    Attributes
-    ----------
-    log_reward, log_survival
-        log(τ_R η_R), with η_R that of a head already in this trail, and log(τ_S η_S)
-        (n_maps, n_arcs + 1); one map a robot, or one that all robots share.
-    gain, log_fresh
-        What a head that no robot reaches yet adds to η_R, relative, and log(1 + gain) (n_arcs + 1).
-    """
-
-    log_reward: FloatArray
-    log_survival: FloatArray
-    gain: FloatArray
-    log_fresh: FloatArray
 
 
 class Plans(NamedTuple):
-    """Where plans are written, hop by hop.
+    """Where plans are written, hop by hop."""
 
-    Attributes
-    ----------
-    nodes
-        Nodes of the trails one after another: where each hop begins.
-    robots
-        Scratch as long: whose hop each is.
-    lengths
-        Nodes of each trail (n_ants · n_robots).
-    size
-        How many hops have been written (1).
-    """
-
-    nodes: IntArray
-    robots: IntArray
-    lengths: OffsetArray
-    size: OffsetArray
-
-
-class Scratch(NamedTuple):
-    """Scratch of an ant: weights in tables, and where its robots have been.
-
-    Attributes
-    ----------
-    seen, fresh
-        Weights of arcs for each ant of a block (n_maps, ``BLOCK``, n_arcs + 1): for a head already
-        in the trail, and for one that no robot reaches yet.
-    tabulated
-        For which block the arcs that leave a node have been tabulated (n_maps, n_nodes).
-    used, visited
-        The last trail that used each arc (n_rows, n_arcs + 1) and visited each node (n_rows,
-        n_nodes): a row for each robot that is out at once.
-    here, alive
-        Where each robot is, −1 where its trail has ended, and with what probability (n_robots).
-    unreached
-        Probability that no robot reaches each node (n_nodes).
-    touched, n_touched
-        The nodes where that is below 1, and how many they are (n_nodes), (1).
-    cumulated
-        Weights of the candidates, summed up (n_arcs + 1).
-    rejected
-        Arcs that were drawn and lead to where no way home is left (n_arcs + 1).
-    states
-        State of each ant's random numbers (n_ants, 2).
-    """
-
-    seen: FloatArray
-    fresh: FloatArray
-    tabulated: OffsetArray
-    used: OffsetArray
-    visited: OffsetArray
-    here: OffsetArray
-    alive: FloatArray
-    unreached: FloatArray
-    touched: OffsetArray
-    n_touched: OffsetArray
-    cumulated: FloatArray
-    rejected: OffsetArray
-    states: SeedArray
-
-
-@helper(makes_arrays=True)
-def _new_scratch(graph: Graph, rule: BuildRule, n_maps: int, states: SeedArray) -> Scratch:
-    n_nodes, n_arcs = graph.reward.shape[0], graph.head.shape[0] + 1
-    n_rows = rule.n_robots if rule.concurrent else 1
-    scratch = Scratch(
-        np.empty((n_maps, BLOCK, n_arcs)),
-        np.empty((n_maps, BLOCK, n_arcs)),
-        np.empty((n_maps, n_nodes), np.int64),
-        np.empty((n_rows, n_arcs), np.int64),
-        np.empty((n_rows, n_nodes), np.int64),
-        np.empty(rule.n_robots, np.int64),
-        np.empty(rule.n_robots),
-        np.empty(n_nodes),
-        np.empty(n_nodes, np.int64),
-        np.empty(1, np.int64),
-        np.empty(n_arcs),
-        np.empty(n_arcs, np.int64),
-        states,
-    )
-    scratch.tabulated[:], scratch.used[:], scratch.visited[:] = -1, -1, -1
-    scratch.unreached[:], scratch.n_touched[:] = 1.0, 0
-    return scratch
+    nodes: IntArray  # nodes of the trails one after another: where each hop begins
+    robots: IntArray  # scratch, as long as nodes: whose hop each is
+    lengths: OffsetArray  # nodes of each trail (n_ants · n_robots)
+    size: OffsetArray  # how many hops have been written (1)
 
 
 def new_plans(n_hops: int, n_trails: int) -> Plans:
     """Make room for so many hops."""
     nodes, robots = np.empty(n_hops, np.int32), np.empty(n_hops, np.int32)
     return Plans(nodes, robots, np.empty(n_trails, np.int64), np.zeros(1, np.int64))
-
-
-class _Ant(NamedTuple):
-    """What one trail of an ant is built by: rows of the scratch, and 1 − λ as a power."""
-
-    number: int
-    trail: int
-    power: float
-    used: OffsetArray
-    visited: OffsetArray
-    seen: FloatArray
-    fresh: FloatArray
-
-
-@inlined
-def _tabulate(
-    weights: Weights, rule: BuildRule, scratch: Scratch, block: int, which: int, arc: int
-) -> None:
-    """Fill in the weights of an arc for every ant of a block.
-
-    The ants' λ are evenly spaced, so that an arc's weight is a geometric progression over the
-    ants: a few exponentials serve the whole block.
-    """
-    step = 1.0 / (rule.n_ants - 1) if rule.n_ants > 1 else 0.0
-    first = block * BLOCK * step if rule.n_ants > 1 else 0.5
-    slope = weights.log_survival[which, arc] - weights.log_reward[which, arc]
-    weight = math.exp(weights.log_reward[which, arc] + first * slope)
-    ratio = math.exp(step * slope)
-    factor = math.exp((1.0 - first) * weights.log_fresh[arc])
-    factor_ratio = math.exp(-step * weights.log_fresh[arc])
-    seen, fresh = scratch.seen, scratch.fresh
-    for i in range(BLOCK):
-        seen[which, i, arc] = weight
-        fresh[which, i, arc] = weight * factor
-        weight *= ratio
-        factor *= factor_ratio
-
-
-@helper
-def _tabulate_node(
-    graph: Graph,
-    weights: Weights,
-    rule: BuildRule,
-    scratch: Scratch,
-    block: int,
-    which: int,
-    node: int,
-) -> None:
-    """Fill in the weights of all arcs that leave a node."""
-    scratch.tabulated[which, node] = block
-    for arc in range(graph.first[node], graph.first[node + 1]):
-        _tabulate(weights, rule, scratch, block, which, arc)
-    if node == graph.base:
-        _tabulate(weights, rule, scratch, block, which, graph.head.shape[0])
-
-
-@inlined
-def _weigh(
-    graph: Graph, weights: Weights, scratch: Scratch, ant: _Ant, here: int
-) -> tuple[int, float, int]:
-    """Sum up the weights of the arcs that a robot may take.
-
-    Gives how many arcs there are to choose from, their weights in sum, and the last of them.
-    """
-    low, high, loop = graph.first[here], graph.first[here + 1], graph.head.shape[0]
-    unreached, cumulated, head = scratch.unreached, scratch.cumulated, graph.head
-    n = 0
-    arc = low
-    total = 0.0
-    for a in range(low, high):
-        weight = 0.0
-        if ant.used[a] != ant.trail:
-            n += 1
-            arc = a
-            weight = ant.seen[a]
-            if ant.visited[head[a]] != ant.trail:
-                left = unreached[head[a]]
-                if left == 1.0:
-                    weight = ant.fresh[a]
-                else:
-                    weight *= math.exp(ant.power * math.log(1.0 + weights.gain[a] * left))
-        total += weight
-        cumulated[a - low] = total
-    if here == graph.base:
-        n += 1
-        arc = loop
-        total += float(ant.seen[loop])
-        cumulated[high - low] = total
-    return n, total, arc
-
-
-@inlined
-def _draw(
-    graph: Graph,
-    exploration: float,
-    cumulated: FloatArray,
-    ant: _Ant,
-    here: int,
-    n: int,
-    total: float,
-    drawn: float,
-) -> int:
-    """Choose one of the arcs that ``_weigh`` has weighed, of which there are several.
-
-    ``drawn`` is a random number from 0 to 1 + exploration / n: above 1 all are equally likely.
-    """
-    low, n_arcs = graph.first[here], graph.first[here + 1] - graph.first[here]
-    n_listed = n_arcs + 1 if here == graph.base else n_arcs
-    place = 0
-    if drawn < 1.0:
-        drawn *= total
-        if n_listed > _SHORT_SCAN:
-            for c in range(n_listed - 1):
-                place += cumulated[c] <= drawn
-        else:
-            while place < n_listed - 1 and cumulated[place] <= drawn:
-                place += 1
-    else:
-        skip = min(n - 1, int((drawn - 1.0) / exploration * n * n))
-        while place < n_arcs and (ant.used[low + place] == ant.trail or skip > 0):
-            skip -= ant.used[low + place] != ant.trail
-            place += 1
-    return int(low + place if place < n_arcs else graph.head.shape[0])
-
-
-@helper
-def _is_safe(
-    graph: Graph,
-    paths: Paths | None,
-    used: OffsetArray,
-    trail: int,
-    node: int,
-    alive: float,
-    least: float,
-) -> bool:
-    """Tell whether unused arcs lead home, with probability ``least`` over all.
-
-    Where there is no scratch to search on, they always do: the search is not even compiled.
-    """
-    if paths is None:
-        return True
-    if least > 0.0:
-        return survives_home(graph, paths, used, trail, node, alive, least)
-    return leads_home(graph, paths, used, trail, node)
 
 
 @inlined
@@ -309,7 +44,7 @@ def _choose(
     rule: BuildRule,
     scratch: Scratch,
     paths: Paths | None,
-    ant: _Ant,
+    ant: Ant,
     here: int,
     alive: float,
 ) -> int:
@@ -322,15 +57,15 @@ def _choose(
     loop, least = graph.head.shape[0], rule.min_survival
     n_rejected = 0
     while True:
-        n, total, arc = _weigh(graph, weights, scratch, ant, here)
+        n, total, arc = weigh(graph, weights, scratch, ant, here)
         if n > 1:
             drawn = uniform(scratch.states, ant.number) * (1.0 + rule.exploration / n)
-            arc = _draw(graph, rule.exploration, scratch.cumulated, ant, here, n, total, drawn)
+            arc = draw_arc(graph, rule.exploration, scratch.cumulated, ant, here, n, total, drawn)
         ant.used[arc] = ant.trail
         if n == 1 or arc == loop:
             break
         node, arriving = graph.head[arc], alive * graph.survival[arc]
-        if _is_safe(graph, paths, ant.used, ant.trail, node, arriving, least):
+        if survives_home(graph, paths, ant.used, ant.trail, node, arriving, least):
             break
         scratch.rejected[n_rejected] = arc
         n_rejected += 1
@@ -340,7 +75,7 @@ def _choose(
 
 
 @inlined
-def _visit(scratch: Scratch, ant: _Ant, node: int, alive: float) -> None:
+def _visit(scratch: Scratch, ant: Ant, node: int, alive: float) -> None:
     """Note that a robot has got to a node with probability ``alive``."""
     if ant.visited[node] == ant.trail:
         return
@@ -369,7 +104,7 @@ def _walk(
     number, robot = trail // rule.n_robots, trail % rule.n_robots
     row, which = robot if rule.concurrent else 0, robot if scratch.seen.shape[0] > 1 else 0
     block = number // BLOCK
-    ant = _Ant(
+    ant = Ant(
         number,
         trail,
         1.0 - (number * (1.0 / (rule.n_ants - 1)) if rule.n_ants > 1 else 0.5),
@@ -382,7 +117,7 @@ def _walk(
     here, alive, size = scratch.here[robot], scratch.alive[robot], plans.size[0]
     while True:
         if scratch.tabulated[which, here] != block:
-            _tabulate_node(graph, weights, rule, scratch, block, which, here)
+            tabulate_node(graph, weights, rule, scratch, block, which, here)
         arc = _choose(graph, weights, rule, scratch, paths, ant, here, alive)
         plans.nodes[size], plans.robots[size] = here, robot
         size += 1
@@ -445,28 +180,15 @@ def construct(
     reaches its head, by the trails as they are so far)`` times that of a head already in this
     trail.
 
-    Parameters
-    ----------
-    graph, weights, rule
-        Where, and how arcs are chosen.
-    paths
-        Scratch of searches for ways home; None where the graph is balanced and there is no floor,
-        so that there always is one.
-    states
-        State of each ant's random numbers (n_ants, 2), advanced: what an ant builds depends on its
-        own numbers only.
-    plans
-        Output.
-    begin, end
-        Which ants build now.
+    ``paths`` is scratch of searches for ways home; None where the graph is balanced and there is no
+    floor, so that there always is one. ``states`` of random numbers, one for each ant (n_ants, 2),
+    are advanced: what an ant builds depends on its own numbers only. Plans are written to
+    ``plans``.
 
-    Returns
-    -------
-    int
-        The ant whose plan might not have had room; ``end`` if all had.
+    Gives the ant whose plan might not have had room; ``end`` if all had.
     """
     n_robots = rule.n_robots
-    scratch = _new_scratch(graph, rule, weights.log_reward.shape[0], states)
+    scratch = new_scratch(graph, rule, weights.log_reward.shape[0], states)
     plans.size[0] = 0
     room = n_robots * (graph.head.shape[0] + 1) * (2 if rule.concurrent else 1)
     for ant in range(begin, end):

@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
-from botohe_moo.kernels.colony.construct import Weights
+from botohe_moo.kernels.colony.weighing import Weights
 from botohe_moo.kernels.compile import helper, kernel
 from botohe_moo.kernels.graph.arcs import find_arc
 from botohe_moo.kernels.graph.graph import Graph
@@ -19,62 +19,35 @@ LOG_LOW, LOG_HIGH = -650.0, 250.0
 
 
 class LearningRule(NamedTuple):
-    """How pheromone changes.
+    """How pheromone changes."""
 
-    Attributes
-    ----------
-    n_robots
-        Trails per plan.
-    evaporation
-        Share that evaporates, in (0, 1).
-    pooled
-        Whether each deposit is divided by the number of plans in both sets together, or by the
-        size of its own set.
-    archive_changed
-        Whether ``archive_deposits`` is out of date; as long as no plan enters it stays the same.
-    """
-
-    n_robots: int
-    evaporation: float
+    n_robots: int  # trails per plan
+    evaporation: float  # share that evaporates, in (0, 1)
+    # Whether each deposit is divided by the number of plans in both sets together, or by the size
+    # of its own set.
     pooled: bool
+    # Whether ``archive_deposits`` is out of date; as long as no plan enters it stays the same.
     archive_changed: bool
 
 
 class Depositors(NamedTuple):
-    """Plans that leave pheromone.
+    """Plans that leave pheromone."""
 
-    Attributes
-    ----------
-    objectives
-        E[R] and E[S] of all plans (n_plans, 2).
-    members
-        Indices of those that deposit.
-    nodes, offsets
-        All trails, ragged.
-    """
-
-    objectives: FloatArray
-    members: OffsetArray
+    objectives: FloatArray  # E[R] and E[S] of all plans (n_plans, 2)
+    members: OffsetArray  # indices of those that deposit
+    # All trails, ragged.
     nodes: IntArray
     offsets: OffsetArray
 
 
 class Pheromone(NamedTuple):
-    """Pheromone, and what has been deposited last; with one map the robots share it.
+    """Pheromone, and what has been deposited last; with one map the robots share it."""
 
-    Attributes
-    ----------
-    levels
-        Reward and survival pheromone, above 0 (n_maps, n_arcs + 1, 2).
-    deposits, archive_deposits
-        What the iteration's and the global Pareto set have left, in sum (n_maps, n_arcs + 1, 2).
-    log_eta_reward, log_eta_survival
-        Logarithms of the heuristics (n_arcs + 1); that of reward for a node already visited.
-    """
-
-    levels: FloatArray
+    levels: FloatArray  # reward and survival pheromone, above 0 (n_maps, n_arcs + 1, 2)
+    # What the iteration's and the global Pareto set have left, in sum (n_maps, n_arcs + 1, 2).
     deposits: FloatArray
     archive_deposits: FloatArray
+    # Logarithms of the heuristics (n_arcs + 1); that of reward for a node already visited.
     log_eta_reward: FloatArray
     log_eta_survival: FloatArray
 
@@ -122,16 +95,7 @@ def learn(
 ) -> None:
     """Evaporate pheromone and let the iteration's and the global Pareto set deposit theirs.
 
-    Parameters
-    ----------
-    pheromone
-        ``levels`` and deposits are changed in place.
-    weights
-        What ants make of it: written anew.
-    graph, rule
-        Where, and how.
-    iteration, archive
-        Both sets.
+    ``weights``, what ants make of it, are written anew.
     """
     levels, deposits, archived = pheromone.levels, pheromone.deposits, pheromone.archive_deposits
     _deposit(graph, iteration, rule.n_robots, deposits)

@@ -12,9 +12,9 @@ For one robot the objective is linear in the probabilities, and less is needed f
 B: its collected reward, less what B could still collect at goals that only A has reached, is at
 least that of B.
 
-Labels are compared where they have reached the same goals. For teams hardly any others stand for
-each other. A single robot keeps more labels so (half as many again on the art museum), and is done
-sooner.
+Only labels that have reached the same goals are compared. For teams hardly any others stand for
+each other. For a single robot more labels are kept this way (half as many again on the art museum),
+and the search still ends sooner.
 """
 
 import numpy as np

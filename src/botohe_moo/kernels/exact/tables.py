@@ -40,99 +40,55 @@ Table = TypeVar("Table", bound=tuple[Any, ...])
 
 
 class Rule(NamedTuple):
-    """What decides about trails.
+    """What decides about trails."""
 
-    Attributes
-    ----------
-    goal
-        Of each node, which goal it is, −1 for those without reward and for the base (n_nodes).
-    reward
-        Of each goal (n_goals).
-    node_keys, goal_keys
-        Keys for hashes.
-    single
-        Whether the team is one robot.
-    least
-        Survival floor.
-    """
-
+    # Of each node, which goal it is, −1 for those without reward and for the base (n_nodes).
     goal: OffsetArray
-    reward: FloatArray
+    reward: FloatArray  # of each goal (n_goals)
+    # Keys for hashes.
     node_keys: SeedArray
     goal_keys: SeedArray
-    single: bool
-    least: float
+    single: bool  # whether the team is one robot
+    least: float  # survival floor
 
 
 class Labels(NamedTuple):
-    """Labels, one a row; those at the same node with the same goals reached are chained.
+    """Labels, one a row; those at the same node with the same goals reached are chained."""
 
-    Attributes
-    ----------
-    rows
-        As ``LABEL``.
-    reached
-        Probability to have reached each goal, 0 where it has not been visited (n, n_goals).
-    used
-        Bits of the arcs that it cannot use any more (n, n_words).
-    last
-        The last label of each chain, −1 for none, by the low bits of its key; as many as there are
-        rows at most, a power of two. Chains that share a place are one.
-    """
-
-    rows: Records
+    rows: Records  # as ``LABEL``
+    # Probability to have reached each goal, 0 where it has not been visited (n, n_goals).
     reached: FloatArray
-    used: SeedArray
+    used: SeedArray  # bits of the arcs that it cannot use any more (n, n_words)
+    # The last label of each chain, −1 for none, by the low bits of its key; as many as there are
+    # rows at most, a power of two. Chains that share a place are one.
     last: OffsetArray
 
 
 class Trails(NamedTuple):
-    """Trails that no trail before them is as good as; SHELF of them lie on a shelf.
+    """Trails that no trail before them is as good as; SHELF of them lie on a shelf."""
 
-    Attributes
-    ----------
-    rows
-        As ``TRAIL``.
-    reached
-        Probability to reach each goal; for a single robot the share of the reward (n, n_columns).
-    shelf_survives, shelf_reached
-        The largest of them on each shelf.
-    """
-
-    rows: Records
+    rows: Records  # as ``TRAIL``
+    # Probability to reach each goal; for a single robot the share of the reward (n, n_columns).
     reached: FloatArray
+    # The largest of them on each shelf.
     shelf_survives: FloatArray
     shelf_reached: FloatArray
 
 
 class Here(NamedTuple):
-    """Scratch: what a label at hand may still reach.
+    """Scratch: what a label at hand may still reach."""
 
-    Attributes
-    ----------
-    reach, entry
-        Survival of the safest way to each node over arcs that it can use, 0 for none, and the last
-        arc of that way.
-    homeward
-        Whether arcs that it can use lead from each node home.
-    waiting
-        Nodes to go on from.
-    used
-        Its arcs (n_words).
-    reached, prospect
-        Probability to have reached each goal, and at most to reach it at all (n_goals).
-    column
-        One row of ``Trails.reached``.
-    """
-
+    # Survival of the safest way to each node over arcs that it can use, 0 for none, and the last
+    # arc of that way.
     reach: FloatArray
     entry: OffsetArray
-    homeward: OffsetArray
-    waiting: OffsetArray
-    used: SeedArray
+    homeward: OffsetArray  # whether arcs that it can use lead from each node home
+    waiting: OffsetArray  # nodes to go on from
+    used: SeedArray  # its arcs (n_words)
+    # Probability to have reached each goal, and at most to reach it at all (n_goals).
     reached: FloatArray
     prospect: FloatArray
-    column: FloatArray
+    column: FloatArray  # one row of ``Trails.reached``
 
 
 def new_here(n_nodes: int, n_goals: int, n_words: int, n_columns: int) -> Here:

@@ -27,54 +27,36 @@ FINISHED, FULL, PAUSED = 0, 1, 2
 
 
 class Choices(NamedTuple):
-    """Trails to choose from, and the team as it stands.
+    """Trails to choose from, and the team as it stands."""
 
-    Attributes
-    ----------
-    survives, reached
-        Of each trail, by descending survival, and the probability to reach each goal
-        (n_trails, n_goals).
-    slack
-        By how much of reward and of survivors a team must be better to count as better (2).
-    listed, gain, n_listed, at
-        For each robot the trails that it may choose, what each adds to the team before it, how
-        many they are, and the position of the one that is chosen or comes next.
-    hull_gain, hull_survives, n_hull
-        For each robot the upper concave hull of its choices, by ascending gain.
-    left
-        For each robot the reward of each goal, times the probability that none before it gets
-        there.
-    figures
-        For each robot E[R] and E[S] of those before it.
-    """
-
+    # Of each trail, by descending survival, and the probability to reach each goal
+    # (n_trails, n_goals).
     survives: FloatArray
     reached: FloatArray
+    # By how much of reward and of survivors a team must be better to count as better (2).
     slack: FloatArray
+    # For each robot the trails that it may choose, what each adds to the team before it, how many
+    # they are, and the position of the one that is chosen or comes next.
     listed: OffsetArray
     gain: FloatArray
     n_listed: OffsetArray
     at: OffsetArray
+    # For each robot the upper concave hull of its choices, by ascending gain.
     hull_gain: FloatArray
     hull_survives: FloatArray
     n_hull: OffsetArray
+    # For each robot the reward of each goal, times the probability that none before it gets there.
     left: FloatArray
-    figures: FloatArray
+    figures: FloatArray  # for each robot E[R] and E[S] of those before it
 
 
 class Front(NamedTuple):
-    """Teams that none is better than, by descending E[R].
+    """Teams that none is better than, by descending E[R]."""
 
-    Attributes
-    ----------
-    reward, survivors
-        E[R], without that of the base, and E[S].
-    team
-        The trails of each (n, n_robots); below 0 in the first column for teams known beforehand.
-    """
-
+    # E[R], without that of the base, and E[S].
     reward: FloatArray
     survivors: FloatArray
+    # The trails of each (n, n_robots); below 0 in the first column for teams known beforehand.
     team: OffsetArray
 
 

@@ -49,26 +49,11 @@ def grow(
     n_looks: int,
     again: bool,
 ) -> bool:
-    """Go on from labels in the order in which they were found, first from the base.
+    """Go on from ``n_looks`` labels in the order in which they were found, first from the base.
 
-    Parameters
-    ----------
-    graph, rule
-        The mission.
-    labels, trails, progress
-        What is known; changed in place.
-    here
-        Scratch.
-    n_looks
-        How many labels to go on from at most.
-    again
-        Whether to look at each label again first: what has been found since may stand for it, or
-        be as good as all it can become.
-
-    Returns
-    -------
-    bool
-        Whether it ended because there may be no room for what the next label becomes.
+    If ``again``, each label is looked at again first: what has been found since may stand for it,
+    or be as good as all it can become. Tells whether it ended because there may be no room for what
+    the next label becomes.
     """
     state = progress[0]
     if state.n_labels == 0:

@@ -24,23 +24,12 @@ class Batch(NamedTuple):
 
 
 class Archive(NamedTuple):
-    """Non-dominated plans by descending E[R].
+    """Non-dominated plans by descending E[R]."""
 
-    Attributes
-    ----------
-    objectives
-        E[R] and E[S] (n_plans, 2).
-    hashes
-        Of each plan's multiset of trails (n_plans).
-    ids
-        A number that no other plan ever gets (n_plans).
-    nodes, offsets
-        The trails, ragged.
-    """
-
-    objectives: FloatArray
-    hashes: SeedArray
-    ids: OffsetArray
+    objectives: FloatArray  # E[R] and E[S] (n_plans, 2)
+    hashes: SeedArray  # of each plan's multiset of trails (n_plans)
+    ids: OffsetArray  # a number that no other plan ever gets (n_plans)
+    # The trails, ragged.
     nodes: IntArray
     offsets: OffsetArray
 
@@ -84,14 +73,13 @@ def _is_repeated(hashes: SeedArray, start: int, stop: int) -> bool:
 def pareto_set(batch: Batch, n_robots: int) -> tuple[OffsetArray, SeedArray]:
     """Find the non-dominated plans of a batch, repeated plans once.
 
-    Returns
-    -------
-    tuple
-        Their indices by descending E[R], and their hashes.
+    Gives their indices by descending E[R], and their hashes.
     """
     objectives = batch.objectives
     order, members = np.empty(len(objectives), np.int64), np.empty(len(objectives), np.int64)
-    sort_descending(objectives[:, 0], order, members)
+    for i in range(len(order)):  # np.arange takes longer to compile
+        order[i] = i
+    sort_descending(objectives[:, 0], order, members, len(order))
     hashes = np.empty(len(order), np.uint64)
     n = 0
     best = -np.inf
@@ -257,11 +245,8 @@ def absorb(
 ) -> tuple[OffsetArray, OffsetArray, Archive]:
     """Find a batch's Pareto set and take into the archive what belongs there.
 
-    Returns
-    -------
-    tuple
-        The Pareto set's indices, those of the plans that entered the archive, and the archive: the
-        same one when nothing entered, otherwise in new arrays.
+    Gives the Pareto set's indices, those of the plans that entered the archive, and the archive:
+    the same one when nothing entered, otherwise in new arrays.
     """
     members, hashes = pareto_set(batch, n_robots)
     found = find_newcomers(batch, members, hashes, archive, max_ties)

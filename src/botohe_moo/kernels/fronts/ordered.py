@@ -12,7 +12,7 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, Record, RecordArray, SeedArray
 from botohe_moo.kernels.compile import helper, inlined
-from botohe_moo.kernels.rng import uniform
+from botohe_moo.kernels.rng import below
 
 BLOCK = 64
 
@@ -21,35 +21,22 @@ _PLACE = np.dtype([("slot", np.int64), ("reward", np.float64), ("survivors", np.
 
 
 class OrderedFront(NamedTuple):
-    """Places for plans, in order of their objectives.
+    """Places for plans, in order of their objectives."""
 
-    Attributes
-    ----------
-    n
-        How many ``blocks`` and ``plans`` there are, how many plans ever ``entered``, and how many
-        blocks are ``free`` and slots ``spare``.
-    directory
-        The blocks in order.
-    size
-        Plans in each block.
-    places
-        Of each place of each block, which ``slot`` holds the plan, and its E[R] and E[S]
-        (``reward`` and ``survivors``; n_blocks, BLOCK).
-    free_blocks, spare_slots
-        Those that are not in use, as stacks.
-    plan
-        The plan in each slot: numbers of its trails, in lexicographic order (n_slots, n_robots).
-    serial, tried
-        How many plans had entered before it, and how often it has been a parent (n_slots).
-    """
-
+    # How many ``blocks`` and ``plans`` there are, how many plans ever ``entered``, and how many
+    # blocks are ``free`` and slots ``spare``.
     n: Record
-    directory: OffsetArray
-    size: OffsetArray
+    directory: OffsetArray  # the blocks in order
+    size: OffsetArray  # plans in each block
+    # Of each place of each block (n_blocks, BLOCK), which ``slot`` holds the plan, and its E[R] and
+    # E[S] (``reward`` and ``survivors``).
     places: RecordArray
+    # Those that are not in use, as stacks.
     free_blocks: OffsetArray
     spare_slots: OffsetArray
+    # The plan in each slot: numbers of its trails, in lexicographic order (n_slots, n_robots).
     plan: IntArray
+    # How many plans had entered before it, and how often it has been a parent (n_slots).
     serial: OffsetArray
     tried: OffsetArray
 
@@ -103,7 +90,7 @@ def copy_front(front: OrderedFront, kept: OffsetArray, n_slots: int) -> OrderedF
 
 def has_room(front: OrderedFront, n: int) -> bool:
     """Tell whether so many plans can still enter."""
-    # So are the blocks then: two neighbours hold more than half a block together.
+    # Then there are enough blocks, too: two neighbours hold more than half a block together.
     return bool(front.n.spare >= n)
 
 
@@ -150,9 +137,9 @@ def draw_place(front: OrderedFront, states: SeedArray) -> tuple[int, int]:
     """Draw a plan uniformly: blocks are drawn again by how full they are."""
     n = front.n.blocks
     while True:
-        at = int(uniform(states, 0) * n)
+        at = below(states, n)
         size = front.size[front.directory[at]]
-        place = int(uniform(states, 0) * (BLOCK if n > 1 else size))
+        place = below(states, BLOCK if n > 1 else size)
         if place < size:
             return at, place
 

@@ -15,43 +15,28 @@ class Graph(NamedTuple):
     """A mission's graph, its arcs grouped by tail node; all arrays are read-only.
 
     Indices of nodes and arcs are 64-bit integers everywhere, so that no helper is compiled twice.
-
-    Attributes
-    ----------
-    first
-        The arcs that leave node v are ``first[v]`` to ``first[v + 1]`` (n_nodes + 1).
-    tail, head
-        The nodes that each arc leaves and enters (n_arcs); heads ascend within a node's arcs.
-    survival, cost
-        Probability to survive each arc, in (0, 1], and −log of it, at least 0 (n_arcs).
-    reverse
-        The arc from each arc's head to its tail, −1 where there is none (n_arcs).
-    first_entering, entering
-        The arcs that enter node v are ``entering[first_entering[v]:first_entering[v + 1]]``.
-    reward
-        Reward of each node, at least 0 (n_nodes).
-    homeward
-        Of each node but the base its arc on the safest way home; −1 at the base (n_nodes).
-    home
-        Survival of that way, every arc of which may be used; 1 at the base (n_nodes).
-    base
-        Index of the base.
-    balanced
-        Whether as many arcs enter every node as leave it, so that no trail meets a dead end.
     """
 
+    # The arcs that leave node v are ``first[v]`` to ``first[v + 1]`` (n_nodes + 1).
     first: OffsetArray
+    # The nodes that each arc leaves and enters (n_arcs); heads ascend within a node's arcs.
     tail: OffsetArray
     head: OffsetArray
+    # Probability to survive each arc, in (0, 1], and −log of it, at least 0 (n_arcs).
     survival: FloatArray
     cost: FloatArray
+    # The arc from each arc's head to its tail, −1 where there is none (n_arcs).
     reverse: OffsetArray
+    # The arcs that enter node v are ``entering[first_entering[v]:first_entering[v + 1]]``.
     first_entering: OffsetArray
     entering: OffsetArray
-    reward: FloatArray
+    reward: FloatArray  # reward of each node, at least 0 (n_nodes)
+    # Of each node but the base its arc on the safest way home; −1 at the base (n_nodes).
     homeward: OffsetArray
+    # Survival of that way, every arc of which may be used; 1 at the base (n_nodes).
     home: FloatArray
-    base: int
+    base: int  # index of the base
+    # Whether as many arcs enter every node as leave it, so that no trail meets a dead end.
     balanced: bool
 
     @property
@@ -71,15 +56,7 @@ class Graph(NamedTuple):
 def new_graph(
     tail: OffsetArray, head: OffsetArray, survival: FloatArray, reward: FloatArray, base: int
 ) -> Graph:
-    """Prepare a valid mission's graph.
-
-    Parameters
-    ----------
-    tail, head, survival
-        The arcs, sorted by tail, then by head.
-    reward, base
-        As in :class:`Graph`.
-    """
+    """Prepare a valid mission's graph; its arcs are sorted by tail, then by head."""
     n_nodes, n_arcs = len(reward), len(head)
     leaving = np.bincount(tail, minlength=n_nodes)
     n_entering = np.bincount(head, minlength=n_nodes)

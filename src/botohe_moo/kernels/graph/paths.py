@@ -15,34 +15,21 @@ ANYWHERE = -1
 
 
 class Paths(NamedTuple):
-    """Scratch of searches for paths.
+    """Scratch of searches for paths."""
 
-    Attributes
-    ----------
-    n_searches
-        How many searches there have been (1).
-    met
-        The last search that met each node (n_nodes); only for nodes met by the current search
-        ``distance`` and ``entry`` hold.
-    distance, entry
-        Cost of the safest path between each node and the source, and the arc by which that path
-        comes to the node, −1 at the source (n_nodes).
-    order
-        The nodes whose safest path is known, by ascending cost (n_nodes).
-    keys, held
-        The heap (n_arcs + 1).
-    path
-        Arcs of the path that was asked for, in order (n_nodes).
-    """
-
-    n_searches: OffsetArray
+    n_searches: OffsetArray  # how many searches there have been (1)
+    # The last search that met each node (n_nodes); only for nodes met by the current search
+    # ``distance`` and ``entry`` hold.
     met: OffsetArray
+    # Cost of the safest path between each node and the source, and the arc by which that path comes
+    # to the node, −1 at the source (n_nodes).
     distance: FloatArray
     entry: OffsetArray
-    order: OffsetArray
+    order: OffsetArray  # the nodes whose safest path is known, by ascending cost (n_nodes)
+    # The heap (n_arcs + 1).
     keys: FloatArray
     held: OffsetArray
-    path: OffsetArray
+    path: OffsetArray  # arcs of the path that was asked for, in order (n_nodes)
 
 
 @helper(makes_arrays=True)
@@ -113,26 +100,11 @@ def search_paths(
     n_most: int,
     backwards: bool,
 ) -> int:
-    """Find the safest paths from a node, or to it, over unused arcs, the safest first.
+    """Find the safest paths from a node, or, searching ``backwards``, to it; the safest first.
 
-    Parameters
-    ----------
-    graph, used, trail
-        Where, and which arcs must not be taken.
-    paths
-        ``distance``, ``entry`` and ``order`` are written.
-    source
-        Where the paths begin; searching backwards, where they end.
-    target, n_most
-        The search ends when the path to this node is known (``ANYWHERE``: no such node), or the
-        paths to so many nodes, the source among them.
-    backwards
-        Whether to search against the arcs.
-
-    Returns
-    -------
-    int
-        How many nodes are in ``order``.
+    The search ends when the path to ``target`` is known (``ANYWHERE``: no such node), or the paths
+    to ``n_most`` nodes, the source among them. Writes ``distance``, ``entry`` and ``order``; gives
+    how many nodes are in ``order``.
     """
     met, distance, entry = paths.met, paths.distance, paths.entry
     paths.n_searches[0] += 1
@@ -167,10 +139,7 @@ def safest_path(
 ) -> int:
     """Write the safest path between two nodes to ``paths.path``.
 
-    Returns
-    -------
-    int
-        How many arcs it has; −1 where there is none.
+    Gives how many arcs it has; −1 where there is none.
     """
     n_nodes = paths.met.shape[0]
     n_known = search_paths(graph, paths, used, trail, source, target, n_nodes, False)
@@ -239,7 +208,7 @@ def leads_home(graph: Graph, paths: Paths, used: OffsetArray, trail: int, node: 
 @helper
 def survives_home(
     graph: Graph,
-    paths: Paths,
+    paths: Paths | None,
     used: OffsetArray,
     trail: int,
     node: int,
@@ -248,8 +217,14 @@ def survives_home(
 ) -> bool:
     """Tell whether a robot that reaches a node with probability ``alive`` can keep a floor.
 
-    It can if it gets home over unused arcs with probability ``least`` or more.
+    It can if it gets home over unused arcs with probability ``least`` or more; without a floor
+    (0), if any lead home. Where there is no scratch to search on, it always can: the search is not
+    even compiled.
     """
+    if paths is None:
+        return True
+    if least <= 0.0:
+        return leads_home(graph, paths, used, trail, node)
     if alive * graph.home[node] < least:
         return False
     n = way_home(graph, paths, used, trail, node)

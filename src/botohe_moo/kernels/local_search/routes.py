@@ -27,27 +27,18 @@ _ENTRY = np.dtype(
 
 
 class Routes(NamedTuple):
-    """Safest paths, a row for every node where they lead to.
+    """Safest paths, a row for every node where they lead to."""
 
-    Attributes
-    ----------
-    n_known
-        Entries in each row; 0 before the row has been asked for (n_nodes).
-    entries
-        Where a path begins (``source``, ascending along the known part of a row), its ``cost``,
-        its first ``arc``, −1 at the goal itself, and the entry, in the same row, of that arc's head
-        (``onward``; n_nodes, n_entries).
-    near
-        For each node others, the safest to reach first; −1 before somebody has asked
-        (n_nodes, n_near).
-    paths
-        Scratch of the search.
-    """
-
-    n_known: OffsetArray
+    n_known: OffsetArray  # entries in each row; 0 before the row has been asked for (n_nodes)
+    # Where a path begins (``source``, ascending along the known part of a row), its ``cost``, its
+    # first ``arc``, −1 at the goal itself, and the entry, in the same row, of that arc's head
+    # (``onward``; n_nodes, n_entries).
     entries: RecordArray
+    # For each node those others that are safest to reach, in this order; −1 before somebody has
+    # asked (n_nodes, n_near).
     near: OffsetArray
-    paths: Paths
+    used: OffsetArray  # 0 for all arcs: every search may take all of them (n_arcs)
+    paths: Paths  # scratch of the search
 
 
 def new_routes(graph: Graph) -> Routes:
@@ -58,6 +49,7 @@ def new_routes(graph: Graph) -> Routes:
         n_known=np.zeros(n_nodes, np.int64),
         entries=np.empty((n_nodes, n_entries), _ENTRY).view(np.recarray),
         near=np.full((n_nodes, min(_N_NEIGHBOURS, n_nodes - 1)), -1),
+        used=np.zeros(graph.n_arcs, np.int64),
         paths=new_paths(graph),
     )
 
@@ -66,7 +58,7 @@ def new_routes(graph: Graph) -> Routes:
 def search_near(graph: Graph, routes: Routes, source: int) -> None:
     """Find the nodes that are safest to reach from a node."""
     paths, n_near = routes.paths, routes.near.shape[1]
-    search_paths(graph, paths, graph.tail, -1, source, ANYWHERE, n_near + 1, False)  # none is used
+    search_paths(graph, paths, routes.used, 1, source, ANYWHERE, n_near + 1, False)
     for i in range(n_near):
         routes.near[source, i] = paths.order[i + 1]
 
@@ -75,7 +67,7 @@ def search_near(graph: Graph, routes: Routes, source: int) -> None:
 def search_routes(graph: Graph, routes: Routes, goal: int) -> None:
     """Fill in a row: the safest paths to a node from those that are safest to come from."""
     paths, n_entries = routes.paths, routes.entries.shape[1]
-    n = search_paths(graph, paths, graph.tail, -1, goal, ANYWHERE, n_entries, True)  # none is used
+    n = search_paths(graph, paths, routes.used, 1, goal, ANYWHERE, n_entries, True)
     found, place = -paths.n_searches[0], paths.held
     for i in range(n):
         paths.met[paths.order[i]] = found  # marks that no search leaves

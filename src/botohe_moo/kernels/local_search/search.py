@@ -4,61 +4,37 @@ from typing import NamedTuple
 
 import numpy as np
 
-from botohe_moo._base.types import IntArray, OffsetArray
 from botohe_moo.kernels.compile import helper, inlined, kernel
 from botohe_moo.kernels.fronts.ordered import (
     OrderedFront,
-    add_place,
     best_reward,
     contribution,
     draw_place,
     find_place,
-    remove_place,
 )
-from botohe_moo.kernels.graph.arcs import find_arc
 from botohe_moo.kernels.graph.graph import Graph
-from botohe_moo.kernels.local_search.moves import (
-    ADOPT,
-    N_KINDS,
-    adopt,
-    appraise,
-    change,
-    draw_trail,
-    write_child,
-)
-from botohe_moo.kernels.local_search.routes import Routes
-from botohe_moo.kernels.local_search.trail_store import (
-    TrailStore,
-    comes_before,
-    fits,
-    release,
-)
-from botohe_moo.kernels.local_search.workspace import (
-    TOLERANCE,
-    SearchRule,
-    Workspace,
+from botohe_moo.kernels.local_search.admission import (
+    Given,
     add_trail,
-    clear_others,
-    clear_trail,
-    evaluate_trails,
-    lay_out,
+    bring_in,
+    enter_alone,
+    leave,
     put_in_order,
-    set_aside,
+    take_in,
 )
-from botohe_moo.kernels.rng import uniform
+from botohe_moo.kernels.local_search.children import adopt, appraise, write_child
+from botohe_moo.kernels.local_search.layout import clear_others, clear_trail, lay_out, set_aside
+from botohe_moo.kernels.local_search.moves import ADOPT, N_KINDS, change, draw_trail
+from botohe_moo.kernels.local_search.routes import Routes
+from botohe_moo.kernels.local_search.trail_store import TrailStore, fits, release
+from botohe_moo.kernels.local_search.workspace import TOLERANCE, SearchRule, Workspace
+from botohe_moo.kernels.rng import below, uniform
 
 # Parents in a row without any child, after which there is nothing left to try.
 MAX_FRUITLESS = 10_000
 
 # Instead of a trail: the child's is not stored.
 NOBODY = -1
-
-
-class Given(NamedTuple):
-    """Valid plans from elsewhere, ragged: they are evaluated first."""
-
-    nodes: IntArray
-    offsets: OffsetArray
 
 
 class Fronts(NamedTuple):
@@ -79,26 +55,10 @@ def search(
     given: Given,
     n_evaluations: int,
 ) -> int:
-    """Take plans from elsewhere into the front, then search from there.
+    """Take the given plans into the front, then search from there.
 
-    Parameters
-    ----------
-    graph, routes
-        The mission, and its safest paths.
-    store, fronts, work
-        Trails, the front, and scratch.
-    rule
-        How to search.
-    given
-        Plans that count as evaluations, too, and come first.
-    n_evaluations
-        How many plans to evaluate.
-
-    Returns
-    -------
-    int
-        How many have been; where these are fewer there is no room for more, or no move that makes
-        another plan.
+    Gives how many plans have been evaluated, the given ones among them: where these are fewer than
+    ``n_evaluations`` there is no room for more, or no move makes another plan.
     """
     front, alone = fronts.team, fronts.alone
     n_robots = work.held.shape[0]
@@ -109,7 +69,7 @@ def search(
         if not fits(graph, store, max(most_new, n_robots)) or front.n.spare < most_new:
             break
         if n < n_given:
-            _take_in(graph, store, front, work, given, n)
+            take_in(graph, store, front, work, given, n)
             n += 1
             continue
         if alone.n.plans == 0:
@@ -126,81 +86,12 @@ def search(
 
 
 @helper
-def _take_in(
-    graph: Graph, store: TrailStore, front: OrderedFront, work: Workspace, given: Given, plan: int
-) -> None:
-    """Put a given plan into the front, unless that has one as good."""
-    n_robots, trails = work.held.shape[0], work.trails
-    for k in range(n_robots):
-        start = given.offsets[plan * n_robots + k]
-        length = given.offsets[plan * n_robots + k + 1] - start - 1
-        for i in range(start, start + length):
-            work.child[i - start] = find_arc(graph, given.nodes[i], given.nodes[i + 1])
-        trail = add_trail(graph, store, work, length)
-        place = k
-        while place > 0 and comes_before(store, trail, trails[place - 1]):
-            trails[place] = trails[place - 1]
-            place -= 1
-        trails[place] = trail
-    _bring_in(graph, store, front, work)
-    for k in range(n_robots):
-        release(store, trails[k])
-
-
-@helper
-def _bring_in(graph: Graph, store: TrailStore, front: OrderedFront, work: Workspace) -> bool:
-    """Put the plan in ``work.trails`` into the front, unless that has one as good."""
-    reward, survivors = evaluate_trails(graph, store, work)
-    if not _enter(store, front, work.trails, reward, survivors):
-        return False
-    work.memory.newest, work.memory.idle = survivors, 0
-    return True
-
-
-@helper
-def _enter(
-    store: TrailStore, front: OrderedFront, trails: OffsetArray, reward: float, survivors: float
-) -> bool:
-    """Put a plan into a front, unless that has one as good; those that it dominates leave."""
-    if best_reward(front, survivors) >= reward:
-        return False
-    no_more = survivors * (1.0 + TOLERANCE)
-    while True:
-        # Those dominated, but for rounding, are the last that survive no more.
-        at, place = find_place(front, no_more)
-        behind = at == front.n.blocks
-        if behind or front.places[front.directory[at], place].survivors > no_more:
-            place -= 1
-            if place < 0:
-                at -= 1
-                if at < 0:
-                    break
-                place = front.size[front.directory[at]] - 1
-        if front.places[front.directory[at], place].reward > reward:
-            break
-        _leave(store, front, at, place)
-    slot = add_place(front, reward, survivors)
-    for k in range(trails.shape[0]):
-        front.plan[slot, k] = trails[k]
-        store.trails[trails[k]].n_users += 1
-    return True
-
-
-@helper
-def _leave(store: TrailStore, front: OrderedFront, at: int, place: int) -> None:
-    """Take a plan out of a front."""
-    slot = remove_place(front, at, place)
-    for k in range(front.plan.shape[1]):
-        release(store, front.plan[slot, k])
-
-
-@helper
 def _take_parent(
     graph: Graph, store: TrailStore, fronts: Fronts, work: Workspace, rule: SearchRule
 ) -> None:
     """Hold a parent, and set aside all its robots but one, which may go on alone for a while.
 
-    The robot is rather one that is under way, which has more to change.
+    A robot that stays at base is drawn again once: the others have more to change.
     """
     now, held = work.now, work.held
     now.at, place = _draw_parent(fronts.team, work, rule)
@@ -209,9 +100,9 @@ def _take_parent(
     for k in range(held.shape[0]):
         held[k] = fronts.team.plan[slot, k]
         store.trails[held[k]].n_users += 1
-    now.robot = int(uniform(work.states, 0) * held.shape[0])
+    now.robot = below(work.states, held.shape[0])
     if store.trails[held[now.robot]].n_arcs == 0:
-        now.robot = int(uniform(work.states, 0) * held.shape[0])
+        now.robot = below(work.states, held.shape[0])
     set_aside(graph, store, work)
     now.alone = 0
     is_stuck = held.shape[0] > 1 and work.memory.idle > rule.patience
@@ -219,7 +110,7 @@ def _take_parent(
         now.alone = rule.n_alone
         lay_out(graph, store, work, held[now.robot])
         last = work.steps[now.length]
-        _enter_alone(store, fronts.alone, work, held[now.robot], last.gained, last.alive)
+        enter_alone(store, fronts.alone, work, held[now.robot], last.gained, last.alive)
         clear_trail(graph, work)
 
 
@@ -248,20 +139,6 @@ def _draw_parent(front: OrderedFront, work: Workspace, rule: SearchRule) -> tupl
         if promise > most:
             best, best_place, most = at, place, promise
     return best, best_place
-
-
-@helper
-def _enter_alone(
-    store: TrailStore,
-    alone: OrderedFront,
-    work: Workspace,
-    trail: int,
-    gained: float,
-    alive: float,
-) -> None:
-    """Put a trail of the robot at hand into the front of its trails."""
-    work.single[0] = trail
-    _enter(store, alone, work.single, gained, alive)
 
 
 @inlined
@@ -321,11 +198,11 @@ def _raise_children(
         else:
             store.trails[trail].n_users += 1
         if is_alone:
-            _enter_alone(store, goal, work, trail, gained, alive)
+            enter_alone(store, goal, work, trail, gained, alive)
             needed = best_reward(front, (now.survivors + alive) * (1.0 - TOLERANCE))
         if not is_alone or (now.others + gained) * (1.0 - TOLERANCE) > needed:
             put_in_order(store, work, trail)
-            work.tally[1, kind] += _bring_in(graph, store, front, work)
+            work.tally[1, kind] += bring_in(graph, store, front, work)
         release(store, trail)
     clear_trail(graph, work)
     release(store, parent)
@@ -334,10 +211,10 @@ def _raise_children(
 
 @helper
 def _let_go(graph: Graph, store: TrailStore, alone: OrderedFront, work: Workspace) -> None:
-    """Be done with the parent held."""
+    """Release the parent, and the trails that its robot was tried with."""
     while alone.n.blocks > 0:
         last = alone.n.blocks - 1
-        _leave(store, alone, last, alone.size[alone.directory[last]] - 1)
+        leave(store, alone, last, alone.size[alone.directory[last]] - 1)
     clear_others(graph, work)
     for k in range(work.held.shape[0]):
         release(store, work.held[k])

@@ -27,30 +27,18 @@ _TRAIL = np.dtype(
 
 
 class TrailStore(NamedTuple):
-    """Trails by number: their arcs, and what they reach.
+    """Trails by number: their arcs, and what they reach."""
 
-    Attributes
-    ----------
-    n
-        How many ``arcs`` and ``visits`` are in use, and how many trails are ``spare``.
-    trails
-        Of each trail, where its arcs and visits begin, how many there are, how many plans have it
-        (``n_users``), and with what probability a robot survives it (``alive``).
-    arc
-        The arcs of all trails, one trail after another.
-    node, reach
-        Likewise the nodes with a reward, the base left out, by first visit, and the probability
-        to reach each.
-    spare
-        Numbers that are free, as a stack.
-    """
-
-    n: Record
+    n: Record  # how many ``arcs`` and ``visits`` are in use, and how many trails are ``spare``
+    # Of each trail, where its arcs and visits begin, how many there are, how many plans have it
+    # (``n_users``), and with what probability a robot survives it (``alive``).
     trails: RecordArray
-    arc: IntArray
+    arc: IntArray  # the arcs of all trails, one trail after another
+    # Likewise the nodes with a reward, the base left out, by first visit, and the probability to
+    # reach each.
     node: IntArray
     reach: FloatArray
-    spare: OffsetArray
+    spare: OffsetArray  # numbers that are free, as a stack
 
 
 def new_store(n_trails: int, n_arcs: int, n_visits: int) -> TrailStore:
@@ -103,7 +91,7 @@ def fits(graph: Graph, store: TrailStore, n_trails: int) -> bool:
 
 @inlined
 def release(store: TrailStore, trail: int) -> None:
-    """Note that one plan less has a trail, which is free when it was the last."""
+    """Note that one plan fewer has a trail; where no plan is left, its number is free."""
     store.trails[trail].n_users -= 1
     if store.trails[trail].n_users == 0:
         store.spare[store.n.spare] = trail

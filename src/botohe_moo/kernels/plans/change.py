@@ -17,32 +17,21 @@ from botohe_moo.kernels.plans.marks import (
 )
 from botohe_moo.kernels.plans.moves import DETOUR, move_trail
 from botohe_moo.kernels.plans.ragged import Trails, write_trails
-from botohe_moo.kernels.rng import uniform
+from botohe_moo.kernels.rng import below, uniform
 
 # How many detours are tried where none of the moves drawn could be made.
 _LAST_TRIES = 10
 
 
 class MoveRule(NamedTuple):
-    """How trails are changed.
+    """How trails are changed."""
 
-    Attributes
-    ----------
-    weights
-        How likely each kind of move is to be drawn, relative (up to ``N_KINDS``; those left out
-        are not drawn).
-    max_tries
-        How often to draw, before a few detours are tried.
-    every_robot
-        Whether every trail of a plan is changed, rather than one drawn uniformly.
-    min_survival
-        Survival floor, which trails keep; 0 sets none.
-    """
-
+    # How likely each kind of move is to be drawn, relative (up to ``N_KINDS``; those left out are
+    # never drawn).
     weights: FloatArray
-    max_tries: int
-    every_robot: bool
-    min_survival: float
+    max_tries: int  # how often to draw, before a few detours are tried
+    every_robot: bool  # whether every trail of a plan is changed, rather than one drawn uniformly
+    min_survival: float  # survival floor, which trails keep; 0 sets none
 
 
 @inlined
@@ -81,14 +70,8 @@ def change_trail(
     """Make one move, in place, of a kind drawn with given weights.
 
     Drawn again, kind and all, when it cannot be made, or would leave the robot a lesser chance to
-    survive than the floor. Where none could be made, a few detours are tried. Parameters are those
-    of ``move_trail``, but no arc needs to be marked.
-
-    Returns
-    -------
-    int
-        The trail's new length; ``CANNOT`` where no draw could be made, ``NO_PATHS`` where a detour
-        was drawn for which there is no scratch: nothing has changed.
+    survive than the floor. Where none could be made, a few detours are tried. Parameters and result
+    are those of ``move_trail``, but no arc needs to be marked.
     """
     mark_trail(graph, scratch, nodes, length)
     for attempt in range(rule.max_tries + _LAST_TRIES):
@@ -124,8 +107,8 @@ def _change_plans(
     """Change one trail, or every trail, of plans by one move, while there is room to write them.
 
     A trail with which no draw can be made stays as it is. ``n_done`` trails, those of whole plans,
-    have been written to ``out`` before. Gives how many have been written; −1 less that where the
-    next plan needs scratch for detours.
+    have been written to ``out`` before. Gives how many, n, have been written; −1 − n where the next
+    plan needs scratch for detours.
     """
     n_trails, room = plans.offsets.shape[0] - 1, graph.head.shape[0] + 1
     trail_nodes = np.empty(room, np.int64)
@@ -136,7 +119,7 @@ def _change_plans(
         if size + needed > out.nodes.shape[0]:
             return first
         low, high = states[0, 0], states[0, 1]
-        chosen = -1 if rule.every_robot else first + int(uniform(states, 0) * n_robots)
+        chosen = -1 if rule.every_robot else first + below(states, n_robots)
         for trail in range(first, first + n_robots):
             start = plans.offsets[trail]
             length = plans.offsets[trail + 1] - start

@@ -10,7 +10,7 @@ from botohe_moo.kernels.graph.arcs import find_arc
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.graph.paths import Paths, safest_path
 from botohe_moo.kernels.plans.marks import CANNOT, NO_PATHS, MoveScratch
-from botohe_moo.kernels.rng import uniform
+from botohe_moo.kernels.rng import below, uniform
 
 
 @helper
@@ -70,10 +70,10 @@ def _go_another_way(
     ``CANNOT`` where there is no path, or no other one than the trail takes.
     """
     used, mark, way = scratch.used, scratch.mark[0], scratch.way
-    start = int(uniform(states, 0) * length)
+    start = below(states, length)
     room = length - start
     stop = start + min(room, int((room + 1) ** uniform(states, 0))) - 1
-    via = int(uniform(states, 0) * graph.reward.shape[0])
+    via = below(states, graph.reward.shape[0])
     here, target = nodes[start], nodes[stop]
     for i in range(start, stop):
         used[find_arc(graph, nodes[i], nodes[i + 1])] = -1

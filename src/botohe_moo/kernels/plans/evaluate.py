@@ -25,22 +25,13 @@ Chance = TypeVar("Chance", float, FloatArray)
 
 
 class Values(NamedTuple):
-    """What plans are worth.
+    """What plans are worth."""
 
-    Attributes
-    ----------
-    objectives
-        E[R] in rewards and E[S] in robots (n_plans, 2).
-    faults
-        Trails that do not begin or do not end at base, missing arcs, and arcs that are used again
-        (n_plans).
-    alive
-        The probability that each robot survives (n_plans, n_robots).
-    """
-
-    objectives: FloatArray
+    objectives: FloatArray  # E[R] in rewards and E[S] in robots (n_plans, 2)
+    # Trails that do not begin or do not end at base, missing arcs, and arcs that are used again
+    # (n_plans).
     faults: FloatArray
-    alive: FloatArray
+    alive: FloatArray  # the probability that each robot survives (n_plans, n_robots)
 
 
 class _Scratch(NamedTuple):
@@ -167,25 +158,12 @@ def evaluate(
     lexicographic order of their trails, so that two orders of the same trails give the same
     floating-point numbers.
 
-    Parameters
-    ----------
-    graph
-        Where.
-    nodes, offsets
-        The trails, ragged: trail t is ``nodes[offsets[t]:offsets[t + 1]]``; plan i owns the
-        trails ``i * n_robots`` to ``(i + 1) * n_robots``.
-    n_robots
-        Trails per plan, at least one.
-    strict
-        Whether to end at the first plan with a fault; its row and those behind it are left.
-    values
-        Output.
+    Trail t is ``nodes[offsets[t]:offsets[t + 1]]``; plan i owns the trails ``i * n_robots`` to
+    ``(i + 1) * n_robots``. If ``strict``, it ends at the first plan with a fault, and leaves its
+    row and those behind it as they are.
 
-    Returns
-    -------
-    tuple of int
-        (kind, plan, robot, position) of the first fault; kind is ``VALID`` where there is none, or
-        not ``strict``. ``BAD_OFFSETS`` always ends it.
+    Gives (kind, plan, robot, position) of the first fault; kind is ``VALID`` where there is none,
+    or not ``strict``. ``BAD_OFFSETS`` always ends it.
     """
     scratch = _new_scratch(graph)
     order = np.empty(n_robots, np.int64)

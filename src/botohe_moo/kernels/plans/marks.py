@@ -1,4 +1,4 @@
-"""A trail that moves change: its nodes in a buffer, its arcs marked."""
+"""Scratch of moves, which change a trail in a buffer whose arcs are marked."""
 
 from typing import NamedTuple
 
@@ -17,27 +17,14 @@ NO_PATHS = -2
 
 
 class MoveScratch(NamedTuple):
-    """Scratch of moves.
+    """Scratch of moves."""
 
-    Attributes
-    ----------
-    mark
-        The number of the trail that is changed (1).
-    used
-        The last trail that used each arc: the trail takes arc a where ``used[a] == mark[0]``
-        (n_arcs).
-    spare
-        A trail as it was before a move (n_arcs + 1).
-    way
-        Arcs of a detour (2 · n_nodes).
-    paths
-        Scratch of searches for paths; None leaves out detours, which then are not compiled.
-    """
-
-    mark: OffsetArray
+    mark: OffsetArray  # the number of the trail that is changed (1)
+    # The last trail that used each arc (n_arcs): this one takes arc a where used[a] == mark[0].
     used: OffsetArray
-    spare: OffsetArray
-    way: OffsetArray
+    spare: OffsetArray  # a trail as it was before a move (n_arcs + 1)
+    way: OffsetArray  # arcs of a detour (2 · n_nodes)
+    # Scratch of searches for paths; None leaves out detours, which then are not compiled.
     paths: Paths | None
 
 

@@ -12,7 +12,7 @@ from botohe_moo.kernels.graph.arcs import find_arc
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.plans.detours import take_detour
 from botohe_moo.kernels.plans.marks import CANNOT, MoveScratch
-from botohe_moo.kernels.rng import uniform
+from botohe_moo.kernels.rng import below, uniform
 
 # The kinds of moves, as indices into their weights.
 INSERT = 0
@@ -68,10 +68,10 @@ def _add_node(
     if kind == SUBSTITUTE:
         if length < 3:
             return CANNOT
-        at = 1 + int(uniform(states, 0) * (length - 2))
+        at = 1 + below(states, length - 2)
         longer = 0
     else:
-        at = 1 + int(uniform(states, 0) * (length if kind == INSERT else max(1, length - 1)))
+        at = 1 + below(states, length if kind == INSERT else max(1, length - 1))
         # Behind the return to base, where another loop opens, to insert is to grab.
         longer = 2 if kind == GRAB or at == length else 1
     before = nodes[at - 1]
@@ -188,25 +188,11 @@ def move_trail(
     which a node may come, for ``DELETE_LOOP`` among all), then a node or a visit, among those that
     are possible there.
 
-    Parameters
-    ----------
-    graph
-        Where the trail leads.
-    scratch
-        Just the trail's arcs are marked (``mark_trail``). Left so, hence the marks of the trail as
-        it was.
-    nodes, length
-        A valid trail, in a buffer of at least n_arcs + 1 nodes.
-    kind
-        ``INSERT`` to ``DETOUR``.
-    states
-        State of the random numbers (1, 2), advanced.
+    ``nodes`` is a buffer of at least n_arcs + 1 nodes that begins with a valid trail. Only this
+    trail's arcs are marked before (``mark_trail``), and also after the move.
 
-    Returns
-    -------
-    int
-        The trail's new length; ``CANNOT`` where the move cannot be made, ``NO_PATHS`` where it is a
-        detour for which there is no scratch: nothing has changed.
+    Gives the trail's new length; ``CANNOT`` where the move cannot be made, ``NO_PATHS`` where it is
+    a detour for which there is no scratch: nothing has changed.
     """
     if kind == DETOUR:
         return take_detour(graph, scratch, scratch.paths, nodes, length, states)
@@ -218,15 +204,15 @@ def move_trail(
     if kind == REVERSE:
         return _reverse(graph, nodes, length)
     if kind == DELETE_LOOP:
-        return _delete_loop(nodes, length, int(uniform(states, 0) * length), states)
-    low = high = 1 + int(uniform(states, 0) * n_inner)
+        return _delete_loop(nodes, length, below(states, length), states)
+    low = high = 1 + below(states, n_inner)
     if kind == DELETE:
         if nodes[low - 1] == nodes[low + 1]:  # a spur
             return _cut(nodes, length, low, low + 2)
     else:
         if n_inner < 2:
             return CANNOT
-        high = 1 + int(uniform(states, 0) * (n_inner - 1))
+        high = 1 + below(states, n_inner - 1)
         high += high >= low
         low, high = min(low, high), max(low, high)
         if kind == SWAP:

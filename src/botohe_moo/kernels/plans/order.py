@@ -21,21 +21,12 @@ def precedes(
 
 
 @helper
-def sort_descending(keys: FloatArray, order: OffsetArray, spare: OffsetArray) -> None:
-    """Write the indices of keys, the largest first, equal ones in order; NaN comes anywhere.
+def sort_descending(keys: FloatArray, order: OffsetArray, spare: OffsetArray, n: int) -> None:
+    """Sort the first ``n`` indices in ``order`` by their keys, the largest first.
 
-    By merging from the bottom up: numpy's own sorting takes seconds to compile.
-
-    Parameters
-    ----------
-    keys
-        What to sort by (n).
-    order, spare
-        Output and scratch (n).
+    Equal ones stay in order; NaN comes anywhere. By merging from the bottom up, with ``spare`` as
+    scratch: numpy's own sorting takes seconds to compile.
     """
-    n = keys.shape[0]
-    for i in range(n):
-        order[i] = i
     width = 1
     while width < n:
         for start in range(0, n, 2 * width):

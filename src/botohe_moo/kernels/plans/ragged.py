@@ -9,19 +9,12 @@ from botohe_moo._base.types import IntArray, OffsetArray
 
 
 class Trails(NamedTuple):
-    """Trail t is ``nodes[offsets[t]:offsets[t + 1]]``; a plan's trails follow one another.
+    """Trail t is ``nodes[offsets[t]:offsets[t + 1]]``; a plan's trails follow one another."""
 
-    Attributes
-    ----------
-    nodes
-        Indices of nodes, 64-bit as everywhere in kernels; where kernels write, there may be room
-        for more.
-    offsets
-        Where each trail begins, and the end of the last one (n_trails + 1).
-    """
-
+    # Indices of nodes, 64-bit as everywhere in kernels; where kernels write, there may be room for
+    # more.
     nodes: OffsetArray
-    offsets: OffsetArray
+    offsets: OffsetArray  # where each trail begins, and the end of the last one (n_trails + 1)
 
 
 def read_trails(nodes: IntArray, offsets: OffsetArray) -> Trails:
@@ -34,15 +27,9 @@ def write_trails(
 ) -> tuple[IntArray, OffsetArray]:
     """Let a kernel write trails whose lengths are not known before.
 
-    Parameters
-    ----------
-    n_trails
-        How many trails.
-    n_nodes
-        Nodes to make room for at first, at least 1.
-    write
-        Is given how many trails it has written, and where to write; writes on while there is room,
-        and gives how many it has written then.
+    ``write`` is given how many trails it has written, and where to write; it writes on while there
+    is room, and gives how many it has written then. At first there is room for ``n_nodes`` nodes,
+    at least 1.
     """
     nodes, offsets = np.empty(n_nodes, np.int64), np.zeros(n_trails + 1, np.int64)
     n_done = write(0, Trails(nodes, offsets))

@@ -17,19 +17,12 @@ TRUNCATE = 1
 
 
 class RepairScratch(NamedTuple):
-    """Scratch of repairs.
+    """Scratch of repairs."""
 
-    Attributes
-    ----------
-    used, drafted
-        The last trail that used each arc, and the last draft that did (n_arcs).
-    paths
-        Scratch of searches for paths.
-    """
-
+    # The last trail that used each arc, and the last draft that did (n_arcs).
     used: OffsetArray
     drafted: OffsetArray
-    paths: Paths
+    paths: Paths  # scratch of searches for paths
 
 
 @helper

@@ -81,24 +81,11 @@ def join(
 ) -> tuple[FloatArray, FloatArray, SeedArray]:
     """Join every state of the robots so far with every fate of one more robot.
 
-    Parameters
-    ----------
-    values, probabilities
-        Reward and probability of each state (n_states).
-    reached
-        Nodes reached in each state, as bits (n_states, n_words).
-    bits
-        Bit of each node that the robot may reach, in the order of its trail (n_reachable).
-    gains
-        Rewards of these nodes (n_reachable).
-    chances
-        Probability that the robot reaches the first 0, 1, ..., n_reachable of them and no more;
-        a fate with the probability 0 is left out (n_reachable + 1).
-
-    Returns
-    -------
-    tuple of numpy.ndarray
-        The joint states, as ``values``, ``probabilities`` and ``reached``.
+    States are the reward and the probability of each (n_states), and the nodes reached, as bits
+    (n_states, n_words); so are the joint states that are given back. ``bits`` and ``gains`` are the
+    bit and the reward of each node that the robot may reach, in the order of its trail
+    (n_reachable); ``chances`` the probability that it reaches the first 0, 1, ..., n_reachable of
+    them and no more (n_reachable + 1), where a fate with the probability 0 is left out.
     """
     n_joint = values.shape[0] * np.count_nonzero(chances)
     joint_values, joint_probabilities = np.empty(n_joint), np.empty(n_joint)

@@ -10,7 +10,7 @@ import numpy as np
 from botohe_moo._base.types import IntArray, OffsetArray, SeedArray
 from botohe_moo.kernels.compile import helper, kernel
 from botohe_moo.kernels.plans.ragged import Trails
-from botohe_moo.kernels.rng import uniform
+from botohe_moo.kernels.rng import below, uniform
 
 N_PIECES = 3
 
@@ -38,15 +38,9 @@ def join_pieces(nodes: IntArray, pieces: OffsetArray) -> tuple[IntArray, OffsetA
 
 
 @helper
-def _below(states: SeedArray, n: int) -> int:
-    """Draw an integer from 0 to n − 1."""
-    return int(uniform(states, 0) * n)
-
-
-@helper
 def _shuffle(states: SeedArray, items: OffsetArray) -> None:
     for i in range(items.shape[0] - 1, 0, -1):
-        j = _below(states, i + 1)
+        j = below(states, i + 1)
         items[i], items[j] = items[j], items[i]
 
 
@@ -70,7 +64,7 @@ def _draw_shared_place(
         if 0 <= nodes[i] < n_nodes:
             n += counts[nodes[i]]
     place = other_place = -1
-    left = _below(states, n) if n > 0 else -1
+    left = below(states, n) if n > 0 else -1
     for i in range(start, stop if n > 0 else start):
         here = counts[nodes[i]] if 0 <= nodes[i] < n_nodes else 0
         if left < here:
@@ -94,8 +88,8 @@ def _draw_robot_out(offsets: OffsetArray, plan: int, n_robots: int, states: Seed
     for trail in range(plan * n_robots, (plan + 1) * n_robots):
         n += offsets[trail + 1] - offsets[trail] > 1
     if n == 0:
-        return plan * n_robots + _below(states, n_robots)
-    left = _below(states, n)
+        return plan * n_robots + below(states, n_robots)
+    left = below(states, n)
     for trail in range(plan * n_robots, (plan + 1) * n_robots):
         if offsets[trail + 1] - offsets[trail] > 1:
             if left == 0:
@@ -144,7 +138,7 @@ def cross(
         if kinds[pair] == EXCHANGE:
             _shuffle(states, orders[0])
             _shuffle(states, orders[1])
-            cut = 1 + _below(states, n_robots - 1)
+            cut = 1 + below(states, n_robots - 1)
             for k in range(n_robots):
                 one, other = mine + orders[0, k], others + orders[1, k]
                 if k >= cut:
@@ -180,15 +174,15 @@ def ruin(
     """
     offsets, max_via = trails.offsets, via.shape[1]
     for plan in range(via.shape[0]):
-        trail = plan * n_robots + _below(states, n_robots)
+        trail = plan * n_robots + below(states, n_robots)
         start, stop = offsets[trail], offsets[trail + 1]
-        one, other = _below(states, stop - start), _below(states, stop - start)
+        one, other = below(states, stop - start), below(states, stop - start)
         low, high = start + min(one, other), start + max(one, other)
-        n_via = _below(states, max_via + 1)
+        n_via = below(states, max_via + 1)
         if n_via == 0 and high - low < 2 and max_via > 0:
             n_via = 1  # or nothing would change
         for i in range(n_via):
-            via[plan, i] = _below(states, n_nodes)
+            via[plan, i] = below(states, n_nodes)
         if n_via == 0:  # a node does not follow itself
             high = max(high, low + 1)
         behind = trails.nodes.shape[0] + plan * max_via
@@ -225,14 +219,14 @@ def share(
     offsets = trails.offsets
     for plan in range(pieces.shape[0] // n_robots):
         one = _draw_robot_out(offsets, plan, n_robots, states)
-        other = plan * n_robots + _below(states, n_robots - 1)
+        other = plan * n_robots + below(states, n_robots - 1)
         other += other >= one
         if uniform(states, 0) < prob_copy:
             _copy_trail(offsets, one, pieces, other)
             continue
         p, q = _draw_shared_place(trails, one, other, counts, states)
         if p < 0:
-            p = offsets[one] + _below(states, offsets[one + 1] - offsets[one])
-            q = offsets[other] + _below(states, offsets[other + 1] - offsets[other])
+            p = offsets[one] + below(states, offsets[one + 1] - offsets[one])
+            q = offsets[other] + below(states, offsets[other + 1] - offsets[other])
         _continue_as(pieces, one, offsets[one], p, q, offsets[other + 1])
         _continue_as(pieces, other, offsets[other], q, p, offsets[one + 1])

@@ -12,7 +12,7 @@ from pydantic import Field
 
 from botohe_moo._base.types import FloatArray
 from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.ranges import Positive
+from botohe_moo._plugins.types import Positive
 from botohe_moo.mission.formats.nodelink import decode
 from botohe_moo.mission.memory import check_memory
 from botohe_moo.mission.validation import MissionError

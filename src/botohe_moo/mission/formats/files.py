@@ -1,7 +1,5 @@
 """Mission files: which format a file is in, reading it and writing it."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path

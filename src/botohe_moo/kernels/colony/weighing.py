@@ -1,0 +1,219 @@
+"""What ants weigh the arcs by that leave a node, and which of these they choose.
+
+Arcs are numbered as in the graph; behind them comes the base's self-loop, which ends a trail.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from botohe_moo._base.types import FloatArray, OffsetArray, SeedArray
+from botohe_moo.kernels.compile import helper, inlined
+from botohe_moo.kernels.graph.graph import Graph
+
+# Ants whose weights are tabulated together: enough to share the exponentials, few enough that
+# the tables of a small mission stay in the fastest caches.
+BLOCK = 50
+
+# Up to this many arcs a scan that stops early beats one without branches (measured).
+_SHORT_SCAN = 5
+
+
+class BuildRule(NamedTuple):
+    """How plans are built."""
+
+    n_robots: int  # trails per plan
+    n_ants: int  # size of the colony: ant i has λ = i / (n_ants − 1), a single ant λ = 1/2
+    # Whether all robots are out at once and take one hop each in turn, those left out that have
+    # ended their trails; otherwise one trail is complete before the next begins.
+    concurrent: bool
+    # Every weight is raised by exploration · (mean weight) / (number of candidates).
+    exploration: float
+    # Survival floor: the least probability with which every robot gets home; 0 sets none.
+    min_survival: float
+
+
+class Weights(NamedTuple):
+    """What ants weigh arcs by."""
+
+    # log(τ_R η_R), with η_R that of a head already in this trail, and log(τ_S η_S)
+    # (n_maps, n_arcs + 1); one map a robot, or one that all robots share.
+    log_reward: FloatArray
+    log_survival: FloatArray
+    # What a head that no robot reaches yet adds to η_R, relative, and log(1 + gain) (n_arcs + 1).
+    gain: FloatArray
+    log_fresh: FloatArray
+
+
+class Scratch(NamedTuple):
+    """Scratch of an ant: weights in tables, and where its robots have been."""
+
+    # Weights of arcs for each ant of a block (n_maps, ``BLOCK``, n_arcs + 1): for a head already in
+    # the trail, and for one that no robot reaches yet.
+    seen: FloatArray
+    fresh: FloatArray
+    # For which block the arcs that leave a node have been tabulated (n_maps, n_nodes).
+    tabulated: OffsetArray
+    # The last trail that used each arc (n_rows, n_arcs + 1) and visited each node
+    # (n_rows, n_nodes): a row for each robot that is out at once.
+    used: OffsetArray
+    visited: OffsetArray
+    # Where each robot is, −1 where its trail has ended, and with what probability (n_robots).
+    here: OffsetArray
+    alive: FloatArray
+    unreached: FloatArray  # probability that no robot reaches each node (n_nodes)
+    # The nodes where that is below 1, and how many they are (n_nodes), (1).
+    touched: OffsetArray
+    n_touched: OffsetArray
+    cumulated: FloatArray  # weights of the candidates, summed up (n_arcs + 1)
+    rejected: OffsetArray  # arcs that were drawn and lead to where no way home is left (n_arcs + 1)
+    states: SeedArray  # state of each ant's random numbers (n_ants, 2)
+
+
+@helper(makes_arrays=True)
+def new_scratch(graph: Graph, rule: BuildRule, n_maps: int, states: SeedArray) -> Scratch:
+    """Make room for an ant, and let no node be visited."""
+    n_nodes, n_arcs = graph.reward.shape[0], graph.head.shape[0] + 1
+    n_rows = rule.n_robots if rule.concurrent else 1
+    scratch = Scratch(
+        np.empty((n_maps, BLOCK, n_arcs)),
+        np.empty((n_maps, BLOCK, n_arcs)),
+        np.empty((n_maps, n_nodes), np.int64),
+        np.empty((n_rows, n_arcs), np.int64),
+        np.empty((n_rows, n_nodes), np.int64),
+        np.empty(rule.n_robots, np.int64),
+        np.empty(rule.n_robots),
+        np.empty(n_nodes),
+        np.empty(n_nodes, np.int64),
+        np.empty(1, np.int64),
+        np.empty(n_arcs),
+        np.empty(n_arcs, np.int64),
+        states,
+    )
+    scratch.tabulated[:], scratch.used[:], scratch.visited[:] = -1, -1, -1
+    scratch.unreached[:], scratch.n_touched[:] = 1.0, 0
+    return scratch
+
+
+class Ant(NamedTuple):
+    """What one trail of an ant is built by: rows of the scratch, and 1 − λ as a power."""
+
+    number: int
+    trail: int
+    power: float
+    used: OffsetArray
+    visited: OffsetArray
+    seen: FloatArray
+    fresh: FloatArray
+
+
+@inlined
+def _tabulate_arc(
+    weights: Weights, rule: BuildRule, scratch: Scratch, block: int, which: int, arc: int
+) -> None:
+    """Fill in the weights of an arc for every ant of a block.
+
+    The ants' λ are evenly spaced, so that an arc's weight is a geometric progression over the
+    ants: a few exponentials serve the whole block.
+    """
+    step = 1.0 / (rule.n_ants - 1) if rule.n_ants > 1 else 0.0
+    first = block * BLOCK * step if rule.n_ants > 1 else 0.5
+    slope = weights.log_survival[which, arc] - weights.log_reward[which, arc]
+    weight = math.exp(weights.log_reward[which, arc] + first * slope)
+    ratio = math.exp(step * slope)
+    factor = math.exp((1.0 - first) * weights.log_fresh[arc])
+    factor_ratio = math.exp(-step * weights.log_fresh[arc])
+    seen, fresh = scratch.seen, scratch.fresh
+    for i in range(BLOCK):
+        seen[which, i, arc] = weight
+        fresh[which, i, arc] = weight * factor
+        weight *= ratio
+        factor *= factor_ratio
+
+
+@helper
+def tabulate_node(
+    graph: Graph,
+    weights: Weights,
+    rule: BuildRule,
+    scratch: Scratch,
+    block: int,
+    which: int,
+    node: int,
+) -> None:
+    """Fill in the weights of all arcs that leave a node."""
+    scratch.tabulated[which, node] = block
+    for arc in range(graph.first[node], graph.first[node + 1]):
+        _tabulate_arc(weights, rule, scratch, block, which, arc)
+    if node == graph.base:
+        _tabulate_arc(weights, rule, scratch, block, which, graph.head.shape[0])
+
+
+@inlined
+def weigh(
+    graph: Graph, weights: Weights, scratch: Scratch, ant: Ant, here: int
+) -> tuple[int, float, int]:
+    """Sum up the weights of the arcs that a robot may take.
+
+    Gives how many arcs there are to choose from, their weights in sum, and the last of them.
+    """
+    low, high, loop = graph.first[here], graph.first[here + 1], graph.head.shape[0]
+    unreached, cumulated, head = scratch.unreached, scratch.cumulated, graph.head
+    n = 0
+    arc = low
+    total = 0.0
+    for a in range(low, high):
+        weight = 0.0
+        if ant.used[a] != ant.trail:
+            n += 1
+            arc = a
+            weight = ant.seen[a]
+            if ant.visited[head[a]] != ant.trail:
+                left = unreached[head[a]]
+                if left == 1.0:
+                    weight = ant.fresh[a]
+                else:
+                    weight *= math.exp(ant.power * math.log(1.0 + weights.gain[a] * left))
+        total += weight
+        cumulated[a - low] = total
+    if here == graph.base:
+        n += 1
+        arc = loop
+        total += float(ant.seen[loop])
+        cumulated[high - low] = total
+    return n, total, arc
+
+
+@inlined
+def draw_arc(
+    graph: Graph,
+    exploration: float,
+    cumulated: FloatArray,
+    ant: Ant,
+    here: int,
+    n: int,
+    total: float,
+    drawn: float,
+) -> int:
+    """Choose one of the arcs that ``weigh`` has weighed, of which there are several.
+
+    ``drawn`` is a random number from 0 to 1 + exploration / n: above 1 all are equally likely.
+    """
+    low, n_arcs = graph.first[here], graph.first[here + 1] - graph.first[here]
+    n_listed = n_arcs + 1 if here == graph.base else n_arcs
+    place = 0
+    if drawn < 1.0:
+        drawn *= total
+        if n_listed > _SHORT_SCAN:
+            for c in range(n_listed - 1):
+                place += cumulated[c] <= drawn
+        else:
+            while place < n_listed - 1 and cumulated[place] <= drawn:
+                place += 1
+    else:
+        skip = min(n - 1, int((drawn - 1.0) / exploration * n * n))
+        while place < n_arcs and (ant.used[low + place] == ant.trail or skip > 0):
+            skip -= ant.used[low + place] != ant.trail
+            place += 1
+    return int(low + place if place < n_arcs else graph.head.shape[0])

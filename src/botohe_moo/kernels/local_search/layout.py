@@ -1,0 +1,97 @@
+"""One trail of one plan laid out, for children to be made of it.
+
+With the other robots' trails fixed, a node is worth to this robot what they leave of its reward:
+the rest of the search sees a single robot. A child keeps a prefix of the trail, goes on along new
+arcs, and ends with a suffix of it; its E[S] follows from three products, and its E[R] is bounded
+before the suffix is walked.
+"""
+
+import numpy as np
+
+from botohe_moo.kernels.compile import helper
+from botohe_moo.kernels.graph.graph import Graph
+from botohe_moo.kernels.local_search.trail_store import TrailStore
+from botohe_moo.kernels.local_search.workspace import NEVER, Workspace
+
+
+@helper
+def set_aside(graph: Graph, store: TrailStore, work: Workspace) -> None:
+    """Let the others of the robots in ``held`` go first; ``clear_others`` undoes it.
+
+    The base's reward is theirs.
+    """
+    now, nodes, touched = work.now, work.nodes, work.touched
+    now.touched, now.others, now.survivors = 0, graph.reward[graph.base], 0.0
+    for k in range(work.held.shape[0]):
+        if k == now.robot:
+            continue
+        trail = store.trails[work.held[k]]
+        for i in range(trail.first_visit, trail.first_visit + trail.n_visits):
+            node, reach = np.int64(store.node[i]), store.reach[i]
+            here = nodes[node]
+            if here.unreached < 0.0:
+                here.unreached = 1.0
+                touched[now.touched] = node
+                now.touched += 1
+            # Small chances keep their digits so, which the reward minus what is left would lose.
+            now.others += graph.reward[node] * here.unreached * reach
+            here.unreached *= 1.0 - reach
+        now.survivors += trail.alive
+    for i in range(now.touched):
+        here = nodes[touched[i]]
+        here.left = graph.reward[touched[i]] * here.unreached
+
+
+@helper
+def clear_others(graph: Graph, work: Workspace) -> None:
+    """Leave the workspace as it was before ``set_aside``."""
+    for i in range(work.now.touched):
+        node = work.touched[i]
+        work.nodes[node].left, work.nodes[node].unreached = graph.reward[node], -1.0
+
+
+@helper
+def lay_out(graph: Graph, store: TrailStore, work: Workspace, trail: int) -> None:
+    """Lay out the trail that is to be changed, when the others have been set aside.
+
+    ``clear_trail`` undoes it.
+    """
+    steps, nodes = work.steps, work.nodes
+    start, length = store.trails[trail].first_arc, store.trails[trail].n_arcs
+    work.now.length = length
+    nodes[graph.base].met = 0
+    alive, gained = 1.0, 0.0
+    steps[0].node, steps[0].alive, steps[0].gained = graph.base, alive, gained
+    for i in range(length):
+        arc = np.int64(store.arc[start + i])
+        node = graph.head[arc]
+        steps[i].arc = arc
+        work.arcs[arc].position = i
+        alive *= graph.survival[arc]
+        if nodes[node].met == NEVER:
+            nodes[node].met = i + 1
+            gained += nodes[node].left * alive
+        steps[i + 1].node, steps[i + 1].alive, steps[i + 1].gained = node, alive, gained
+    # Backwards: what lies ahead when nothing has been collected; a node that comes again later
+    # counts now instead.
+    ahead = 0.0
+    steps[length].ahead = ahead
+    for i in range(length - 1, -1, -1):
+        after = steps[i + 1]
+        here = nodes[after.node]
+        if here.later > 0.0:
+            ahead -= here.later / after.alive
+        here.later = here.left * after.alive
+        ahead = graph.survival[steps[i].arc] * (ahead + here.left)
+        steps[i].ahead = ahead
+
+
+@helper
+def clear_trail(graph: Graph, work: Workspace) -> None:
+    """Leave the workspace as it was before ``lay_out``."""
+    nodes, steps = work.nodes, work.steps
+    for i in range(work.now.length):
+        node = steps[i + 1].node
+        work.arcs[steps[i].arc].position = -1
+        nodes[node].met, nodes[node].later = NEVER, 0.0
+    nodes[graph.base].met = NEVER
