@@ -45,24 +45,36 @@ def missions(draw, min_nodes=2, max_nodes=7, max_robots=3, one_way=None, surviva
 def trails(draw, mission, max_hops=12):
     """A valid trail as node indices; it may visit nodes and the base several times."""
     arrays = mission.arrays
-    residual = nx.DiGraph(zip(arrays.tail.tolist(), arrays.head.tolist(), strict=True))
-    residual.add_node(arrays.base)
+    unused = {node: [] for node in range(arrays.n_nodes)}
+    for tail, head in zip(arrays.tail.tolist(), arrays.head.tolist(), strict=True):
+        unused[tail].append(head)
     here, trail = arrays.base, [arrays.base]
     for _ in range(draw(st.integers(0, max_hops))):
-        hops = [head for head in residual[here] if _leads_home(residual, here, head, arrays.base)]
+        hops = [head for head in unused[here] if way_home(unused, (here, head), arrays.base)]
         if not hops:
             break
         head = draw(st.sampled_from(hops))
-        residual.remove_edge(here, head)
+        unused[here].remove(head)
         trail.append(head)
         here = head
-    return trail + nx.shortest_path(residual, here, arrays.base)[1:]
+    return trail + way_home(unused, (None, here), arrays.base)[1:]
 
 
-def _leads_home(residual, tail, head, base):
-    rest = residual.copy()
-    rest.remove_edge(tail, head)
-    return nx.has_path(rest, head, base)
+def way_home(unused, arc, base):
+    """The shortest walk from an arc's head to the base that does not use the arc; None without."""
+    before = {arc[1]: None}
+    queue = [arc[1]]
+    for node in queue:
+        if node == base:
+            walk = [node]
+            while (node := before[node]) is not None:
+                walk.append(node)
+            return walk[::-1]
+        for head in unused[node]:
+            if head not in before and (node, head) != arc:
+                before[head] = node
+                queue.append(head)
+    return None
 
 
 @st.composite

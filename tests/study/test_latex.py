@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from botohe_moo.study.report import folder as report_folder
 from botohe_moo.study.report.folder import write_report
 from botohe_moo.study.report.latex import breakable, escape_latex
 from tests.study.test_report import lost, random_records, study
@@ -70,6 +71,14 @@ class TestText:
         pieces = breakable(f"{name}={number}, {number}").split(r"\allowbreak{}")
         whole = escape_latex(str(number))
         assert sum(piece.count(whole) for piece in pieces) >= 2
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _without_pictures():
+    """What is tested here is text; pictures take most of the time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(report_folder, "draw_figures", lambda *_: {})
+        yield
 
 
 @pytest.fixture(scope="module")

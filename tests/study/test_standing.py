@@ -8,6 +8,7 @@ import pytest
 from botohe_moo.study import read_study
 from botohe_moo.study.file.loading import load_study
 from botohe_moo.study.judge.collect import collect_tables
+from botohe_moo.study.report import folder as report_folder
 from botohe_moo.study.report.folder import write_report
 from botohe_moo.study.report.page import ReportFigure, render_page
 from botohe_moo.study.report.page_tables import posthoc_words
@@ -18,6 +19,12 @@ from tests.study.test_collect import outcome_of
 from tests.study.test_report import page_of
 
 STEPS = 1e-7 * np.arange(8)
+
+
+@pytest.fixture(autouse=True)
+def _without_pictures(monkeypatch):
+    """What is tested here is text; pictures take most of the time."""
+    monkeypatch.setattr(report_folder, "draw_figures", lambda *_: {})
 
 
 def judged(folder, areas, *, control=None, **changes):
