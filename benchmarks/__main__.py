@@ -2,10 +2,10 @@
 
 The names are curves, speed, growth, colonies (results/bo-aco/), operators, annealing
 (results/operators/), studies (results/studies/), search, ideas (results/local-search/), fronts,
-large (results/growth/), start (results/start/) and house (results/house/). ``--before`` names
-another checkout, which start and house measure beside this one. The exit status is 1 if a curve is
-not the published one, or an area or a ratio of times misses its bound; times themselves are never
-judged, machines differ.
+large (results/growth/), start and pace (results/start/) and house (results/house/). ``--before``
+names another checkout, which start, pace and house measure beside this one. The exit status is 1 if
+a curve is not the published one, or an area or a ratio of times misses its bound; times themselves
+are never judged, machines differ.
 """
 
 import argparse
@@ -24,6 +24,7 @@ from benchmarks import (
     ideas,
     large,
     operators,
+    pace,
     search,
     speed,
     start,
@@ -45,14 +46,15 @@ BENCHMARKS = {
     "large": (large.run, "growth"),
     "house": (house.run, "house"),
     "start": (start.run, "start"),
+    "pace": (pace.run, "start"),
 }
-BESIDE = ("house", "start")  # which measure another checkout, too
+BESIDE = ("house", "pace", "start")  # which measure another checkout, too
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks")
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(BENCHMARKS))
-    parser.add_argument("--before", type=Path, help="another checkout, for start and house")
+    parser.add_argument("--before", type=Path, help="another checkout, for house, pace and start")
     given = parser.parse_args()
     wanted = given.names or list(BENCHMARKS)
     if unknown := set(wanted) - set(BENCHMARKS):
