@@ -98,7 +98,8 @@ class Colony:
         self._pheromone = _new_pheromone(mission, rule)
         self._weights = _new_weights(mission, rule, self._pheromone)
         self._rooms: dict[int, tuple[Plans, Paths | None]] = {}  # of each thread
-        self._deposited_version = -1  # of the archive, when its deposit was last summed up
+        # Of the archive, when its deposit was last summed up: its plans, and its version.
+        self._archived, self._deposited_version = NOBODY, -1
         self._learn(0.0, NOBODY, NOBODY, archive_changed=True)
 
     @property
@@ -160,12 +161,13 @@ class Colony:
         """
         if not self.rule.pheromone or len(archive) == 0:
             return
-        held = archive.held
+        archive_changed = archive.version != self._deposited_version
+        if archive_changed:
+            held, everyone = archive.held, np.arange(len(archive))
+            self._archived = Depositors(held.objectives, everyone, held.nodes, held.offsets)
+        iteration = Depositors(objectives, members, batch.nodes, batch.offsets)
         self._learn(
-            self.rule.evaporation,
-            Depositors(objectives, members, batch.nodes, batch.offsets),
-            Depositors(held.objectives, np.arange(len(archive)), held.nodes, held.offsets),
-            archive_changed=archive.version != self._deposited_version,
+            self.rule.evaporation, iteration, self._archived, archive_changed=archive_changed
         )
         self._deposited_version = archive.version
 
