@@ -4,8 +4,8 @@ The names are curves, speed, growth, colonies (results/bo-aco/), operators, anne
 (results/operators/), studies (results/studies/), search, ideas (results/local-search/), fronts,
 large (results/growth/), start and pace (results/start/) and house (results/house/). ``--before``
 names another checkout, which start, pace and house measure beside this one. The exit status is 1 if
-a curve is not the published one, or an area or a ratio of times misses its bound; times themselves
-are never judged, machines differ.
+a curve is not the published one, or an area or a ratio to BO-ACO misses its bound; times
+themselves, and ratios to another checkout, are never judged, machines differ.
 """
 
 import argparse

@@ -463,7 +463,7 @@ class TestLazyNames:
     """They are there, the same for Python and for type checkers, and nobody waits for the rest."""
 
     @pytest.mark.parametrize("package", LAZY_PACKAGES, ids=lambda package: package.__name__)
-    def test_all_homes_and_type_checkers_agree(self, package):
+    def test_all_lists_what_type_checkers_import(self, package):
         tree = parsed(Path(package.__file__))
         [checked] = [node for node in tree.body if isinstance(node, ast.If)]
         for_checkers = homes_for_checkers(checked)

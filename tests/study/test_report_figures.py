@@ -83,6 +83,24 @@ class TestDrawFigures:
         assert "igd_plus" in drawn
         assert not {"epsilon", "distances"} & set(drawn)
 
+    def test_labels_of_any_script_and_length_can_be_drawn(self, tmp_path):
+        labels = [
+            "蚁群算法",
+            "ع_ربي 😀",
+            "Donaudampfschifffahrtselektrizitätenhauptbetriebswerk " * 3,
+        ]
+        mission, rng = "a very long label of a mission 美术馆 " * 5, np.random.default_rng(0)
+        records = [
+            random_record(rng, mission, TOY, label, seed, strength=0.4 + i / 20, n_records=2)
+            for i, label in enumerate(labels)
+            for seed in (1, 2)
+        ]
+        algorithms = {label: {"algorithm": "nsga2", "parameters": {}} for label in labels}
+        tables = make_study(tmp_path, {mission: TOY}, algorithms, records)
+        figures = draw_figures(tables, tmp_path)[mission]
+        assert len(figures) >= 8
+        assert all(path.stat().st_size for figure in figures for path in figure.paths)
+
     def test_ranks_that_were_tested_have_the_critical_difference(self, tmp_path):
         tables = grid_study(tmp_path)
         ranks = dict(zip(tables.ranks["algorithm"], tables.ranks["average_rank"], strict=True))

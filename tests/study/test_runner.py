@@ -452,6 +452,27 @@ class TestTables:
         first = read_study_again(small)
         assert len(first.runs) == 4
 
+    @pytest.mark.parametrize(
+        ("key", "value"),
+        [
+            ("comparison", {}),
+            ("comparison", {"control": None}),
+            ("indicators", ["area", "beauty"]),
+        ],
+    )
+    def test_what_readers_rely_on_is_checked(self, small, key, value):
+        path = small / "study.json"
+        path.write_text(json.dumps({**json.loads(path.read_text()), key: value}))
+        with pytest.raises(StudyError, match=rf"study\.json: cannot be read \({key}"):
+            read_study(small)
+
+    def test_what_they_do_not_know_does_not_disturb_them(self, small):
+        path = small / "study.json"
+        content = json.loads(path.read_text())
+        content["comparison"]["power"] = 0.8
+        path.write_text(json.dumps(content))
+        assert len(read_study(small).runs) == 4
+
     def test_folders_without_a_study(self, tmp_path):
         with pytest.raises(StudyError, match="there is no study in this folder"):
             read_study(tmp_path / "nowhere")

@@ -9,8 +9,8 @@ from botohe_moo.algorithms.population import PlanGeneticAlgorithm
 class PlanNSGA2(PlanGeneticAlgorithm, NSGA2):
     """NSGA-II with operators for trail plans.
 
-    Its parameters are ``pop_size``, ``n_offsprings`` (plans that a generation adds, by default as
-    many) and those of :class:`PopulationAlgorithm`.
+    Its parameters are ``pop_size``, ``n_offsprings`` (plans that a generation adds, by default
+    ``pop_size``) and those of :class:`PopulationAlgorithm`.
 
     Notes
     -----

@@ -8,8 +8,8 @@ from botohe_moo.algorithms.population import PlanGeneticAlgorithm
 class PlanSMSEMOA(PlanGeneticAlgorithm, SMSEMOA):
     """SMS-EMOA with operators for trail plans.
 
-    Its parameters are ``pop_size``, ``n_offsprings`` (plans that a generation adds, by default as
-    many) and those of :class:`PopulationAlgorithm`.
+    Its parameters are ``pop_size``, ``n_offsprings`` (plans that a generation adds, by default
+    ``pop_size``) and those of :class:`PopulationAlgorithm`.
 
     Notes
     -----

@@ -10,8 +10,8 @@ from botohe_moo.algorithms.population import PlanGeneticAlgorithm
 class PlanSPEA2(PlanGeneticAlgorithm, SPEA2):
     """SPEA2 with operators for trail plans.
 
-    Its parameters are ``pop_size``, ``n_offsprings`` (plans that a generation adds, by default as
-    many) and those of :class:`PopulationAlgorithm`.
+    Its parameters are ``pop_size``, ``n_offsprings`` (plans that a generation adds, by default
+    ``pop_size``) and those of :class:`PopulationAlgorithm`.
 
     Notes
     -----

@@ -205,9 +205,10 @@ def _mission(
     *,
     zones: Sequence[str] | None = None,
 ) -> Mission:
-    """Fill a graph with nodes and arcs, and make a mission of it.
+    """Make a mission of a graph without nodes.
 
-    Of rewards (n), positions (n, 2), pairs and survivals both ways (m, 2).
+    Its nodes get rewards (n) and positions (n, 2), and each of the pairs of nodes (m, 2) an arc
+    each way with its survival (m, 2).
     """
     base = graph.graph["base"]
     for node, (reward, position) in enumerate(

@@ -139,9 +139,9 @@ class LocalSearch:
         return read_front(self._front)[1]
 
     def plans(self) -> tuple[PlanBatch, FloatArray, OffsetArray]:
-        """Give the front: its plans by descending E[R], and of each E[R] and E[S] (n_plans, 2).
+        """Give the front by descending E[R].
 
-        And how many plans had entered before each.
+        Its plans, their E[R] and E[S] (n_plans, 2), and how many plans had entered before each.
         """
         front, store, graph = self._front, self._store, self.mission.arrays
         slots, objectives = read_front(front)

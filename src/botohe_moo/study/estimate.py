@@ -156,7 +156,8 @@ def _whole(budget: Budget, outcome: Outcome) -> tuple[float, bool]:
     if budget.evaluations is None:
         return limit, False
     first = outcome.records[0] if outcome.records else None
-    if first is not None and outcome.evaluations > first.evaluations:  # the first iteration is once
+    # The first iteration, which sets everything up, counts once.
+    if first is not None and outcome.evaluations > first.evaluations:
         pace = (outcome.seconds - first.seconds) / (outcome.evaluations - first.evaluations)
         return min(limit, first.seconds + pace * (budget.evaluations - first.evaluations)), False
     return min(limit, outcome.seconds * budget.evaluations / max(outcome.evaluations, 1)), True

@@ -58,7 +58,8 @@ def _write_near(graph: Graph, paths: Paths, used: OffsetArray, near: Near) -> No
         _search_from(graph, paths, used, near, source)
 
 
-# A helper of its own: from helpers ``search_paths`` is called elsewhere, too, and compiled once.
+# Called from a helper, ``search_paths`` is compiled once for all helpers that call it; called from
+# the kernel itself, it would be compiled again.
 @helper
 def _search_from(graph: Graph, paths: Paths, used: OffsetArray, near: Near, source: int) -> None:
     n_near = near.near.shape[1]

@@ -49,7 +49,7 @@ def grow(
     n_looks: int,
     again: bool,
 ) -> bool:
-    """Go on from ``n_looks`` labels in the order in which they were found, first from the base.
+    """Go on from at most ``n_looks`` labels as they were found, first from the base.
 
     If ``again``, each label is looked at again first: what has been found since may stand for it,
     or be as good as all it can become. Tells whether it ended because there may be no room for what

@@ -4,6 +4,7 @@ import io
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
+from importlib.resources import as_file, files
 from pathlib import Path
 
 import matplotlib as mpl
@@ -41,9 +42,8 @@ _COLOURBLIND = (
     *("#0173b2", "#de8f05", "#029e73", "#cc78bc", "#d55e00"),
     *("#56b4e9", "#ca9161", "#fbafe4", "#ece133", "#949494"),
 )
-_THEME = mpl.rc_params_from_file(
-    Path(__file__).with_name("theme.mplstyle"), use_default_template=False
-)
+with as_file(files(__package__) / "theme.mplstyle") as _path:
+    _THEME = mpl.rc_params_from_file(_path, use_default_template=False)
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")  # so that fronts differ in a grey print too
 
 

@@ -1,4 +1,4 @@
-"""The study file: what may stand in it, as pydantic models and as a JSON Schema."""
+"""The study file: what may stand in it, as pydantic models."""
 
 from collections import Counter
 from collections.abc import Callable

@@ -12,7 +12,7 @@ from botohe_moo._base.files import read_bytes, replace_file
 from botohe_moo.mission.formats.files import read_mission
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.validation import MissionError
-from botohe_moo.study.file.config import Comparison, StudyFile
+from botohe_moo.study.file.config import IndicatorName, StudyFile
 from botohe_moo.study.file.digest import mission_digest
 from botohe_moo.study.file.document import Document
 from botohe_moo.study.file.model import MANIFEST, Study, StudyAlgorithm, StudyError, StudyMission
@@ -140,6 +140,11 @@ class _ManifestAlgorithm(BaseModel):
     version: str | None
 
 
+class _ManifestComparison(BaseModel):
+    control: str | None
+    significance: float
+
+
 class _Manifest(BaseModel):
     """The part of a manifest that readers rely on."""
 
@@ -150,7 +155,7 @@ class _Manifest(BaseModel):
     missions: dict[str, _ManifestMission]
     algorithms: dict[str, _ManifestAlgorithm]
     seeds: list[int]
-    indicators: list[str]
-    comparison: Comparison
+    indicators: list[IndicatorName]
+    comparison: _ManifestComparison
     tables: dict[str, str] | None
     previous: "_Manifest | None" = None  # what the tables were made for, if not this study
