@@ -28,7 +28,7 @@ def test_the_library_use_prints_what_is_shown(tmp_path, monkeypatch):
     assert len(code.strip().splitlines()) == 10
     shown = blocks(ROOT / "README.md", "")[1]
     printed = printed_by(code)
-    # Another machine's libm may lead the ants elsewhere: the numbers' form and size must agree.
+    # Another machine's libm may lead the search elsewhere: the numbers' form and size must agree.
     area = re.search(r"\d+ plans, area (0\.\d{3})\n", printed)
     assert float(area[1]) == pytest.approx(float(re.search(r"area (0\.\d+)", shown)[1]), abs=0.005)
     assert [line.split()[0] for line in printed.splitlines()[-3:]] == [

@@ -192,6 +192,18 @@ class TestSearch:
         with pytest.raises(ValueError, match="given by its name, got n_ants for BOACO"):
             solve(toy, BOACO(), n_ants=3)
 
+    def test_what_is_of_another_type(self, toy):
+        with pytest.raises(TypeError, match=r"mission: expected a Mission, .* got DiGraph"):
+            solve(toy.graph)
+        with pytest.raises(TypeError, match=r"algorithm: .*, got the class BOACO: call it"):
+            solve(toy, BOACO)
+        with pytest.raises(TypeError, match=r"algorithm: expected a name .*, got NoneType"):
+            solve(toy, None)
+
+    def test_it_is_shown_on_a_line(self, toy):
+        found = repr(solve(toy, "greedy", evaluations=10))
+        assert found.startswith("<Solution of 'toy' by greedy, seed 1: 4 plans, area 0.")
+
     def test_progress(self, toy):
         shown = []
         found = solve(
@@ -545,6 +557,7 @@ class TestReading:
             ("plans.json", "{", r"line 1, column 2: expected JSON"),
             ("plans.json", "[]", r"content: Input should be .*, got \[\]"),
             ("plans.json", "[" * 100_000, r"nested too deeply"),
+            ("plans.json", "[1" + "0" * 6_000 + "]", r"plans\.json: .* thousands of digits"),
             ("plans.json", b"\xff", r"expected text in UTF-8"),
             ("plans.json", None, r"there is no such file"),
             (

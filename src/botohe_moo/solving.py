@@ -68,6 +68,8 @@ def solve(
 
     Raises
     ------
+    TypeError
+        If ``mission`` or ``algorithm`` is of another type.
     MissionError
         If there is no such mission, or it is not valid.
     ValueError
@@ -85,6 +87,15 @@ def solve(
     ((1,), (1,))
     """
     source: dict[str, Any] = {}
+    if not isinstance(mission, Mission | str | os.PathLike):
+        raise TypeError(
+            f"mission: expected a Mission, such as Mission(graph, base=..., robots=...), or a name "
+            f"or path, got {type(mission).__name__}."
+        )
+    if not isinstance(algorithm, str | Algorithm):
+        made = isinstance(algorithm, type) and issubclass(algorithm, Algorithm)
+        got = f"the class {algorithm.__name__}: call it" if made else type(algorithm).__name__
+        raise TypeError(f"algorithm: expected a name or an algorithm of pymoo's, got {got}.")
     if not isinstance(mission, Mission):
         source = {"name_or_path": os.fspath(mission)}
         mission = load_mission(mission)

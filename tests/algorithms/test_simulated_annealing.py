@@ -340,7 +340,7 @@ def test_parameters_out_of_range(parameters, message):
 
 
 def test_unknown_parameters():
-    with pytest.raises(TypeError, match="no parameter 'n_weight'; pymoo's options here are"):
+    with pytest.raises(TypeError, match=r"no parameter 'n_weight'; it has .*n_weights, "):
         SimulatedAnnealing(n_weight=3)
 
 

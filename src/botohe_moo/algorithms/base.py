@@ -175,9 +175,12 @@ def check_options(algorithm: Algorithm, options: Iterable[str]) -> None:
     """Refuse options that pymoo's algorithms would swallow; a TypeError names those it knows."""
     for name in options:
         if name not in PYMOO_OPTIONS:
+            own = inspect.signature(type(algorithm)).parameters.values()
+            named = [p.name for p in own if p.kind == p.KEYWORD_ONLY]
+            known = [own for own in named if own not in PYMOO_OPTIONS]
             raise TypeError(
-                f"{type(algorithm).__name__} has no parameter {name!r}; pymoo's options here are "
-                f"{', '.join(PYMOO_OPTIONS)}."
+                f"{type(algorithm).__name__} has no parameter {name!r}; it has "
+                f"{', '.join(known)}, and pymoo's options here are {', '.join(PYMOO_OPTIONS)}."
             )
 
 

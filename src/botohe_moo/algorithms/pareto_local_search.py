@@ -61,9 +61,9 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         trail. ``swap-loops``: walk the loops at a node in another order. ``reverse``: walk a
         segment the other way round. Default: ``DEFAULT_MOVES``.
     greedy_start
-        Whether to begin with plans that :func:`~botohe_moo.plan_sequentially` makes for reward
-        alone, for the whole team and for fewer robots, beside the plan in which all robots stay at
-        base.
+        Whether to begin with plans that
+        :func:`~botohe_moo.search.sequential.plan_sequentially` makes for reward alone, for
+        the whole team and for fewer robots, beside the plan in which all robots stay at base.
     max_size
         Plans that the front keeps after each generation; None keeps all. Where there are more, that
         which contributes the least area goes, and so on.

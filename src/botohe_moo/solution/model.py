@@ -37,7 +37,7 @@ class PictureError(RuntimeError):
     """A picture cannot be drawn; names it and the reason."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Solution:
     """What a search found, and how.
 
@@ -103,6 +103,13 @@ class Solution:
     def rows(self) -> list[tuple[int, float, float]]:
         """Return the rows of ``table`` as plain numbers."""
         return list(zip(*(column.tolist() for column in self._columns()), strict=True))
+
+    def __repr__(self) -> str:
+        n_plans = "1 plan" if len(self.plans) == 1 else f"{len(self.plans)} plans"
+        return (
+            f"<Solution of {self.mission.name!r} by {self.algorithm}, seed {self.seed}: {n_plans}, "
+            f"area {self.area:.4f}, {self.evaluations} evaluations>"
+        )
 
     def describe(self) -> str:
         """Describe the search and its front in words and a table."""

@@ -95,8 +95,9 @@ def _check_folder(folder: Path) -> None:
 
 
 def _record(path: Path) -> _Record:
+    text = _text(path)
     try:
-        return _Record.model_validate(json.loads(_text(path)))
+        return _Record.model_validate(json.loads(text))
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(map(str, first["loc"])) or "content"
@@ -107,6 +108,8 @@ def _record(path: Path) -> _Record:
         raise ValueError(f"{path}: {where}: expected JSON, found: {error.msg}.") from None
     except RecursionError:
         raise ValueError(f"{path}: expected a solution, found lists nested too deeply.") from None
+    except ValueError:  # of Python's limit on digits
+        raise ValueError(f"{path}: expected numbers, found one of thousands of digits.") from None
 
 
 def _plan(path: Path, number: int, read: _Plan, mission: Mission) -> TrailPlan:
