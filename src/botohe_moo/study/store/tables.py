@@ -249,7 +249,10 @@ def read_study(folder: str | os.PathLike[str]) -> StudyTables:
 def _read_table(folder: Path, name: str, digests: Mapping[str, str]) -> pd.DataFrame:
     data = read_file(folder, f"{name}.parquet", digests)
     try:
-        table: pd.DataFrame = pq.read_table(io.BytesIO(data)).to_pandas()
+        # Threads of Arrow's may still hold the file when Python ends, and abort it (apache/arrow
+        # issues 34314 and 50482); a reader of memory needs none.
+        read = pq.read_table(pa.BufferReader(data), use_threads=False, pre_buffer=False)
+        table: pd.DataFrame = read.to_pandas(use_threads=False)
     except (OSError, pa.ArrowException) as error:
         path = folder / f"{name}.parquet"
         raise StudyError(f"{path}: cannot be read ({error}); {AGAIN}.") from error
