@@ -177,7 +177,7 @@ def check_options(algorithm: Algorithm, options: Iterable[str]) -> None:
         if name not in PYMOO_OPTIONS:
             own = inspect.signature(type(algorithm)).parameters.values()
             named = [p.name for p in own if p.kind == p.KEYWORD_ONLY]
-            known = [own for own in named if own not in PYMOO_OPTIONS]
+            known = [key for key in named if key not in PYMOO_OPTIONS]
             raise TypeError(
                 f"{type(algorithm).__name__} has no parameter {name!r}; it has "
                 f"{', '.join(known)}, and pymoo's options here are {', '.join(PYMOO_OPTIONS)}."
