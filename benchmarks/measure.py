@@ -17,7 +17,9 @@ from botohe_moo.search import colony as colony_module
 KERNELS = {
     "construct": (colony_module, "construct"),
     "evaluate": (evaluate_module, "evaluate"),
-    "archive": (archive_module, "absorb"),
+    "screen": (archive_module, "screen"),
+    "merge": (archive_module, "merge"),
+    "deposit": (colony_module, "deposit"),
     "learn": (colony_module, "learn"),
 }
 

@@ -132,18 +132,16 @@ class BOTOHE(Problem):
         values, n_plans
             What was computed, and for how many plans.
         """
-        method = "evaluate_batch" if what == "F" else "constrain_batch"
-        shape = (n_plans, self.n_obj if what == "F" else self.n_ieq_constr)
-        owner = f"{method} of {type(self).__name__}"
         computed = np.asarray(values, np.float64)
+        shape = (n_plans, self.n_obj if what == "F" else self.n_ieq_constr)
+        if computed.shape == shape and np.isfinite(computed).all():
+            return computed
+        method = "evaluate_batch" if what == "F" else "constrain_batch"
+        expected = f"Expected {method} of {type(self).__name__} to give"
         if computed.shape != shape:
-            raise ValueError(
-                f"Expected {owner} to give {what} of shape {shape}, got {computed.shape}."
-            )
-        finite = np.isfinite(computed).all(axis=1)
-        if not finite.all():
-            raise ValueError(f"Expected {owner} to give finite {what}, got {computed[~finite][0]}.")
-        return computed
+            raise ValueError(f"{expected} {what} of shape {shape}, got {computed.shape}.")
+        bad = computed[~np.isfinite(computed).all(axis=1)]
+        raise ValueError(f"{expected} finite {what}, got {bad[0]}.")
 
     def name(self) -> str:
         """Give the problem's name, as pymoo shows it."""

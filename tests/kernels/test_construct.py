@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from botohe_moo.kernels.colony.pheromone import learn
 from botohe_moo.mission import Mission, load_mission
-from botohe_moo.search.colony import NOBODY, AntThreads, Colony, ColonyRule
+from botohe_moo.search.colony import NOTHING, AntThreads, Colony, ColonyRule
 from tests import twins
 from tests.strategies import missions
 
@@ -46,7 +47,7 @@ def colony(mission, *, n_ants, seed=0, n_threads=1, floor=0.0, **changes):
 
 def lay_pheromone(ants, levels):
     ants.pheromone[...] = levels
-    ants._learn(0.0, NOBODY, NOBODY, archive_changed=True)
+    learn(ants._pheromone, ants._weights, NOTHING)  # before anything has been deposited
 
 
 rules = st.fixed_dictionaries(

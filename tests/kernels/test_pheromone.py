@@ -9,11 +9,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import load_mission
-from botohe_moo.kernels.colony.pheromone import LEAST, Depositors, LearningRule, Pheromone, learn
+from botohe_moo.kernels.colony.pheromone import (
+    LEAST,
+    Depositors,
+    LearningRule,
+    Pheromone,
+    deposit,
+    learn,
+)
 from botohe_moo.kernels.colony.weighing import Weights
+from botohe_moo.kernels.graph.arcs import Links
 
 N_ROBOTS = 2
 GRAPH = load_mission("complete", nodes=4).arrays
+LINKS = Links(GRAPH.first, GRAPH.head)
 N_ARCS = GRAPH.n_arcs + 1  # the base's self-loop, which ends every trail, is the last
 
 
@@ -84,22 +93,24 @@ def test_learn(batch, chosen, archived, n_maps, evaporation, pooled, seed):
     before = {(m, a): levels[m, a].tolist() for m in range(n_maps) for a in range(N_ARCS)}
     expected = twin(before, evaporation, pooled, [batch[i] for i in members], archived)
     iteration, archive = depositors(batch, members), depositors(archived)
-    state, weights = new_pheromone(levels, 0.5, -0.5)
-    again = state._replace(levels=levels.copy())  # with what the archive has deposited before
-    for pheromone, changed in ((state, True), (again, False)):
-        rule = LearningRule(N_ROBOTS, evaporation, pooled, changed)
-        learn(GRAPH, pheromone, weights, rule, iteration, archive)
-        for (m, arc), levels_expected in expected.items():
-            assert pheromone.levels[m, arc] == pytest.approx(levels_expected, rel=1e-12)
-        assert weights.log_reward == pytest.approx(np.log(pheromone.levels[..., 0]) + 0.5)
-        assert weights.log_survival == pytest.approx(np.log(pheromone.levels[..., 1]) - 0.5)
+    pheromone, weights = new_pheromone(levels, 0.5, -0.5)
+    pheromone.deposits[:], pheromone.archive_deposits[:] = 7.0, 7.0  # of iterations before
+    deposit(LINKS, iteration, N_ROBOTS, pheromone.deposits)
+    deposit(LINKS, archive, N_ROBOTS, pheromone.archive_deposits)
+    learn(pheromone, weights, LearningRule(evaporation, pooled, len(members), len(archived)))
+    for (m, arc), levels_expected in expected.items():
+        assert pheromone.levels[m, arc] == pytest.approx(levels_expected, rel=1e-12)
+    assert weights.log_reward == pytest.approx(np.log(pheromone.levels[..., 0]) + 0.5)
+    assert weights.log_survival == pytest.approx(np.log(pheromone.levels[..., 1]) - 0.5)
 
 
 def test_without_plans_and_evaporation_nothing_changes():
     levels = np.random.default_rng(1).uniform(0.1, 5, (1, N_ARCS, 2))
     pheromone, weights = new_pheromone(levels.copy())
+    pheromone.deposits[:] = 7.0
     nobody = depositors([((0.0, 0.0), [[0], [0]])], np.empty(0, np.int64))
-    learn(GRAPH, pheromone, weights, LearningRule(N_ROBOTS, 0.0, True, True), nobody, nobody)
+    deposit(LINKS, nobody, N_ROBOTS, pheromone.deposits)
+    learn(pheromone, weights, LearningRule(0.0, True, 0, 0))
     assert np.array_equal(pheromone.levels, levels)
 
 
@@ -107,8 +118,10 @@ def test_pheromone_never_vanishes():
     """Thousands of iterations without deposit underflow to 0 otherwise, and 0 has no logarithm."""
     plans = depositors([((1.0, 1.0), [[0], [0]])])
     pheromone, weights = new_pheromone(np.full((1, N_ARCS, 2), 1e-249), -3.0, 0.5)
+    for amounts in (pheromone.deposits, pheromone.archive_deposits):
+        deposit(LINKS, plans, N_ROBOTS, amounts)
     for _ in range(10_000):
-        learn(GRAPH, pheromone, weights, LearningRule(N_ROBOTS, 0.5, False, True), plans, plans)
+        learn(pheromone, weights, LearningRule(0.5, False, 1, 1))
     assert (pheromone.levels[0, :-1] == LEAST).all()
     assert (pheromone.levels[0, -1] > 1).all()
     assert weights.log_reward[0, 0] == pytest.approx(math.log(LEAST) - 3)

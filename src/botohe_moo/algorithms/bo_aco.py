@@ -287,8 +287,9 @@ class BOACO(ArchiveAlgorithm):
             for origin in self._origins:  # every colony is given the plans to start from
                 origin.absorb(self.archive.plans, self.archive.objectives.copy())
         shares = _shares(n_ants, self.n_colonies)
-        for colony, origin, planned in zip(self.colonies, self._origins, shares, strict=True):
-            share = min(planned, self._n_left())  # a local search may have spent some
+        for colony, origin, share in zip(self.colonies, self._origins, shares, strict=True):
+            if self._improver is not None:  # it may have spent what was left
+                share = min(share, self._n_left())
             if share == 0:
                 continue
             batch = colony.construct(share)

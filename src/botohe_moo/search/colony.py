@@ -9,16 +9,18 @@ from typing import Any, Literal
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
+from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.colony.construct import Plans, construct, new_plans
 from botohe_moo.kernels.colony.pheromone import (
     LOG_HIGH,
     Depositors,
     LearningRule,
     Pheromone,
+    deposit,
     learn,
 )
 from botohe_moo.kernels.colony.weighing import BuildRule, Weights
+from botohe_moo.kernels.graph.arcs import Links
 from botohe_moo.kernels.graph.paths import Paths, new_paths
 from botohe_moo.kernels.rng import seed_states
 from botohe_moo.mission.model import Mission
@@ -44,6 +46,10 @@ class ColonyRule:
     exploration: float
     pooled_deposit: bool
     allocation: Allocation = "sequential"
+
+
+NOTHING = LearningRule(evaporation=0.0, pooled=True, iteration_size=0, archive_size=0)
+"""Leaves pheromone as it is where nothing has been deposited, and only weighs arcs."""
 
 
 class AntThreads:
@@ -94,13 +100,13 @@ class Colony:
         self.threads = threads or AntThreads(1)
         self.min_survival = min_survival
         self._graph = mission.arrays
+        self._links = Links(mission.arrays.first, mission.arrays.head)
         self._states = seed_states(random_state, n_ants)
         self._pheromone = _new_pheromone(mission, rule)
         self._weights = _new_weights(mission, rule, self._pheromone)
         self._rooms: dict[int, tuple[Plans, Paths | None]] = {}  # of each thread
-        # Of the archive, when its deposit was last summed up: its plans, and its version.
-        self._archived, self._deposited_version = NOBODY, -1
-        self._learn(0.0, NOBODY, NOBODY, archive_changed=True)
+        self._deposited_version = -1  # of the archive, when its deposit was last summed up
+        learn(self._pheromone, self._weights, NOTHING)
 
     @property
     def pheromone(self) -> FloatArray:
@@ -116,22 +122,18 @@ class Colony:
         The ants' weights on the objectives are spread evenly.
         """
         n_threads = min(self.threads.n_threads, n_ants)
+        if n_threads == 1:
+            return self._construct_span(0, n_ants, 0, n_ants)
         cuts = [n_ants * i // n_threads for i in range(n_threads + 1)]
         waiting = [
             self.threads.submit(self._construct_span, part, n_ants, cuts[part], cuts[part + 1])
             for part in range(1, n_threads)
         ]
-        nodes, lengths = self._construct_span(0, n_ants, 0, cuts[1])
-        if waiting:
-            nodes, lengths = _joined([(nodes, lengths), *(future.result() for future in waiting)])
-        offsets = np.zeros(len(lengths) + 1, np.int64)
-        np.cumsum(lengths, out=offsets[1:])
-        return PlanBatch._wrap(nodes, offsets, self.n_robots)
+        mine = self._construct_span(0, n_ants, 0, cuts[1])
+        return PlanBatch.concatenate([mine, *(future.result() for future in waiting)])
 
-    def _construct_span(
-        self, part: int, n_ants: int, begin: int, end: int
-    ) -> tuple[IntArray, OffsetArray]:
-        """Let the ants ``begin`` to ``end`` build: the nodes, and the lengths of the trails."""
+    def _construct_span(self, part: int, n_ants: int, begin: int, end: int) -> PlanBatch:
+        """Let the ants ``begin`` to ``end`` build."""
         n_robots, rule, graph = self.n_robots, self.rule, self._graph
         concurrent = rule.allocation == "concurrent"
         build = BuildRule(n_robots, n_ants, concurrent, rule.exploration, self.min_survival)
@@ -143,12 +145,13 @@ class Colony:
         found = []
         while True:
             done = construct(graph, self._weights, build, paths, self._states, plans, begin, end)
-            lengths = plans.lengths[begin * n_robots : done * n_robots]
-            found.append((plans.nodes[: plans.size[0]].copy(), lengths))
+            offsets = plans.offsets[begin * n_robots : done * n_robots + 1].copy()
+            nodes = plans.nodes[: plans.size[0]].copy()
+            found.append(PlanBatch._wrap(nodes, offsets, n_robots))
             if done == end:
-                return found[0] if len(found) == 1 else _joined(found)
+                return found[0] if len(found) == 1 else PlanBatch.concatenate(found)
             begin, longest = done, 2 * n_robots * (graph.n_arcs + 1)
-            plans = new_plans(longest + 2 * len(plans.nodes), len(plans.lengths))
+            plans = new_plans(longest + 2 * len(plans.nodes), len(self._states) * n_robots)
             self._rooms[part] = plans, paths
 
     def learn(
@@ -161,39 +164,20 @@ class Colony:
         """
         if not self.rule.pheromone or len(archive) == 0:
             return
-        archive_changed = archive.version != self._deposited_version
-        if archive_changed:
+        pheromone, n_robots = self._pheromone, self.n_robots
+        plans = Depositors(objectives, members, batch.nodes, batch.offsets)
+        deposit(self._links, plans, n_robots, pheromone.deposits)
+        if archive.version != self._deposited_version:
             held, everyone = archive.held, np.arange(len(archive))
-            self._archived = Depositors(held.objectives, everyone, held.nodes, held.offsets)
-        iteration = Depositors(objectives, members, batch.nodes, batch.offsets)
-        self._learn(
-            self.rule.evaporation, iteration, self._archived, archive_changed=archive_changed
-        )
-        self._deposited_version = archive.version
-
-    def _learn(
-        self,
-        evaporation: float,
-        iteration: Depositors,
-        archived: Depositors,
-        *,
-        archive_changed: bool,
-    ) -> None:
-        rule = LearningRule(self.n_robots, evaporation, self.rule.pooled_deposit, archive_changed)
-        learn(self._graph, self._pheromone, self._weights, rule, iteration, archived)
+            plans = Depositors(held.objectives, everyone, held.nodes, held.offsets)
+            deposit(self._links, plans, n_robots, pheromone.archive_deposits)
+            self._deposited_version = archive.version
+        rule, pooled = self.rule, self.rule.pooled_deposit
+        sizes = len(members), len(archive)
+        learn(pheromone, self._weights, LearningRule(rule.evaporation, pooled, *sizes))
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_rooms": {}}
-
-
-NOBODY = Depositors(
-    np.empty((0, 2)), np.empty(0, np.int64), np.empty(0, np.int32), np.zeros(1, np.int64)
-)
-
-
-def _joined(parts: Sequence[tuple[IntArray, OffsetArray]]) -> tuple[IntArray, OffsetArray]:
-    nodes, lengths = (np.concatenate(pieces) for pieces in zip(*parts, strict=True))
-    return nodes, lengths
 
 
 def _new_pheromone(mission: Mission, rule: ColonyRule) -> Pheromone:

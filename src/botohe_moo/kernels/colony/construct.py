@@ -27,14 +27,15 @@ class Plans(NamedTuple):
 
     nodes: IntArray  # nodes of the trails one after another: where each hop begins
     robots: IntArray  # scratch, as long as nodes: whose hop each is
-    lengths: OffsetArray  # nodes of each trail (n_ants · n_robots)
+    # Where each trail begins in the nodes, and where the last one ends (n_ants · n_robots + 1).
+    offsets: OffsetArray
     size: OffsetArray  # how many hops have been written (1)
 
 
 def new_plans(n_hops: int, n_trails: int) -> Plans:
     """Make room for so many hops."""
     nodes, robots = np.empty(n_hops, np.int32), np.empty(n_hops, np.int32)
-    return Plans(nodes, robots, np.empty(n_trails, np.int64), np.zeros(1, np.int64))
+    return Plans(nodes, robots, np.zeros(n_trails + 1, np.int64), np.zeros(1, np.int64))
 
 
 @inlined
@@ -129,34 +130,40 @@ def _walk(
         _visit(scratch, ant, here, alive)
         if rule.concurrent:
             break
-    plans.lengths[trail] += size - plans.size[0]
+    plans.offsets[trail + 1] += size - plans.size[0]
     scratch.here[robot], scratch.alive[robot], plans.size[0] = here, alive, size
     return bool(here < 0)
 
 
 @inlined
 def _begin_plan(graph: Graph, rule: BuildRule, scratch: Scratch, plans: Plans, ant: int) -> None:
-    """Put all robots at the base."""
+    """Put all robots at the base; as long as they are out, offsets count their hops."""
     for i in range(scratch.n_touched[0]):
         scratch.unreached[scratch.touched[i]] = 1.0
     scratch.n_touched[0] = 0
     for robot in range(rule.n_robots):
         scratch.here[robot], scratch.alive[robot] = graph.base, 1.0
-        plans.lengths[ant * rule.n_robots + robot] = 0
+        plans.offsets[ant * rule.n_robots + robot + 1] = 0
 
 
 @inlined
-def _sort_hops(
+def _end_plan(
     plans: Plans, rule: BuildRule, scratch: Scratch, ant: int, start: int, stop: int
 ) -> None:
-    """Put an ant's hops in the order of the robots; behind them there is room for as many."""
-    n = stop - start
+    """Add up what the offsets have counted, and put hops that mingle in the robots' order.
+
+    Behind the hops there is room for as many.
+    """
+    first = ant * rule.n_robots
+    for trail in range(first, first + rule.n_robots):
+        plans.offsets[trail + 1] += plans.offsets[trail]
+    if not rule.concurrent:
+        return
+    n, ends = stop - start, scratch.here  # the robots are all home
+    for robot in range(rule.n_robots):
+        ends[robot] = plans.offsets[first + robot + 1]
     for i in range(start, stop):
         plans.nodes[n + i] = plans.nodes[i]
-    ends, end = scratch.here, start  # the robots are all home
-    for robot in range(rule.n_robots):
-        end += plans.lengths[ant * rule.n_robots + robot]
-        ends[robot] = end
     for i in range(stop - 1, start - 1, -1):
         ends[plans.robots[i]] -= 1
         plans.nodes[ends[plans.robots[i]]] = plans.nodes[n + i]
@@ -189,7 +196,7 @@ def construct(
     """
     n_robots = rule.n_robots
     scratch = new_scratch(graph, rule, weights.log_reward.shape[0], states)
-    plans.size[0] = 0
+    plans.size[0] = plans.offsets[begin * n_robots] = 0
     room = n_robots * (graph.head.shape[0] + 1) * (2 if rule.concurrent else 1)
     for ant in range(begin, end):
         start = plans.size[0]
@@ -202,6 +209,5 @@ def construct(
                 trail = ant * n_robots + robot
                 n_out -= _walk(graph, weights, rule, scratch, paths, plans, trail)
             robot = robot + 1 if robot + 1 < n_robots else 0
-        if rule.concurrent:
-            _sort_hops(plans, rule, scratch, ant, start, plans.size[0])
+        _end_plan(plans, rule, scratch, ant, start, plans.size[0])
     return end

@@ -6,8 +6,7 @@ from typing import NamedTuple
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
 from botohe_moo.kernels.colony.weighing import Weights
 from botohe_moo.kernels.compile import helper, kernel
-from botohe_moo.kernels.graph.arcs import find_arc
-from botohe_moo.kernels.graph.graph import Graph
+from botohe_moo.kernels.graph.arcs import Links, find_arc
 
 # Far below any amount that matters, far above where floats lose their digits: on arcs that no
 # Pareto set uses pheromone falls by the same factor every iteration, for thousands of iterations.
@@ -19,15 +18,14 @@ LOG_LOW, LOG_HIGH = -650.0, 250.0
 
 
 class LearningRule(NamedTuple):
-    """How pheromone changes."""
+    """How pheromone changes, and by how many plans."""
 
-    n_robots: int  # trails per plan
     evaporation: float  # share that evaporates, in (0, 1)
     # Whether each deposit is divided by the number of plans in both sets together, or by the size
     # of its own set.
     pooled: bool
-    # Whether ``archive_deposits`` is out of date; as long as no plan enters it stays the same.
-    archive_changed: bool
+    iteration_size: int  # plans of the iteration's Pareto set
+    archive_size: int  # plans of the global one
 
 
 class Depositors(NamedTuple):
@@ -52,11 +50,14 @@ class Pheromone(NamedTuple):
     log_eta_survival: FloatArray
 
 
-@helper
-def _deposit(graph: Graph, plans: Depositors, n_robots: int, amounts: FloatArray) -> None:
-    """Set ``amounts`` to what the plans leave on each arc, in sum (n_maps, n_arcs + 1, 2)."""
+@kernel
+def deposit(links: Links, plans: Depositors, n_robots: int, amounts: FloatArray) -> None:
+    """Set ``amounts`` to what the plans leave on each arc, in sum (n_maps, n_arcs + 1, 2).
+
+    With one map the robots share it.
+    """
     amounts[:] = 0.0
-    n_maps, loop = amounts.shape[0], graph.head.shape[0]
+    n_maps, loop = amounts.shape[0], links.head.shape[0]
     for m in range(len(plans.members)):
         plan = plans.members[m]
         reward, survivors = plans.objectives[plan, 0], plans.objectives[plan, 1]
@@ -67,7 +68,7 @@ def _deposit(graph: Graph, plans: Depositors, n_robots: int, amounts: FloatArray
             for i in range(plans.offsets[trail], last + 1):
                 arc = loop
                 if i < last:
-                    arc = find_arc(graph, int(plans.nodes[i]), int(plans.nodes[i + 1]))
+                    arc = find_arc(links, int(plans.nodes[i]), int(plans.nodes[i + 1]))
                 amounts[which, arc, 0] += reward
                 amounts[which, arc, 1] += survivors
 
@@ -85,23 +86,13 @@ def _weigh(pheromone: Pheromone, weights: Weights) -> None:
 
 
 @kernel
-def learn(
-    graph: Graph,
-    pheromone: Pheromone,
-    weights: Weights,
-    rule: LearningRule,
-    iteration: Depositors,
-    archive: Depositors,
-) -> None:
-    """Evaporate pheromone and let the iteration's and the global Pareto set deposit theirs.
+def learn(pheromone: Pheromone, weights: Weights, rule: LearningRule) -> None:
+    """Let pheromone evaporate, and add what has been deposited.
 
     ``weights``, what ants make of it, are written anew.
     """
     levels, deposits, archived = pheromone.levels, pheromone.deposits, pheromone.archive_deposits
-    _deposit(graph, iteration, rule.n_robots, deposits)
-    if rule.archive_changed:
-        _deposit(graph, archive, rule.n_robots, archived)
-    iteration_size, archive_size = len(iteration.members), len(archive.members)
+    iteration_size, archive_size = rule.iteration_size, rule.archive_size
     if rule.pooled:
         iteration_size = archive_size = iteration_size + archive_size
     kept = 1.0 - rule.evaporation

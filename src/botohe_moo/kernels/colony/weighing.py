@@ -125,7 +125,7 @@ def _tabulate_arc(
     factor = math.exp((1.0 - first) * weights.log_fresh[arc])
     factor_ratio = math.exp(-step * weights.log_fresh[arc])
     seen, fresh = scratch.seen, scratch.fresh
-    for i in range(BLOCK):
+    for i in range(min(BLOCK, rule.n_ants - block * BLOCK)):
         seen[which, i, arc] = weight
         fresh[which, i, arc] = weight * factor
         weight *= ratio
@@ -168,13 +168,10 @@ def weigh(
         if ant.used[a] != ant.trail:
             n += 1
             arc = a
-            weight = ant.seen[a]
-            if ant.visited[head[a]] != ant.trail:
-                left = unreached[head[a]]
-                if left == 1.0:
-                    weight = ant.fresh[a]
-                else:
-                    weight *= math.exp(ant.power * math.log(1.0 + weights.gain[a] * left))
+            left = 0.0 if ant.visited[head[a]] == ant.trail else unreached[head[a]]
+            weight = ant.fresh[a] if left == 1.0 else ant.seen[a]
+            if 0.0 < left < 1.0:
+                weight *= math.exp(ant.power * math.log(1.0 + weights.gain[a] * left))
         total += weight
         cumulated[a - low] = total
     if here == graph.base:

@@ -201,11 +201,11 @@ def _copy_plan(
         into.nodes[at + i] = nodes[start + i]
 
 
-@helper(makes_arrays=True)
+@kernel
 def merge(
     batch: Batch, newcomers: Newcomers, n_robots: int, archive: Archive, next_id: int
 ) -> Archive:
-    """Take newcomers, none of which the archive dominates, into the archive.
+    """Take newcomers, none of which the archive dominates, into a new archive.
 
     They are numbered on from ``next_id`` in their order.
     """
@@ -240,16 +240,13 @@ def merge(
 
 
 @kernel
-def absorb(
-    batch: Batch, n_robots: int, archive: Archive, next_id: int, max_ties: int
-) -> tuple[OffsetArray, OffsetArray, Archive]:
-    """Find a batch's Pareto set and take into the archive what belongs there.
+def screen(
+    batch: Batch, n_robots: int, archive: Archive, max_ties: int
+) -> tuple[OffsetArray, Newcomers]:
+    """Find a batch's Pareto set, and what of it belongs into the archive.
 
-    Gives the Pareto set's indices, those of the plans that entered the archive, and the archive:
-    the same one when nothing entered, otherwise in new arrays.
+    Gives the indices of the set, and the newcomers. Apart from ``merge``, for most iterations of a
+    long run find none, and handing an archive back to Python takes longer than screening.
     """
     members, hashes = pareto_set(batch, n_robots)
-    found = find_newcomers(batch, members, hashes, archive, max_ties)
-    if len(found.plans) > 0:
-        archive = merge(batch, found, n_robots, archive, next_id)
-    return members, found.plans, archive
+    return members, find_newcomers(batch, members, hashes, archive, max_ties)

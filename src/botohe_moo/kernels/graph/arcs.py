@@ -1,13 +1,26 @@
 """Single arcs of a graph."""
 
+from typing import NamedTuple
+
+from botohe_moo._base.types import OffsetArray
 from botohe_moo.kernels.compile import helper
 from botohe_moo.kernels.graph.graph import Graph
 
 _LINEAR_SEARCH_UP_TO = 12
 
 
+class Links(NamedTuple):
+    """What of a graph finds an arc, for kernels that need no more of it and run for microseconds.
+
+    Handing over all of the graph takes 1.9 µs: half as long as a colony's deposit takes.
+    """
+
+    first: OffsetArray
+    head: OffsetArray
+
+
 @helper
-def find_arc(graph: Graph, tail: int, head: int) -> int:
+def find_arc(graph: Graph | Links, tail: int, head: int) -> int:
     """Give the arc between two nodes, which the graph must have, or −1."""
     low, high = graph.first[tail], graph.first[tail + 1]
     while high - low > _LINEAR_SEARCH_UP_TO:

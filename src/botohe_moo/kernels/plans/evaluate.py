@@ -125,17 +125,21 @@ def _walk(
     else:
         _reach(scratch, plan, trail, here, 1.0)
     alive = 1.0
-    for i in range(start + 1, stop):
+    i = start + 1
+    while kind == VALID and i < stop:
         there = int(nodes[i])
-        arc, fault = _hop(graph, scratch, trail, here, there)
-        here = there
-        if fault != VALID:
-            n_faults += 1
-            if kind == VALID:
-                kind, position = fault, i - start
+        arc, kind = _hop(graph, scratch, trail, here, there)
         if kind == VALID:
             alive *= graph.survival[arc]
-            _reach(scratch, plan, trail, here, alive)
+            _reach(scratch, plan, trail, there, alive)
+            here = there
+            i += 1
+        else:
+            position = i - start
+    for j in range(i, stop):
+        there = int(nodes[j])
+        n_faults += _hop(graph, scratch, trail, here, there)[1] != VALID
+        here = there
     if here != graph.base:
         n_faults += 1
         if kind == VALID:
