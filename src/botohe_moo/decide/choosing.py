@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from botohe_moo.decide.fronts import scales, short
 from botohe_moo.decide.grammar import parse_wishes
 from botohe_moo.decide.judging import N_SAMPLES, Candidates, effort
 from botohe_moo.decide.marking import Neighbours, neighbours
-from botohe_moo.decide.wishes import QUANTITIES, Expected, Wish
+from botohe_moo.decide.wishes import QUANTITIES, Expected, Quantity, Wish
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import Plans, TrailPlan
 
@@ -36,7 +35,7 @@ class Miss:
     by: float
 
     def __str__(self) -> str:
-        return f"it misses {self.wish} by {short(self.by)} (it has {short(self.value)})"
+        return f"{self.wish} by {short(self.by)} (it has {short(self.value)})"
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +76,7 @@ def choose(
     mission: Mission,
     plans: Plans,
     *wishes: str | Wish,
-    most: Literal["reward", "survivors"] | None = None,
+    most: Quantity | None = None,
 ) -> Choice:
     """Choose the plan of most expected reward among those that meet all wishes.
 
@@ -154,8 +153,8 @@ def choose(
     nearest = order[int(shortfalls.max(axis=1).argmin())]
     said = " and ".join(map(str, wanted))
     why = (
-        f"None of these plans ({len(front)}) has {said}. Plan {nearest} comes nearest: "
-        f"{', '.join(map(str, _missed(front, nearest, wanted)))}.{_simulated(front)}"
+        f"None of these plans ({len(front)}) has {said}. Plan {nearest} comes nearest: it misses "
+        f"{' and '.join(map(str, _missed(front, nearest, wanted)))}.{_simulated(front)}"
     )
     return _choice(front, nearest, why, wanted)
 
@@ -207,9 +206,9 @@ def toward(mission: Mission, plans: Plans, *, reward: float, survivors: float) -
     beyond = (front.objectives - reference) / scales(mission)
     i = int((beyond.min(axis=1) + _AUGMENTATION * beyond.sum(axis=1)).argmax())
     missed = _missed(front, i, wanted)
-    which = f"reward {short(reference[0])} and survivors {short(reference[1])}"
-    how = ", ".join(map(str, missed)) or "it has at least as much of both"
-    why = f"Nearest among these plans ({len(front)}) to {which} is plan {i}: {how}."
+    point = f"reward {short(reference[0])} and survivors {short(reference[1])}"
+    how = f"misses {' and '.join(map(str, missed))}" if missed else "has at least as much of both"
+    why = f"The best among these plans ({len(front)}) for {point}: plan {i} {how}."
     return _choice(front, i, why, wanted)
 
 
