@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from botohe_moo._base.checks import check_integer
 from botohe_moo._base.types import FloatArray, IntArray
+from botohe_moo.decide.fronts import scales
 from botohe_moo.decide.judging import Candidates
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import PlanBatch, Plans
@@ -17,7 +18,9 @@ def representatives(mission: Mission, plans: Plans, k: int = 5) -> tuple[int, ..
 
     The front, by descending reward, is cut into ``k`` segments, and each is represented by one of
     its plans, so that the sum of the distances of all plans to their representatives is as small as
-    possible. The distance of two plans is 1 − |A ∩ B| / |A ∪ B| of the multisets of their arcs.
+    possible. The distance of two plans is 1 − |A ∩ B| / |A ∪ B| of the multisets of their arcs. A
+    plan counts as much as it has of the front: half the way to the plans beside it, in objectives
+    divided by the total reward and the number of robots.
 
     Parameters
     ----------
@@ -52,7 +55,7 @@ def representatives(mission: Mission, plans: Plans, k: int = 5) -> tuple[int, ..
     >>> toy = load_mission("toy")
     >>> trails = [[1], [1, 2, 1], [1, 2, 4, 2, 1], [1, 3, 2, 4, 2, 3, 1]]
     >>> representatives(toy, [toy.plan([trail, [1]]) for trail in trails], k=2)
-    (2, 0)
+    (2, 1)
     """
     k = check_integer("k", k, at_least=1)
     front = Candidates(mission, plans)
@@ -62,7 +65,15 @@ def representatives(mission: Mission, plans: Plans, k: int = 5) -> tuple[int, ..
     if len(order) <= k:
         return tuple(order.tolist())
     counts = arc_counts(front.batch.take(order), per_robot=False)
-    return tuple(int(order[row]) for row in _segment_medoids(distances(counts, counts), k))
+    apart = distances(counts, counts) * _shares(front.objectives[order] / scales(mission))
+    return tuple(int(order[row]) for row in _segment_medoids(apart, k))
+
+
+def _shares(points: FloatArray) -> FloatArray:
+    """Give what each point has of the way along all of them (n); the same if there is no way."""
+    steps = np.hypot(*np.diff(points, axis=0).T)
+    shares: FloatArray = (np.append(steps, 0) + np.append(0, steps)) / 2
+    return shares if shares.any() else np.ones(len(points))
 
 
 def arc_counts(batch: PlanBatch, *, per_robot: bool) -> FloatArray:
@@ -89,7 +100,10 @@ def distances(ours: FloatArray, others: FloatArray) -> FloatArray:
 
 
 def _segment_medoids(apart: FloatArray, k: int) -> list[int]:
-    """Cut 0, 1, ..., n − 1 into ``k`` segments with medoids nearest to all of their members."""
+    """Cut 0, 1, ..., n − 1 into ``k`` segments with medoids nearest to all of their members.
+
+    ``apart`` has the cost of a member (column) for a medoid (row).
+    """
     costs, medoids = _segments(apart)
     n = len(apart)
     best = costs[0].copy()  # of the first rows up to each, in one segment

@@ -97,9 +97,7 @@ def mission_from_tables(
     except MissionError as error:
         faults = list(error.faults)
         if not both_ways and not any(graph.has_edge(head, tail) for tail, head in graph.edges):
-            faults.append(
-                "no arc leads back; should every row be an arc both ways (both_ways, --both-ways)?"
-            )
+            faults.append("no arc leads back; both_ways (--both-ways) makes every row two arcs")
         raise MissionError(faults) from None
 
 
