@@ -118,7 +118,7 @@ def test_what_tables_hold_is_what_the_mission_has(mission):
                 "arcs, row 0, column 'survival': expected a number in (0, 1], found 1.2",
                 "arcs, row 1, column 'head': expected the label of a node, found 'cavern', which "
                 "is not in nodes",
-                "arcs, row 1, column 'survival': expected a number in (0, 1], found 0",
+                "arcs, row 1, column 'survival': expected a number in (0, 1], found 0.0",
             ],
         ),
         (
