@@ -22,7 +22,7 @@ from matplotlib.figure import Figure
 import botohe_moo
 from botohe_moo.mission import Mission, PlanError
 from botohe_moo.plots import plot_front, plot_mission, plot_pheromone, save_figure, save_plot
-from botohe_moo.plots.draw.canvas import lanes
+from botohe_moo.plots.draw.trails import lanes
 from botohe_moo.plots.draw.places import node_positions
 from botohe_moo.plots.front import staircase
 from tests.strategies import missions_with_plans
