@@ -14,7 +14,7 @@ from botohe_moo._base.types import FloatArray
 from botohe_moo.mission import Mission
 from botohe_moo.outcomes.joining import reach_probabilities
 from botohe_moo.plots.draw.canvas import add_colour_bar, crowding, frame_of, open_axes
-from botohe_moo.plots.draw.maps import PlanMap, draw_map
+from botohe_moo.plots.draw.maps import draw_map
 from botohe_moo.plots.draw.places import node_positions
 from botohe_moo.plots.draw.scales import title_above
 from botohe_moo.plots.draw.style import reach_palette, theme
@@ -23,7 +23,7 @@ from botohe_moo.trails import TrailPlan
 
 _MAX_MAPS = 24
 _NAME, _ABOVE, _RIGHT, _GAP = 0.34, 0.8, 0.95, 0.15  # inches: over a map, the title, the bar
-_SHAPE, _EMPTY = 1.4, 0.15  # width of a figure in parts of its height; what an empty place costs
+_SHAPE, _EMPTY = 1.4, 0.25  # width of a figure in parts of its height; what an empty place costs
 
 
 def plot_plan(
@@ -78,7 +78,7 @@ def plot_plan(
         robots = shown.out[:_MAX_MAPS]
         first, *others = _open_maps(shown.xy, len(robots))
         notes = shown.draw_team(first)
-        _name(first, "all robots" if mission.robots > 1 else "the robot")
+        _name(first, "all robots" if mission.robots > 1 else "with the names of nodes")
         steps = [shown.draw_robot(own, i) for own, i in zip(others, robots, strict=True)]
         if any(steps):
             notes.insert(0, "numbers: order of visit")
@@ -129,7 +129,11 @@ class PlanOnMap:
         # Robots first: a trail without a name is worse than a node without one.
         drawn.name_robots(self.plan, self.styles)
         named = drawn.name_nodes(self.mission)
-        return [*self._at_base(), *self._left_out(drawn, named)]
+        nodes, notes = len(self.xy), [*self._at_base(), *drawn.notes]
+        if named < nodes:
+            some = f"{nodes - named} of {nodes:,}" if named else f"the {nodes:,}"
+            notes.append(f"no room for the names of {some} nodes")
+        return notes
 
     def draw_robot(self, ax: Axes, robot: int) -> int:
         """Draw the trail of one robot, and name the map; give which visits are numbered."""
@@ -161,15 +165,6 @@ class PlanOnMap:
         if len(home) < 2:
             return [f"{home[0]} stays at base"] if home else []
         return [f"{', '.join(home[:-1])} and {home[-1]} stay at base"]
-
-    def _left_out(self, drawn: PlanMap, named: int) -> list[str]:
-        nodes, notes = len(self.xy), []
-        if drawn.left_out:
-            notes.append(f"{drawn.left_out} off the trails are too small to draw")
-        if named < nodes:
-            some = f"{nodes - named} of {nodes:,}" if named else f"the {nodes:,}"
-            notes.append(f"no room for the names of {some} nodes")
-        return notes
 
 
 def add_reach_bar(ax: Axes) -> None:

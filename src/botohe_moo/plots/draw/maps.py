@@ -34,7 +34,7 @@ class PlanMap:
     points: FloatArray  # of each passage (n_passages, n_points, 2)
     fills: NDArray[Any]  # colours of the nodes (n_nodes, 4)
     space: Space
-    left_out: str  # what is not drawn off the trails, if anything
+    notes: list[str]  # what has to be said about it
 
     def name_nodes(self, mission: Mission) -> int:
         """Write the names of nodes into them, of few nodes also beside; give how many fit."""
@@ -60,8 +60,9 @@ class PlanMap:
             visits.setdefault(node, []).append(i)
         for step in _STEPS:
             room, placed = self.space.copy(), []
-            for node, numbers in visits.items():
-                shown = [str(i) for i in numbers if i % step == 0]
+            chosen = {v: [str(i) for i in ns if i % step == 0] for v, ns in visits.items()}
+            # The longest first: they find room the least.
+            for node, shown in sorted(chosen.items(), key=lambda item: -len(item[1])):
                 if not shown:
                     continue
                 found = self._place_numbers(room, node, shown)
@@ -142,16 +143,17 @@ def draw_map(
     canvas = Canvas.measure(ax, xy, smallest=_SMALLEST)
     fills = np.asarray(reach_palette()(reach))
     fills[reach == 0] = 1.0
-    left_out = ""
+    notes = []
     if canvas.radius >= _LEGIBLE:
-        _draw_ground(canvas, mission)
+        if _draw_ground(canvas, mission):
+            notes.append("grey arrows: one way only")
         _draw_nodes(canvas, reach == 0, fills, 0.8 * canvas.radius, MUTED, "others")
     elif canvas.spacing >= _DOTS:
-        left_out = "arcs"
+        notes.append("arcs off the trails are too small to draw")
         dots = np.full_like(fills, 0.82)
         _draw_nodes(canvas, reach == 0, dots, 0.25 * canvas.spacing, "none", "others")
     else:
-        left_out = "nodes and arcs"
+        notes.append("nodes and arcs off the trails are too small to draw")
     points = draw_trails(canvas, plan, styles)
     away = np.arange(len(xy)) != mission.arrays.base
     _draw_nodes(canvas, (reach > 0) & away, fills, canvas.radius, INK, "nodes")
@@ -161,11 +163,11 @@ def draw_map(
     ax.scatter(x, y, s=size, facecolors=fills[~away], **square, gid="base")
     drawn = (reach > 0) | (canvas.radius >= _LEGIBLE)
     space = Space(canvas, points.reshape(-1, 2) * canvas.scale, drawn)
-    return PlanMap(canvas, points, fills, space, left_out)
+    return PlanMap(canvas, points, fills, space, notes)
 
 
-def _draw_ground(canvas: Canvas, mission: Mission) -> None:
-    """Draw arcs in grey: lines that can be walked both ways, and arrows for one way."""
+def _draw_ground(canvas: Canvas, mission: Mission) -> bool:
+    """Draw arcs in grey: lines that can be walked both ways, and arrows, if any, for one way."""
     arrays = mission.arrays
     arcs = list(zip(arrays.tail.tolist(), arrays.head.tolist(), strict=True))
     known = set(arcs)
@@ -176,9 +178,11 @@ def _draw_ground(canvas: Canvas, mission: Mission) -> None:
         points = canvas.curves(tail, head, np.zeros(len(tail), dtype=bool))
         canvas.draw_lines(points, colors=_GROUND, linewidths=0.9, zorder=1, gid=gid)
     if once:
-        along, middle = points[:, -1] - points[:, 0], points[:, points.shape[1] // 2]
+        # Before the middle, where the arrowheads of trails are.
+        along, at = points[:, -1] - points[:, 0], points[:, points.shape[1] // 3]
         sizes = np.full(len(once), 6.0)
-        canvas.draw_heads(middle, along, colours=[MUTED], sizes=sizes, zorder=1, gid="ways")
+        canvas.draw_heads(at, along, colours=[MUTED], sizes=sizes, zorder=1, gid="ways")
+    return bool(once)
 
 
 def _draw_nodes(

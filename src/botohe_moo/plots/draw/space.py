@@ -13,7 +13,7 @@ from botohe_moo.plots.draw.labels import columns
 from botohe_moo.plots.draw.style import MUTED
 
 _SIDES = np.array([(1, 0), (1, 1), (1, -1), (0, 1), (0, -1), (-1, 1), (-1, -1), (-1, 0)])
-_AWAY = (1.5, 6.0, 12.0, 20.0)  # points between a node and its text
+_AWAY = (1.5, 6.0, 12.0, 20.0, 30.0)  # points between a node and its text
 _LEADER = 4.0  # points from which on a line ties them
 _PAD = 1.5  # points that texts keep from each other, on either side
 
