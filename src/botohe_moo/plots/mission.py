@@ -17,6 +17,7 @@ from botohe_moo.mission import Mission
 from botohe_moo.plots.draw.canvas import Canvas, add_colour_bar, bowed_arcs, open_axes
 from botohe_moo.plots.draw.labels import drawable
 from botohe_moo.plots.draw.places import node_positions
+from botohe_moo.plots.draw.scales import title_above
 from botohe_moo.plots.draw.style import (
     MUTED,
     Colour,
@@ -59,14 +60,14 @@ def plot_mission(
     ValueError
         If the ``pos`` of a node is not two finite numbers.
     """
-    title = drawable(mission.title)
+    words = ""
     if plan is not None:
         reward, survivors = mission.evaluate([plan])[0]
-        title += f"\nE[R] = {reward:.2f},  E[S] = {survivors:.2f}"
+        words = f"E[R] = {reward:.2f}, E[S] = {survivors:.2f}"
     xy = node_positions(mission)
     with theme():
         ax = open_axes(xy, ax)
-        ax.set_title(title)
+        title_above(ax, mission.title, words)
         fills = _reward_fills(ax, mission)
         zones = _zones(mission)
         _add_legend(ax, mission, plan, zones)

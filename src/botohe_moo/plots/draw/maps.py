@@ -12,7 +12,7 @@ from botohe_moo._base.types import FloatArray
 from botohe_moo.mission import Mission
 from botohe_moo.plots.draw.canvas import MAX_LABELLED, Canvas
 from botohe_moo.plots.draw.labels import drawable
-from botohe_moo.plots.draw.space import Space, text_size, write_at
+from botohe_moo.plots.draw.space import Space, text_size, write_beside
 from botohe_moo.plots.draw.style import INK, MUTED, reach_palette, readable_on
 from botohe_moo.plots.draw.trails import RobotStyle, draw_trails
 from botohe_moo.trails import TrailPlan
@@ -43,7 +43,7 @@ class PlanMap:
             text = drawable(str(label))
             offset, size = np.zeros(2), self._inside(text)
             if not size and len(mission.nodes) <= MAX_LABELLED:
-                size, beside = _NAMES, self.space.beside(node, text, _NAMES)
+                size, beside = _NAMES, self._beside(self.space, node, text, _NAMES)
                 size, offset = (0.0, offset) if beside is None else (size, beside)
             if size:
                 self._write(node, text, offset, size, "node name")
@@ -112,7 +112,7 @@ class PlanMap:
                 lines.append("")
             lines[-1] += f"{number}, "
         for told in (text, "\n".join(lines).replace(", \n", ",\n").removesuffix(", ")):
-            offset = room.beside(node, told, _BESIDE)
+            offset = self._beside(room, node, told, _BESIDE)
             if offset is not None:
                 return told, offset, _BESIDE
         return None
@@ -123,9 +123,13 @@ class PlanMap:
         size = min(9.0, 0.6 * room, room / max(text_size(text, 1.0)[0], 1e-9))
         return size if size >= _INSIDE else 0.0
 
+    def _beside(self, room: Space, node: int, text: str, size: float) -> FloatArray | None:
+        return room.beside(self.canvas.xy[node] * self.canvas.scale, text, size)
+
     def _write(self, node: int, text: str, offset: FloatArray, size: float, gid: str) -> None:
         colour = INK if offset.any() else readable_on(self.fills[node])
-        write_at(self.canvas, node, offset, text, color=colour, fontsize=size, gid=gid)
+        look: dict[str, Any] = {"radius": self.canvas.radius, "color": colour, "fontsize": size}
+        write_beside(self.canvas.ax, self.canvas.xy[node], offset, text, gid=gid, **look)
 
 
 def draw_map(
@@ -162,7 +166,9 @@ def draw_map(
     (x, y) = xy[~away].T
     ax.scatter(x, y, s=size, facecolors=fills[~away], **square, gid="base")
     drawn = (reach > 0) | (canvas.radius >= _LEGIBLE)
-    space = Space(canvas, points.reshape(-1, 2) * canvas.scale, drawn)
+    low, high = np.array([ax.get_xlim(), ax.get_ylim()]).T * canvas.scale
+    lines = points.reshape(-1, 2) * canvas.scale
+    space = Space(xy[drawn] * canvas.scale, canvas.radius, (low, high), lines)
     return PlanMap(canvas, points, fills, space, notes)
 
 
