@@ -16,7 +16,7 @@ import networkx as nx
 import pytest
 
 import botohe_moo
-from botohe_moo import algorithms, mission, operators, outcomes, plots, study
+from botohe_moo import algorithms, decide, mission, operators, outcomes, plots, study
 
 PACKAGE = Path(botohe_moo.__file__).parent
 SOURCES = sorted(PACKAGE.rglob("*.py"))
@@ -35,6 +35,7 @@ ORDER = [
     "problem",
     "operators",
     "algorithms",
+    "decide",
     "plots",
     "solution",
     "solving",
@@ -455,7 +456,8 @@ class TestInitialisers:
         assert sorted(names - {"TYPE_CHECKING", "lazy_names"}) == sorted(exported_by(tree))
 
 
-LAZY_PACKAGES = [botohe_moo, algorithms, mission, operators, outcomes, plots, study]
+LAZY_PACKAGES = [botohe_moo, algorithms, decide, mission, operators, outcomes, plots, study]
+DECIDE = ", ".join(module_name(path) for path in sorted((PACKAGE / "decide").glob("[!_]*.py")))
 PUBLIC = [(package, name) for package in LAZY_PACKAGES for name in package.__all__]
 
 
@@ -506,6 +508,7 @@ class TestLazyNames:
         [
             ("botohe_moo", "numpy numba pandas pydantic pymoo networkx matplotlib typer"),
             ("botohe_moo.study.run.child", "pandas joblib matplotlib typer"),
+            (DECIDE, "pandas pymoo matplotlib typer"),
         ],
     )
     def test_importing_waits_for_nothing_else(self, module, others):

@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 
 import botohe_moo.mission
 from botohe_moo.mission import MissionError, read_mission, save_mission
+from botohe_moo.mission.digest import mission_digest
 from botohe_moo.mission.formats.nodelink import mission_content
-from botohe_moo.study.file.digest import mission_digest
 
 DATA = Path(__file__).parents[1] / "data"
 MISSIONS = Path(botohe_moo.mission.__file__).parent / "data"

@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 
 from botohe_moo.indicators import area_indicator
+from botohe_moo.mission.digest import mission_digest
 from botohe_moo.mission.formats.files import save_mission
-from botohe_moo.study.file.digest import mission_digest
 from botohe_moo.study.judge.summary import algorithm_table, mission_table, reach_targets
 from botohe_moo.study.store.tables import SCHEMAS, read_study, write_tables
 

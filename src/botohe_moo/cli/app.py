@@ -20,14 +20,15 @@ with ending_on_interrupt:
 
     import typer
 
+    from botohe_moo.cli.choose import choose_plan, tell_choice
     from botohe_moo.cli.describe import (
         brief,
-        describe,
         listing,
         paragraph,
         parameter_example,
         parameter_text,
     )
+    from botohe_moo.cli.missions import missions_app
     from botohe_moo.cli.options import (
         EvaluationsOption,
         MinSurvivalOption,
@@ -39,20 +40,21 @@ with ending_on_interrupt:
         mission_source,
         read_parameters,
     )
-    from botohe_moo.cli.shell import BAD_INPUT, FAILED, fail, failing, run, say, tell
+    from botohe_moo.cli.shell import FAILED, fail, failing, run, tell
     from botohe_moo.cli.study import study_app
 
 if TYPE_CHECKING:
     from pymoo.core.algorithm import Algorithm
 
     from botohe_moo.problem import BOTOHE
+    from botohe_moo.solution import Solution
 
 _STOPPING = "stopping; what was found will be written. Press Ctrl-C again to break off."
 
 app = typer.Typer(
     name="botohe", no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False
 )
-missions_app = typer.Typer(invoke_without_command=True)
+app.command("choose")(choose_plan)
 app.add_typer(missions_app, name="missions")
 app.add_typer(study_app, name="study")
 
@@ -102,6 +104,14 @@ def solve_mission(
             "--out", "-o", help="Folder to write to; by default a new one, results/solve/MISSION."
         ),
     ] = None,
+    wish: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--choose",
+            metavar="WISH",
+            help='Then choose a plan, as `botohe choose` does: "survivors >= 2". Repeatable.',
+        ),
+    ] = None,
 ) -> None:
     """Search for the Pareto front of a mission; write it as tables and pictures.
 
@@ -115,14 +125,16 @@ def solve_mission(
         parameters = read_parameters(parameter or [])
         from botohe_moo.algorithms import make_algorithm
         from botohe_moo.cli.checks import check_picture
+        from botohe_moo.decide import parse_wishes
         from botohe_moo.mission import load_mission
         from botohe_moo.problem import BOTOHE
 
         loaded = load_mission(**source)
         check_picture(loaded)
+        wishes = parse_wishes(loaded, wish) if wish else ()
         _check_plain(algorithm, parameters)
         built = make_algorithm(algorithm, **parameters)
-    _search_and_write(
+    solution = _search_and_write(
         BOTOHE(loaded, min_survival=min_survival),
         built,
         out,
@@ -131,11 +143,17 @@ def solve_mission(
         seed=seed,
         record={"algorithm": algorithm, "parameters": parameters, "source": source},
     )
+    if wishes:
+        choice = solution.choose(*wishes)
+        tell("")
+        tell_choice(loaded, choice)
+        if not choice.met:
+            fail("no plan meets all wishes.", FAILED)
 
 
 def _search_and_write(
     problem: BOTOHE, algorithm: Algorithm, out: Path | None, *, default: Path, **how: Any
-) -> None:
+) -> Solution:
     from botohe_moo._base.files import new_folder
     from botohe_moo._base.interrupts import hold_interrupt
     from botohe_moo.cli.checks import check_folder
@@ -167,6 +185,7 @@ def _search_and_write(
         tell(f"wrote {path}")
     if stop.is_set() or late.is_set():
         raise typer.Exit(INTERRUPTED)
+    return solution
 
 
 def _check_plain(algorithm: str, parameters: dict[str, Any]) -> None:
@@ -179,82 +198,6 @@ def _check_plain(algorithm: str, parameters: dict[str, Any]) -> None:
                 f"Algorithm {algorithm!r}: {parameter.name} can be given from Python only, "
                 f"as {parameter.annotation}."
             )
-
-
-@missions_app.callback()
-def missions(context: typer.Context) -> None:
-    """List, show and check missions."""
-    if context.invoked_subcommand is None:
-        list_missions()
-
-
-@missions_app.command("list")
-def list_missions() -> None:
-    """List the named missions and the generators."""
-    from botohe_moo.mission import mission_names
-    from botohe_moo.mission.library import describe_mission
-
-    tell(listing((name, describe_mission(name)) for name in mission_names()))
-    more = (
-        "`botohe missions show NAME` tells more. Generators take parameters: "
-        "`botohe missions show terrain -m nodes=50 -m seed=3`."
-    )
-    tell(f"\n{paragraph(more)}")
-
-
-@missions_app.command("show")
-def show_mission(
-    mission: MissionArgument,
-    robots: RobotsOption = None,
-    mission_parameter: MissionParameterOption = None,
-    picture: Annotated[
-        Path | None,
-        typer.Option("--picture", help="Also draw the mission to this file: PNG, PDF or SVG."),
-    ] = None,
-) -> None:
-    """Describe a mission; on request, draw it."""
-    with failing():
-        source = mission_source(mission, robots, mission_parameter)
-        from botohe_moo.mission.library import load_mission, mission_parameters
-
-        loaded = load_mission(**source)
-    tell(describe(loaded))
-    for parameter in mission_parameters(mission):
-        tell(f"\n{parameter_text(parameter)}")
-    if picture is None:
-        return
-    from botohe_moo.cli.checks import check_picture
-    from botohe_moo.plots import plot_mission, save_plot
-
-    with failing():
-        if not picture.parent.is_dir():
-            raise ValueError(f"{picture.parent}: there is no such folder.")
-        check_picture(loaded)
-        save_plot(plot_mission(loaded), picture)
-    tell(f"wrote {picture}")
-
-
-@missions_app.command("check")
-def check_missions(
-    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Mission files.")],
-) -> None:
-    """Check mission files; name everything that is wrong with them."""
-    from botohe_moo.cli.checks import place_fault
-    from botohe_moo.mission import read_mission
-
-    failed = False
-    for path in files:
-        try:
-            loaded = read_mission(path)
-            if fault := place_fault(loaded):
-                raise ValueError(f"{path}: {fault}")
-        except ValueError as error:
-            say(error)
-            failed = True
-        else:
-            tell(f"{path}: a valid mission, {brief(loaded)}")
-    if failed:
-        raise typer.Exit(BAD_INPUT)
 
 
 @app.command()

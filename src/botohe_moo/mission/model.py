@@ -141,7 +141,7 @@ class Mission:
         ----------
         trails
             For every robot the nodes that it visits, from the base to the base; ``[base]`` if it
-            stays there.
+            stays there. Lists as labels become tuples, as in mission files.
 
         Raises
         ------

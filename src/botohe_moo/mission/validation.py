@@ -152,12 +152,17 @@ def trail_indices(
     indices = []
     for position, label in enumerate(trail):
         try:
-            indices.append(index[label])
+            indices.append(index[_hashable(label)])
         except (KeyError, TypeError):
             raise PlanError(
                 f"Robot {robot}, position {position}: mission {mission!r} has no node {label!r}."
             ) from None
     return indices
+
+
+def _hashable(label: object) -> Any:
+    """Convert lists, as which files hold tuples."""
+    return tuple(map(_hashable, label)) if isinstance(label, list) else label
 
 
 def fault_text(

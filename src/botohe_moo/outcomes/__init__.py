@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from botohe_moo.outcomes.distribution import Distribution as Distribution
     from botohe_moo.outcomes.outcomes import Outcomes as Outcomes
     from botohe_moo.outcomes.outcomes import plan_outcomes as plan_outcomes
+    from botohe_moo.outcomes.outcomes import reach_probabilities as reach_probabilities
     from botohe_moo.outcomes.outcomes import reward_distribution as reward_distribution
     from botohe_moo.outcomes.outcomes import simulate as simulate
     from botohe_moo.outcomes.outcomes import survivors_distribution as survivors_distribution

@@ -98,6 +98,31 @@ def survivors_distribution(mission: Mission, plan: TrailPlan) -> Distribution:
     return Distribution(values[shares > 0], shares[shares > 0])
 
 
+def reach_probabilities(mission: Mission, plan: TrailPlan) -> FloatArray:
+    """Compute with what probability each robot reaches each node.
+
+    Robots are lost independently: some robot reaches node v with the probability
+    1 − Π_k (1 − p[k, v]).
+
+    Parameters
+    ----------
+    mission, plan
+        As for :func:`reward_distribution`.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (robots, n_nodes), robots in the order of the plan, nodes in that of
+        ``mission.nodes``; 1 at the base, 0 at nodes that are not on the robot's trail.
+    """
+    mission.evaluate([plan])
+    reached = np.zeros((plan.n_robots, len(mission.nodes)))
+    robots = np.repeat(np.arange(plan.n_robots), np.diff(plan.offsets))
+    # The first visit of a node is its most probable one.
+    np.maximum.at(reached, (robots, plan.nodes), follow(mission, plan).alive)
+    return reached
+
+
 def reward_distribution(
     mission: Mission,
     plan: TrailPlan,

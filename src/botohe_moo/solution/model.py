@@ -17,7 +17,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from botohe_moo._base.types import FloatArray
+from botohe_moo.decide import choosing, marking, selecting
+from botohe_moo.decide.wishes import Quantity, Wish
 from botohe_moo.indicators import area_indicator
+from botohe_moo.mission.digest import numbers_digest
 from botohe_moo.mission.formats.nodelink import mission_content, write_node_link
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import TrailPlan
@@ -97,6 +100,50 @@ class Solution:
         """The same as ``table``."""
         return self.table
 
+    def choose(self, *wishes: str | Wish, most: Quantity | None = None) -> choosing.Choice:
+        """Choose the plan of most expected reward among those that meet all wishes.
+
+        Parameters
+        ----------
+        *wishes, most
+            As for :func:`botohe_moo.decide.choose`, which also says what is raised.
+        """
+        return choosing.choose(self.mission, self.plans, *wishes, most=most)
+
+    def toward(self, *, reward: float, survivors: float) -> choosing.Choice:
+        """Choose the plan that comes nearest to a reference point.
+
+        Parameters
+        ----------
+        reward, survivors
+            As for :func:`botohe_moo.decide.toward`, which also says what is raised.
+        """
+        return choosing.toward(self.mission, self.plans, reward=reward, survivors=survivors)
+
+    def knees(self) -> tuple[marking.Mark, ...]:
+        """Mark where the front bends; see :func:`botohe_moo.decide.knees`."""
+        return marking.knees(self.mission, self.objectives)
+
+    def exchange_rate(self, index: int, *, window: float = 0.25) -> marking.ExchangeRate:
+        """Say what 0.1 survivor costs in reward at a plan.
+
+        Parameters
+        ----------
+        index, window
+            As for :func:`botohe_moo.decide.exchange_rate`, which also says what is raised.
+        """
+        return marking.exchange_rate(self.mission, self.objectives, index, window=window)
+
+    def representatives(self, k: int = 5) -> tuple[int, ...]:
+        """Select plans that stand for all, by their rows.
+
+        Parameters
+        ----------
+        k
+            As for :func:`botohe_moo.decide.representatives`, which also says what is raised.
+        """
+        return selecting.representatives(self.mission, self.plans, k)
+
     def _columns(self) -> tuple[Any, FloatArray, FloatArray]:
         return np.arange(len(self.plans)), self.objectives[:, 0], self.objectives[:, 1]
 
@@ -150,6 +197,7 @@ class Solution:
         content = {
             "mission": self.mission.name,
             "mission_source": self.source,
+            "mission_digest": numbers_digest(self.mission),
             "robots": self.mission.robots,
             "total_reward": self.mission.total_reward,
             "algorithm": self.algorithm,

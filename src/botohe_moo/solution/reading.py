@@ -9,12 +9,15 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, NonNegativeInt, ValidationError
 
 from botohe_moo._base.checks import quoted
+from botohe_moo.mission.digest import numbers_digest
 from botohe_moo.mission.formats.files import file_content, read_mission
 from botohe_moo.mission.formats.nodelink import decode, read_label
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.validation import MissionError
 from botohe_moo.solution.model import COLUMNS, TABLES, Solution
 from botohe_moo.trails import TrailPlan
+
+_REMEDY = "Solve the mission again, or put back what was written."
 
 
 class _Plan(BaseModel):
@@ -36,6 +39,7 @@ class _Record(BaseModel):
     evaluations: NonNegativeInt
     interrupted: bool
     mission_source: dict[str, Any]
+    mission_digest: str | None = None  # older solutions have none
     plans: list[_Plan]
 
 
@@ -47,28 +51,35 @@ def read_solution(folder: str | os.PathLike[str], *, mission: Mission | None = N
     folder
         The folder, with ``front.csv``, ``plans.json`` and ``mission.json``.
     mission
-        The mission, for a folder without ``mission.json``.
+        The mission, by default that of ``mission.json``.
 
     Raises
     ------
     ValueError
-        If there is no solution in the folder, a file is missing or is not what ``write`` wrote, a
-        plan is not one of the mission's, or the objectives are not those of the plans; names the
-        folder or file and the fault. Nothing in the files is executed.
+        If there is no solution in the folder, a file is missing or is not what ``write`` wrote, the
+        mission has changed since, a plan is not one of the mission's, or the objectives are not
+        those of the plans; names the folder or file, the fault and the remedy. Nothing in the files
+        is executed.
     """
     folder = Path(folder)
     _check_folder(folder)
+    source = str(folder / "mission.json") if mission is None else f"mission {mission.name!r}"
     if mission is None:
         mission = read_mission(folder / "mission.json")
     path = folder / "plans.json"
     record = _record(path)
+    if record.mission_digest not in (None, numbers_digest(mission)):
+        raise ValueError(
+            f"{source}: expected the mission that the plans in {path} were made for, found one "
+            f"whose nodes, arcs, rewards, survivals, base or robots are others. {_REMEDY}"
+        )
     objectives = np.array([(p.reward, p.survivors) for p in record.plans], float).reshape(-1, 2)
     plans = tuple(_plan(path, i, plan, mission) for i, plan in enumerate(record.plans))
     for i, (said, found) in enumerate(zip(objectives, mission.evaluate(plans), strict=True)):
         if not np.allclose(said, found, rtol=1e-9, atol=1e-9):
             raise ValueError(
                 f"{path}: plan {i}: expected the objectives {found.tolist()} of its trails, got "
-                f"{said.tolist()}."
+                f"{said.tolist()}: the plans or the mission were changed since. {_REMEDY}"
             )
     solution = Solution(
         mission=mission,
@@ -76,7 +87,7 @@ def read_solution(folder: str | os.PathLike[str], *, mission: Mission | None = N
         objectives=objectives,
         seconds=None,
         source=record.mission_source,
-        **record.model_dump(exclude={"plans", "mission_source"}),
+        **record.model_dump(exclude={"plans", "mission_source", "mission_digest"}),
     )
     _check_front(folder / "front.csv", solution.rows())
     return solution

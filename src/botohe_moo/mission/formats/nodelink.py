@@ -179,15 +179,15 @@ def mission_content(mission: Mission) -> dict[str, Any]:
     graph = mission.graph
     own = {"name": None, **graph.graph, "base": None}
     own.update(name=mission.name, robots=mission.robots)  # not the graph's, which may differ
-    own = _attributes("the graph", own) | {"base": _plain_label(mission.base)}
+    own = _attributes("the graph", own) | {"base": plain_label(mission.base)}
     nodes = [
-        {"id": _plain_label(node), **_attributes(f"node {node!r}", attributes, "id")}
+        {"id": plain_label(node), **_attributes(f"node {node!r}", attributes, "id")}
         for node, attributes in graph.nodes(data=True)
     ]
     arcs = []
     for tail, head, attributes in graph.edges(data=True):
         arc = f"arc {tail!r} -> {head!r}"
-        ends = {"source": _plain_label(tail), "target": _plain_label(head)}
+        ends = {"source": plain_label(tail), "target": plain_label(head)}
         arcs.append({**ends, **_attributes(arc, attributes, "source", "target")})
     return {"directed": True, "multigraph": False, "graph": own, "nodes": nodes, "edges": arcs}
 
@@ -202,7 +202,7 @@ def write_node_link(content: dict[str, Any]) -> bytes:
     return "{{\n{}\n}}\n".format(",\n".join(lines)).encode()
 
 
-def _plain_label(label: Hashable) -> object:
+def plain_label(label: Hashable) -> object:
     """Convert a label to a JSON value from which an equal label is read."""
     try:
         plain = _plain(label)

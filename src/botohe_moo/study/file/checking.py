@@ -11,12 +11,13 @@ from pydantic import ValidationError
 from botohe_moo._base.checks import nearest_first, quoted
 from botohe_moo.algorithms.origin import algorithm_identity, algorithm_origin
 from botohe_moo.algorithms.registry import check_algorithm
+from botohe_moo.mission.digest import mission_digest
 from botohe_moo.mission.formats.files import SUFFIXES
 from botohe_moo.mission.formats.nodelink import mission_content
 from botohe_moo.mission.library import check_mission, load_mission, mission_origin
 from botohe_moo.mission.model import Mission
 from botohe_moo.study.file.config import AlgorithmEntry, Budget, MissionEntry, StudyFile
-from botohe_moo.study.file.digest import canonical, mission_digest
+from botohe_moo.study.file.digest import canonical
 from botohe_moo.study.file.grids import Member, members, seeds_of
 from botohe_moo.study.file.model import Study, StudyAlgorithm, StudyMission
 from botohe_moo.study.file.shape import Faults, Place, file_faults, misspelt

@@ -1,28 +1,12 @@
 """Digests of what results depend on, and the versions of its code."""
 
 import functools
-import hashlib
 import json
 from collections.abc import Mapping
 from importlib.metadata import version
 from typing import Any
 
-import numpy as np
-
 from botohe_moo.algorithms.origin import algorithm_origin
-from botohe_moo.mission.model import Mission
-
-
-def mission_digest(mission: Mission) -> str:
-    """Give the digest of all that a result can depend on, which names and positions are not."""
-    arrays = mission.arrays
-    labels = [[repr(node) for node in mission.nodes], repr(mission.base), mission.robots]
-    hashed = hashlib.sha256(canonical(labels).encode())
-    for ends in (arrays.tail, arrays.head):
-        hashed.update(np.ascontiguousarray(ends, "<i8").tobytes())
-    for values in (arrays.survival, arrays.reward):
-        hashed.update(np.ascontiguousarray(values, "<f8").tobytes())
-    return hashed.hexdigest()[:16]
 
 
 def value_text(value: Any) -> str:

@@ -9,11 +9,11 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from botohe_moo._base.checks import nearest_first
 from botohe_moo._base.files import read_bytes, replace_file
+from botohe_moo.mission.digest import mission_digest
 from botohe_moo.mission.formats.files import read_mission
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.validation import MissionError
 from botohe_moo.study.file.config import IndicatorName, StudyFile
-from botohe_moo.study.file.digest import mission_digest
 from botohe_moo.study.file.document import Document
 from botohe_moo.study.file.model import MANIFEST, Study, StudyAlgorithm, StudyError, StudyMission
 

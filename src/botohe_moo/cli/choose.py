@@ -1,0 +1,160 @@
+"""The command ``botohe choose``: from a front to one plan."""
+
+from __future__ import annotations
+
+from botohe_moo.cli.interrupt import ending_on_interrupt
+
+with ending_on_interrupt:
+    from pathlib import Path
+    from typing import TYPE_CHECKING, Annotated
+
+    import typer
+
+    from botohe_moo.cli.describe import paragraph
+    from botohe_moo.cli.options import integer_option
+    from botohe_moo.cli.shell import FAILED, fail, failing, tell
+
+if TYPE_CHECKING:
+    from botohe_moo.decide import Choice
+    from botohe_moo.mission.model import Mission
+    from botohe_moo.solution import Solution
+    from botohe_moo.trails import TrailPlan
+
+_N_SHOWN = 5
+
+
+def choose_plan(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that `solve` wrote.")],
+    wish: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="WISH",
+            help='Such as "survivors >= 2" or "P(reward >= 5) >= 0.8". All are to be met.',
+        ),
+    ] = None,
+    most: Annotated[
+        str | None,
+        typer.Option(
+            "--most",
+            metavar="reward|survivors",
+            help="What the plan is to have most of; by default the reward, or the survivors if "
+            "all wishes are of the form `reward >= X`.",
+        ),
+    ] = None,
+    toward: Annotated[
+        tuple[float, float] | None,
+        typer.Option(
+            "--toward",
+            metavar="REWARD SURVIVORS",
+            help="Choose the plan nearest to this point instead.",
+        ),
+    ] = None,
+    plan: Annotated[
+        int | None,
+        integer_option("--plan", metavar="ID", at_least=0, help="Take this plan of front.csv."),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            "-o",
+            metavar="FILE",
+            help="Write the plan to this file: .json, .csv (waypoints) or .geojson.",
+        ),
+    ] = None,
+) -> None:
+    """Choose a plan of a front: the best one among its plans that meets all wishes.
+
+    Wishes: `survivors >= 2` and `reward >= 5` (expected), `P(survivors >= 2) >= 0.9`,
+    `P(reward >= 5) >= 0.8`, `CVaR(reward, 0.1) >= 2` (mean of the lowest tenth; of survivors, too),
+    `every robot >= 0.5` (survives), `reach NODE >= 0.9`; several, or joined by ` and `.
+
+    Without a wish, plans to look at are listed: the knee of the front and a handful of really
+    different ones.
+
+    The exit status is 1 if no plan meets all wishes; then the nearest one is shown, and no file is
+    written.
+    """
+    with failing():
+        from botohe_moo.decide import write_plan
+        from botohe_moo.decide.export import check_plan_file
+        from botohe_moo.solution import read_solution
+
+        asked = [bool(wish), toward is not None, plan is not None]
+        if sum(asked) > 1 or (out is not None and not any(asked)) or (most and not wish):
+            raise ValueError(
+                "Expected wishes, --toward or --plan, one of them; --out needs one, --most wishes."
+            )
+        if out is not None:
+            check_plan_file(out)
+        solution = read_solution(folder)
+        if not any(asked):
+            tell(_overview(solution))
+            return
+        choice = None
+        if toward is not None:
+            choice = solution.toward(reward=toward[0], survivors=toward[1])
+        elif wish:
+            choice = solution.choose(*wish, most=most)  # type: ignore[arg-type]
+        if choice is not None:
+            tell_choice(solution.mission, choice)
+            chosen = choice.plan
+        else:
+            chosen = _plan(solution, plan or 0)
+    if choice is not None and wish and not choice.met:
+        fail("no plan meets all wishes" + ("; nothing is written." if out else "."), FAILED)
+    if out is not None:
+        with failing(FAILED):
+            write_plan(solution.mission, chosen, out)
+        tell(f"wrote {out}")
+
+
+def tell_choice(mission: Mission, choice: Choice) -> None:
+    """Print a choice, and the trails of its plan."""
+    title, *sentences = str(choice).splitlines()
+    tell("\n".join([title, *(paragraph(sentence) for sentence in sentences)]))
+    tell(f"\n{trails_text(mission, choice.plan)}")
+
+
+def trails_text(mission: Mission, plan: TrailPlan) -> str:
+    """Write the trails of a plan, a line for each robot."""
+    from botohe_moo.decide.wishes import label_text
+
+    lines = []
+    survivals = mission.robot_survival([plan])[0].tolist()
+    for robot, trail in enumerate(mission.labels(plan)):
+        nodes = " -> ".join(map(label_text, trail))
+        way = f"stays at {nodes}" if len(trail) == 1 else nodes
+        first = f"robot {robot} (survival {survivals[robot]:.3f}): "
+        lines.append(paragraph(way, first=first, indent=" " * 4))
+    return "\n".join(lines)
+
+
+def _plan(solution: Solution, index: int) -> TrailPlan:
+    from botohe_moo.decide.fronts import check_row, short
+
+    index = check_row("--plan", index, len(solution.plans))
+    plan = solution.plans[index]
+    reward, survivors = map(short, solution.objectives[index].tolist())
+    tell(f"plan {index}: reward {reward}, survivors {survivors}")
+    tell(f"\n{trails_text(solution.mission, plan)}")
+    return plan
+
+
+def _overview(solution: Solution) -> str:
+    if not solution.plans:
+        raise ValueError("Expected at least one plan to choose from, got none.")
+    marked: dict[int, list[str]] = {}
+    for mark in solution.knees():
+        marked.setdefault(mark.index, []).append(mark.name)
+    for index in solution.representatives(_N_SHOWN):
+        marked.setdefault(index, []).append("representative")
+    lines = ["plan  reward  survivors"]
+    for index in sorted(marked, key=lambda i: -solution.objectives[i, 0]):
+        reward, survivors = solution.objectives[index].tolist()
+        lines.append(f"{index:4}  {reward:6.4g}  {survivors:9.4g}  {', '.join(marked[index])}")
+    more = (
+        f"{len(solution.plans)} plans; marks, not verdicts. Say what you wish, as in "
+        '`botohe choose DIR "survivors >= 2"`, or look at one with `--plan ID`.'
+    )
+    return "\n".join([*lines, "", paragraph(more)])

@@ -1,0 +1,152 @@
+"""The commands ``botohe missions ...``."""
+
+from __future__ import annotations
+
+from botohe_moo.cli.interrupt import ending_on_interrupt
+
+with ending_on_interrupt:
+    from pathlib import Path
+    from typing import Annotated
+
+    import typer
+
+    from botohe_moo.cli.describe import brief, describe, listing, paragraph, parameter_text
+    from botohe_moo.cli.options import (
+        MissionArgument,
+        MissionParameterOption,
+        RobotsOption,
+        integer_option,
+        mission_source,
+    )
+    from botohe_moo.cli.shell import BAD_INPUT, failing, say, tell
+
+missions_app = typer.Typer(invoke_without_command=True)
+
+
+@missions_app.callback()
+def missions(context: typer.Context) -> None:
+    """List, show, check and import missions."""
+    if context.invoked_subcommand is None:
+        list_missions()
+
+
+@missions_app.command("list")
+def list_missions() -> None:
+    """List the named missions and the generators."""
+    from botohe_moo.mission import mission_names
+    from botohe_moo.mission.library import describe_mission
+
+    tell(listing((name, describe_mission(name)) for name in mission_names()))
+    more = (
+        "`botohe missions show NAME` tells more. Generators take parameters: "
+        "`botohe missions show terrain -m nodes=50 -m seed=3`."
+    )
+    tell(f"\n{paragraph(more)}")
+
+
+@missions_app.command("show")
+def show_mission(
+    mission: MissionArgument,
+    robots: RobotsOption = None,
+    mission_parameter: MissionParameterOption = None,
+    picture: Annotated[
+        Path | None,
+        typer.Option("--picture", help="Also draw the mission to this file: PNG, PDF or SVG."),
+    ] = None,
+) -> None:
+    """Describe a mission; on request, draw it."""
+    with failing():
+        source = mission_source(mission, robots, mission_parameter)
+        from botohe_moo.mission.library import load_mission, mission_parameters
+
+        loaded = load_mission(**source)
+    tell(describe(loaded))
+    for parameter in mission_parameters(mission):
+        tell(f"\n{parameter_text(parameter)}")
+    if picture is None:
+        return
+    from botohe_moo.cli.checks import check_picture
+    from botohe_moo.plots import plot_mission, save_plot
+
+    with failing():
+        if not picture.parent.is_dir():
+            raise ValueError(f"{picture.parent}: there is no such folder.")
+        check_picture(loaded)
+        save_plot(plot_mission(loaded), picture)
+    tell(f"wrote {picture}")
+
+
+@missions_app.command("check")
+def check_missions(
+    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Mission files.")],
+) -> None:
+    """Check mission files; name everything that is wrong with them."""
+    from botohe_moo.cli.checks import place_fault
+    from botohe_moo.mission import read_mission
+
+    failed = False
+    for path in files:
+        try:
+            loaded = read_mission(path)
+            if fault := place_fault(loaded):
+                raise ValueError(f"{path}: {fault}")
+        except ValueError as error:
+            say(error)
+            failed = True
+        else:
+            tell(f"{path}: a valid mission, {brief(loaded)}")
+    if failed:
+        raise typer.Exit(BAD_INPUT)
+
+
+@missions_app.command("import")
+def import_mission(
+    nodes: Annotated[
+        Path,
+        typer.Option(
+            "--nodes",
+            metavar="FILE",
+            help="CSV with the columns label and reward; optional: x and y, zone.",
+        ),
+    ],
+    arcs: Annotated[
+        Path,
+        typer.Option(
+            "--arcs",
+            metavar="FILE",
+            help="CSV with the columns tail, head and survival; optional: length.",
+        ),
+    ],
+    base: Annotated[str, typer.Option("--base", metavar="LABEL", help="Label of the base.")],
+    robots: Annotated[int, integer_option("--robots", metavar="K", help="Number of robots.")],
+    out: Annotated[
+        Path,
+        typer.Option("--out", "-o", metavar="FILE", help="Mission file to write: .json, .graphml."),
+    ],
+    both_ways: Annotated[
+        bool, typer.Option("--both-ways", help="Every row of arcs is an arc in both directions.")
+    ] = False,
+    title: Annotated[
+        str | None, typer.Option("--title", metavar="TEXT", help="Title, for pictures.")
+    ] = None,
+) -> None:
+    """Make a mission file of two tables (CSV), of nodes and of arcs.
+
+    Labels are texts. Names of columns may be in upper or lower case; further columns become
+    attributes. Everything that is wrong is named by file, row and column.
+    """
+    from botohe_moo.cli.checks import check_picture
+    from botohe_moo.mission import MissionError, mission_from_tables, save_mission
+    from botohe_moo.mission.formats.tables import read_table
+
+    with failing():
+        tables = read_table(nodes), read_table(arcs)
+        try:
+            loaded = mission_from_tables(
+                *tables, base=base, robots=robots, both_ways=both_ways, name=out.stem, title=title
+            )
+        except MissionError as error:
+            raise MissionError(list(error.faults), f"The mission of {nodes} and {arcs}") from None
+        check_picture(loaded)
+        save_mission(loaded, out)
+    tell(f"wrote {out}: {brief(loaded)}")

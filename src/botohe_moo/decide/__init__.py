@@ -1,0 +1,37 @@
+"""Choosing a plan from a front: wishes, marks, comparisons, robustness, and plans as files."""
+
+from typing import TYPE_CHECKING
+
+from botohe_moo._base.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from botohe_moo.decide.choosing import Choice as Choice
+    from botohe_moo.decide.choosing import Miss as Miss
+    from botohe_moo.decide.choosing import choose as choose
+    from botohe_moo.decide.choosing import toward as toward
+    from botohe_moo.decide.comparing import Change as Change
+    from botohe_moo.decide.comparing import Difference as Difference
+    from botohe_moo.decide.comparing import compare as compare
+    from botohe_moo.decide.export import plan_csv as plan_csv
+    from botohe_moo.decide.export import plan_geojson as plan_geojson
+    from botohe_moo.decide.export import plan_json as plan_json
+    from botohe_moo.decide.export import write_plan as write_plan
+    from botohe_moo.decide.grammar import parse_wishes as parse_wishes
+    from botohe_moo.decide.hazards import after_losses as after_losses
+    from botohe_moo.decide.hazards import robustness as robustness
+    from botohe_moo.decide.marking import ExchangeRate as ExchangeRate
+    from botohe_moo.decide.marking import Mark as Mark
+    from botohe_moo.decide.marking import Neighbours as Neighbours
+    from botohe_moo.decide.marking import Step as Step
+    from botohe_moo.decide.marking import exchange_rate as exchange_rate
+    from botohe_moo.decide.marking import knees as knees
+    from botohe_moo.decide.marking import neighbours as neighbours
+    from botohe_moo.decide.selecting import representatives as representatives
+    from botohe_moo.decide.wishes import Chance as Chance
+    from botohe_moo.decide.wishes import EveryRobot as EveryRobot
+    from botohe_moo.decide.wishes import Expected as Expected
+    from botohe_moo.decide.wishes import Reach as Reach
+    from botohe_moo.decide.wishes import TailMean as TailMean
+    from botohe_moo.decide.wishes import Wish as Wish
+
+__getattr__, __dir__, __all__ = lazy_names(__name__)

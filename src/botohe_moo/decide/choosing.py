@@ -1,0 +1,230 @@
+"""Choosing one plan of a front, by wishes or by a reference point."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from botohe_moo._base.checks import check_choice, check_number
+from botohe_moo.decide.fronts import scales, short
+from botohe_moo.decide.grammar import parse_wishes
+from botohe_moo.decide.judging import N_SAMPLES, Candidates, effort
+from botohe_moo.decide.marking import Neighbours, neighbours
+from botohe_moo.decide.wishes import QUANTITIES, Expected, Quantity, Wish
+from botohe_moo.mission.model import Mission
+from botohe_moo.trails import Plans, TrailPlan
+
+_AUGMENTATION = 1e-4
+
+
+@dataclass(frozen=True)
+class Miss:
+    """A wish that the chosen plan does not meet.
+
+    Attributes
+    ----------
+    wish
+        The wish.
+    value, by
+        What the plan has of it, and how much it lacks.
+    """
+
+    wish: Wish
+    value: float
+    by: float
+
+    def __str__(self) -> str:
+        return f"{self.wish} by {short(self.by)} (it has {short(self.value)})"
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """A plan chosen from a front, the best among these plans; ``str`` says why, and what it costs.
+
+    Attributes
+    ----------
+    plan, index
+        The plan, and its row in the front that was given.
+    reward, survivors
+        Its E[R] and E[S].
+    why
+        Why this one, in a sentence.
+    cost
+        What it costs beside its neighbours on the front.
+    met
+        Whether it meets all wishes. If no plan does, it is the one that comes nearest.
+    missed
+        The wishes that it does not meet, and by how much.
+    """
+
+    plan: TrailPlan
+    index: int
+    reward: float
+    survivors: float
+    why: str
+    cost: Neighbours
+    met: bool
+    missed: tuple[Miss, ...]
+
+    def __str__(self) -> str:
+        title = f"plan {self.index}: reward {short(self.reward)}, survivors {short(self.survivors)}"
+        return f"{title}\n{self.why}\n{self.cost}"
+
+
+def choose(
+    mission: Mission,
+    plans: Plans,
+    *wishes: str | Wish,
+    most: Quantity | None = None,
+) -> Choice:
+    """Choose the plan of most expected reward among those that meet all wishes.
+
+    Of equal plans the one of more survivors is chosen, then the first. The best among these plans
+    need not be the best of all: a front is optimal in the two expectations only, and a plan beyond
+    it may be better in a probability or a conditional value at risk.
+
+    Parameters
+    ----------
+    mission
+        The mission.
+    plans
+        Its plans, for example ``solution.plans`` or ``result.X``.
+    *wishes
+        Texts such as ``"survivors >= 2"`` or ``"P(reward >= 5) >= 0.8"``, see
+        :func:`parse_wishes`, or wishes such as ``EveryRobot(at_least=0.5)``.
+    most
+        What the plan is to have most of; default: the survivors if all wishes are of the form
+        ``reward >= x``, else the reward.
+
+    Returns
+    -------
+    Choice
+        If no plan meets all wishes, the plan that comes nearest: whose largest shortfall is the
+        smallest, each shortfall divided by what a plan can have: 1 for probabilities, the number of
+        robots for survivors, the total reward for rewards.
+
+    Raises
+    ------
+    ValueError
+        If there is no plan or no wish, or a wish cannot be read.
+    PlanError
+        If a plan is not valid for the mission.
+
+    Notes
+    -----
+    Wishes are judged by the exact distributions of reward and survivors. Plans are judged from the
+    best one on, only until one meets all wishes. Where the exact distribution of a plan's reward
+    takes too long it is simulated, always with the same seed, and the answer says so.
+
+    A weighted sum of both objectives is not offered, because it finds only plans on the convex hull
+    of the front: 22 of the art museum's 470.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> toy = load_mission("toy")
+    >>> plans = [toy.plan([trail, [1]]) for trail in ([1], [1, 2, 4, 2, 1], [1, 3, 2, 4, 2, 3, 1])]
+    >>> print(choose(toy, plans, "survivors >= 1.6"))
+    plan 2: reward 4.14, survivors 1.656
+    The best among these plans (3): plan 2 has the most reward with survivors >= 1.6 (1.656).
+    Beside it on the front, plan 0 has 0.3439 more survivors for 4.14 less reward.
+    """
+    if most is not None:
+        check_choice("most", most, QUANTITIES)
+    wanted = parse_wishes(mission, wishes)
+    front = Candidates(mission, plans)
+    if most is None:
+        of_reward = all(isinstance(w, Expected) and w.quantity == "reward" for w in wanted)
+        most = "survivors" if of_reward else "reward"
+    first = QUANTITIES.index(most)
+    order = np.lexsort((-front.objectives[:, 1 - first], -front.objectives[:, first])).tolist()
+    cheapest_first = sorted(wanted, key=effort)
+    for i in order:
+        if not any(front.missing(wish, i) for wish in cheapest_first):
+            held = " and ".join(f"{wish} ({short(front.value(wish, i))})" for wish in wanted)
+            why = (
+                f"The best among these plans ({len(front)}): plan {i} has the most {most} with "
+                f"{held}.{_simulated(front)}"
+            )
+            return _choice(front, i, why, wanted)
+    spans = np.array([front.span(wish) for wish in wanted])
+    shortfalls = np.array([[front.missing(wish, i) for wish in wanted] for i in order]) / spans
+    nearest = order[int(shortfalls.max(axis=1).argmin())]
+    said = " and ".join(map(str, wanted))
+    why = (
+        f"None of these plans ({len(front)}) has {said}. Plan {nearest} comes nearest: it misses "
+        f"{' and '.join(map(str, _missed(front, nearest, wanted)))}.{_simulated(front)}"
+    )
+    return _choice(front, nearest, why, wanted)
+
+
+def toward(mission: Mission, plans: Plans, *, reward: float, survivors: float) -> Choice:
+    """Choose the plan that comes nearest to a reference point, or exceeds it most evenly.
+
+    Parameters
+    ----------
+    mission, plans
+        As for :func:`choose`.
+    reward, survivors
+        The reference point: what one would like to have of both, at least 0. It need not be
+        possible.
+
+    Returns
+    -------
+    Choice
+        ``met`` says whether the plan has at least as much of both.
+
+    Raises
+    ------
+    ValueError
+        As for :func:`choose`, or if the reference point is not finite numbers of at least 0.
+
+    Notes
+    -----
+    The largest value of the augmented achievement scalarising function
+    min_i z_i + 0.0001 · Σ_i z_i, where z_i is by how much the plan exceeds the reference point in
+    objective i, divided by the total reward or by the number of robots, never by the range of the
+    front: Wierzbicki, "The use of reference objectives in multiobjective optimization", 1980. Every
+    non-dominated plan is chosen for some reference point.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> toy = load_mission("toy")
+    >>> plans = [toy.plan([trail, [1]]) for trail in ([1], [1, 2, 4, 2, 1], [1, 3, 2, 4, 2, 3, 1])]
+    >>> choice = toward(toy, plans, reward=5, survivors=1.6)
+    >>> choice.index, choice.met
+    (2, False)
+    """
+    wanted = (
+        Expected(quantity="reward", at_least=check_number("reward", reward, at_least=0)),
+        Expected(quantity="survivors", at_least=check_number("survivors", survivors, at_least=0)),
+    )
+    front = Candidates(mission, plans)
+    reference = np.array([wish.at_least for wish in wanted])
+    beyond = (front.objectives - reference) / scales(mission)
+    i = int((beyond.min(axis=1) + _AUGMENTATION * beyond.sum(axis=1)).argmax())
+    missed = _missed(front, i, wanted)
+    point = f"reward {short(reference[0])} and survivors {short(reference[1])}"
+    how = f"misses {' and '.join(map(str, missed))}" if missed else "has at least as much of both"
+    why = f"The best among these plans ({len(front)}) for {point}: plan {i} {how}."
+    return _choice(front, i, why, wanted)
+
+
+def _missed(front: Candidates, i: int, wishes: tuple[Wish, ...]) -> tuple[Miss, ...]:
+    lacking = [(wish, front.missing(wish, i)) for wish in wishes]
+    return tuple(Miss(wish, front.value(wish, i), by) for wish, by in lacking if by)
+
+
+def _choice(front: Candidates, i: int, why: str, wishes: tuple[Wish, ...]) -> Choice:
+    missed = _missed(front, i, wishes)
+    reward, survivors = front.objectives[i].tolist()
+    cost = neighbours(front.mission, front.objectives, i)
+    return Choice(front.plans[i], i, reward, survivors, why, cost, not missed, missed)
+
+
+def _simulated(front: Candidates) -> str:
+    if not front.simulated:
+        return ""
+    return f" Rewards were simulated, {N_SAMPLES:,} missions a plan: exactly it takes too long."

@@ -1,0 +1,200 @@
+"""The difference between two plans, in numbers and in words."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from botohe_moo.decide.fronts import more, short
+from botohe_moo.decide.selecting import arc_counts, distances
+from botohe_moo.decide.wishes import label_text
+from botohe_moo.mission.model import Mission
+from botohe_moo.trails import PlanBatch, TrailPlan
+
+_SHOWN = 8  # nodes in a sentence
+
+
+@dataclass(frozen=True)
+class Change:
+    """What one robot does otherwise in the other plan.
+
+    Attributes
+    ----------
+    robot, other_robot
+        The robot in the first plan, and the one that it is matched with in the second, from 0.
+    survival, other_survival
+        Probabilities that they survive.
+    gained, lost
+        Nodes that only the second, or only the first of them visits.
+    same
+        Whether their trails are the same.
+    """
+
+    robot: int
+    other_robot: int
+    survival: float
+    other_survival: float
+    gained: tuple[Hashable, ...]
+    lost: tuple[Hashable, ...]
+    same: bool
+
+
+@dataclass(frozen=True)
+class Difference:
+    """What the second of two plans has that the first has not; ``str`` says it in sentences.
+
+    Attributes
+    ----------
+    reward, survivors
+        How much more E[R] and E[S] the second plan has; below 0 if it has less.
+    gained, lost
+        Nodes that only the second, or only the first plan visits.
+    visitors
+        Nodes that both plans visit with different numbers of robots, and both numbers.
+    at_base
+        Numbers of robots that stay at base in the first and in the second plan.
+    robots
+        What each robot does otherwise, by the robots of the first plan.
+    sentences
+        All this in words.
+    """
+
+    reward: float
+    survivors: float
+    gained: tuple[Hashable, ...]
+    lost: tuple[Hashable, ...]
+    visitors: dict[Hashable, tuple[int, int]]
+    at_base: tuple[int, int]
+    robots: tuple[Change, ...]
+    sentences: tuple[str, ...]
+
+    def __str__(self) -> str:
+        return "\n".join(self.sentences)
+
+
+def compare(mission: Mission, first: TrailPlan, second: TrailPlan) -> Difference:
+    """Say how the second plan differs from the first.
+
+    Robots are identical, so each of the first plan is matched with one of the second: such that the
+    sum of the distances of their trails, 1 − |A ∩ B| / |A ∪ B| of their arcs, is the smallest.
+
+    Parameters
+    ----------
+    mission
+        The mission.
+    first, second
+        Two plans of it.
+
+    Raises
+    ------
+    PlanError
+        If a plan is not valid for the mission.
+    TypeError
+        If one is not a TrailPlan.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> toy = load_mission("toy")
+    >>> first, second = toy.plan([[1, 2, 1], [1]]), toy.plan([[1], [1, 3, 2, 4, 2, 3, 1]])
+    >>> print(compare(toy, first, second))
+    The second plan has 4.14 more reward and as many survivors.
+    Only the second plan visits 3 and 4.
+    Robot 0 (1 in the second plan) also visits 3 and 4, at the same survival.
+    """
+    batch = mission.batch([first, second])
+    gain = np.subtract(*mission.evaluate(batch)[::-1]).tolist()
+    survival = mission.robot_survival(batch)
+    visits = [[set(trail) for trail in plan] for plan in map(mission.labels, (first, second))]
+    trails = first.trails, second.trails
+    robots = []
+    for robot, other in _matched(batch):
+        ours, others = visits[0][robot], visits[1][other]
+        change = Change(
+            robot=robot,
+            other_robot=other,
+            survival=float(survival[0, robot]),
+            other_survival=float(survival[1, other]),
+            gained=_in_order(mission, others - ours),
+            lost=_in_order(mission, ours - others),
+            same=trails[0][robot] == trails[1][other],
+        )
+        robots.append(change)
+    all_visited = [set().union(*plan) for plan in visits]
+    counts = {
+        node: (sum(node in trail for trail in visits[0]), sum(node in trail for trail in visits[1]))
+        for node in _in_order(mission, all_visited[0] & all_visited[1] - {mission.base})
+    }
+    at_base = tuple(sum(len(trail) == 1 for trail in plan) for plan in trails)
+    found = Difference(
+        reward=gain[0],
+        survivors=gain[1],
+        gained=_in_order(mission, all_visited[1] - all_visited[0]),
+        lost=_in_order(mission, all_visited[0] - all_visited[1]),
+        visitors={node: both for node, both in counts.items() if both[0] != both[1]},
+        at_base=(at_base[0], at_base[1]),
+        robots=tuple(robots),
+        sentences=(),
+    )
+    object.__setattr__(found, "sentences", tuple(_sentences(found)))
+    return found
+
+
+def _matched(batch: PlanBatch) -> list[tuple[int, int]]:
+    """Match the robots of two plans; equal trails come first, then the nearest ones."""
+    from scipy.optimize import linear_sum_assignment
+
+    counts = arc_counts(batch, per_robot=True)
+    rows, columns = linear_sum_assignment(distances(*np.split(counts, 2)))
+    return list(zip(rows.tolist(), columns.tolist(), strict=True))
+
+
+def _in_order(mission: Mission, nodes: set[Hashable]) -> tuple[Hashable, ...]:
+    return tuple(sorted(nodes, key=mission.index))
+
+
+def _sentences(found: Difference) -> list[str]:
+    if all(change.same for change in found.robots):
+        return ["The plans are the same."]
+    gain = f"{more(found.reward, 'reward')} and {more(found.survivors, 'survivors')}"
+    sentences = [f"The second plan has {gain}."]
+    for which, nodes in (("second", found.gained), ("first", found.lost)):
+        if nodes:
+            sentences.append(f"Only the {which} plan visits {_named(nodes)}.")
+    for kind, sign in (("More", 1), ("Fewer", -1)):
+        nodes = tuple(node for node, (a, b) in found.visitors.items() if (b - a) * sign > 0)
+        if nodes:
+            sentences.append(f"{kind} robots visit {_named(nodes)}.")
+    before, after = found.at_base
+    if before != after:
+        robots = f"{abs(after - before)} {'robot' if abs(after - before) == 1 else 'robots'}"
+        kind = "more" if after > before else "fewer"
+        sentences.append(f"{robots} {kind} stay at base ({after} instead of {before}).")
+    return sentences + [_sentence(change) for change in found.robots if not change.same]
+
+
+def _sentence(change: Change) -> str:
+    robot = f"Robot {change.robot}"
+    if change.robot != change.other_robot:
+        robot += f" ({change.other_robot} in the second plan)"
+    before, after = change.survival, change.other_survival
+    survives = f"survives with {short(after)} instead of {short(before)}"
+    as_safe = abs(after - before) <= 1e-9
+    if not change.gained and not change.lost:
+        if as_safe:
+            return f"{robot} visits the same nodes by another trail that is as safe."
+        kind = "safer" if after > before else "more dangerous"
+        return f"{robot} visits the same nodes by a {kind} trail: it {survives}."
+    parts = [f"also visits {_named(change.gained)}"] if change.gained else []
+    parts += [f"no longer visits {_named(change.lost)}"] if change.lost else []
+    end = "at the same survival" if as_safe else f"and {survives}"
+    return f"{robot} {' and '.join(parts)}, {end}."
+
+
+def _named(nodes: Sequence[Hashable]) -> str:
+    shown = [label_text(node) for node in nodes[:_SHOWN]]
+    if len(nodes) > _SHOWN:
+        shown.append(f"{len(nodes) - _SHOWN} more")
+    return shown[0] if len(shown) == 1 else f"{', '.join(shown[:-1])} and {shown[-1]}"

@@ -1,0 +1,185 @@
+"""One plan as a file: JSON, waypoints as CSV, and GeoJSON."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+import os
+from collections.abc import Callable, Hashable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from botohe_moo._base.files import replace_file
+from botohe_moo.mission.formats.nodelink import plain_label
+from botohe_moo.mission.model import Mission
+from botohe_moo.outcomes import reach_probabilities
+from botohe_moo.trails import TrailPlan
+
+WAYPOINT_COLUMNS = ("robot", "step", "node", "x", "y")
+
+
+def plan_json(mission: Mission, plan: TrailPlan) -> str:
+    """Write a plan as JSON; ``mission.plan(json.loads(text)["trails"])`` gives an equal one.
+
+    Keys are ``mission`` (its name), ``robots``, ``reward`` (E[R]), ``survivors`` (E[S]),
+    ``robot_survival`` (of each robot) and ``trails`` (node labels of each robot).
+
+    Parameters
+    ----------
+    mission, plan
+        A mission, and a plan of it.
+
+    Raises
+    ------
+    ValueError
+        If JSON cannot hold a label.
+    PlanError
+        If the plan is not valid for the mission.
+    """
+    ((reward, survivors),) = mission.evaluate([plan]).tolist()
+    content = {
+        "mission": mission.name,
+        "robots": mission.robots,
+        "reward": reward,
+        "survivors": survivors,
+        "robot_survival": mission.robot_survival([plan])[0].tolist(),
+        "trails": [[plain_label(node) for node in trail] for trail in mission.labels(plan)],
+    }
+    return json.dumps(content, ensure_ascii=False, allow_nan=False, indent=1) + "\n"
+
+
+def plan_csv(mission: Mission, plan: TrailPlan) -> str:
+    """Write the waypoints of a plan as CSV: ``robot``, ``step``, ``node``, ``x``, ``y``.
+
+    Robots and steps count from 0; step 0 is the base. Labels that are not text are written as JSON.
+    ``x`` and ``y`` are empty for nodes without a position.
+
+    Parameters
+    ----------
+    mission, plan
+        As for :func:`plan_json`, which also says what is raised.
+    """
+    mission.evaluate([plan])
+    places = _places(mission)
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(WAYPOINT_COLUMNS)
+    for robot, trail in enumerate(mission.labels(plan)):
+        for step, node in enumerate(trail):
+            writer.writerow([robot, step, _cell(node), *(places[node] or ("", ""))])
+    return text.getvalue()
+
+
+def plan_geojson(mission: Mission, plan: TrailPlan) -> str:
+    """Write a plan as GeoJSON: a line for each robot's trail, and a point for each visited node.
+
+    Coordinates are the nodes' ``pos`` as they are; maps of the world take them for longitude and
+    latitude (RFC 7946). A robot that stays at base has a point instead of a line. Lines have the
+    properties ``robot``, ``survival`` and ``nodes``, points ``node``, ``reward`` and ``reached``,
+    the probability that some robot reaches the node.
+
+    Parameters
+    ----------
+    mission, plan
+        As for :func:`plan_json`, which also says what is raised; also a ValueError if a visited
+        node has no position.
+    """
+    survival = mission.robot_survival([plan])[0].tolist()
+    reached = 1 - (1 - reach_probabilities(mission, plan)).prod(axis=0)
+    places = _places(mission)
+    trails = mission.labels(plan)
+    visited = sorted({node for trail in trails for node in trail}, key=mission.index)
+    if missing := [node for node in visited if places[node] is None]:
+        raise ValueError(
+            f"Node {missing[0]!r}: expected pos [x, y] for GeoJSON, found none; a .csv or .json "
+            "file needs no positions."
+        )
+    features = []
+    for robot, trail in enumerate(trails):
+        line = [places[node] for node in trail]
+        shape = ("LineString", line) if len(line) > 1 else ("Point", line[0])
+        nodes = [plain_label(node) for node in trail]
+        features.append(_feature(*shape, robot=robot, survival=survival[robot], nodes=nodes))
+    for node in visited:
+        known = {
+            "node": plain_label(node),
+            "reward": float(mission.graph.nodes[node]["reward"]),
+            "reached": float(reached[mission.index(node)]),
+        }
+        features.append(_feature("Point", places[node], **known))
+    content = {"type": "FeatureCollection", "features": features}
+    return json.dumps(content, ensure_ascii=False, allow_nan=False, indent=1) + "\n"
+
+
+_WRITERS: dict[str, Callable[[Mission, TrailPlan], str]] = {
+    ".json": plan_json,
+    ".csv": plan_csv,
+    ".geojson": plan_geojson,
+}
+
+
+def check_plan_file(path: str | os.PathLike[str]) -> None:
+    """Refuse a file name whose suffix is not one of a plan's formats, with a ValueError."""
+    suffix = Path(path).suffix
+    if suffix.lower() not in _WRITERS:
+        found = f"the suffix {suffix!r}" if suffix else "no suffix"
+        known = ", ".join(_WRITERS)
+        raise ValueError(
+            f"{path}: expected a file name that ends in one of {known}; found {found}."
+        )
+
+
+def write_plan(mission: Mission, plan: TrailPlan, path: str | os.PathLike[str]) -> None:
+    """Write a plan to a file, in the format of its suffix; it appears complete, or not at all.
+
+    Parameters
+    ----------
+    mission, plan
+        As for :func:`plan_json`.
+    path
+        Ends in ``.json``, ``.csv`` or ``.geojson``.
+
+    Raises
+    ------
+    ValueError
+        If the suffix is another, or the format cannot hold the plan.
+    PlanError
+        If the plan is not valid for the mission.
+    OSError
+        If the file cannot be written.
+    """
+    check_plan_file(path)
+    path = Path(path)
+    replace_file(path, _WRITERS[path.suffix.lower()](mission, plan).encode())
+
+
+def _feature(kind: str, coordinates: Any, **properties: Any) -> dict[str, Any]:
+    shape = {"type": kind, "coordinates": coordinates}
+    return {"type": "Feature", "geometry": shape, "properties": properties}
+
+
+def _cell(node: Hashable) -> str:
+    return node if isinstance(node, str) else json.dumps(plain_label(node), ensure_ascii=False)
+
+
+def _places(mission: Mission) -> dict[Hashable, list[float] | None]:
+    """Give the position of each node; a ValueError names one that is not two finite numbers."""
+    places: dict[Hashable, list[float] | None] = {}
+    for node, place in mission.graph.nodes(data="pos"):
+        if place is None:
+            places[node] = None
+            continue
+        try:
+            x, y = (float(part) for part in place)
+        except (TypeError, ValueError):
+            x = y = np.nan
+        if not (math.isfinite(x) and math.isfinite(y)):
+            raise ValueError(
+                f"Node {node!r}: expected pos [x, y], two finite numbers, got {place!r}."
+            )
+        places[node] = [x, y]
+    return places

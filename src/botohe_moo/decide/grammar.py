@@ -1,0 +1,163 @@
+"""Wishes as planners write them."""
+
+import ast
+import re
+from collections.abc import Callable, Hashable, Iterable
+from contextlib import suppress
+from typing import Any
+
+from botohe_moo._base.checks import nearest_first, quoted
+from botohe_moo.decide.wishes import (
+    Chance,
+    EveryRobot,
+    Expected,
+    Reach,
+    TailMean,
+    Wish,
+)
+from botohe_moo.mission.formats.nodelink import read_label
+from botohe_moo.mission.model import Mission
+
+FORMS = (
+    "survivors >= 2",
+    "reward >= 5",
+    "P(survivors >= 2) >= 0.9",
+    "P(reward >= 5) >= 0.8",
+    "CVaR(reward, 0.1) >= 2",
+    "CVaR(survivors, 0.1) >= 1",
+    "every robot >= 0.5",
+    "reach NODE >= 0.9",
+)
+
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?"
+_QUANTITY = r"(?P<quantity>reward|survivors)"
+_QUOTED = r"\"(?:[^\"\\]|\\.)*\"|'(?:[^'\\]|\\.)*'"
+_SHAPES: dict[str, type[Wish]] = {
+    _QUANTITY: Expected,
+    rf"P \( {_QUANTITY} >= (?P<value>{_NUMBER}) \)": Chance,
+    rf"CVaR \( {_QUANTITY} , (?P<alpha>{_NUMBER}) \)": TailMean,
+    r"every\s+robot": EveryRobot,
+    # A label without quotes ends at the first level that ends its wish.
+    rf"reach\s+(?P<node>{_QUOTED}|.+?)": Reach,
+}
+
+
+def _pattern(shape: str) -> re.Pattern[str]:
+    # Blanks in a shape stand for any blanks, or none; a wish ends with " and " or the text.
+    text = rf"\s*{shape} >= (?P<at_least>{_NUMBER})(?:\s+and\s+(?=\S)|\s*\Z)"
+    return re.compile(
+        text.replace(" ", r"\s*").replace(">=", "(?:>=|≥)"), re.IGNORECASE | re.DOTALL
+    )
+
+
+_PATTERNS = [(_pattern(shape), kind) for shape, kind in _SHAPES.items()]
+
+
+def parse_wishes(mission: Mission, wishes: Iterable[str | Wish]) -> tuple[Wish, ...]:
+    """Read wishes as planners write them.
+
+    The forms, in upper or lower case, ``≥`` for ``>=`` if preferred, where ``Q`` is ``reward`` or
+    ``survivors``::
+
+        Q >= x                 expected reward, expected number of survivors
+        P(Q >= x) >= p         probability that it is x or more
+        CVaR(Q, a) >= x        mean of the lowest share a of the outcomes
+        every robot >= p       survival of each robot
+        reach NODE >= p        probability that a robot reaches the node
+        WISH and WISH          both
+
+    A node is written as its label: a word or a number as it is, any other text in quotes, and a
+    tuple as in Python or, as in mission files, as a list.
+
+    Parameters
+    ----------
+    mission
+        The mission, which knows the nodes.
+    wishes
+        Texts, each of one wish or more, and wishes that are made already.
+
+    Raises
+    ------
+    ValueError
+        If there is no wish, a text does not have one of the forms, a number is out of its range, or
+        the mission has no such node.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> [wish] = parse_wishes(load_mission("toy"), ["P(survivors >= 2) >= 0.9"])
+    >>> wish
+    Chance(at_least=0.9, quantity='survivors', value=2.0)
+    >>> print(wish)
+    P(survivors >= 2) >= 0.9
+    """
+    found: list[Wish] = []
+    for wish in wishes:
+        if isinstance(wish, Wish):
+            found.append(wish)
+        elif isinstance(wish, str):
+            found += _parse(mission, wish)
+        else:
+            raise ValueError(f"Expected a wish, a text such as {FORMS[0]!r}, got {quoted(wish)}.")
+    if not found:
+        raise ValueError(f"Expected at least one wish, got none. {_forms()}")
+    for wish in found:
+        if isinstance(wish, Reach):
+            _node(mission, wish.node, (wish.node,))
+    return tuple(found)
+
+
+def _parse(mission: Mission, text: str) -> list[Wish]:
+    wishes: list[Wish] = []
+    start = 0
+    while start < len(text) or not wishes:
+        matches = ((pattern.match(text, start), kind) for pattern, kind in _PATTERNS)
+        found, kind = next((pair for pair in matches if pair[0]), (None, Wish))
+        if found is None:
+            where = f" at {quoted(text[start:])}" if start else ""
+            raise ValueError(f"Expected a wish, got {quoted(text)}{where}. {_forms()}")
+        try:
+            wishes.append(_make(mission, kind, found.groupdict()))
+        except ValueError as error:
+            raise ValueError(f"Wish {quoted(text)}: {error}") from None
+        start = found.end()
+    return wishes
+
+
+def _make(mission: Mission, kind: Callable[..., Wish], parts: dict[str, str]) -> Wish:
+    given: dict[str, Any] = dict(parts)
+    for name in given.keys() & {"at_least", "value", "alpha"}:
+        given[name] = float(given[name])
+    if "quantity" in given:
+        given["quantity"] = given["quantity"].lower()
+    if "node" in given:
+        given["node"] = _node(mission, given["node"], _labels(given["node"]))
+    return kind(**given)
+
+
+def _labels(text: str) -> list[Hashable]:
+    """List the labels that a text may stand for."""
+    if re.fullmatch(_QUOTED, text, re.DOTALL):
+        return [re.sub(r"\\(.)", r"\1", text[1:-1], flags=re.DOTALL)]
+    labels: list[Hashable] = [text]
+    if re.match(r"[-+.\d(\[]", text):
+        with suppress(ValueError, SyntaxError, MemoryError, RecursionError):
+            labels.insert(0, read_label(ast.literal_eval(text)))
+    return labels
+
+
+def _node(mission: Mission, given: object, labels: Iterable[Hashable]) -> Hashable:
+    for label in labels:
+        try:
+            mission.index(label)
+        except (KeyError, TypeError):
+            continue
+        return label
+    known = ", ".join(nearest_first(str(given), map(str, mission.nodes))[:5])
+    raise ValueError(
+        f"mission {mission.name!r} has no node {quoted(given)}; most alike are {known}."
+    )
+
+
+def _forms() -> str:
+    return f"Wishes are {'; '.join(FORMS)}; join several by ' and '."

@@ -1,0 +1,194 @@
+"""What becomes of plans if survivals are not what they are thought to be, or robots are missing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import combinations
+from math import comb
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from botohe_moo._base.checks import check_integer, check_number
+from botohe_moo._base.types import FloatArray
+from botohe_moo.decide.judging import Candidates
+from botohe_moo.kernels.plans import evaluate as kernels
+from botohe_moo.mission.model import Mission
+from botohe_moo.trails import PlanBatch, Plans, TrailPlan
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_MAX_SUBSETS = 100_000
+
+
+def robustness(
+    mission: Mission,
+    plans: Plans,
+    *,
+    factors: Iterable[float] = (0.5, 2.0),
+    spread: float = 0.0,
+    n_scenarios: int = 100,
+    seed: int = 1,
+) -> pd.DataFrame:
+    """Compute what each plan is worth if the survivals are wrong, and its regret.
+
+    In a scenario the survival ω of each arc is ω^h. There is one for each factor h, the same for
+    all arcs: 2 makes every hazard, −log ω, twice as harsh, 0.5 half as harsh. With ``spread`` there
+    are also ``n_scenarios`` in which the h of each arc is drawn on its own: log-normal, with a
+    median of 1. What is expected, h = 1, is always among the scenarios.
+
+    Parameters
+    ----------
+    mission
+        The mission.
+    plans
+        Its plans.
+    factors
+        Factors on all hazards, each above 0; may be none.
+    spread
+        Standard deviation of log h for single arcs, at least 0; at 0 none are drawn.
+    n_scenarios
+        How many scenarios are drawn, at least 1.
+    seed
+        Seed of these draws, at least 0.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each plan: ``plan_id``, ``reward`` and ``survivors`` as expected; ``reward_low``,
+        ``reward_high``, ``survivors_low`` and ``survivors_high``, the band over all scenarios;
+        ``reward_regret`` and ``survivors_regret``, the largest regret over all scenarios. In one
+        scenario the regret in reward is how much more reward one of these plans would have had with
+        no fewer survivors, the regret in survivors how many more survivors with no less reward;
+        both are 0 for a plan that stays non-dominated.
+
+    Raises
+    ------
+    ValueError
+        If there is no plan, or a parameter is out of its range.
+    PlanError
+        If a plan is not valid for the mission.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> toy = load_mission("toy")
+    >>> plans = [toy.plan([[1, 2, 4, 2, 1], [1]]), toy.plan([[1], [1]])]
+    >>> table = robustness(toy, plans, factors=[2])
+    >>> table[["reward", "reward_low", "reward_regret"]].round(2).values.tolist()
+    [[3.24, 2.62, 0.0], [0.0, 0.0, 0.0]]
+    """
+    import pandas as pd
+
+    factors = [check_number("each of factors", factor, above=0) for factor in factors]
+    spread = check_number("spread", spread, at_least=0)
+    n_scenarios = check_integer("n_scenarios", n_scenarios, at_least=1)
+    rng = np.random.default_rng(check_integer("seed", seed, at_least=0))
+    front = Candidates(mission, plans)
+    n_arcs = mission.arrays.n_arcs
+    exponents = [np.full(n_arcs, factor) for factor in factors]
+    if spread:
+        exponents += [np.exp(spread * rng.standard_normal(n_arcs)) for _ in range(n_scenarios)]
+    low, high = front.objectives.copy(), front.objectives.copy()
+    regret = _regrets(front.objectives)
+    for exponent in exponents:
+        objectives = _evaluate(mission, front.batch, mission.arrays.survival**exponent)
+        low, high = np.minimum(low, objectives), np.maximum(high, objectives)
+        regret = np.maximum(regret, _regrets(objectives))
+    columns: dict[str, Any] = {"plan_id": np.arange(len(front.plans))}
+    for column, name in enumerate(("reward", "survivors")):
+        columns[name] = front.objectives[:, column]
+        columns[f"{name}_low"], columns[f"{name}_high"] = low[:, column], high[:, column]
+        columns[f"{name}_regret"] = regret[:, column]
+    return pd.DataFrame(columns)
+
+
+def _evaluate(mission: Mission, batch: PlanBatch, survival: FloatArray) -> FloatArray:
+    """Compute the objectives (n_plans, 2) with other survivals of the arcs."""
+    survival.setflags(write=False)  # as numba has compiled it
+    n, n_robots = len(batch), batch.n_robots
+    values = kernels.Values(np.empty((n, 2)), np.empty(n), np.empty((n, n_robots)))
+    graph = mission.arrays._replace(survival=survival)
+    kernels.evaluate(graph, batch.nodes, batch.offsets, n_robots, True, values)
+    return values.objectives
+
+
+def _regrets(objectives: FloatArray) -> FloatArray:
+    """Give what another plan has more of one objective, with no less of the other (n_plans, 2)."""
+    regrets = np.empty_like(objectives)
+    for column in (0, 1):
+        wanted, kept = objectives[:, column], objectives[:, 1 - column]
+        order = np.argsort(-kept, kind="stable")
+        best = np.maximum.accumulate(wanted[order])
+        last = np.searchsorted(-kept[order], -kept, side="right") - 1  # equals count, too
+        regrets[:, column] = best[last] - wanted
+    return regrets
+
+
+def after_losses(mission: Mission, plans: Plans, alpha: int = 1) -> pd.DataFrame:
+    """Compute what the rest of the team brings after the worst loss of robots before the start.
+
+    Parameters
+    ----------
+    mission
+        The mission.
+    plans
+        Its plans.
+    alpha
+        How many robots are lost, from 0 to all of them.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each plan: ``plan_id``, ``reward`` as planned, ``reward_left``, the E[R] of the
+        rest, which stick to their trails, and ``lost``, the robots whose loss costs most, a tuple
+        of their numbers from 0. Every subset is looked at; of equal ones the first is named.
+
+    Raises
+    ------
+    ValueError
+        If there is no plan, ``alpha`` is out of its range, or there are more than 100 000 subsets.
+    PlanError
+        If a plan is not valid for the mission.
+
+    Notes
+    -----
+    The robust team orienteering problem: Shi, Zhou and Tokekar, "Robust multiple-path orienteering
+    problem: securing against adversarial attacks", Robotics: Science and Systems, 2020.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> toy = load_mission("toy")
+    >>> plan = toy.plan([[1, 2, 4, 2, 1], [1]])
+    >>> after_losses(toy, [plan], 1)[["reward", "reward_left", "lost"]].round(2).values.tolist()
+    [[3.24, 0.0, (0,)]]
+    """
+    import pandas as pd
+
+    alpha = check_integer("alpha", alpha, at_least=0, at_most=mission.robots)
+    if (n_subsets := comb(mission.robots, alpha)) > _MAX_SUBSETS:
+        raise ValueError(
+            f"Expected at most {_MAX_SUBSETS:,} subsets of robots, got {n_subsets:,} of {alpha} "
+            f"among {mission.robots}; lower alpha."
+        )
+    front = Candidates(mission, plans)
+    subsets = list(combinations(range(mission.robots), alpha))
+    left, lost = [], []
+    for plan in front.plans:
+        rewards = mission.evaluate(_without(mission, plan, subsets))[:, 0]
+        worst = int(rewards.argmin())
+        left.append(float(rewards[worst]))
+        lost.append(subsets[worst])
+    columns = {"reward": front.objectives[:, 0], "reward_left": left, "lost": lost}
+    return pd.DataFrame({"plan_id": np.arange(len(front.plans)), **columns})
+
+
+def _without(mission: Mission, plan: TrailPlan, subsets: list[tuple[int, ...]]) -> list[TrailPlan]:
+    """Give the plan without the robots of each subset, which stay at base instead."""
+    trails, home = plan.trails, (mission.arrays.base,)
+    return [
+        TrailPlan([home if robot in gone else trail for robot, trail in enumerate(trails)])
+        for gone in subsets
+    ]

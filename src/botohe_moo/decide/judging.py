@@ -1,0 +1,100 @@
+"""Plans to choose from, judged by wishes."""
+
+from functools import cached_property
+
+from botohe_moo._base.types import FloatArray
+from botohe_moo.decide.wishes import (
+    QUANTITIES,
+    Chance,
+    EveryRobot,
+    Expected,
+    Quantity,
+    Reach,
+    TailMean,
+    Wish,
+)
+from botohe_moo.mission.model import Mission
+from botohe_moo.outcomes import (
+    Distribution,
+    reach_probabilities,
+    reward_distribution,
+    survivors_distribution,
+)
+from botohe_moo.trails import Plans
+
+# A plan that needs more joint outcomes is simulated: hundreds of them are to take seconds.
+MAX_OUTCOMES, N_SAMPLES, SEED = 100_000, 20_000, 1
+
+_SLACK = 1e-9  # of a wish's range: sums of rounded numbers reach what they should reach
+
+
+class Candidates:
+    """Plans of one mission; what a plan may bring is computed when it is first asked for."""
+
+    def __init__(self, mission: Mission, plans: Plans) -> None:
+        self.mission = mission
+        self.batch = mission.batch(plans)
+        self.plans = tuple(self.batch)
+        if not self.plans:
+            raise ValueError("Expected at least one plan to choose from, got none.")
+        self.objectives = mission.evaluate(self.batch)
+        self._rewards: dict[int, Distribution] = {}
+
+    def __len__(self) -> int:
+        return len(self.plans)
+
+    def value(self, wish: Wish, i: int) -> float:
+        """Compute what plan ``i`` has of what a wish is about."""
+        match wish:
+            case Expected(quantity=quantity):
+                return float(self.objectives[i, QUANTITIES.index(quantity)])
+            case Chance(quantity=quantity, value=value):
+                return self._distribution(quantity, i).at_least(value)
+            case TailMean(quantity=quantity, alpha=alpha):
+                return self._distribution(quantity, i).cvar(alpha)
+            case EveryRobot():
+                return float(self._weakest_robot[i])
+            case Reach(node=node):
+                missed = 1 - reach_probabilities(self.mission, self.plans[i])
+                return float(1 - missed[:, self.mission.index(node)].prod())
+        raise TypeError(f"Expected a wish of this package, got {wish!r}.")
+
+    def missing(self, wish: Wish, i: int) -> float:
+        """Compute how much plan ``i`` lacks; 0 if it meets the wish."""
+        lacking = wish.at_least - self.value(wish, i)
+        return lacking if lacking > _SLACK * self.span(wish) else 0.0
+
+    def span(self, wish: Wish) -> float:
+        """Give the range of what a plan can have, by which shortfalls are scaled."""
+        if isinstance(wish, Expected | TailMean):
+            if wish.quantity == "reward":
+                return self.mission.total_reward or 1.0
+            return float(self.mission.robots)
+        return 1.0
+
+    @property
+    def simulated(self) -> bool:
+        """Whether some plan's distribution of the reward had to be simulated."""
+        return not all(found.exact for found in self._rewards.values())
+
+    @cached_property
+    def _weakest_robot(self) -> FloatArray:
+        lowest: FloatArray = self.mission.robot_survival(self.batch).min(axis=1)
+        return lowest
+
+    def _distribution(self, quantity: Quantity, i: int) -> Distribution:
+        if quantity == "survivors":
+            return survivors_distribution(self.mission, self.plans[i])
+        if i not in self._rewards:
+            limits = {"max_outcomes": MAX_OUTCOMES, "n_samples": N_SAMPLES}
+            self._rewards[i] = reward_distribution(
+                self.mission, self.plans[i], **limits, random_state=SEED
+            )
+        return self._rewards[i]
+
+
+def effort(wish: Wish) -> int:
+    """Give the rank of how long it takes to judge: the distribution of the reward takes longest."""
+    if isinstance(wish, Chance | TailMean):
+        return 2 if wish.quantity == "reward" else 1
+    return int(isinstance(wish, Reach))

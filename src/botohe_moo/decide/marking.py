@@ -1,0 +1,259 @@
+"""Marks on a front: its knee, a plan's neighbours, and what survivors cost in reward."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from botohe_moo._base.checks import check_number
+from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo.decide.fronts import (
+    PlansOrObjectives,
+    check_row,
+    front_rows,
+    more,
+    objectives_of,
+    scales,
+    short,
+)
+from botohe_moo.mission.model import Mission
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A plan that is marked on a front; a mark, not a verdict.
+
+    Attributes
+    ----------
+    index
+        Row of the plan.
+    name, definition
+        What it is, in short and exactly.
+    reward, survivors
+        Its E[R] and E[S].
+    """
+
+    index: int
+    name: str
+    definition: str
+    reward: float
+    survivors: float
+
+    def __str__(self) -> str:
+        where = f"reward {short(self.reward)}, survivors {short(self.survivors)}"
+        return f"plan {self.index} ({where}): {self.definition}"
+
+
+_CHORD = (
+    "farthest from the chord",
+    "farthest above the chord between the end points of the front, in objectives divided by the "
+    "total reward and the number of robots",
+)
+_PRODUCT = ("largest product", "largest product of expected reward and expected survivors")
+
+
+def knees(mission: Mission, plans: PlansOrObjectives) -> tuple[Mark, ...]:
+    """Mark where a front bends: the plan farthest above its chord, and that of largest E[R]·E[S].
+
+    Parameters
+    ----------
+    mission
+        The mission.
+    plans
+        Its plans, or their objectives E[R] and E[S] (n_plans, 2).
+
+    Returns
+    -------
+    tuple of Mark
+        Both marks, which may be the same plan. The end points are the plans of most reward and of
+        most survivors. Where no plan lies above their chord, as on a front of one or two plans,
+        only the largest product is marked. Of equal plans the first is marked.
+
+    Raises
+    ------
+    ValueError
+        If there is no plan, or these are not objectives.
+
+    Notes
+    -----
+    Distances from the chord: Das, "On characterizing the knee of the Pareto curve based on
+    normal-boundary intersection", Structural Optimization 18, 1999. Objectives are scaled by what
+    the mission offers, never by the range of the front.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> toy = load_mission("toy")  # a total reward of 10, and 2 robots
+    >>> for mark in knees(toy, [[8, 0], [7, 1], [4, 1.4], [0, 2]]):
+    ...     print(mark.index, mark.name)
+    1 farthest from the chord
+    1 largest product
+    """
+    objectives = objectives_of(mission, plans)
+    rows = front_rows(objectives)
+    scaled = objectives[rows] / scales(mission)
+    (right, low), (left, high) = scaled[0], scaled[-1]
+    above = (high - low) * (scaled[:, 0] - right) + (right - left) * (scaled[:, 1] - low)
+    marks = []
+    if above.max() > 1e-12:
+        marks.append(_mark(objectives, int(rows[above.argmax()]), *_CHORD))
+    marks.append(_mark(objectives, int(rows[scaled.prod(axis=1).argmax()]), *_PRODUCT))
+    return tuple(marks)
+
+
+def _mark(objectives: FloatArray, row: int, name: str, definition: str) -> Mark:
+    return Mark(row, name, definition, *objectives[row].tolist())
+
+
+@dataclass(frozen=True)
+class Step:
+    """From a plan to another one.
+
+    Attributes
+    ----------
+    index
+        Row of the other plan.
+    reward, survivors
+        What it has more, in E[R] and in E[S]; below 0 if it has less.
+    """
+
+    index: int
+    reward: float
+    survivors: float
+
+    @property
+    def rate(self) -> float:
+        """Reward for 0.1 survivor."""
+        return -0.1 * self.reward / self.survivors
+
+
+@dataclass(frozen=True)
+class Neighbours:
+    """What a plan costs beside its neighbours on the front; ``str`` says it.
+
+    Attributes
+    ----------
+    richer, safer
+        To the plans of the front that have a little more reward, and a little more survivors; None
+        if there is none.
+    """
+
+    richer: Step | None
+    safer: Step | None
+
+    def __str__(self) -> str:
+        parts = []
+        for step in dict.fromkeys((self.richer, self.safer)):
+            if step is not None:
+                reward = more(step.reward, "reward")
+                survivors = more(step.survivors, "survivors")
+                both = (reward, survivors) if step is self.richer else (survivors, reward)
+                word = "for" if step.reward * step.survivors < 0 else "and"
+                parts.append(f"plan {step.index} has {both[0]} {word} {both[1]}")
+        if not parts:
+            return "No plan of the front has more reward or more survivors."
+        return f"Beside it on the front, {'; '.join(parts)}."
+
+
+def neighbours(mission: Mission, plans: PlansOrObjectives, index: int) -> Neighbours:
+    """Find the plans beside a plan on the front, and what they have more and less.
+
+    Parameters
+    ----------
+    mission, plans
+        As for :func:`knees`.
+    index
+        Row of the plan, from 0.
+
+    Raises
+    ------
+    ValueError
+        As for :func:`knees`, or if there is no such row.
+    """
+    objectives = objectives_of(mission, plans)
+    index = check_row("index", index, len(objectives))
+    return _beside(objectives, index)
+
+
+def _beside(objectives: FloatArray, index: int) -> Neighbours:
+    rows = front_rows(objectives)
+    gain = objectives[rows] - objectives[index]
+    richer, safer = rows[gain[:, 0] > 0], rows[gain[:, 1] > 0]  # by descending reward
+    return Neighbours(
+        _step(objectives, index, richer[-1:]),
+        _step(objectives, index, safer[:1]),
+    )
+
+
+def _step(objectives: FloatArray, index: int, to: OffsetArray) -> Step | None:
+    if not len(to):
+        return None
+    return Step(int(to[0]), *(objectives[to[0]] - objectives[index]).tolist())
+
+
+@dataclass(frozen=True)
+class ExchangeRate:
+    """What 0.1 survivor costs in reward at a plan, over a window; ``str`` says it.
+
+    Attributes
+    ----------
+    index
+        Row of the plan.
+    window
+        Survivors up to which other plans were looked at, on both sides.
+    safer
+        To the plan that was compared on the side of more survivors; its ``rate`` is the reward that
+        0.1 survivor more costs. None if the front ends here.
+    richer
+        The same on the other side; its ``rate`` is the reward that 0.1 survivor less brings.
+    """
+
+    index: int
+    window: float
+    safer: Step | None
+    richer: Step | None
+
+    def __str__(self) -> str:
+        parts = []
+        for step, does in ((self.safer, "more costs"), (self.richer, "fewer brings")):
+            if step is not None:
+                away = f"plan {step.index}, {short(abs(step.survivors))} survivors away"
+                parts.append(f"0.1 survivors {does} {short(step.rate)} reward (to {away})")
+        if not parts:
+            return f"Plan {self.index} is the only one of the front."
+        return f"At plan {self.index}, {'; '.join(parts)}."
+
+
+def exchange_rate(
+    mission: Mission, plans: PlansOrObjectives, index: int, *, window: float = 0.25
+) -> ExchangeRate:
+    """Say what 0.1 survivor costs in reward at a plan, in both directions.
+
+    On each side the plan is compared with the farthest plan of the front within the window, or with
+    the nearest one if the window holds none.
+
+    Parameters
+    ----------
+    mission, plans
+        As for :func:`knees`.
+    index
+        Row of the plan, from 0.
+    window
+        How many survivors more and fewer the other plan may have, above 0. A wider window averages
+        over more of the front.
+
+    Raises
+    ------
+    ValueError
+        As for :func:`knees`, or if ``window`` or ``index`` is out of its range.
+    """
+    objectives = objectives_of(mission, plans)
+    index = check_row("index", index, len(objectives))
+    window = check_number("window", window, above=0)
+    rows = front_rows(objectives)
+    away = objectives[rows, 1] - objectives[index, 1]  # ascends
+    steps = []
+    for side in (rows[away > 0], rows[away < 0][::-1]):
+        distance = np.abs(objectives[side, 1] - objectives[index, 1])
+        within = int((distance <= window).sum())
+        steps.append(_step(objectives, index, side[max(within, 1) - 1 :][:1]))
+    return ExchangeRate(index, window, *steps)

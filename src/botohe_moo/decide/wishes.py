@@ -1,0 +1,186 @@
+"""What planners may wish of a plan: each wish is at least so much of something."""
+
+import json
+import re
+from collections.abc import Hashable
+from dataclasses import dataclass
+from typing import Literal
+
+from botohe_moo._base.checks import check_choice, check_number
+
+Quantity = Literal["reward", "survivors"]
+QUANTITIES = ("reward", "survivors")
+
+_PLAIN_LABEL = re.compile(r"[^\W\d]\w*")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wish:
+    """At least so much of something that a plan has; ``str`` writes it as planners do.
+
+    One of `Expected`, `Chance`, `TailMean`, `EveryRobot` and `Reach`.
+
+    Parameters
+    ----------
+    at_least
+        The least value that meets the wish.
+    """
+
+    at_least: float
+
+    def __post_init__(self) -> None:
+        self._check("at_least")
+
+    def _check(self, name: str, **limits: float) -> None:
+        """Replace a number by a float, or raise a ValueError."""
+        number = check_number(name, getattr(self, name), **(limits or {"at_least": 0}))
+        object.__setattr__(self, name, number)
+
+    @property
+    def subject(self) -> str:
+        """What there is to be so much of."""
+        raise NotImplementedError
+
+    def __str__(self) -> str:
+        return f"{self.subject} >= {exact(self.at_least)}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Expected(Wish):
+    """An expectation: ``reward >= 5`` is E[R] >= 5, ``survivors >= 2`` is E[S] >= 2.
+
+    Parameters
+    ----------
+    at_least
+        Expected reward or number of survivors, at least 0.
+    quantity
+        ``"reward"`` or ``"survivors"``.
+    """
+
+    at_least: float
+    quantity: Quantity
+
+    def __post_init__(self) -> None:
+        check_choice("quantity", self.quantity, QUANTITIES)
+        self._check("at_least")
+
+    @property
+    def subject(self) -> str:
+        """The quantity."""
+        return self.quantity
+
+
+@dataclass(frozen=True, kw_only=True)
+class Chance(Wish):
+    """A probability: ``P(reward >= 5) >= 0.8``, ``P(survivors >= 2) >= 0.9``.
+
+    Parameters
+    ----------
+    at_least
+        Probability, in [0, 1].
+    quantity
+        ``"reward"`` or ``"survivors"``.
+    value
+        What the quantity is to reach, at least 0.
+    """
+
+    at_least: float
+    quantity: Quantity
+    value: float
+
+    def __post_init__(self) -> None:
+        check_choice("quantity", self.quantity, QUANTITIES)
+        self._check("value")
+        self._check("at_least", at_least=0, at_most=1)
+
+    @property
+    def subject(self) -> str:
+        """The event, as ``P(...)``."""
+        return f"P({self.quantity} >= {exact(self.value)})"
+
+
+@dataclass(frozen=True, kw_only=True)
+class TailMean(Wish):
+    """A conditional value at risk: ``CVaR(reward, 0.1) >= 3``, the mean of the lowest tenth.
+
+    Parameters
+    ----------
+    at_least
+        Mean reward or number of survivors of that share, at least 0.
+    quantity
+        ``"reward"`` or ``"survivors"``.
+    alpha
+        Share of the outcomes, in (0, 1], as for :meth:`Distribution.cvar`.
+    """
+
+    at_least: float
+    quantity: Quantity
+    alpha: float
+
+    def __post_init__(self) -> None:
+        check_choice("quantity", self.quantity, QUANTITIES)
+        self._check("alpha", above=0, at_most=1)
+        self._check("at_least")
+
+    @property
+    def subject(self) -> str:
+        """The tail, as ``CVaR(...)``."""
+        return f"CVaR({self.quantity}, {exact(self.alpha)})"
+
+
+@dataclass(frozen=True, kw_only=True)
+class EveryRobot(Wish):
+    """Every robot's own survival: ``every robot >= 0.5``.
+
+    Parameters
+    ----------
+    at_least
+        Probability, in [0, 1].
+    """
+
+    at_least: float
+
+    def __post_init__(self) -> None:
+        self._check("at_least", at_least=0, at_most=1)
+
+    @property
+    def subject(self) -> str:
+        """``every robot``."""
+        return "every robot"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reach(Wish):
+    """The probability that at least one robot reaches a node: ``reach vault >= 0.9``.
+
+    Parameters
+    ----------
+    at_least
+        Probability, in [0, 1].
+    node
+        The node's label.
+    """
+
+    at_least: float
+    node: Hashable
+
+    def __post_init__(self) -> None:
+        self._check("at_least", at_least=0, at_most=1)
+
+    @property
+    def subject(self) -> str:
+        """``reach`` and the label."""
+        return f"reach {label_text(self.node)}"
+
+
+def exact(value: float) -> str:
+    """Write a number so that the same number is read from it."""
+    text = f"{value:g}"
+    return text if float(text) == value else repr(value)
+
+
+def label_text(label: Hashable) -> str:
+    """Write a label as wishes have it: words as they are, other texts in quotes."""
+    if not isinstance(label, str):
+        return repr(label)
+    return label if _PLAIN_LABEL.fullmatch(label) else json.dumps(label, ensure_ascii=False)

@@ -1,0 +1,255 @@
+"""Missions from two tables, of nodes and of arcs, as planners draw them up."""
+
+from __future__ import annotations
+
+import csv
+import math
+import os
+from collections.abc import Callable, Hashable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import networkx as nx
+import numpy as np
+
+from botohe_moo._base.checks import as_float, quoted
+from botohe_moo.mission.formats.files import file_content
+from botohe_moo.mission.formats.nodelink import decode
+from botohe_moo.mission.model import Mission
+from botohe_moo.mission.validation import MissionError, mission_faults
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_NODES, _ARCS = ("label", "reward"), ("tail", "head", "survival")
+_SEPARATORS = ",;\t"
+
+
+def mission_from_tables(
+    nodes: pd.DataFrame,
+    arcs: pd.DataFrame,
+    *,
+    base: Hashable,
+    robots: int,
+    both_ways: bool = False,
+    name: str | None = None,
+    title: str | None = None,
+) -> Mission:
+    """Make a mission from a table of nodes and a table of arcs.
+
+    Parameters
+    ----------
+    nodes
+        Columns ``label`` and ``reward`` (at least 0), optionally ``x`` and ``y``, the position, in
+        which a node may have neither. Further columns become attributes of the nodes.
+    arcs
+        Columns ``tail`` and ``head``, labels of nodes, and ``survival`` (in (0, 1]), optionally
+        ``length`` (at least 0). Further columns become attributes of the arcs.
+    base
+        Label of the base.
+    robots
+        Team size, at least 1.
+    both_ways
+        Whether every row is an arc in both directions.
+    name, title
+        Of the mission.
+
+    Returns
+    -------
+    Mission
+        Names of columns may be in upper or lower case and in any order, numbers may be text, and
+        text loses the blanks around it.
+
+    Raises
+    ------
+    MissionError
+        If a column is missing or there twice, a cell does not hold what it should, a node or an arc
+        is there twice, or the mission is not valid. Names the table, the row by its index and the
+        column; every fault is listed.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> nodes = pd.DataFrame({"label": ["dock", "reef"], "reward": [0, 5]})
+    >>> arcs = pd.DataFrame({"tail": ["dock"], "head": ["reef"], "survival": [0.9]})
+    >>> mission_from_tables(nodes, arcs, base="dock", robots=2, both_ways=True)
+    <Mission 'mission': 2 nodes, 2 arcs, 2 robots at base 'dock', total reward 5>
+    """
+    faults: list[str] = []
+    node_rows = list(_rows("nodes", nodes, _NODES, faults))
+    arc_rows = list(_rows("arcs", arcs, _ARCS, faults))
+    if faults:
+        raise MissionError(faults)
+    graph: nx.DiGraph[Any] = nx.DiGraph(base=_stripped(base), robots=robots)
+    if title:
+        graph.graph["title"] = title
+    known: dict[Hashable, str] = {}
+    for where, row in node_rows:
+        _add_node(graph, known, where, row, faults)
+    drawn: dict[tuple[Hashable, Hashable], str] = {}
+    for where, row in arc_rows:
+        _add_arc(graph, drawn, where, row, both_ways, faults)
+    if faults:
+        faults += mission_faults(graph, graph.graph["base"], robots, ways=False)
+        raise MissionError(list(dict.fromkeys(faults)))
+    try:
+        return Mission(graph, name=name)
+    except MissionError as error:
+        faults = list(error.faults)
+        if not both_ways and not any(graph.has_edge(head, tail) for tail, head in graph.edges):
+            faults.append(
+                "no arc leads back; should every row be an arc both ways (both_ways, --both-ways)?"
+            )
+        raise MissionError(faults) from None
+
+
+def read_table(path: str | os.PathLike[str]) -> pd.DataFrame:
+    """Read a CSV file of texts, whose index is the number of each row in a spreadsheet.
+
+    Cells are separated by commas, semicolons or tabs, whichever the first line has most of. Rows
+    that are empty are left out. A MissionError names the file and what is wrong with it.
+    """
+    import pandas as pd
+
+    path = Path(path)
+    try:
+        text = decode(file_content(path))
+        separator = max(_SEPARATORS, key=text.partition("\n")[0].count)
+        lines = enumerate(csv.reader(text.splitlines(keepends=True), delimiter=separator), 1)
+        rows = {i: cells for i, cells in lines if any(cell.strip() for cell in cells)}
+        if not rows:
+            raise MissionError("expected a first row of column names, found an empty file")
+        header = rows.pop(next(iter(rows)))
+        faults = [
+            f"row {i}: expected {len(header)} cells, as the first row has, found {len(cells)}"
+            for i, cells in rows.items()
+            if len(cells) != len(header)
+        ]
+        if faults:
+            raise MissionError(faults)
+    except csv.Error as error:
+        raise MissionError(f"expected a table (CSV), found: {error}", str(path)) from None
+    except MissionError as error:
+        raise MissionError(list(error.faults), str(path)) from None
+    index = pd.Index(list(rows), dtype=int)
+    return pd.DataFrame(list(rows.values()), index=index, columns=header, dtype=object)
+
+
+_Row = dict[str, Any]
+
+
+def _rows(
+    table: str, frame: pd.DataFrame, needed: tuple[str, ...], faults: list[str]
+) -> Iterator[tuple[str, _Row]]:
+    """Give each row with the words for where it is; none if a column is missing or there twice."""
+    names = [str(column).strip().lower() for column in frame.columns]
+    found = ", ".join(map(str, frame.columns)) or "none"
+    wrong = [f"found none among {found}: {name!r}" for name in needed if name not in names]
+    wrong += [
+        f"found it twice: {name!r}"
+        for name in dict.fromkeys(names)
+        if names.count(name) > 1 and name
+    ]
+    if wrong:
+        faults += [f"{table}: expected one column for each, {fault}" for fault in wrong]
+        return
+    columns = [[_plain(value) for value in frame.iloc[:, i]] for i in range(len(names))]
+    for index, *values in zip(frame.index, *columns, strict=True):
+        row = {name: value for name, value in zip(names, values, strict=True) if name}
+        yield f"{table}, row {index}", row
+
+
+def _plain(value: Any) -> Any:
+    """Give text without the blanks around it, Python's own numbers, and None for nothing."""
+    if isinstance(value, str):
+        return value.strip() or None
+    if isinstance(value, np.generic):
+        value = value.item()
+    return None if value is None or value != value else value
+
+
+def _stripped(label: Hashable) -> Hashable:
+    return label.strip() if isinstance(label, str) else label
+
+
+def _add_node(
+    graph: nx.DiGraph[Any], known: dict[Hashable, str], where: str, row: _Row, faults: list[str]
+) -> None:
+    label = row.pop("label")
+    if label is None:
+        faults.append(f"{where}, column 'label': expected the label of a node, found nothing")
+        return
+    if label in known:
+        faults.append(f"{where}: node {label!r} is listed more than once, first in {known[label]}")
+        return
+    known[label] = where.partition(", ")[2]
+    reward = _number(row, "reward", where, _at_least_0, "a number >= 0", faults)
+    place = [row.pop(axis, None) for axis in ("x", "y")]
+    attributes: _Row = {key: value for key, value in row.items() if value is not None}
+    if place != [None, None]:
+        cells = dict(zip("xy", place, strict=True))
+        pos = [_number(cells, axis, where, math.isfinite, "a number", faults) for axis in "xy"]
+        attributes["pos"] = pos
+    graph.add_node(label, **{**attributes, "reward": reward})
+
+
+def _add_arc(
+    graph: nx.DiGraph[Any],
+    drawn: dict[tuple[Hashable, Hashable], str],
+    where: str,
+    row: _Row,
+    both_ways: bool,
+    faults: list[str],
+) -> None:
+    ends = row.pop("tail"), row.pop("head")
+    known = True
+    for column, label in zip(("tail", "head"), ends, strict=True):
+        if label not in graph:
+            found = "nothing" if label is None else f"{quoted(label)}, which is not in nodes"
+            faults.append(
+                f"{where}, column {column!r}: expected the label of a node, found {found}"
+            )
+            known = False
+    survival = _number(row, "survival", where, _in_0_1, "a number in (0, 1]", faults)
+    if row.get("length") is not None:
+        row["length"] = _number(row, "length", where, _at_least_0, "a number >= 0", faults)
+    if not known:
+        return
+    attributes = {key: value for key, value in row.items() if value is not None}
+    for tail, head in (ends, ends[::-1]) if both_ways else (ends,):
+        if (tail, head) in drawn:
+            before = drawn[tail, head]
+            faults.append(f"{where}: arc {tail!r} -> {head!r} is there already, in {before}")
+            continue
+        drawn[tail, head] = where.partition(", ")[2]
+        graph.add_edge(tail, head, **{**attributes, "survival": survival})
+
+
+def _in_0_1(number: float) -> bool:
+    return 0 < number <= 1
+
+
+def _at_least_0(number: float) -> bool:
+    return 0 <= number < math.inf
+
+
+def _number(
+    row: _Row,
+    column: str,
+    where: str,
+    valid: Callable[[float], bool],
+    expected: str,
+    faults: list[str],
+) -> float:
+    """Take a number out of a row; what is not one is a fault, and gives a harmless number."""
+    value = row.pop(column)
+    try:
+        number = float(value) if isinstance(value, str) else as_float(value)
+    except ValueError:
+        number = math.nan
+    if valid(number):
+        return number
+    found = "nothing" if value is None else quoted(value)
+    hint = "; write numbers with a point" if isinstance(value, str) and "," in value else ""
+    faults.append(f"{where}, column {column!r}: expected {expected}, found {found}{hint}")
+    return 1.0
