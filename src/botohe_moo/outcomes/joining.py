@@ -33,15 +33,6 @@ def follow(mission: Mission, plan: TrailPlan) -> Followed:
     return followed
 
 
-def reach_probabilities(mission: Mission, plan: TrailPlan) -> FloatArray:
-    """Give the probabilities (n_robots, n_nodes) that a robot of a valid plan reaches a node."""
-    reached = np.zeros((plan.n_robots, len(mission.nodes)))
-    robots = np.repeat(np.arange(plan.n_robots), np.diff(plan.offsets))
-    # Along a trail it only falls: the first visit has the largest.
-    np.maximum.at(reached, (robots, plan.nodes), follow(mission, plan).alive)
-    return reached
-
-
 class TooManyOutcomesError(Exception):
     """The exact computation needs more outcomes than allowed."""
 

@@ -56,7 +56,7 @@ def plot_front(
     points = _checked(objectives)
     chosen = _rows(highlight, len(points))
     corners = staircase(points)
-    summary = _summary(points, corners, mission)
+    summary = front_summary(points, corners, mission)
     with theme():
         if ax is None:
             (ax,) = study_axes(6.0, 4.0)
@@ -65,8 +65,6 @@ def plot_front(
         if label:
             ax.legend(loc="upper right", framealpha=0.9)
         _dress(ax, mission)
-        for text in [text for text in ax.texts if text.get_gid() in ("words", "subtitle")]:
-            text.remove()  # of the front that was drawn before
         title = ax.get_title(loc="left") if mission is None else mission.title
         title_above(ax, title, "" if label else summary)
         _mark(ax, points, chosen)
@@ -125,7 +123,8 @@ def _dominated(points: FloatArray) -> NDArray[np.bool_]:
     return ~np.asarray(moocore.is_nondominated(points, maximise=True, keep_weakly=True))
 
 
-def _summary(points: FloatArray, corners: FloatArray, mission: Mission | None) -> str:
+def front_summary(points: FloatArray, corners: FloatArray, mission: Mission | None) -> str:
+    """Tell the area that plans dominate, and how many they are."""
     plans = "1 plan" if len(points) == 1 else f"{len(points)} plans"
     if mission is None:
         widths = np.diff(corners[1:-1:2, 0], prepend=0.0)

@@ -4,26 +4,30 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Self
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import Normalize
-from matplotlib.lines import Line2D
 
 from botohe_moo._base.types import FloatArray
 from botohe_moo.mission import Mission
-from botohe_moo.outcomes.joining import reach_probabilities
-from botohe_moo.plots.draw.canvas import add_colour_bar, crowding, frame_of, open_axes
+from botohe_moo.outcomes import reach_probabilities
+from botohe_moo.plots.draw.canvas import open_axes
 from botohe_moo.plots.draw.maps import draw_map
 from botohe_moo.plots.draw.places import node_positions
 from botohe_moo.plots.draw.scales import title_above
-from botohe_moo.plots.draw.style import reach_palette, theme
+from botohe_moo.plots.draw.sheets import (
+    add_reach_bar,
+    key_of,
+    map_size,
+    name_map,
+    open_sheet,
+    rightmost,
+    title_sheet,
+)
+from botohe_moo.plots.draw.style import theme
 from botohe_moo.plots.draw.trails import RobotStyle, robot_styles
 from botohe_moo.trails import TrailPlan
 
 _MAX_MAPS = 24
-_NAME, _ABOVE, _RIGHT, _GAP = 0.34, 0.8, 0.95, 0.15  # inches: over a map, the title, the bar
-_SHAPE, _EMPTY = 1.4, 0.25  # width of a figure in parts of its height; what an empty place costs
 
 
 def plot_plan(
@@ -73,19 +77,18 @@ def plot_plan(
             open_axes(shown.xy, ax)
             add_reach_bar(ax)
             shown.add_legend(ax)
-            title_above(ax, title, "; ".join(shown.draw_team(ax)))
+            title_above(ax, title, "; ".join([*shown.at_base, *shown.draw_team(ax)]))
             return ax
         robots = shown.out[:_MAX_MAPS]
         first, *others = _open_maps(shown.xy, len(robots))
-        notes = shown.draw_team(first)
-        _name(first, "all robots" if mission.robots > 1 else "with the names of nodes")
+        notes = [*shown.at_base, *shown.draw_team(first)]
+        name_map(first, "all robots" if mission.robots > 1 else "with the names of nodes")
         steps = [shown.draw_robot(own, i) for own, i in zip(others, robots, strict=True)]
         if any(steps):
             notes.insert(0, "numbers: order of visit")
         if len(robots) < len(shown.out):
             notes.append(f"maps of {len(robots)} of the {len(shown.out)} robots that leave")
-        width = first.figure.figure.get_figwidth() - _RIGHT
-        title_above(first, title, "; ".join(notes), width=width, lift=72 * _NAME)
+        title_sheet(first, title, "; ".join(notes))
     return first
 
 
@@ -122,6 +125,15 @@ class PlanOnMap:
         """The robots that leave the base."""
         return [robot for robot, trail in enumerate(self.plan.trails) if len(trail) > 1]
 
+    @property
+    def at_base(self) -> list[str]:
+        """Which robots stay at base, if any."""
+        home = [style.name for i, style in enumerate(self.styles) if i not in self.out]
+        if len(home) == len(self.styles):
+            return [f"all {len(home)} robots stay at base" if len(home) > 1 else "R1 stays at base"]
+        told = ", ".join(home) if len(home) < 4 else f"{len(home)} robots"
+        return [f"{told} stay{'s' if len(home) == 1 else ''} at base"] if home else []
+
     def draw_team(self, ax: Axes) -> list[str]:
         """Draw all trails; give what has to be said about the map."""
         any_robot = 1 - np.prod(1 - self.reach, axis=0)
@@ -129,7 +141,7 @@ class PlanOnMap:
         # Robots first: a trail without a name is worse than a node without one.
         drawn.name_robots(self.plan, self.styles)
         named = drawn.name_nodes(self.mission)
-        nodes, notes = len(self.xy), [*self._at_base(), *drawn.notes]
+        nodes, notes = len(self.xy), list(drawn.notes)
         if named < nodes:
             some = f"{nodes - named} of {nodes:,}" if named else f"the {nodes:,}"
             notes.append(f"no room for the names of {some} nodes")
@@ -142,12 +154,12 @@ class PlanOnMap:
         drawn = draw_map(ax, self.mission, self.xy, TrailPlan([trail]), [style], reach)
         step = drawn.number_visits(trail)
         said = {0: ", too small to number", 1: ""}.get(step, f", each {step}th visit numbered")
-        _name(ax, f"{self._survives(robot)}{said}".replace("2th", "2nd"), style)
+        name_map(ax, f"{self._survives(robot)}{said}".replace("2th", "2nd"), style)
         return step
 
     def add_legend(self, ax: Axes) -> None:
         """Tell below a map which line is whose."""
-        handles = [_handle(self._survives(robot), self.styles[robot]) for robot in self.out]
+        handles = [key_of(self._survives(robot), self.styles[robot]) for robot in self.out]
         if handles:
             look: dict[str, Any] = {"frameon": False, "fontsize": 9.0, "columnspacing": 1.2}
             look |= {"loc": "upper left", "bbox_to_anchor": (0.0, -0.01), "borderaxespad": 0.0}
@@ -158,72 +170,14 @@ class PlanOnMap:
         shown = f"{chance:.2f}" if chance >= 0.005 else "<0.01"
         return f"{self.styles[robot].name} survives with {shown}"
 
-    def _at_base(self) -> list[str]:
-        home = [style.name for i, style in enumerate(self.styles) if i not in self.out]
-        if len(home) == len(self.styles):
-            return [f"all {len(home)} robots stay at base" if len(home) > 1 else "it stays at base"]
-        if len(home) < 2:
-            return [f"{home[0]} stays at base"] if home else []
-        return [f"{', '.join(home[:-1])} and {home[-1]} stay at base"]
-
-
-def add_reach_bar(ax: Axes) -> None:
-    """Put the key of the nodes' shades right of a map."""
-    add_colour_bar(ax, reach_palette(), Normalize(0, 1), "probability of being reached")
-
-
-def _handle(text: str, style: RobotStyle) -> Line2D:
-    return Line2D([], [], color=style.colour, linestyle=style.line, linewidth=2.4, label=text)
-
-
-def _name(ax: Axes, text: str, style: RobotStyle | None = None) -> None:
-    """Name a map above its upper left corner, with the line of its robot."""
-    handle = Line2D([], [], linestyle="none", label=text) if style is None else _handle(text, style)
-    ax.legend(
-        handles=[handle],
-        loc="lower left",
-        bbox_to_anchor=(0.0, 1.0),
-        borderaxespad=0.1,
-        borderpad=0.2,
-        handlelength=0.0 if style is None else 2.4,
-        handletextpad=0.0 if style is None else 0.8,
-        fontsize=9.5,
-        frameon=False,
-    )
-
 
 def _open_maps(xy: FloatArray, n_robots: int) -> list[Axes]:
     """Open a figure with a map of all robots, and one for each of ``n_robots``.
 
     Between more than three, that of all robots is twice as wide and high: trails share its arcs.
     """
-    _, half = frame_of(xy)
-    spacing = crowding(xy) if len(xy) > 1 else 1.0
-    # Wide enough for numbers in most nodes, within reason.
-    wide = float(np.clip(20 / 72 * 2 * half[0] / spacing, 4.2, 6.4 if n_robots < 4 else 5.2))
-    high = wide * half[1] / half[0] + _NAME
     span = 2 if n_robots == 2 or n_robots > 3 else 1
-    cells = n_robots + span**2
-    shapes = [(n, -(-cells // n)) for n in range(span, cells + 1)]
-    n_columns, n_rows = min(
-        (shape for shape in shapes if shape[1] >= span),
-        key=lambda shape: (
-            abs(np.log(shape[0] * wide / (shape[1] * high) / _SHAPE))
-            + _EMPTY * (shape[0] * shape[1] - cells)
-        ),
-    )
-    width = 0.1 + n_columns * (wide + _GAP) - _GAP + _RIGHT
-    height = _ABOVE + n_rows * high + 0.1
-    fig = plt.figure(figsize=(width, height))
-    block = [(row, column) for row in range(span) for column in range(span)]
-    grid = [(row, column) for row in range(n_rows) for column in range(n_columns)]
-    places = [(0, 0, span), *((*cell, 1) for cell in grid if cell not in block)]
-    maps = []
-    for row, column, size in places[: n_robots + 1]:
-        box_wide, box_high = size * wide + (size - 1) * _GAP, size * high - _NAME
-        left, top = 0.1 + column * (wide + _GAP), _ABOVE + row * high + _NAME
-        place = (left, height - top - box_high, box_wide, box_high)
-        ax = fig.add_axes(tuple(np.divide(place, (width, height, width, height))))
-        maps.append(open_axes(xy, ax))
-    add_reach_bar(max(maps, key=lambda ax: (ax.get_position().x1, ax.get_position().y1)))
+    fig, places = open_sheet(map_size(xy, 6.4 if n_robots < 4 else 5.2), n_robots, span)
+    maps = [open_axes(xy, fig.add_axes(place)) for place in places]
+    add_reach_bar(rightmost(maps))
     return maps
