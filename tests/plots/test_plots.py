@@ -22,7 +22,15 @@ from matplotlib.text import Text
 
 import botohe_moo
 from botohe_moo.mission import Mission, PlanError
-from botohe_moo.plots import plot_front, plot_mission, plot_pheromone, save_figure, save_plot
+from botohe_moo.plots import (
+    plot_choices,
+    plot_front,
+    plot_mission,
+    plot_pheromone,
+    plot_plan,
+    save_figure,
+    save_plot,
+)
 from botohe_moo.plots.draw.places import node_positions
 from botohe_moo.plots.draw.trails import lanes
 from botohe_moo.plots.front import staircase
@@ -630,6 +638,8 @@ PICTURES = {
     "mission": lambda ax: plot_mission(load("toy"), load("toy").plan([[1, 3, 1], [1]]), ax=ax),
     "front": lambda ax: plot_front([[8, 1]], load("toy"), label="one", ax=ax),
     "pheromone": lambda ax: plot_pheromone(load("toy"), pheromone_of(load("toy")), ax=ax),
+    "plan": lambda ax: plot_plan(load("toy"), load("toy").plan([[1, 3, 1], [1]]), ax=ax),
+    "choices": lambda ax: plot_choices(load("toy"), [load("toy").plan([[1, 3, 1], [1]])], ax=ax),
 }
 
 

@@ -1,7 +1,7 @@
 """The picture of a case study: a mission, how it was solved, and what was found, on one page."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from string import ascii_lowercase
 from typing import get_args
@@ -18,6 +18,7 @@ from botohe_moo.plots.draw.canvas import frame_of, open_axes
 from botohe_moo.plots.draw.labels import drawable
 from botohe_moo.plots.draw.places import node_positions
 from botohe_moo.plots.draw.scales import retitle, title_above
+from botohe_moo.plots.draw.sheets import add_reach_bar
 from botohe_moo.plots.draw.style import theme
 from botohe_moo.plots.front import plot_front
 from botohe_moo.plots.mission import plot_mission
@@ -26,7 +27,9 @@ from botohe_moo.plots.plan import PlanOnMap
 from botohe_moo.plots.study.curves import plot_curves
 from botohe_moo.trails import Plans, TrailPlan
 
-_WIDTH, _TITLE, _ABOVE = 15.0, 0.5, 0.75  # inches: of the page, over all of it, over each part
+_WIDTH, _RIGHT = 15.0, 1.0  # inches: of the parts of a line, and right of them for the key
+_TITLE, _ABOVE = 0.35, 0.75  # inches: over the page, over each part
+_MOST = 4  # parts of a line
 _CHART = 2.8  # inches: least height of axes that are not a map
 
 
@@ -88,20 +91,33 @@ def plot_case_study(
         raise ValueError("Expected chosen to name at least one plan, got none.")
     for row in rows:
         check_row("chosen", row, len(batch))
-    lines = [[_mission_panel(mission)], []]
-    front = partial(plot_front, objectives, mission, highlight=rows)
-    lines[0 if trace is None else 1].append(_chart("the front", front))
-    lines[1] += [_plan_panel(mission, batch[row], f"plan {row}") for row in rows]
-    if trace is not None:
+    front = _chart("the front", partial(plot_front, objectives, mission, highlight=rows))
+    found = [_plan_panel(mission, batch[row], f"plan {row}") for row in rows]
+    found[-1] = replace(found[-1], has_key=True)
+    if trace is None:
+        lines = [[_mission_panel(mission), front]]
+    else:
         # Names of algorithms stand right of the curves.
-        lines[0].append(_chart("progress", partial(plot_curves, trace), right=1.9))
+        progress = _chart("progress", partial(plot_curves, trace), right=1.9)
+        lines, found = [[_mission_panel(mission), progress]], [front, *found]
+    n_lines = -(-len(found) // _MOST)
+    parts = np.array_split(np.arange(len(found)), n_lines)
+    lines += [[found[i] for i in part] for part in parts]
     if pheromone is not None:
         lines.append([_pheromone_panel(mission, pheromone, kind) for kind in get_args(Kind)])
     with theme():
         axes = _draw(lines, _aspect(mission))
         fig = axes[0].figure.figure
         head = drawable(mission.title if title is None else title)
-        fig.text(0.1 / _WIDTH, 1.0, head, fontsize=15, fontweight="bold", va="top", gid="title")
+        fig.text(
+            0.1 / fig.get_figwidth(),
+            1.0,
+            head,
+            fontsize=15,
+            fontweight="bold",
+            va="top",
+            gid="title",
+        )
     return axes[0]
 
 
@@ -115,6 +131,7 @@ class _Panel:
     left: float
     right: float
     below: float
+    has_key: bool = False  # of the shades of nodes, right of it
 
 
 def _mission_panel(mission: Mission) -> _Panel:
@@ -147,7 +164,7 @@ def _draw(lines: Sequence[Sequence[_Panel]], aspect: float) -> list[Axes]:
     """Open a page, and draw every line of panels on it, one below the other."""
     heights = [max(_height(panel, _WIDTH / len(line), aspect) for panel in line) for line in lines]
     total = _TITLE + sum(heights)
-    fig = plt.figure(figsize=(_WIDTH, total))
+    fig = plt.figure(figsize=(_WIDTH + _RIGHT, total))
     axes: list[Axes] = []
     letters = iter(ascii_lowercase)
     top = total - _TITLE
@@ -157,8 +174,11 @@ def _draw(lines: Sequence[Sequence[_Panel]], aspect: float) -> list[Axes]:
             width = wide - panel.left - panel.right
             high = width * aspect if panel.is_map else height - _ABOVE - panel.below
             place = (i * wide + panel.left, top - _ABOVE - high, width, high)
-            ax = fig.add_axes(tuple(np.divide(place, (_WIDTH, total, _WIDTH, total))))
+            full = (_WIDTH + _RIGHT, total)
+            ax = fig.add_axes(tuple(np.divide(place, (*full, *full))))
             panel.draw(ax)
+            if panel.has_key:
+                add_reach_bar(ax)
             retitle(ax, f"({next(letters)}) {panel.name}")
             axes.append(ax)
         top -= height

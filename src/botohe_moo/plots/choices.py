@@ -107,7 +107,7 @@ def _draw_mark(ax: Axes, mark: Mark) -> None:
     """Draw the sign of a mark at its plan, and tell it in the legend."""
     dark = _SIGNS[mark.name][0] == "D"
     # The white star is seen on the diamond, too.
-    fill: dict[str, Any] = {"markersize": 9.0 if dark else 7.5, "linestyle": "none"}
+    fill: dict[str, Any] = {"markersize": 7.0 if dark else 7.5, "linestyle": "none"}
     fill |= {"markerfacecolor": INK if dark else "white", "markeredgecolor": INK}
     fill |= {"markeredgewidth": 0.8, "marker": _SIGNS[mark.name][0], "clip_on": False}
     label = f"{mark.name}: plan {mark.index}"

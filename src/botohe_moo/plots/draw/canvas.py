@@ -64,6 +64,7 @@ def add_colour_bar(
     bar = ax.inset_axes((1.02, low, 0.022, height))
     drawn = ax.figure.colorbar(ScalarMappable(norm, palette), cax=bar, label=label)
     drawn.outline.set_visible(False)
+    bar.yaxis.label.set_parse_math(True)  # the theme does not, for the sake of users' texts
     bar.tick_params(length=2.5)
 
 
