@@ -87,6 +87,8 @@ def choose_plan(
             )
         if out is not None:
             check_plan_file(out)
+            if not out.parent.is_dir():
+                raise ValueError(f"{out.parent}: there is no such folder.")
         solution = read_solution(folder)
         if not any(asked):
             tell(_overview(solution))

@@ -10,7 +10,7 @@ from botohe_moo._base.checks import check_choice, check_number
 from botohe_moo.decide.fronts import scales, short
 from botohe_moo.decide.grammar import parse_wishes
 from botohe_moo.decide.judging import N_SAMPLES, Candidates, effort
-from botohe_moo.decide.marking import Neighbours, neighbours
+from botohe_moo.decide.marking import ExchangeRate, Neighbours, exchange_rate, neighbours
 from botohe_moo.decide.wishes import QUANTITIES, Expected, Quantity, Wish
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import Plans, TrailPlan
@@ -52,6 +52,8 @@ class Choice:
         Why this one, in a sentence.
     cost
         What it costs beside its neighbours on the front.
+    rate
+        What 0.1 survivors cost in reward at this plan.
     met
         Whether it meets all wishes. If no plan does, it is the one that comes nearest.
     missed
@@ -64,12 +66,13 @@ class Choice:
     survivors: float
     why: str
     cost: Neighbours
+    rate: ExchangeRate
     met: bool
     missed: tuple[Miss, ...]
 
     def __str__(self) -> str:
         title = f"plan {self.index}: reward {short(self.reward)}, survivors {short(self.survivors)}"
-        return f"{title}\n{self.why}\n{self.cost}"
+        return f"{title}\n{self.why}\n{self.cost}\n{self.rate}"
 
 
 def choose(
@@ -129,6 +132,7 @@ def choose(
     plan 2: reward 4.14, survivors 1.656
     The best among these plans (3): plan 2 has the most reward with survivors >= 1.6 (1.656).
     Beside it on the front, plan 0 has 0.3439 more survivors for 4.14 less reward.
+    At plan 2, 0.1 survivors more cost 1.204 reward (to plan 0, 0.3439 survivors away).
     """
     if most is not None:
         check_choice("most", most, QUANTITIES)
@@ -220,8 +224,17 @@ def _missed(front: Candidates, i: int, wishes: tuple[Wish, ...]) -> tuple[Miss, 
 def _choice(front: Candidates, i: int, why: str, wishes: tuple[Wish, ...]) -> Choice:
     missed = _missed(front, i, wishes)
     reward, survivors = front.objectives[i].tolist()
-    cost = neighbours(front.mission, front.objectives, i)
-    return Choice(front.plans[i], i, reward, survivors, why, cost, not missed, missed)
+    return Choice(
+        plan=front.plans[i],
+        index=i,
+        reward=reward,
+        survivors=survivors,
+        why=why,
+        cost=neighbours(front.mission, front.objectives, i),
+        rate=exchange_rate(front.mission, front.objectives, i),
+        met=not missed,
+        missed=missed,
+    )
 
 
 def _simulated(front: Candidates) -> str:

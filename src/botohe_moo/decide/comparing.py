@@ -28,8 +28,8 @@ class Change:
         Probabilities that they survive.
     gained, lost
         Nodes that only the second, or only the first of them visits.
-    same
-        Whether their trails are the same.
+    same, stays
+        Whether their trails are the same, and whether the second of them stays at base.
     """
 
     robot: int
@@ -39,6 +39,7 @@ class Change:
     gained: tuple[Hashable, ...]
     lost: tuple[Hashable, ...]
     same: bool
+    stays: bool
 
 
 @dataclass(frozen=True)
@@ -120,6 +121,7 @@ def compare(mission: Mission, first: TrailPlan, second: TrailPlan) -> Difference
             gained=_in_order(mission, others - ours),
             lost=_in_order(mission, ours - others),
             same=trails[0][robot] == trails[1][other],
+            stays=len(trails[1][other]) == 1,
         )
         robots.append(change)
     all_visited = [set().union(*plan) for plan in visits]
@@ -169,9 +171,8 @@ def _sentences(found: Difference) -> list[str]:
             sentences.append(f"{kind} robots visit {_named(nodes)}.")
     before, after = found.at_base
     if before != after:
-        robots = f"{abs(after - before)} {'robot' if abs(after - before) == 1 else 'robots'}"
-        kind = "more" if after > before else "fewer"
-        sentences.append(f"{robots} {kind} stay at base ({after} instead of {before}).")
+        kind = "More" if after > before else "Fewer"
+        sentences.append(f"{kind} robots stay at base ({after} instead of {before}).")
     return sentences + [_sentence(change) for change in found.robots if not change.same]
 
 
@@ -179,6 +180,8 @@ def _sentence(change: Change) -> str:
     robot = f"Robot {change.robot}"
     if change.robot != change.other_robot:
         robot += f" ({change.other_robot} in the second plan)"
+    if change.stays:
+        return f"{robot} stays at base instead of visiting {_named(change.lost)}."
     before, after = change.survival, change.other_survival
     survives = f"survives with {short(after)} instead of {short(before)}"
     as_safe = abs(after - before) <= 1e-9

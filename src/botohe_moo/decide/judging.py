@@ -23,7 +23,7 @@ from botohe_moo.outcomes import (
 from botohe_moo.trails import Plans
 
 # A plan that needs more joint outcomes is simulated: hundreds of them are to take seconds.
-MAX_OUTCOMES, N_SAMPLES, SEED = 100_000, 20_000, 1
+MAX_OUTCOMES, N_SAMPLES, SEED = 100_000, 10_000, 1
 
 _SLACK = 1e-9  # of a wish's range: sums of rounded numbers reach what they should reach
 

@@ -122,7 +122,7 @@ class Step:
 
     @property
     def rate(self) -> float:
-        """Reward for 0.1 survivor."""
+        """Reward for 0.1 survivors."""
         return -0.1 * self.reward / self.survivors
 
 
@@ -192,7 +192,7 @@ def _step(objectives: FloatArray, index: int, to: OffsetArray) -> Step | None:
 
 @dataclass(frozen=True)
 class ExchangeRate:
-    """What 0.1 survivor costs in reward at a plan, over a window; ``str`` says it.
+    """What 0.1 survivors cost in reward at a plan, over a window; ``str`` says it.
 
     Attributes
     ----------
@@ -202,9 +202,9 @@ class ExchangeRate:
         Survivors up to which other plans were looked at, on both sides.
     safer
         To the plan that was compared on the side of more survivors; its ``rate`` is the reward that
-        0.1 survivor more costs. None if the front ends here.
+        0.1 survivors more cost. None if the front ends here.
     richer
-        The same on the other side; its ``rate`` is the reward that 0.1 survivor less brings.
+        The same on the other side; its ``rate`` is the reward that 0.1 survivors fewer bring.
     """
 
     index: int
@@ -214,7 +214,7 @@ class ExchangeRate:
 
     def __str__(self) -> str:
         parts = []
-        for step, does in ((self.safer, "more costs"), (self.richer, "fewer brings")):
+        for step, does in ((self.safer, "more cost"), (self.richer, "fewer bring")):
             if step is not None:
                 away = f"plan {step.index}, {short(abs(step.survivors))} survivors away"
                 parts.append(f"0.1 survivors {does} {short(step.rate)} reward (to {away})")
@@ -226,7 +226,7 @@ class ExchangeRate:
 def exchange_rate(
     mission: Mission, plans: PlansOrObjectives, index: int, *, window: float = 0.25
 ) -> ExchangeRate:
-    """Say what 0.1 survivor costs in reward at a plan, in both directions.
+    """Say what 0.1 survivors cost in reward at a plan, in both directions.
 
     On each side the plan is compared with the farthest plan of the front within the window, or with
     the nearest one if the window holds none.

@@ -125,7 +125,7 @@ class Solution:
         return marking.knees(self.mission, self.objectives)
 
     def exchange_rate(self, index: int, *, window: float = 0.25) -> marking.ExchangeRate:
-        """Say what 0.1 survivor costs in reward at a plan.
+        """Say what 0.1 survivors cost in reward at a plan.
 
         Parameters
         ----------

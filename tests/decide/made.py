@@ -1,0 +1,48 @@
+"""A mission whose plans are judged in one's head.
+
+Two robots leave the dock. Three dead-end nodes, the ways back are safe:
+
+    node    reward   survival out
+    a       4        0.5
+    b       2        0.9
+    c       1        1
+
+    plan    trips    E[R]                   E[S]   robots     reward: probability
+    AB      a, b     2 + 1.8      = 3.8     1.4    0.5 0.9    6: .45  4: .05  2: .45  0: .05
+    AC      a, c     2 + 1        = 3.0     1.5    0.5 1      5: .5   1: .5
+    AA      a, a     4 (1 - 0.25) = 3.0     1.0    0.5 0.5    4: .75  0: .25
+    BC      b, c     1.8 + 1      = 2.8     1.9    0.9 1      3: .9   1: .1
+    BB      b, b     2 (1 - 0.01) = 1.98    1.8    0.9 0.9    2: .99  0: .01
+    C       c        1                      2.0    1   1      1: 1
+
+AB, AC, BC and C are not dominated; the total reward is 7.
+"""
+
+import networkx as nx
+
+from botohe_moo import Mission
+
+LEAVES = {"a": (4, 0.5), "b": (2, 0.9), "c": (1, 1.0)}
+NAMES = ["AB", "AC", "AA", "BC", "BB", "C"]
+
+
+def star(leaves=None, robots=2):
+    graph = nx.DiGraph()
+    graph.add_node("dock", reward=0)
+    for leaf, (reward, survival) in (leaves or LEAVES).items():
+        graph.add_node(leaf, reward=reward)
+        graph.add_edge("dock", leaf, survival=survival)
+        graph.add_edge(leaf, "dock", survival=1.0)
+    return Mission(graph, base="dock", robots=robots, name="star")
+
+
+MISSION = star()
+
+
+def trips(mission, *leaves):
+    """Each robot goes to one leaf and back; the others stay."""
+    trails = [["dock", leaf, "dock"] for leaf in leaves]
+    return mission.plan(trails + [["dock"]] * (mission.robots - len(trails)))
+
+
+PLANS = [trips(MISSION, *name.lower()) for name in NAMES]

@@ -1,0 +1,407 @@
+"""Choosing a plan by wishes and by a reference point, on fronts judged in one's head."""
+
+import re
+import time
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from botohe_moo import Mission, TrailPlan, decide, load_mission
+from botohe_moo.decide import Chance, EveryRobot, Expected, Reach, TailMean, choose, judging, toward
+from botohe_moo.mission import PlanError
+from botohe_moo.outcomes import plan_outcomes
+from botohe_moo.solution import Solution
+from botohe_moo.trails import PlanBatch
+from tests import strategies
+from tests.decide.made import MISSION, NAMES, PLANS, star, trips
+
+# Which plan has the most reward and meets the wishes; see the table in tests/decide/made.py.
+ANSWERS = {
+    "survivors >= 0": "AB",
+    "survivors >= 1.4": "AB",
+    "survivors >= 1.5": "AC",
+    "survivors >= 1.6": "BC",
+    "survivors >= 2": "C",
+    "P(survivors >= 2) >= 0.9": "BC",
+    "P(survivors >= 2) >= 0.91": "C",
+    "P(survivors >= 1) >= 0.95": "AB",
+    "P(reward >= 4) >= 0.5": "AB",
+    "P(reward >= 4) >= 0.7": "AA",  # dominated, but the only one
+    "P(reward >= 3) >= 0.85": "BC",
+    "P(reward >= 2) >= 0.95": "AB",
+    "CVaR(reward, 0.1) >= 1": "AB",  # half of that tenth brings 0, half 2
+    "CVaR(reward, 0.1) >= 1.5": "BB",  # (0.01 x 0 + 0.09 x 2) / 0.1 = 1.8
+    "CVaR(reward, 1) >= 3": "AB",
+    "CVaR(survivors, 0.5) >= 1": "AC",  # AB: (0.05 x 0 + 0.45 x 1) / 0.5 = 0.9
+    "CVaR(survivors, 0.05) >= 2": "C",
+    "every robot >= 0.5": "AB",
+    "every robot >= 0.9": "BC",
+    "every robot >= 1": "C",
+    "reach c >= 1": "AC",
+    "reach a >= 0.75": "AA",
+    "reach b >= 0.95": "BB",
+    "reach dock >= 1": "AB",
+    "reach c >= 1 and every robot >= 0.6": "BC",
+    # If rewards are all that is wished, the most survivors.
+    "reward >= 3.8": "AB",
+    "reward >= 2.9": "AC",
+    "reward >= 2.8": "BC",
+    "reward >= 0.5": "C",
+    "reward >= 2.8 and reward >= 3": "AC",
+    "reward >= 2.8 and survivors >= 0": "AB",
+}
+
+
+@pytest.mark.parametrize(("wish", "name"), ANSWERS.items())
+def test_answers(wish, name):
+    choice = choose(MISSION, PLANS, wish)
+    assert NAMES[choice.index] == name
+    assert choice.plan == PLANS[choice.index]
+    assert (choice.met, choice.missed) == (True, ())
+    assert [choice.reward, choice.survivors] == MISSION.evaluate([choice.plan])[0].tolist()
+    most = "survivors" if set(re.findall(r"\S+ >=", wish)) == {"reward >="} else "reward"
+    start = f"The best among these plans (6): plan {choice.index} has the most {most} with "
+    assert choice.why.startswith(f"{start}{wish.split(' and ')[0]} (")
+
+
+def test_what_there_is_to_be_most_of_can_be_said():
+    assert NAMES[choose(MISSION, PLANS, "reward >= 2.8", most="reward").index] == "AB"
+    assert NAMES[choose(MISSION, PLANS, "P(reward >= 3) >= 0.5", most="survivors").index] == "BC"
+    with pytest.raises(ValueError, match="Expected most among reward, survivors, got 'rewards'"):
+        choose(MISSION, PLANS, "reward >= 1", most="rewards")
+
+
+def test_several_wishes_are_all_to_be_met():
+    wishes = ["reach c >= 1", EveryRobot(at_least=0.6), "reward >= 1 and survivors >= 1.9"]
+    assert NAMES[choose(MISSION, PLANS, *wishes).index] == "BC"
+
+
+def test_the_words():
+    assert str(choose(MISSION, PLANS, "survivors >= 1.6 and every robot >= 0.9")).splitlines() == [
+        "plan 3: reward 2.8, survivors 1.9",
+        "The best among these plans (6): plan 3 has the most reward with survivors >= 1.6 (1.9) "
+        "and every robot >= 0.9 (0.9).",
+        "Beside it on the front, plan 1 has 0.2 more reward for 0.4 fewer survivors; plan 5 has "
+        "0.1 more survivors for 1.8 less reward.",
+        "At plan 3, 0.1 survivors more cost 1.8 reward (to plan 5, 0.1 survivors away); "
+        "0.1 survivors fewer bring 0.05 reward (to plan 1, 0.4 survivors away).",
+    ]
+
+
+class TestTheImpossible:
+    def test_the_nearest_is_named(self):
+        # Shortfalls, divided by 2 robots and the total reward 7; AC is nearer than AB in reward.
+        #   AB 0.3 and 0, AC 0.25 and 0.07, AA 0.5 and 0.07, BC 0.05 and 0.1, BB 0.1 and 0.217,
+        #   C 0 and 0.357
+        choice = choose(MISSION, PLANS, "survivors >= 2 and reward >= 3.5")
+        assert NAMES[choice.index] == "BC"
+        assert not choice.met
+        first, second = choice.missed
+        assert str(first.wish) == "survivors >= 2"
+        assert (first.value, first.by) == (pytest.approx(1.9), pytest.approx(0.1))
+        assert str(second.wish) == "reward >= 3.5"
+        assert (second.value, second.by) == (pytest.approx(2.8), pytest.approx(0.7))
+        assert choice.why == (
+            "None of these plans (6) has survivors >= 2 and reward >= 3.5. Plan 3 comes nearest: "
+            "it misses survivors >= 2 by 0.1 (it has 1.9) and reward >= 3.5 by 0.7 (it has 2.8)."
+        )
+
+    def test_wishes_that_are_met_are_not_missed(self):
+        choice = choose(MISSION, PLANS, "P(reward >= 4) >= 0.9 and reach a >= 0.5")
+        assert NAMES[choice.index] == "AA"
+        [miss] = choice.missed
+        assert str(miss.wish) == "P(reward >= 4) >= 0.9"
+        assert miss.by == pytest.approx(0.15)
+
+    def test_of_equally_near_ones_the_best(self):
+        # All miss the probability by 1.
+        choice = choose(MISSION, PLANS, "P(survivors >= 3) >= 1")
+        assert NAMES[choice.index] == "AB"
+        choice = choose(MISSION, PLANS, "P(survivors >= 3) >= 1", most="survivors")
+        assert NAMES[choice.index] == "C"
+
+
+class TestTies:
+    def test_of_equal_rewards_more_survivors(self):
+        # AC and AA bring 3.
+        plans = [PLANS[NAMES.index(name)] for name in ("AA", "AC", "C")]
+        assert choose(MISSION, plans, "survivors >= 0").index == 1
+
+    def test_of_equal_survivors_more_reward(self):
+        mission = star({"b": (2, 0.9), "c": (1, 1.0)})
+        plans = [trips(mission, *names) for names in ("", "c", "cc")]
+        assert choose(mission, plans, "reward >= 0").index == 1
+
+    def test_of_equal_plans_the_first(self):
+        swapped = TrailPlan(PLANS[0].trails[::-1])
+        assert choose(MISSION, [PLANS[5], PLANS[0], swapped, PLANS[0]], "reward >= 2").index == 1
+
+    def test_sums_that_are_rounded_meet_what_they_should(self):
+        mission = star(dict.fromkeys("abc", (0.1, 1.0)), robots=3)
+        [plan] = [trips(mission, *"abc")]
+        assert sum([0.1, 0.1, 0.1]) != 0.3
+        assert choose(mission, [plan], "reward >= 0.3 and P(reward >= 0.3) >= 1").met
+
+
+class TestSmallFronts:
+    def test_one_plan(self):
+        choice = choose(MISSION, [PLANS[5]], "reward >= 1")
+        assert (choice.index, choice.met) == (0, True)
+        assert "No plan of the front has more reward or more survivors." in str(choice)
+        assert "Plan 0 is the only one of the front." in str(choice)
+        choice = choose(MISSION, [PLANS[5]], "reward >= 2")
+        assert (choice.index, choice.met) == (0, False)
+        assert choice.missed[0].by == pytest.approx(1)
+
+    def test_no_reward_at_all(self):
+        mission = star({"a": (0, 0.5)})
+        plans = [trips(mission, "a"), trips(mission)]
+        choice = choose(mission, plans, "reward >= 1 and P(reward >= 1) >= 0.5")
+        assert (choice.index, choice.met) == (1, False)
+        assert toward(mission, plans, reward=1, survivors=1).index == 1
+
+    def test_none(self):
+        with pytest.raises(ValueError, match=r"^Expected at least one plan .*, got none\.$"):
+            choose(MISSION, [], "reward >= 1")
+        with pytest.raises(ValueError, match=r"^Expected at least one plan .*, got none\.$"):
+            toward(MISSION, [], reward=1, survivors=1)
+
+    def test_what_plans_may_be(self):
+        expected = choose(MISSION, PLANS, "survivors >= 1.5").index
+        array = np.empty((len(PLANS), 1), object)
+        array[:, 0] = PLANS
+        for plans in (tuple(PLANS), iter(PLANS), array, PlanBatch.from_plans(PLANS, 2)):
+            assert choose(MISSION, plans, "survivors >= 1.5").index == expected
+        with pytest.raises(TypeError, match="expected a TrailPlan, got 3"):
+            choose(MISSION, [PLANS[0], 3], "survivors >= 1.5")
+        with pytest.raises(PlanError, match="expected 3 trails"):
+            choose(MISSION.with_robots(3), PLANS, "survivors >= 1.5")
+
+
+@st.composite
+def fronts(draw, max_plans=6):
+    mission = draw(strategies.missions())
+    plans = draw(st.lists(strategies.plans(mission), min_size=1, max_size=max_plans))
+    return mission, [mission.plan(plan) for plan in plans]
+
+
+def wishes_for(mission):
+    reward = st.floats(0, 1.2 * mission.total_reward + 0.1)
+    number = {"reward": reward, "survivors": st.floats(0, mission.robots + 0.5)}
+    share = st.floats(0, 1)
+    kinds = [
+        st.builds(EveryRobot, at_least=share),
+        st.builds(Reach, node=st.sampled_from(mission.nodes), at_least=share),
+    ]
+    for quantity, level in number.items():
+        said = st.just(quantity)
+        alpha = st.floats(0.01, 1)
+        kinds += [
+            st.builds(Expected, quantity=said, at_least=level),
+            st.builds(Chance, quantity=said, value=level, at_least=share),
+            st.builds(TailMean, quantity=said, alpha=alpha, at_least=level),
+        ]
+    return st.lists(st.one_of(kinds), min_size=1, max_size=3)
+
+
+def value_of(mission, plan, wish):
+    """What a plan has of a wish, in the plainest way."""
+    outcomes = plan_outcomes(mission, plan)
+    match wish:
+        case Expected():
+            return getattr(outcomes, wish.quantity).mean
+        case Chance():
+            return getattr(outcomes, wish.quantity).at_least(wish.value)
+        case TailMean():
+            return getattr(outcomes, wish.quantity).cvar(wish.alpha)
+        case EveryRobot():
+            return min(survival(mission, trail, None) for trail in plan.trails)
+        case Reach():
+            missed = 1.0
+            for trail in plan.trails:
+                missed *= 1 - survival(mission, trail, mission.index(wish.node))
+            return 1 - missed
+
+
+def survival(mission, trail, goal):
+    """The probability that a robot gets to a node, or back if there is no goal."""
+    alive = 1.0
+    for position, node in enumerate(trail):
+        if position:
+            ends = mission.nodes[trail[position - 1]], mission.nodes[node]
+            alive *= mission.graph.edges[ends]["survival"]
+        if node == goal:
+            return alive
+    return alive if goal is None else 0.0
+
+
+def lack(mission, plan, wish):
+    """How much a plan lacks, as a part of what it can have."""
+    quantity = wish.quantity if isinstance(wish, Expected | TailMean) else None
+    ranges = {"reward": mission.total_reward or 1, "survivors": mission.robots}
+    return max(0.0, wish.at_least - value_of(mission, plan, wish)) / ranges.get(quantity, 1)
+
+
+@given(st.data())
+def test_brute_force(data):
+    mission, plans = data.draw(fronts())
+    wishes = data.draw(wishes_for(mission))
+    lacking = np.array([[lack(mission, plan, wish) for wish in wishes] for plan in plans])
+    lacking[lacking < 1e-8] = 0
+    choice = choose(mission, plans, *wishes)
+    only_reward = all(isinstance(wish, Expected) and wish.quantity == "reward" for wish in wishes)
+    objectives = mission.evaluate(plans)[:, :: -1 if only_reward else 1]
+    meeting = np.flatnonzero(~lacking.any(axis=1))
+    chosen = choice.index
+    assert choice.met == (chosen in meeting)
+    if len(meeting):
+        best = max(meeting, key=lambda i: (*objectives[i], -i))
+        assert objectives[chosen].tolist() == objectives[best].tolist()
+        assert chosen == best
+    else:
+        worst = lacking.max(axis=1)
+        assert worst[chosen] == pytest.approx(worst.min(), abs=1e-7)
+        assert {str(miss.wish) for miss in choice.missed} == {
+            str(wish) for wish, much in zip(wishes, lacking[chosen], strict=True) if much
+        }
+        for miss in choice.missed:
+            value = value_of(mission, plans[chosen], miss.wish)
+            assert miss.value == pytest.approx(value, abs=1e-9)
+            assert miss.by == pytest.approx(miss.wish.at_least - miss.value)
+
+
+class TestToward:
+    # Divided by 7 and 2: AB 0.543 0.7, AC 0.429 0.75, AA 0.429 0.5, BC 0.4 0.95, BB 0.283 0.9,
+    # C 0.143 1
+    @pytest.mark.parametrize(
+        ("reward", "survivors", "name"),
+        [
+            (7, 2, "AB"),  # -0.457 beats BC's -0.6
+            (3.5, 2, "BC"),  # reference 0.5 1: AB -0.3, AC -0.25, BC -0.1, C -0.357
+            (0, 2, "C"),
+            (7, 0, "AB"),
+            (2.8, 1.9, "BC"),
+            (2, 1, "AB"),  # reference 0.286 0.5: AB 0.2, AC 0.143, BC 0.114
+        ],
+    )
+    def test_answers(self, reward, survivors, name):
+        choice = toward(MISSION, PLANS, reward=reward, survivors=survivors)
+        assert NAMES[choice.index] == name
+        beyond = choice.reward - reward, choice.survivors - survivors
+        assert choice.met == (min(beyond) >= -1e-9)
+
+    def test_the_words(self):
+        choice = toward(MISSION, PLANS, reward=3.5, survivors=2)
+        assert choice.why == (
+            "The best among these plans (6) for reward 3.5 and survivors 2: plan 3 misses "
+            "reward >= 3.5 by 0.7 (it has 2.8) and survivors >= 2 by 0.1 (it has 1.9)."
+        )
+        choice = toward(MISSION, PLANS, reward=2, survivors=1)
+        assert choice.why.endswith("survivors 1: plan 0 has at least as much of both.")
+
+    def test_no_dominated_plan_is_chosen_where_the_smaller_part_is_equal(self):
+        mission = star({"b": (2, 1.0), "c": (1, 1.0)})
+        plans = [trips(mission, *names) for names in ("b", "bc")]  # the same survivors
+        assert toward(mission, plans, reward=0, survivors=2).index == 1
+
+    @given(fronts(), st.floats(0, 20), st.floats(0, 3))
+    def test_brute_force(self, front, reward, survivors):
+        mission, plans = front
+        assume(not 0 < mission.total_reward < 1e-100)
+        scores = []
+        for r, s in mission.evaluate(plans).tolist():
+            z = (r - reward) / (mission.total_reward or 1), (s - survivors) / mission.robots
+            scores.append(min(z) + 1e-4 * sum(z))
+        chosen = toward(mission, plans, reward=reward, survivors=survivors).index
+        assert scores[chosen] == pytest.approx(max(scores))
+
+    @pytest.mark.parametrize("bad", [{"reward": -1}, {"survivors": float("nan")}, {"reward": "5"}])
+    def test_bad_points(self, bad):
+        [name] = bad
+        with pytest.raises(ValueError, match=f"^Expected {name} >= 0"):
+            toward(MISSION, PLANS, **{"reward": 1, "survivors": 1, **bad})
+
+
+class TestDistributions:
+    def test_only_what_a_wish_needs_is_computed(self, monkeypatch):
+        def refuse(*_, **__):
+            raise AssertionError
+
+        monkeypatch.setattr(judging, "reward_distribution", refuse)
+        monkeypatch.setattr(judging, "reach_probabilities", refuse)
+        choose(MISSION, PLANS, "survivors >= 1 and P(survivors >= 1) >= 0.5 and every robot >= 0.5")
+        with pytest.raises(AssertionError):
+            choose(MISSION, PLANS, "P(reward >= 1) >= 0.5")
+
+    def test_plans_are_judged_from_the_best_one_on(self, monkeypatch):
+        seen = []
+        compute = judging.reward_distribution
+        monkeypatch.setattr(
+            judging,
+            "reward_distribution",
+            lambda mission, plan, **how: seen.append(plan) or compute(mission, plan, **how),
+        )
+        choose(
+            MISSION, PLANS, "P(reward >= 1) >= 0.5 and CVaR(reward, 1) >= 0 and survivors >= 1.5"
+        )
+        assert seen == [PLANS[NAMES.index("AC")]]
+
+    def test_what_takes_too_long_is_simulated_and_said(self, monkeypatch):
+        monkeypatch.setattr(judging, "MAX_OUTCOMES", 1)
+        choice = choose(MISSION, PLANS, "P(reward >= 4) >= 0.7")
+        assert NAMES[choice.index] == "AA"
+        assert choice.why.endswith(
+            "Rewards were simulated, 10,000 missions a plan: exactly it takes too long."
+        )
+        assert choose(MISSION, PLANS, "P(reward >= 4) >= 0.7").why == choice.why
+
+
+def test_five_hundred_plans_of_ten_robots_take_seconds():
+    mission = load_mission("terrain", nodes=200, robots=10, seed=1)
+    plans = decide_plans(mission, 500)
+    started = time.perf_counter()
+    choose(mission, plans, "P(survivors >= 11) >= 0.5 and reach 7 >= 1 and every robot >= 1")
+    choose(mission, plans, "P(reward >= 5) >= 0.01")
+    assert time.perf_counter() - started < 10
+
+
+def decide_plans(mission: Mission, n_plans):
+    """Robots that walk out a few nodes and back the same way."""
+    rng = np.random.default_rng(1)
+    heads = {node: list(mission.graph.successors(node)) for node in mission.nodes}
+    plans = []
+    for _ in range(n_plans):
+        trails = []
+        for _ in range(mission.robots):
+            way = [mission.base]
+            for _ in range(rng.integers(0, 8)):
+                onward = [node for node in heads[way[-1]] if node not in way]
+                if not onward:
+                    break
+                way.append(onward[rng.integers(len(onward))])
+            trails.append(way + way[-2::-1])
+        plans.append(mission.plan(trails))
+    return plans
+
+
+def test_a_solution_chooses_among_its_plans():
+    objectives = MISSION.evaluate(PLANS)
+    solution = Solution(
+        mission=MISSION,
+        plans=tuple(PLANS),
+        objectives=objectives,
+        algorithm="by hand",
+        parameters={},
+        seed=1,
+        evaluations=6,
+        seconds=None,
+        interrupted=False,
+    )
+    assert NAMES[solution.choose("survivors >= 1.6", "reward >= 1").index] == "BC"
+    assert NAMES[solution.choose("reward >= 1", most="reward").index] == "AB"
+    assert NAMES[solution.toward(reward=3.5, survivors=2).index] == "BC"
+    assert solution.knees() == decide.knees(MISSION, objectives)
+    assert solution.exchange_rate(1, window=1) == decide.exchange_rate(MISSION, PLANS, 1, window=1)
+    assert solution.representatives(2) == decide.representatives(MISSION, PLANS, 2)

@@ -1,0 +1,139 @@
+"""The difference between two plans, in numbers and in words."""
+
+from itertools import pairwise, permutations
+
+import networkx as nx
+import pytest
+from hypothesis import given
+
+from botohe_moo import Mission, TrailPlan
+from botohe_moo.decide import compare
+from botohe_moo.mission import PlanError
+from tests.decide.made import MISSION, star, trips
+from tests.decide.test_choosing import fronts
+
+
+def both_ways(arcs, robots=2):
+    graph = nx.DiGraph()
+    for tail, head, survival in arcs:
+        graph.add_edge(tail, head, survival=survival)
+        graph.add_edge(head, tail, survival=survival)
+    nx.set_node_attributes(graph, 1, "reward")
+    return Mission(graph, base="dock", robots=robots)
+
+
+# Two ways to the far end: by the cliff, 0.5 a hop, or through the tunnel, 0.9 a hop.
+ARCS = [("dock", "far", 0.5), ("dock", "near", 0.9), ("near", "far", 0.9)]
+
+
+def test_the_same():
+    plan = trips(MISSION, "a", "b")
+    found = compare(MISSION, plan, TrailPlan(plan.trails[::-1]))
+    assert str(found) == "The plans are the same."
+    assert (found.reward, found.survivors) == (0, 0)
+    assert [(change.robot, change.other_robot) for change in found.robots] == [(0, 1), (1, 0)]
+    assert all(change.same for change in found.robots)
+
+
+def test_nodes_gained_and_lost():
+    found = compare(MISSION, trips(MISSION, "a", "b"), trips(MISSION, "c", "a"))
+    assert (found.gained, found.lost, found.visitors) == (("c",), ("b",), {})
+    assert (found.reward, found.survivors) == (pytest.approx(-0.8), pytest.approx(0.1))
+    assert found.sentences == (
+        "The second plan has 0.8 less reward and 0.1 more survivors.",
+        "Only the second plan visits c.",
+        "Only the first plan visits b.",
+        "Robot 1 (0 in the second plan) also visits c and no longer visits b, and survives with 1 "
+        "instead of 0.9.",
+    )
+    same, changed = found.robots
+    assert (same.robot, same.other_robot, same.same) == (0, 1, True)
+    assert (changed.gained, changed.lost, changed.same) == (("c",), ("b",), False)
+    assert (changed.survival, changed.other_survival) == (pytest.approx(0.9), 1)
+
+
+def test_more_redundancy_and_one_robot_less_at_home():
+    found = compare(MISSION, trips(MISSION, "b"), trips(MISSION, "b", "b"))
+    assert found.visitors == {"b": (1, 2)}
+    assert found.at_base == (1, 0)
+    assert found.sentences == (
+        "The second plan has 0.18 more reward and 0.1 fewer survivors.",
+        "More robots visit b.",
+        "Fewer robots stay at base (0 instead of 1).",
+        "Robot 1 also visits b, and survives with 0.9 instead of 1.",
+    )
+
+
+def test_one_robot_more_at_home():
+    found = compare(MISSION, trips(MISSION, "b", "b"), trips(MISSION, "b"))
+    assert found.sentences[1:] == (
+        "Fewer robots visit b.",
+        "More robots stay at base (1 instead of 0).",
+        "Robot 1 stays at base instead of visiting b.",
+    )
+    assert found.robots[1].stays
+
+
+def test_a_safer_way_to_the_same_nodes():
+    mission = both_ways(ARCS, robots=1)
+    cliff = mission.plan([["dock", "far", "near", "dock"]])  # 0.5 x 0.9 x 0.9
+    tunnel = mission.plan([["dock", "near", "far", "near", "dock"]])  # 0.9 ^ 4
+    around = mission.plan([["dock", "near", "far", "dock"]])
+    found = compare(mission, cliff, tunnel)
+    assert found.sentences[1] == (
+        "Robot 0 visits the same nodes by a safer trail: it survives with 0.6561 instead of 0.405."
+    )
+    assert "by a more dangerous trail" in compare(mission, tunnel, cliff).sentences[1]
+    assert compare(mission, cliff, around).sentences[1] == (
+        "Robot 0 visits the same nodes by another trail that is as safe."
+    )
+    assert found.gained == found.lost == ()
+
+
+def test_labels_and_long_lists():
+    labels = ["north hall", 7, *"bcdefghij"]
+    mission = star(dict.fromkeys(labels, (1, 0.5)), robots=11)
+    found = compare(mission, trips(mission), trips(mission, *labels))
+    assert found.sentences[1] == (
+        'Only the second plan visits "north hall", 7, b, c, d, e, f, g and 3 more.'
+    )
+
+
+def test_other_plans_are_refused():
+    with pytest.raises(PlanError, match="expected 3 trails"):
+        compare(MISSION.with_robots(3), trips(MISSION, "a"), trips(MISSION, "b"))
+    with pytest.raises(TypeError, match="Plan 1: expected a TrailPlan, got 3"):
+        compare(MISSION, trips(MISSION, "a"), 3)
+
+
+def arcs_apart(first, second):
+    ours, others = (set(pairwise(trail)) for trail in (first, second))
+    return 1 - len(ours & others) / len(ours | others) if ours | others else 0.0
+
+
+@given(fronts(max_plans=2))
+def test_what_holds_for_all(front):
+    mission, plans = front
+    first, second = plans[0], plans[-1]
+    found = compare(mission, first, second)
+    (r, s), (other_r, other_s) = mission.evaluate([first, second]).tolist()
+    assert (found.reward, found.survivors) == (other_r - r, other_s - s)
+    assert (str(found) == "The plans are the same.") == (first == second)
+    robots = range(mission.robots)
+    assert [change.robot for change in found.robots] == list(robots)
+    assert sorted(change.other_robot for change in found.robots) == list(robots)
+    trails = first.trails, second.trails
+
+    def total(matching):
+        return sum(
+            arcs_apart(trails[0][i], trails[1][j]) for i, j in zip(robots, matching, strict=1)
+        )
+
+    matched = [change.other_robot for change in found.robots]
+    assert total(matched) == pytest.approx(min(map(total, permutations(robots))))
+    visited = [set().union(*map(set, plan)) for plan in trails]
+    assert set(found.gained) == visited[1] - visited[0]  # the nodes' labels are their indices
+    assert set(found.lost) == visited[0] - visited[1]
+    for node, (before, after) in found.visitors.items():
+        assert before == sum(node in trail for trail in trails[0])
+        assert after == sum(node in trail for trail in trails[1])

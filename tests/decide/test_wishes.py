@@ -1,0 +1,208 @@
+"""Wishes: what planners may write, and what they are told when they write something else."""
+
+import re
+
+import networkx as nx
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from botohe_moo import Mission
+from botohe_moo.decide import Chance, EveryRobot, Expected, Reach, TailMean, Wish, parse_wishes
+from botohe_moo.decide.grammar import FORMS
+from tests.decide.made import MISSION, star
+
+LABELS = [
+    "north hall",
+    "a",
+    7,
+    "7",
+    (1, "x"),
+    (1, (2, 3)),
+    "and >= 0.5 and b",
+    'say "no"',
+    "漢字",
+    2.5,
+]
+
+
+def labelled(labels):
+    graph = nx.DiGraph()
+    graph.add_node("dock", reward=0)
+    for label in labels:
+        graph.add_node(label, reward=1)
+        graph.add_edge("dock", label, survival=0.5)
+        graph.add_edge(label, "dock", survival=0.5)
+    return Mission(graph, base="dock", robots=1, name="pier")
+
+
+PIER = labelled(LABELS)
+
+
+@pytest.mark.parametrize(
+    ("text", "wish"),
+    [
+        ("survivors >= 2", Expected(quantity="survivors", at_least=2)),
+        ("reward>=.5", Expected(quantity="reward", at_least=0.5)),
+        ("  Reward  ≥ 5e0 ", Expected(quantity="reward", at_least=5)),
+        ("P(survivors >= 2) >= 0.9", Chance(quantity="survivors", value=2, at_least=0.9)),
+        ("p ( reward>=5 )>=1", Chance(quantity="reward", value=5, at_least=1)),
+        ("CVaR(reward, 0.1) >= 2", TailMean(quantity="reward", alpha=0.1, at_least=2)),
+        ("cvar(survivors,1)>=0", TailMean(quantity="survivors", alpha=1, at_least=0)),
+        ("every robot >= 0.5", EveryRobot(at_least=0.5)),
+        ("reach a >= 0.9", Reach(node="a", at_least=0.9)),
+        ("reach a>=0.9", Reach(node="a", at_least=0.9)),
+        ('reach "a" >= 0.9', Reach(node="a", at_least=0.9)),
+        ("reach 'b' >= 0", Reach(node="b", at_least=0)),
+    ],
+)
+def test_each_form(text, wish):
+    assert parse_wishes(MISSION, [text]) == (wish,)
+
+
+@pytest.mark.parametrize(
+    ("text", "label"),
+    [
+        ("north hall", "north hall"),
+        ('"north hall"', "north hall"),
+        ("7", 7),
+        ('"7"', "7"),
+        ("(1, 'x')", (1, "x")),
+        ('[1, "x"]', (1, "x")),
+        ("[1, [2, 3]]", (1, (2, 3))),
+        ('"and >= 0.5 and b"', "and >= 0.5 and b"),
+        (r'"say \"no\""', 'say "no"'),
+        ("漢字", "漢字"),
+        ("2.5", 2.5),
+    ],
+)
+def test_labels(text, label):
+    [wish] = parse_wishes(PIER, [f"reach {text} >= 0.5"])
+    assert wish == Reach(node=label, at_least=0.5)
+    assert type(wish.node) is type(label)
+
+
+def test_a_number_may_be_a_text_where_labels_are_texts():
+    [wish] = parse_wishes(labelled(["7"]), ["reach 7 >= 0.5"])
+    assert wish.node == "7"
+
+
+def test_several():
+    texts = ["reward >= 1 and reach a >= 0.5 and every robot >= 0.1", "survivors >= 1"]
+    made = EveryRobot(at_least=0.3)
+    found = parse_wishes(MISSION, [*texts, made])
+    assert [str(wish) for wish in found] == [
+        "reward >= 1",
+        "reach a >= 0.5",
+        "every robot >= 0.1",
+        "survivors >= 1",
+        "every robot >= 0.3",
+    ]
+    assert found[-1] is made
+
+
+def test_the_forms_that_are_listed_can_be_read():
+    mission = star({"NODE": (1, 0.5)})
+    texts = list(FORMS)
+    assert [str(wish) for wish in parse_wishes(mission, texts)] == texts
+    assert len(parse_wishes(mission, [" and ".join(texts)])) == len(texts)
+
+
+levels = st.floats(0, 1e9)
+shares = st.floats(0, 1)
+quantities = st.sampled_from(["reward", "survivors"])
+wishes = st.one_of(
+    st.builds(Expected, quantity=quantities, at_least=levels),
+    st.builds(Chance, quantity=quantities, value=levels, at_least=shares),
+    st.builds(
+        TailMean, quantity=quantities, alpha=st.floats(0, 1, exclude_min=True), at_least=levels
+    ),
+    st.builds(EveryRobot, at_least=shares),
+    st.builds(Reach, node=st.sampled_from(LABELS), at_least=shares),
+)
+
+
+@given(st.lists(wishes, min_size=1, max_size=4))
+def test_what_is_written_is_read(made):
+    assert parse_wishes(PIER, [" and ".join(map(str, made))]) == tuple(made)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        " ",
+        "survivors > 2",
+        "survivors >= two",
+        "survivors >= 2 reward >= 1",
+        "survivors >= 2 and",
+        "survivors >= 2 or reward >= 1",
+        "S >= 2",
+        "P(survivors > 2) >= 0.9",
+        "P(survivors >= 2)",
+        "CVaR(reward) >= 2",
+        "every robot",
+        "reach >= 0.5",
+        "survivors >= nan",
+    ],
+)
+def test_what_cannot_be_read_gets_one_message_with_the_forms(text):
+    with pytest.raises(ValueError, match=r"^Expected a wish, got ") as caught:
+        parse_wishes(MISSION, ["reward >= 0", text])
+    assert repr(text) in str(caught.value)
+    assert all(form in str(caught.value) for form in FORMS)
+
+
+def test_where_it_stops_making_sense_is_said():
+    with pytest.raises(ValueError, match=re.escape("got 'reward >= 1 and robots' at 'robots'. ")):
+        parse_wishes(MISSION, ["reward >= 1 and robots"])
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("P(survivors >= 2) >= 1.2", "Expected at_least in [0, 1], got 1.2."),
+        ("every robot >= 90", "Expected at_least in [0, 1], got 90.0."),
+        ("reward >= -1", "Expected at_least >= 0, got -1.0."),
+        ("P(reward >= -1) >= 0.5", "Expected value >= 0, got -1.0."),
+        ("CVaR(reward, 0) >= 1", "Expected alpha in (0, 1], got 0.0."),
+        ("survivors >= 1e999", "Expected at_least >= 0 and finite, got inf."),
+        ("reach d >= 0.5", "mission 'star' has no node 'd'; most alike are dock, a, b, c."),
+        ('reach "dok" >= 0.5', "mission 'star' has no node"),
+    ],
+)
+def test_numbers_and_nodes_are_checked(text, fault):
+    with pytest.raises(ValueError, match=re.escape(f"Wish {text!r}: {fault}")):
+        parse_wishes(MISSION, [text])
+
+
+def test_what_is_not_a_wish():
+    with pytest.raises(ValueError, match=r"^Expected at least one wish, got none\. Wishes"):
+        parse_wishes(MISSION, [])
+    with pytest.raises(ValueError, match=r"^Expected a wish, a text such as '.*', got 3\."):
+        parse_wishes(MISSION, [3])
+    with pytest.raises(ValueError, match="has no node 'd'"):
+        parse_wishes(MISSION, [Reach(node="d", at_least=1)])
+    with pytest.raises(ValueError, match="has no node"):
+        parse_wishes(MISSION, [Reach(node=["a"], at_least=1)])
+
+
+@pytest.mark.parametrize(
+    ("kind", "parts", "fault"),
+    [
+        (Expected, {"quantity": "price", "at_least": 1}, "Expected quantity among .*, got 'price'"),
+        (Expected, {"quantity": "reward", "at_least": "1"}, "Expected at_least >= 0, got '1'"),
+        (Chance, {"quantity": "reward", "value": None, "at_least": 1}, "Expected value >= 0"),
+        (
+            TailMean,
+            {"quantity": "reward", "alpha": 2, "at_least": 1},
+            r"Expected alpha in \(0, 1\]",
+        ),
+        (EveryRobot, {"at_least": True}, r"Expected at_least in \[0, 1\], got True"),
+        (Reach, {"node": "a", "at_least": -0.1}, r"Expected at_least in \[0, 1\], got -0\.1"),
+        (Wish, {"at_least": -1}, "Expected at_least >= 0, got -1"),
+    ],
+)
+def test_typed_wishes_check_their_parts(kind, parts, fault):
+    with pytest.raises(ValueError, match=fault):
+        kind(**parts)
