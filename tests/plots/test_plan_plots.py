@@ -123,13 +123,13 @@ class TestPlan:
         assert maps[0] is ax
         assert [map_name(own) for own in maps] == [
             "all robots",
-            f"R1 survives with {0.9**2 * 0.97**2 * 0.9**2:.2f}",
-            "R2 survives with 0.52",
+            f"R0 survives with {0.9**2 * 0.97**2 * 0.9**2:.2f}",
+            "R1 survives with 0.52",
         ]
         reward, survivors = mission.evaluate([mission.plan(MUSEUM_TRAILS)])[0]
         assert title(ax) == "San Diego Museum of Art"
         assert only(ax, "subtitle").get_text() == f"E[R] = {reward:.2f}, E[S] = {survivors:.2f}"
-        assert words(ax) == "numbers: order of visit; R3 stays at base"
+        assert words(ax) == "numbers: order of visit; R2 stays at base"
 
     def test_trails_are_those_of_the_plan(self):
         mission = load("art_museum")
@@ -210,8 +210,8 @@ class TestPlan:
         trails = [trail for trail in MUSEUM_TRAILS[:2] for _ in range(4)] + [[1], [1]]
         team, *own = maps_of(plot_plan(mission, mission.plan(trails)))
         assert len(own) == 8
-        assert {text.get_text() for text in drawn(team, "robot")} == {f"R{i}" for i in range(1, 9)}
-        assert words(team) == "numbers: order of visit; R9, R10 stay at base"
+        assert {text.get_text() for text in drawn(team, "robot")} == {f"R{i}" for i in range(8)}
+        assert words(team) == "numbers: order of visit; R8, R9 stay at base"
         places = [ax.get_position() for ax in (team, *own)]
         assert not any(a.overlaps(b) for a, b in itertools.combinations(places, 2))
         assert team.get_position().width > 1.9 * own[0].get_position().width
@@ -231,7 +231,7 @@ class TestPlan:
         assert words(ax) == "all 2 robots stay at base"
         assert not drawn(ax, "trails")
         alone = load_mission("toy", robots=1)
-        assert words(plot_plan(alone, alone.plan([[1]]))) == "R1 stays at base"
+        assert words(plot_plan(alone, alone.plan([[1]]))) == "R0 stays at base"
 
     def test_one_way_arcs_are_told_from_others(self):
         mission = lagoon()
@@ -281,8 +281,8 @@ class TestPlan:
         plan = mission.plan(MUSEUM_TRAILS)
         _, ax = plt.subplots()
         assert plot_plan(mission, plan, ax=ax) is ax
-        assert legend_texts(ax) == ["R1 survives with 0.62", "R2 survives with 0.52"]
-        assert words(ax) == "R3 stays at base"
+        assert legend_texts(ax) == ["R0 survives with 0.62", "R1 survives with 0.52"]
+        assert words(ax) == "R2 stays at base"
         assert arcs_drawn(mission, ax) == arcs_of(*plan.trails)
         styles = robot_styles(3)
         handles = ax.get_legend().legend_handles

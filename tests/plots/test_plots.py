@@ -338,9 +338,9 @@ def test_plan_gives_every_robot_a_trail_and_a_legend_entry(tmp_path):
     xi = 0.9**2 * math.prod(mission.graph.edges[a]["survival"] for a in [(2, 3), (3, 5), (5, 4)])
     xi *= mission.graph.edges[4, 2]["survival"]
     texts = legend_texts(ax)
-    assert f"robot 1: survives with {xi:.2f}" in texts
-    assert "robot 2: survives with 0.52" in texts
-    assert "robot 3: stays at base" in texts
+    assert f"robot 0: survives with {xi:.2f}" in texts
+    assert "robot 1: survives with 0.52" in texts
+    assert "robot 2: stays at base" in texts
     assert n_segments(ax, "trails") == 6 + 4
     assert len({tuple(c) for c in only(ax, "trails").get_colors()}) == 2
     reward, survivors = mission.evaluate([mission.plan(MUSEUM_TRAILS)])[0]
@@ -361,7 +361,7 @@ def test_trail_colours_are_those_of_the_legend():
     }
     assert len(set(shown.values())) == 3
     colours = [tuple(c[:3]) for c in only(ax, "trails").get_colors()]
-    assert colours == [shown["robot 1"]] * 6 + [shown["robot 2"]] * 4
+    assert colours == [shown["robot 0"]] * 6 + [shown["robot 1"]] * 4
 
 
 def test_passages_of_one_arc_lie_side_by_side():
@@ -414,8 +414,8 @@ def test_robots_that_all_stay_draw_no_trail():
     ax = plot_mission(mission, mission.plan([[1], [1]]))
     assert not drawn(ax, "trails")
     assert [t for t in legend_texts(ax) if "stays at base" in t] == [
+        "robot 0: stays at base",
         "robot 1: stays at base",
-        "robot 2: stays at base",
     ]
 
 

@@ -185,7 +185,7 @@ def _add_legend(
 def _trail_handles(mission: Mission, plan: TrailPlan) -> list[Artist]:
     handles: list[Artist] = []
     for robot, (trail, style) in enumerate(
-        zip(mission.labels(plan), robot_styles(plan.n_robots), strict=True), start=1
+        zip(mission.labels(plan), robot_styles(plan.n_robots), strict=True)
     ):
         odds = math.prod(mission.graph.edges[arc]["survival"] for arc in pairwise(trail))
         shown = f"{odds:.2f}" if odds >= 0.005 else "<0.01"

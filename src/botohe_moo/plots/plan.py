@@ -38,7 +38,7 @@ def plot_plan(
     On the maps of single robots visits are numbered in their order, and nodes are the darker the
     more likely that robot reaches them; on the map of all robots nodes have their names, and are
     the darker the more likely any robot reaches them. Trails keep to the right of their arcs, so
-    that both directions are seen. Robots, R1, R2, ... in the order of the plan, differ in colour,
+    that both directions are seen. Robots, R0, R1, ... in the order of the plan, differ in colour,
     dash and label. What would be too small to see is not drawn, and the line under the title says
     so: arcs off the trails of large missions, and the numbers of some visits.
 
@@ -130,7 +130,7 @@ class PlanOnMap:
         """Which robots stay at base, if any."""
         home = [style.name for i, style in enumerate(self.styles) if i not in self.out]
         if len(home) == len(self.styles):
-            return [f"all {len(home)} robots stay at base" if len(home) > 1 else "R1 stays at base"]
+            return [f"all {len(home)} robots stay at base" if len(home) > 1 else "R0 stays at base"]
         told = ", ".join(home) if len(home) < 4 else f"{len(home)} robots"
         return [f"{told} stay{'s' if len(home) == 1 else ''} at base"] if home else []
 

@@ -22,7 +22,7 @@ _APART = 24.0  # points walked between arrowheads on arcs that are too short for
 
 @dataclass(frozen=True)
 class RobotStyle:
-    """How a robot is drawn, and what it is called on maps."""
+    """How a robot is drawn, and what it is called on maps: R0, R1, ..."""
 
     name: str
     colour: Colour
@@ -37,7 +37,7 @@ class RobotStyle:
 def robot_styles(n_robots: int) -> list[RobotStyle]:
     """Give every robot of a team a name, a colour and a dash."""
     return [
-        RobotStyle(f"R{i + 1}", _as_ink(colour), _DASHES[i % len(_DASHES)])
+        RobotStyle(f"R{i}", _as_ink(colour), _DASHES[i % len(_DASHES)])
         for i, colour in enumerate(colours(n_robots))
     ]
 
