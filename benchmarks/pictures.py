@@ -51,7 +51,6 @@ def run(out: Path) -> bool:
         "outcomes": plot_outcomes(
             mission, plans[bold], plans[knee], names=[f"plan {bold}", f"plan {knee}, the knee"]
         )[0],
-        "front": plot_front(objectives, mission, highlight={bold: "bold", knee: "the knee"}),
         "choices": plot_choices(mission, plans),
     }
     colony = minimize(BOTOHE(mission), BOACO(), ("n_eval", 100_000), seed=1).algorithm

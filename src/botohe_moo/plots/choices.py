@@ -70,7 +70,8 @@ def plot_choices(
     chosen = representatives(mission, batch, k)
     rows = sorted({*chosen, *(mark.index for mark in marks)}, key=lambda row: -objectives[row, 0])
     notes = [front_summary(objectives, staircase(objectives), mission)]
-    notes.append(f"numbered: the knee, and {len(chosen)} plans that stand for all")
+    if len(batch) > 1:
+        notes.append(f"numbered: the knee, and {len(chosen)} plans that stand for all")
     with theme():
         others: list[Axes] = []
         if ax is None:
@@ -78,7 +79,7 @@ def plot_choices(
         plot_front(objectives, mission, highlight=rows, ax=ax)
         for mark in marks:
             _draw_mark(ax, mark)
-        ax.legend(loc="lower left", frameon=False, handletextpad=0.2)
+        ax.legend(loc="best", framealpha=0.9, handletextpad=0.2)
         for row, own in zip(rows, others, strict=bool(others)):
             shown = PlanOnMap.of(mission, batch[row])
             notes += shown.draw_team(own)

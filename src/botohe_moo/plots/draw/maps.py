@@ -23,6 +23,7 @@ _LEGIBLE = 2.2  # points: radius of a node from which on arcs off the trails are
 _DOTS = 1.5  # points between nodes from which on those off the trails are drawn at all
 _INSIDE, _BESIDE, _NAMES = 5.8, 6.5, 8.0  # points of letters: least in a node, numbers, names
 _STEPS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
+_SPOTS = 60  # where a robot's name may stand, on a part of its trail
 _LINE = 10  # columns of numbers beside a node before a new line
 
 
@@ -90,8 +91,9 @@ class PlanMap:
         along = (passages[:, -1] - passages[:, 0]).repeat(5, axis=0)
         along /= np.maximum(np.hypot(*along.T), 1e-12)[:, None]
         aside = np.column_stack([along[:, 1], -along[:, 0]]) * (width / 2 + 5)
+        step = -(-len(at) // _SPOTS)
         for spots in (at, np.concatenate([at + aside, at - aside])):
-            found = self.space.place(spots, width + 4, height + 2)
+            found = self.space.place(spots[::step], width + 4, height + 2)
             if found is not None:
                 frame = {"boxstyle": "round,pad=0.18", "fc": "white", "ec": style.colour}
                 look: dict[str, Any] = {"fontsize": 7.0, "fontweight": "bold", "bbox": frame}
@@ -167,7 +169,7 @@ def draw_map(
     ax.scatter(x, y, s=size, facecolors=fills[~away], **square, gid="base")
     drawn = (reach > 0) | (canvas.radius >= _LEGIBLE)
     low, high = np.array([ax.get_xlim(), ax.get_ylim()]).T * canvas.scale
-    lines = points.reshape(-1, 2) * canvas.scale
+    lines = points[:, ::2].reshape(-1, 2) * canvas.scale
     space = Space(xy[drawn] * canvas.scale, canvas.radius, (low, high), lines)
     return PlanMap(canvas, points, fills, space, notes)
 

@@ -24,8 +24,9 @@ _SHAPE, _EMPTY = 1.4, 0.25  # width of a figure in parts of its height; what an 
 def map_size(xy: FloatArray, widest: float) -> tuple[float, float]:
     """Give the inches at which most nodes of a map have room for numbers, within reason."""
     _, half = frame_of(xy)
-    spacing = crowding(xy) if len(xy) > 1 else 1.0
-    wide = float(np.clip(20 / 72 * 2 * half[0] / spacing, 4.2, widest))
+    spacing = crowding(xy) if len(xy) > 1 else np.inf
+    # In points, on a map an inch wide; nodes may lie on each other.
+    wide = float(np.clip(20 / max(72 * spacing / (2 * half[0]), 1e-9), 4.2, widest))
     return wide, wide * half[1] / half[0]
 
 

@@ -62,18 +62,27 @@ class Space:
             boxes = np.array(self.boxes)[:, None]
             apart = (low >= boxes[..., 2:]) | (high <= boxes[..., :2])
             free &= apart.any(axis=2).all(axis=0)
+        around = (low.min(axis=0) - self.radius, high.max(axis=0) + self.radius)
+        marks, lines = (_within(points, *around) for points in (self.marks, self.lines))
         best, fewest = -1, np.inf
         for i in np.flatnonzero(free):
-            gap = np.maximum(low[i] - self.marks, self.marks - high[i]).clip(min=0.0)
+            gap = np.maximum(low[i] - marks, marks - high[i]).clip(min=0.0)
             if ((gap**2).sum(axis=1) < self.radius**2).any():
                 continue
-            covered = ((self.lines > low[i]) & (self.lines < high[i])).all(axis=1).sum()
+            covered = len(_within(lines, low[i], high[i]))
             if covered < fewest:
                 best, fewest = int(i), covered
         if best < 0:
             return None
         self.boxes.append((*low[best], *high[best]))
         return np.asarray(centres[best])
+
+
+def _within(points: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+    """Give the points (n, 2) in a box."""
+    x, y = points.T
+    inside = (x > low[0]) & (x < high[0]) & (y > low[1]) & (y < high[1])
+    return np.asarray(points[inside])
 
 
 def write_beside(
