@@ -80,7 +80,7 @@ def plot_choices(
         for mark in marks:
             _draw_mark(ax, mark)
         ax.legend(loc="best", framealpha=0.9, handletextpad=0.2)
-        for row, own in zip(rows, others, strict=bool(others)):
+        for row, own in zip(rows, others, strict=False):  # none beside given axes
             shown = PlanOnMap.of(mission, batch[row])
             notes += shown.draw_team(own)
             signs = "".join(_SIGNS[mark.name][1] for mark in marks if mark.index == row)
