@@ -45,7 +45,17 @@ ORDER = [
 
 # Within some entries, rooms have an order, too.
 ROOMS = {
-    "plots": ["draw", "front", "mission", "pheromone", "study"],
+    "plots": [
+        "draw",
+        "front",
+        "mission",
+        "pheromone",
+        "plan",
+        "outcomes",
+        "study",
+        "choices",
+        "case_study",
+    ],
     "study": [
         "file",
         "run",

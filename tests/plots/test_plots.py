@@ -18,12 +18,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 import botohe_moo
 from botohe_moo.mission import Mission, PlanError
-from botohe_moo.plots import plot_front, plot_mission, plot_pheromone, save_figure, save_plot
-from botohe_moo.plots.draw.canvas import lanes
+from botohe_moo.plots import (
+    plot_choices,
+    plot_front,
+    plot_mission,
+    plot_pheromone,
+    plot_plan,
+    save_figure,
+    save_plot,
+)
 from botohe_moo.plots.draw.places import node_positions
+from botohe_moo.plots.draw.trails import lanes
 from botohe_moo.plots.front import staircase
 from tests.strategies import missions_with_plans
 
@@ -85,6 +94,22 @@ def n_segments(ax, gid):
     return sum(len(artist.get_segments()) for artist in drawn(ax, gid))
 
 
+def title(ax):
+    return ax.get_title(loc="left")
+
+
+def unbroken(text):
+    return " ".join(text.split())
+
+
+def words(ax):
+    return only(ax, "words").get_text()
+
+
+def plan_names(ax):
+    return [text.get_text() for text in drawn(ax, "plan")]
+
+
 def legend_texts(ax):
     return [t.get_text() for t in ax.get_legend().get_texts() if t.get_text().strip()]
 
@@ -131,7 +156,7 @@ def test_mission_shows_every_node_and_arc(tmp_path, name, n_nodes, n_lines, n_ar
 def test_museum_names_title_team_and_floors():
     mission = load("art_museum")
     ax = plot_mission(mission)
-    assert ax.get_title() == "San Diego Museum of Art"
+    assert title(ax) == "San Diego Museum of Art"
     assert legend_texts(ax) == ["3 robots at base 1", "no reward", "floor 1", "floor 2"]
     floors = drawn(ax, "zone")
     # The arc of the stairs, 2 - 21, is on neither floor.
@@ -313,13 +338,13 @@ def test_plan_gives_every_robot_a_trail_and_a_legend_entry(tmp_path):
     xi = 0.9**2 * math.prod(mission.graph.edges[a]["survival"] for a in [(2, 3), (3, 5), (5, 4)])
     xi *= mission.graph.edges[4, 2]["survival"]
     texts = legend_texts(ax)
-    assert f"robot 1: survives with {xi:.2f}" in texts
-    assert "robot 2: survives with 0.52" in texts
-    assert "robot 3: stays at base" in texts
+    assert f"robot 0: survives with {xi:.2f}" in texts
+    assert "robot 1: survives with 0.52" in texts
+    assert "robot 2: stays at base" in texts
     assert n_segments(ax, "trails") == 6 + 4
     assert len({tuple(c) for c in only(ax, "trails").get_colors()}) == 2
     reward, survivors = mission.evaluate([mission.plan(MUSEUM_TRAILS)])[0]
-    assert f"E[R] = {reward:.2f},  E[S] = {survivors:.2f}" in ax.get_title()
+    assert words(ax) == f"E[R] = {reward:.2f}, E[S] = {survivors:.2f}"
     plain = rendered(plot_mission(mission), tmp_path / "plain.png")
     assert rendered(ax, tmp_path / "plan.png").shape != plain.shape
 
@@ -336,7 +361,7 @@ def test_trail_colours_are_those_of_the_legend():
     }
     assert len(set(shown.values())) == 3
     colours = [tuple(c[:3]) for c in only(ax, "trails").get_colors()]
-    assert colours == [shown["robot 1"]] * 6 + [shown["robot 2"]] * 4
+    assert colours == [shown["robot 0"]] * 6 + [shown["robot 1"]] * 4
 
 
 def test_passages_of_one_arc_lie_side_by_side():
@@ -389,8 +414,8 @@ def test_robots_that_all_stay_draw_no_trail():
     ax = plot_mission(mission, mission.plan([[1], [1]]))
     assert not drawn(ax, "trails")
     assert [t for t in legend_texts(ax) if "stays at base" in t] == [
+        "robot 0: stays at base",
         "robot 1: stays at base",
-        "robot 2: stays at base",
     ]
 
 
@@ -446,7 +471,7 @@ def test_staircase_bounds_the_cells_that_some_plan_reaches(points):
 def test_front_with_mission_gives_normalised_area_and_fixed_limits(tmp_path):
     # 4 · 1.5 + 4 · 1 = 10 of 10 rewards x 2 robots.
     ax = plot_front([[8, 1], [4, 1.5], [4, 1]], load("toy"))
-    assert ax.get_title().splitlines()[-1] == "area 0.5000, 3 plans"
+    assert words(ax) == "area 0.5000, 3 plans"
     assert ax.get_xlim() == (0, 10)
     assert ax.get_ylim() == (0, 2)
     assert ax.get_xlabel() == "expected team reward E[R]"
@@ -459,7 +484,7 @@ def test_front_with_mission_gives_normalised_area_and_fixed_limits(tmp_path):
 
 def test_front_without_mission_gives_plain_area():
     ax = plot_front([[8, 1], [4, 1.5]])
-    assert ax.get_title() == "area 10, 2 plans"
+    assert words(ax) == "area 10, 2 plans"
     assert ax.get_xlim() == (0, 8.4)
     assert ax.get_ylim() == pytest.approx((0, 1.575))
 
@@ -477,7 +502,8 @@ def test_fronts_overlay():
         "bo-aco: area 0.5000, 2 plans",
         "random: area 0.2500, 1 plan",
     ]
-    assert ax.get_title() == mission.title
+    assert unbroken(title(ax)) == mission.title
+    assert not drawn(ax, "words")
     fronts = drawn(ax, "front")
     assert len(fronts) == len(drawn(ax, "area")) == 2
     assert fronts[0].get_color() != fronts[1].get_color()
@@ -494,7 +520,7 @@ def test_overlaid_fronts_without_mission_all_stay_in_view():
 @pytest.mark.parametrize("empty", [np.empty((0, 2)), []])
 def test_empty_front(tmp_path, empty):
     ax = plot_front(empty, load("toy"))
-    assert ax.get_title().splitlines()[-1] == "area 0.0000, 0 plans"
+    assert words(ax) == "area 0.0000, 0 plans"
     assert ax.get_xlim() == (0, 10)
     rendered(ax, tmp_path / "empty.png")
     bare = plot_front(empty, label="none")
@@ -505,8 +531,26 @@ def test_empty_front(tmp_path, empty):
 def test_highlighted_plans_are_ringed_and_named():
     ax = plot_front([[8, 1], [4, 1.5], [2, 1.7]], highlight=[2, 0])
     assert [ring.get_xydata().tolist() for ring in drawn(ax, "highlight")] == [[[2, 1.7]], [[8, 1]]]
-    assert [t.get_text() for t in ax.texts] == ["plan 2", "plan 0"]
-    assert [t.get_text() for t in plot_front([[8, 1]], highlight=0).texts] == ["plan 0"]
+    assert plan_names(ax) == ["plan 2", "plan 0"]
+    assert plan_names(plot_front([[8, 1]], highlight=0)) == ["plan 0"]
+    named = plot_front([[8, 1], [4, 2]], highlight={1: "knee $<>$"})
+    assert plan_names(named) == ["plan 1: knee $<>$"]
+    assert not plan_names(plot_front([[8, 1]], highlight={}))
+
+
+def test_names_of_highlighted_plans_do_not_overlap():
+    reward = np.linspace(0, 10, 200)
+    points = np.column_stack([reward, 2 - reward**2 / 50])
+    rows = [0, 100, 101, 102, 103, 150, 198, 199]
+    ax = plot_front(points, load("toy"), highlight=dict.fromkeys(rows, "one of those"))
+    ax.figure.draw_without_rendering()
+    boxes = [Text.get_window_extent(text) for text in drawn(ax, "plan")]  # without the tie
+    assert len(boxes) == len(rows)
+    assert not any(a.overlaps(b) for a, b in combinations(boxes, 2))
+    whole = ax.figure.bbox
+    assert all(whole.x0 <= b.x0 and b.x1 <= whole.x1 and b.y1 <= whole.y1 for b in boxes)
+    rings = ax.transData.transform(points[rows])
+    assert not any(box.contains(*ring) for box in boxes for ring in rings)
 
 
 @pytest.mark.parametrize("shape", [(3,), (2, 3), (1, 2, 2), (0, 3)])
@@ -594,6 +638,8 @@ PICTURES = {
     "mission": lambda ax: plot_mission(load("toy"), load("toy").plan([[1, 3, 1], [1]]), ax=ax),
     "front": lambda ax: plot_front([[8, 1]], load("toy"), label="one", ax=ax),
     "pheromone": lambda ax: plot_pheromone(load("toy"), pheromone_of(load("toy")), ax=ax),
+    "plan": lambda ax: plot_plan(load("toy"), load("toy").plan([[1, 3, 1], [1]]), ax=ax),
+    "choices": lambda ax: plot_choices(load("toy"), [load("toy").plan([[1, 3, 1], [1]])], ax=ax),
 }
 
 
@@ -606,7 +652,7 @@ def test_own_axes_are_the_only_ones_drawn_on(picture):
     assert fig.axes == [mine, other]
     assert len(other.get_children()) == before
     assert other.get_xlim() == (0, 1)
-    assert mine.get_title()
+    assert title(mine)
 
 
 @pytest.mark.parametrize("picture", PICTURES)

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 from botohe_moo._base.lazy import lazy_names
 
 if TYPE_CHECKING:
+    from botohe_moo.plots.case_study import plot_case_study as plot_case_study
+    from botohe_moo.plots.choices import plot_choices as plot_choices
     from botohe_moo.plots.draw.algorithms import AlgorithmStyle as AlgorithmStyle
     from botohe_moo.plots.draw.algorithms import algorithm_styles as algorithm_styles
     from botohe_moo.plots.draw.style import save_figure as save_figure
@@ -15,7 +17,9 @@ if TYPE_CHECKING:
     from botohe_moo.plots.draw.style import theme as theme
     from botohe_moo.plots.front import plot_front as plot_front
     from botohe_moo.plots.mission import plot_mission as plot_mission
+    from botohe_moo.plots.outcomes import plot_outcomes as plot_outcomes
     from botohe_moo.plots.pheromone import plot_pheromone as plot_pheromone
+    from botohe_moo.plots.plan import plot_plan as plot_plan
     from botohe_moo.plots.study.areas import plot_areas as plot_areas
     from botohe_moo.plots.study.attainment import plot_attainment as plot_attainment
     from botohe_moo.plots.study.curves import plot_curves as plot_curves

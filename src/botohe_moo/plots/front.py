@@ -1,6 +1,6 @@
 """The picture of a front: what plans are expected to bring, and the area they dominate."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 from botohe_moo._base.types import FloatArray
 from botohe_moo.mission import Mission
 from botohe_moo.plots.draw.labels import drawable
-from botohe_moo.plots.draw.style import INK, MARKERS, colours, dress, new_axes, theme, tint
+from botohe_moo.plots.draw.panels import study_axes
+from botohe_moo.plots.draw.scales import title_above
+from botohe_moo.plots.draw.space import Space, write_beside
+from botohe_moo.plots.draw.style import INK, MARKERS, colours, dress, theme, tint
 
 OBJECTIVES = ("expected team reward E[R]", "expected number of survivors E[S]")
 _CROWD = 150
@@ -21,7 +24,7 @@ def plot_front(
     objectives: ArrayLike,
     mission: Mission | None = None,
     *,
-    highlight: int | Sequence[int] | None = None,
+    highlight: int | Sequence[int] | Mapping[int, str] | None = None,
     label: str | None = None,
     ax: Axes | None = None,
 ) -> Axes:
@@ -38,7 +41,8 @@ def plot_front(
         Mission of the plans. With it the axes reach to the total reward and to the number of
         robots, and the area is the normalised one, in [0, 1]; without it, it is E[R] times E[S].
     highlight
-        Rows of ``objectives``, counted from 0, to ring and to name.
+        Rows of ``objectives``, counted from 0, to ring and to number: ``plan 7``. A mapping gives
+        them names, too: ``{7: "knee"}`` is ``plan 7: knee``.
     label
         Name of the front. Area and number of plans are then in the legend instead of the title.
     ax
@@ -52,23 +56,18 @@ def plot_front(
     points = _checked(objectives)
     chosen = _rows(highlight, len(points))
     corners = staircase(points)
-    summary = _summary(points, corners, mission)
+    summary = front_summary(points, corners, mission)
     with theme():
         if ax is None:
-            ax = new_axes(7.0, 5.0)
+            (ax,) = study_axes(6.0, 4.0)
         drawn = sum(line.get_gid() == "front" for line in ax.lines)
         _draw(ax, points, corners, drawn, drawable(f"{label}: {summary}") if label else None)
-        for row in chosen:
-            _ring(ax, row, points[row])
         if label:
             ax.legend(loc="upper right", framealpha=0.9)
-        if mission is not None:
-            title = drawable(mission.title)
-            summary = title if label else f"{title}\n{summary}"
-        elif label:
-            summary = ax.get_title()
-        ax.set_title(summary)
         _dress(ax, mission)
+        title = ax.get_title(loc="left") if mission is None else mission.title
+        title_above(ax, title, "" if label else summary)
+        _mark(ax, points, chosen)
     return ax
 
 
@@ -102,12 +101,19 @@ def _checked(objectives: ArrayLike) -> FloatArray:
     return points
 
 
-def _rows(highlight: int | Sequence[int] | None, n_plans: int) -> list[int]:
-    rows = [] if highlight is None else np.atleast_1d(highlight).tolist()
+def _rows(
+    highlight: int | Sequence[int] | Mapping[int, str] | None, n_plans: int
+) -> dict[int, str]:
+    """Give the rows to mark, with their texts."""
+    names: Mapping[int, str] = highlight if isinstance(highlight, Mapping) else {}
+    given: Any = highlight
+    if highlight is None or isinstance(highlight, Mapping):
+        given = list(names)
+    rows = np.atleast_1d(given).tolist()
     for row in rows:
         if type(row) is not int or not 0 <= row < n_plans:
             raise ValueError(f"Expected highlight among the {n_plans} rows from 0, got {row!r}.")
-    return rows
+    return {row: f"plan {row}: {names[row]}" if row in names else f"plan {row}" for row in rows}
 
 
 def _dominated(points: FloatArray) -> NDArray[np.bool_]:
@@ -117,7 +123,8 @@ def _dominated(points: FloatArray) -> NDArray[np.bool_]:
     return ~np.asarray(moocore.is_nondominated(points, maximise=True, keep_weakly=True))
 
 
-def _summary(points: FloatArray, corners: FloatArray, mission: Mission | None) -> str:
+def front_summary(points: FloatArray, corners: FloatArray, mission: Mission | None) -> str:
+    """Tell the area that plans dominate, and how many they are."""
     plans = "1 plan" if len(points) == 1 else f"{len(points)} plans"
     if mission is None:
         widths = np.diff(corners[1:-1:2, 0], prepend=0.0)
@@ -147,12 +154,29 @@ def _draw(ax: Axes, points: FloatArray, corners: FloatArray, drawn: int, label: 
     ax.plot(*points[~dominated].T, **style, color=colour, zorder=3, label=label, gid="front")
 
 
-def _ring(ax: Axes, row: int, point: FloatArray) -> None:
-    ring: dict[str, Any] = {"marker": "o", "markersize": 11, "markerfacecolor": "none"}
-    ring |= {"markeredgecolor": INK, "markeredgewidth": 1.6}
-    ax.plot(*point[:, None], **ring, clip_on=False, zorder=4, gid="highlight")
-    bold: dict[str, Any] = {"fontweight": "bold", "fontsize": 9.5}
-    ax.annotate(f"plan {row}", (point[0], point[1]), (7, 7), textcoords="offset points", **bold)
+def _mark(ax: Axes, points: FloatArray, chosen: Mapping[int, str]) -> None:
+    """Ring chosen plans and write what they are beside them, where no two texts overlap."""
+    if not chosen:
+        return
+    figure = ax.figure.figure
+    if (engine := figure.get_layout_engine()) is not None:
+        engine.execute(figure)
+    at, radius, size = points[list(chosen)], 5.5, 9.5
+    in_points = 72 / figure.dpi
+    box = ax.get_window_extent()
+    frame = np.array([box.min, box.max]) * in_points
+    frame[1, 0] += 12.0  # texts may stand out a little, but not into the title
+    everything = ax.transData.transform(np.concatenate(_drawn(ax))) * in_points
+    marks = ax.transData.transform(at) * in_points
+    space = Space(marks, radius, (frame[0], frame[1]), everything)
+    ring: dict[str, Any] = {"marker": "o", "markersize": 2 * radius, "markerfacecolor": "none"}
+    ring |= {"markeredgecolor": INK, "markeredgewidth": 1.6, "clip_on": False}
+    for point, mark, text in zip(at, marks, map(drawable, chosen.values()), strict=True):
+        ax.plot(*point[:, None], **ring, zorder=4, gid="highlight")
+        offset = space.beside(mark, text, size, bold=True, reach=60.0)
+        away = np.array([0.0, 14.0]) if offset is None else offset
+        look: dict[str, Any] = {"fontsize": size, "fontweight": "bold", "gid": "plan"}
+        write_beside(ax, point, away, text, radius=radius, annotation_clip=False, **look)
 
 
 def _dress(ax: Axes, mission: Mission | None) -> None:
@@ -163,6 +187,11 @@ def _dress(ax: Axes, mission: Mission | None) -> None:
         ax.yaxis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 5, 10]))
         return
     # The front is one of several, perhaps: all of them must stay in view.
-    lines = [line.get_xydata() for line in ax.lines if line.get_gid() in ("front", "dominated")]
-    reach = np.concatenate([np.asarray(line) for line in lines]).max(axis=0, initial=0.0)
+    reach = np.concatenate(_drawn(ax)).max(axis=0, initial=0.0)
     ax.set(xlim=(0, 1.05 * reach[0] or 1.0), ylim=(0, 1.05 * reach[1] or 1.0))
+
+
+def _drawn(ax: Axes) -> list[FloatArray]:
+    """Give the points of all fronts on ``ax``."""
+    fronts = [line for line in ax.lines if line.get_gid() in ("front", "dominated")]
+    return [np.asarray(line.get_xydata(), dtype=float) for line in fronts]

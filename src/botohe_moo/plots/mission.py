@@ -14,9 +14,10 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from botohe_moo.mission import Mission
-from botohe_moo.plots.draw.canvas import Canvas, add_colour_bar, bowed_arcs, draw_trails, open_axes
+from botohe_moo.plots.draw.canvas import Canvas, add_colour_bar, bowed_arcs, open_axes
 from botohe_moo.plots.draw.labels import drawable
 from botohe_moo.plots.draw.places import node_positions
+from botohe_moo.plots.draw.scales import title_above
 from botohe_moo.plots.draw.style import (
     MUTED,
     Colour,
@@ -27,6 +28,7 @@ from botohe_moo.plots.draw.style import (
     theme,
     tint,
 )
+from botohe_moo.plots.draw.trails import draw_trails, robot_styles
 from botohe_moo.trails import TrailPlan
 
 _MAX_ZONES = 8
@@ -58,14 +60,14 @@ def plot_mission(
     ValueError
         If the ``pos`` of a node is not two finite numbers.
     """
-    title = drawable(mission.title)
+    words = ""
     if plan is not None:
         reward, survivors = mission.evaluate([plan])[0]
-        title += f"\nE[R] = {reward:.2f},  E[S] = {survivors:.2f}"
+        words = f"E[R] = {reward:.2f}, E[S] = {survivors:.2f}"
     xy = node_positions(mission)
     with theme():
         ax = open_axes(xy, ax)
-        ax.set_title(title)
+        title_above(ax, mission.title, words)
         fills = _reward_fills(ax, mission)
         zones = _zones(mission)
         _add_legend(ax, mission, plan, zones)
@@ -74,7 +76,9 @@ def plot_mission(
         _shade_zones(canvas, mission, zones)
         _draw_arcs(canvas, mission, arc_colours, faint=plan is not None)
         if plan is not None:
-            draw_trails(canvas, mission, plan, colours(plan.n_robots))
+            arcs, bowed = mission.arrays, bowed_arcs(mission)
+            pairs = zip(arcs.tail[bowed].tolist(), arcs.head[bowed].tolist(), strict=True)
+            draw_trails(canvas, plan, robot_styles(plan.n_robots), bowed=set(pairs))
         canvas.draw_nodes(mission, fills)
     return ax
 
@@ -180,11 +184,12 @@ def _add_legend(
 
 def _trail_handles(mission: Mission, plan: TrailPlan) -> list[Artist]:
     handles: list[Artist] = []
-    for robot, (trail, colour) in enumerate(
-        zip(mission.labels(plan), colours(plan.n_robots), strict=True), start=1
+    for robot, (trail, style) in enumerate(
+        zip(mission.labels(plan), robot_styles(plan.n_robots), strict=True)
     ):
         odds = math.prod(mission.graph.edges[arc]["survival"] for arc in pairwise(trail))
         shown = f"{odds:.2f}" if odds >= 0.005 else "<0.01"
         says = f"survives with {shown}" if len(trail) > 1 else "stays at base"
-        handles.append(Line2D([], [], color=colour, linewidth=3, label=f"robot {robot}: {says}"))
+        look: dict[str, Any] = {"color": style.colour, "linestyle": style.line, "linewidth": 2.4}
+        handles.append(Line2D([], [], label=f"robot {robot}: {says}", **look))
     return handles

@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from botohe_moo._base.types import FloatArray
 from botohe_moo.mission import Mission
 from botohe_moo.plots.draw.canvas import Canvas, add_colour_bar, open_axes
-from botohe_moo.plots.draw.labels import drawable
 from botohe_moo.plots.draw.places import node_positions
+from botohe_moo.plots.draw.scales import title_above
 from botohe_moo.plots.draw.style import colour_range, pheromone_palette, theme
 
 Kind = Literal["reward", "survival"]
@@ -47,7 +47,7 @@ def plot_pheromone(
     xy = node_positions(mission)
     with theme():
         ax = open_axes(xy, ax)
-        ax.set_title(f"{drawable(mission.title)}\npheromone for {kind}")
+        title_above(ax, mission.title, f"pheromone for {kind}")
         palette = pheromone_palette()
         norm = colour_range(values, low=0.0) if len(values) else None
         if norm is not None:

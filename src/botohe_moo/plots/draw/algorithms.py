@@ -1,14 +1,17 @@
 """How algorithms look: the same colour, marker and line in every figure of a report."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
-
-import pandas as pd
+from typing import TYPE_CHECKING, Any
 
 from botohe_moo._base.checks import nearest_first
 from botohe_moo.plots.draw.labels import UNBROKEN, WIDTH, display_names, drawable, wrapped
 from botohe_moo.plots.draw.style import MARKERS, Colour, colours
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Line = tuple[int, tuple[float, ...] | None]
 

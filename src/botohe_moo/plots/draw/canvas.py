@@ -1,9 +1,7 @@
-"""Drawing a mission's graph: nodes, the course of arcs, and trails side by side along them."""
+"""Drawing a mission's graph: nodes, labels, and the course of arcs."""
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any, Self
 
 import numpy as np
@@ -19,10 +17,9 @@ from numpy.typing import NDArray
 from botohe_moo._base.types import FloatArray, IntArray
 from botohe_moo.mission import Mission
 from botohe_moo.plots.draw.labels import drawable
-from botohe_moo.plots.draw.style import INK, MUTED, Colour, new_axes, readable_on
-from botohe_moo.trails import TrailPlan
+from botohe_moo.plots.draw.style import INK, MUTED, new_axes, readable_on
 
-_MAX_LABELLED = 40
+MAX_LABELLED = 40
 _FEW = 500  # nodes whose distances are all computed: sooner than scipy is imported
 _BEND = 0.07  # how far an arrow bows to its right, in parts of its length
 _STEPS = np.linspace(0, 1, 17)[None, :, None]
@@ -36,17 +33,22 @@ def bowed_arcs(mission: Mission) -> NDArray[np.bool_]:
     return np.array([survival.get((v, u)) != survival[u, v] for u, v in arcs], dtype=bool)
 
 
-def open_axes(xy: FloatArray, ax: Axes | None) -> Axes:
-    """Prepare ``ax``, or a new figure of a fitting shape, for a picture of the nodes at ``xy``."""
+def frame_of(xy: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Give centre and half of both sides of what a map of the nodes at ``xy`` shows."""
     low, high = xy.min(axis=0), xy.max(axis=0)
     longest = float((high - low).max())
     # A path drawn as a straight line still needs room above and below it.
     half = np.maximum((high - low) / 2, 0.2 * longest) + 0.075 * longest
     if longest == 0:
         half = np.array([1.0, 0.4])
+    return (low + high) / 2, half
+
+
+def open_axes(xy: FloatArray, ax: Axes | None) -> Axes:
+    """Prepare ``ax``, or a new figure of a fitting shape, for a picture of the nodes at ``xy``."""
+    centre, half = frame_of(xy)
     if ax is None:
         ax = new_axes(8.0, float(np.clip(6.6 * half[1] / half[0] + 1.0, 3.5, 8.0)))
-    centre = (low + high) / 2
     ax.set_xlim(centre[0] - half[0], centre[0] + half[0])
     ax.set_ylim(centre[1] - half[1], centre[1] + half[1])
     ax.set_aspect("equal")
@@ -54,12 +56,21 @@ def open_axes(xy: FloatArray, ax: Axes | None) -> Axes:
     return ax
 
 
-def add_colour_bar(ax: Axes, palette: Colormap, norm: Normalize, label: str, slot: int) -> None:
-    """Put a colour bar right of ``ax``, as part of it: in ``slot`` 0, the upper, or 1."""
-    bar = ax.inset_axes((1.02, 0.55 - 0.53 * slot, 0.022, 0.43))
+def add_colour_bar(
+    ax: Axes, palette: Colormap, norm: Normalize, label: str, slot: int | None = None
+) -> None:
+    """Put a colour bar right of ``ax``, as part of it: in ``slot`` 0, the upper, 1, or in both."""
+    low, height = (0.1, 0.8) if slot is None else (0.55 - 0.53 * slot, 0.43)
+    bar = ax.inset_axes((1.02, low, 0.022, height))
     drawn = ax.figure.colorbar(ScalarMappable(norm, palette), cax=bar, label=label)
     drawn.outline.set_visible(False)
+    bar.yaxis.label.set_parse_math(True)  # the theme does not, for the sake of users' texts
     bar.tick_params(length=2.5)
+
+
+def crowding(xy: FloatArray) -> float:
+    """Give the distance that four of five nodes keep from the nearest other one."""
+    return float(np.percentile(_nearest(xy), 20))
 
 
 def _nearest(xy: FloatArray) -> FloatArray:
@@ -81,9 +92,10 @@ class Canvas:
     xy: FloatArray  # positions of the nodes (n_nodes, 2)
     scale: float  # points per data unit
     radius: float  # of a node, in points
+    spacing: float  # points between most nodes and the nearest other one
 
     @classmethod
-    def measure(cls, ax: Axes, xy: FloatArray) -> Self:
+    def measure(cls, ax: Axes, xy: FloatArray, *, smallest: float = 3.8) -> Self:
         """Find the scale that ``ax`` will be drawn at, and the node size that suits it."""
         root = ax.figure.figure
         if (engine := root.get_layout_engine()) is not None:
@@ -91,11 +103,9 @@ class Canvas:
         ax.apply_aspect()
         left, right = ax.get_xlim()
         scale = ax.get_window_extent().width / root.dpi * 72 / (right - left)
-        radius = 10.5
-        if len(xy) > 1:
-            crowded = float(np.percentile(_nearest(xy), 20)) * scale
-            radius = float(np.clip(0.36 * crowded, 3.8, 10.5))
-        return cls(ax, xy, scale, radius)
+        spacing = crowding(xy) * scale if len(xy) > 1 else np.inf
+        radius = float(np.clip(0.36 * spacing, smallest, 10.5))
+        return cls(ax, xy, scale, radius, spacing)
 
     def draw_nodes(self, mission: Mission, fills: Sequence[Any]) -> None:
         """Draw circles filled with ``fills`` (one per node), the base as a square, and labels."""
@@ -124,7 +134,7 @@ class Canvas:
             zorder=5,
             gid="base",
         )
-        if len(self.xy) <= _MAX_LABELLED:
+        if len(self.xy) <= MAX_LABELLED:
             self._draw_labels(mission, fills)
 
     def _draw_labels(self, mission: Mission, fills: Sequence[Any]) -> None:
@@ -229,64 +239,3 @@ class Canvas:
         )
         heads.set_transform(IdentityTransform())
         self.ax.add_collection(heads, autolim=False)
-
-
-def lanes(plan: TrailPlan) -> list[tuple[int, int, int, int]]:
-    """Give robot, tail, head and lane of each passage along an arc, in the order of the trails.
-
-    Lanes count from 0 for robots on the same arc; those of the opposite arc lie on the other side.
-    """
-    taken: Counter[tuple[int, int]] = Counter()
-    passages = []
-    for robot, trail in enumerate(plan.trails):
-        for arc in pairwise(trail):
-            passages.append((robot, *arc, taken[arc]))
-            taken[arc] += 1
-    return passages
-
-
-def draw_trails(canvas: Canvas, mission: Mission, plan: TrailPlan, colours: list[Colour]) -> None:
-    """Draw the trails of ``plan`` on the right-hand side of their arcs, with arrowheads."""
-    passages = lanes(plan)
-    if not passages:
-        return
-    robot, tail, head, lane = np.array(passages, dtype=np.int32).T
-    arrays, bowed = mission.arrays, bowed_arcs(mission)
-    arcs_bowed = set(zip(arrays.tail[bowed].tolist(), arrays.head[bowed].tolist(), strict=True))
-    bows = np.array([arc in arcs_bowed for arc in zip(tail.tolist(), head.tolist(), strict=True)])
-    # The lanes of an arc should fit under the nodes at its ends, as long as they stay legible.
-    gap = float(np.clip(canvas.radius / (lane.max() + 0.5), 1.9, 3.2))
-    width = 0.75 * gap
-    points = canvas.curves(tail, head, bows)
-    along = points[:, -1] - points[:, 0]
-    length = np.maximum(np.hypot(*along.T), 1e-12)
-    right = np.stack([along[:, 1], -along[:, 0]], axis=1) / length[:, None]
-    # A bow keeps clear of the opposite arc by itself.
-    offset = (lane + np.where(bows, 0.0, 0.5)) * gap / canvas.scale
-    points = points + (right * offset[:, None])[:, None]
-    ink = np.array(colours)[robot]
-    canvas.draw_lines(points, colors="white", linewidths=width + 1.2, zorder=2, gid="casing")
-    canvas.draw_lines(points, colors=ink, linewidths=width, zorder=3, gid="trails")
-    _draw_directions(canvas, points, length * canvas.scale, lane, ink)
-
-
-def _draw_directions(
-    canvas: Canvas, points: FloatArray, length: FloatArray, lane: IntArray, ink: FloatArray
-) -> None:
-    free = length - 2 * canvas.radius
-    # Arrowheads of opposite and neighbouring lanes must not lie side by side.
-    sizes = np.minimum(np.clip(1.3 * canvas.radius, 5.5, 8.0), free / 2.2)
-    ahead = 0.6 * sizes + np.where(free > 5 * sizes, 1.1 * sizes * (lane % 2), 0.0)
-    legible = sizes > 3.0
-    part = 0.5 + ahead[legible] / length[legible]
-    step = part * (points.shape[1] - 1)
-    row, before = np.arange(len(step)), step.astype(int)
-    start, end = points[legible][row, before], points[legible][row, before + 1]
-    canvas.draw_heads(
-        start + (end - start) * (step - before)[:, None],
-        end - start,
-        colours=ink[legible],
-        sizes=sizes[legible],
-        zorder=3,
-        gid="trail heads",
-    )

@@ -69,7 +69,9 @@ def plain_number(value: float) -> str:
 def title_above(
     ax: Axes, title: str | None, words: str, *, width: float | None = None, lift: float = 0.0
 ) -> None:
-    """Write what the plot is above it, and below that, paler, what it shows."""
+    """Write what the plot is above it, and below that, paler, what it shows; or write it anew."""
+    for text in [text for text in ax.texts if text.get_gid() in ("words", "subtitle")]:
+        text.remove()
     if width is None:
         width = ax.get_window_extent().width / ax.figure.figure.dpi
     head, _, rest = (title or "").partition("\n")
@@ -80,6 +82,12 @@ def title_above(
     head = wrapped(drawable(head), _fitting(width, 13.5))
     # With its height given, matplotlib does not look at all numbers of the axes to find one.
     ax.set_title(head, loc="left", fontweight="bold", pad=at + 1.5, y=1.0)
+
+
+def retitle(ax: Axes, title: str) -> None:
+    """Give a plot another title, and leave the line below it."""
+    words = [text.get_text() for text in ax.texts if text.get_gid() == "words"]
+    title_above(ax, title, " ".join(" ".join(words).split()))
 
 
 def stack_above(

@@ -62,6 +62,11 @@ def pheromone_palette() -> Colormap:
     return LinearSegmentedColormap.from_list("flare", _FLARE.split())
 
 
+def reach_palette() -> Colormap:
+    """Sequential white to slate: the darker, the more likely a node is reached."""
+    return LinearSegmentedColormap.from_list("slate", ["#ffffff", "#c3ccd8", "#7f90a8", "#26364e"])
+
+
 def colours(n: int) -> list[Colour]:
     """Give ``n`` colours that colour-blind readers can tell apart; after ten they repeat."""
     return [to_rgb(_COLOURBLIND[i % len(_COLOURBLIND)]) for i in range(n)]

@@ -1,0 +1,64 @@
+"""The pictures of the guide to choosing, and those of the README that show the museum."""
+
+import json
+import tempfile
+from pathlib import Path
+
+from pymoo.optimize import minimize
+
+from botohe_moo import BOACO, BOTOHE, load_mission
+from botohe_moo.decide import knees
+from botohe_moo.plots import (
+    plot_case_study,
+    plot_choices,
+    plot_front,
+    plot_mission,
+    plot_outcomes,
+    plot_plan,
+    save_figure,
+    save_plot,
+)
+from botohe_moo.study import run_study
+
+MUSEUM = Path(__file__).parents[1] / "results" / "art_museum"
+DPI = 100  # enough for a page, and small files
+STUDY = {
+    "name": "museum",
+    "missions": ["art_museum"],
+    "algorithms": {
+        "BO-ACO": "bo-aco",
+        "without heuristic": {"algorithm": "bo-aco", "parameters": {"heuristic": False}},
+        "without pheromone": {"algorithm": "bo-aco", "parameters": {"pheromone": False}},
+    },
+    "budget": {"evaluations": 100_000},
+    "seeds": 4,
+}
+
+
+def run(out: Path) -> bool:
+    """Draw the museum's front that is in the results."""
+    mission = load_mission("art_museum")
+    found = json.loads((MUSEUM / "plans.json").read_text("utf-8"))["plans"]
+    plans = [mission.plan(plan["trails"]) for plan in found]
+    objectives = mission.evaluate(plans)
+    save_plot(plot_mission(mission), MUSEUM / "mission.png")
+    save_plot(plot_front(objectives, mission), MUSEUM / "front.png")
+
+    knee = knees(mission, objectives)[0].index
+    bold = next(row for row, (reward, _) in enumerate(objectives) if reward < 9.5)
+    drawn = {
+        "plan": plot_plan(mission, plans[bold]),
+        "outcomes": plot_outcomes(
+            mission, plans[bold], plans[knee], names=[f"plan {bold}", f"plan {knee}, the knee"]
+        )[0],
+        "choices": plot_choices(mission, plans),
+    }
+    colony = minimize(BOTOHE(mission), BOACO(), ("n_eval", 100_000), seed=1).algorithm
+    with tempfile.TemporaryDirectory() as folder:
+        trace = run_study(STUDY, folder, workers=1).trace
+    maps = colony.pheromone_maps
+    drawn["case-study"] = plot_case_study(mission, plans, trace=trace, pheromone=maps)
+    for name, ax in drawn.items():
+        save_figure(ax.figure.figure, out / f"{name}.png", dpi=DPI)
+        print(out / f"{name}.png")
+    return True

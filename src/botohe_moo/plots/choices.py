@@ -1,0 +1,115 @@
+"""The picture of a choice: the front with its marks, and maps of the plans that are marked."""
+
+from typing import Any
+
+from matplotlib.axes import Axes
+
+from botohe_moo.decide import Mark, knees, representatives
+from botohe_moo.mission import Mission
+from botohe_moo.plots.draw.canvas import open_axes
+from botohe_moo.plots.draw.places import node_positions
+from botohe_moo.plots.draw.scales import title_above
+from botohe_moo.plots.draw.sheets import (
+    add_reach_bar,
+    map_size,
+    name_map,
+    open_sheet,
+    rightmost,
+)
+from botohe_moo.plots.draw.style import INK, theme
+from botohe_moo.plots.front import front_summary, plot_front, staircase
+from botohe_moo.plots.plan import PlanOnMap
+from botohe_moo.trails import Plans
+
+# The marker of each mark, and a letter that looks like it.
+_SIGNS = {"farthest from the chord": ("D", "◆"), "largest product": ("*", "☆")}
+
+
+def plot_choices(
+    mission: Mission, plans: Plans, *, k: int = 5, title: str | None = None, ax: Axes | None = None
+) -> Axes:
+    """Draw a front with its knee and ``k`` representatives, and a map of each of them.
+
+    Plans have the numbers of their rows in ``plans``, from 0. A diamond marks the plan that is
+    farthest from the chord of the front, a star that of the largest E[R] times E[S]: marks, not
+    verdicts. On the maps nodes are the darker the more likely any robot reaches them.
+
+    Parameters
+    ----------
+    mission
+        The mission.
+    plans
+        Its plans, for example ``solution.plans`` or ``result.X``.
+    k
+        How many representatives, as for :func:`botohe_moo.decide.representatives`.
+    title
+        Name of the picture. Default: the mission's title.
+    ax
+        Axes for the front, which is then drawn without maps. By default a figure with both will
+        be created.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes of the front.
+
+    Raises
+    ------
+    PlanError
+        If the mission does not allow one of the plans.
+    TypeError
+        If ``mission`` is not a Mission, or something in ``plans`` not a TrailPlan.
+    ValueError
+        If there is no plan, or ``k`` is not an integer of at least 1.
+    """
+    if not isinstance(mission, Mission):
+        raise TypeError(f"Expected mission to be a Mission, got {mission!r}.")
+    batch = mission.batch(plans)
+    objectives = mission.evaluate(batch)
+    marks = knees(mission, objectives)
+    chosen = representatives(mission, batch, k)
+    rows = sorted({*chosen, *(mark.index for mark in marks)}, key=lambda row: -objectives[row, 0])
+    notes = [front_summary(objectives, staircase(objectives), mission)]
+    if len(batch) > 1:
+        notes.append(f"numbered: the knee, and {len(chosen)} plans that stand for all")
+    with theme():
+        others: list[Axes] = []
+        if ax is None:
+            ax, others = _open(mission, len(rows))
+        plot_front(objectives, mission, highlight=rows, ax=ax)
+        for mark in marks:
+            _draw_mark(ax, mark)
+        ax.legend(loc="best", framealpha=0.9, handletextpad=0.2)
+        for row, own in zip(rows, others, strict=False):  # none beside given axes
+            shown = PlanOnMap.of(mission, batch[row])
+            notes += shown.draw_team(own)
+            signs = "".join(_SIGNS[mark.name][1] for mark in marks if mark.index == row)
+            told = [f"plan {row} {signs}".strip() + f": {shown.objectives}", *shown.at_base]
+            name_map(own, "; ".join(told))
+        title_above(ax, mission.title if title is None else title, "; ".join(dict.fromkeys(notes)))
+    return ax
+
+
+def _open(mission: Mission, n_maps: int) -> tuple[Axes, list[Axes]]:
+    """Open a figure with axes for a front and for maps."""
+    xy = node_positions(mission)
+    wide, high = map_size(xy, 5.2)
+    fig, (place, *places) = open_sheet((wide, high), n_maps, 2)
+    width, height = fig.get_size_inches()
+    left, below = 0.75 / width, 0.6 / height
+    box = (place[0] + left, place[1] + below, place[2] - left - 0.3 / width, place[3] - below)
+    ax = fig.add_axes(box)
+    maps = [open_axes(xy, fig.add_axes(place)) for place in places]
+    add_reach_bar(rightmost(maps))
+    return ax, maps
+
+
+def _draw_mark(ax: Axes, mark: Mark) -> None:
+    """Draw the sign of a mark at its plan, and tell it in the legend."""
+    dark = _SIGNS[mark.name][0] == "D"
+    # The white star is seen on the diamond, too.
+    fill: dict[str, Any] = {"markersize": 7.0 if dark else 7.5, "linestyle": "none"}
+    fill |= {"markerfacecolor": INK if dark else "white", "markeredgecolor": INK}
+    fill |= {"markeredgewidth": 0.8, "marker": _SIGNS[mark.name][0], "clip_on": False}
+    label = f"{mark.name}: plan {mark.index}"
+    ax.plot([mark.reward], [mark.survivors], label=label, zorder=5, gid="mark", **fill)

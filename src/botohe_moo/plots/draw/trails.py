@@ -1,0 +1,161 @@
+"""Trails on a map: one line a robot, side by side where robots share an arc, with arrowheads."""
+
+from collections import Counter
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from botohe_moo._base.types import FloatArray, IntArray
+from botohe_moo.plots.draw.canvas import Canvas
+from botohe_moo.plots.draw.style import Colour, colours
+from botohe_moo.trails import TrailPlan
+
+# On and off, in widths of the line. Five differ at a glance; then colours differ, and names.
+_DASHES = ((), (5.0, 1.6), (1.2, 1.2), (6.0, 1.5, 1.2, 1.5), (2.6, 1.3))
+_LIGHTEST = 0.5  # luminance of a line on white paper
+_APART = 24.0  # points walked between arrowheads on arcs that are too short for one each
+
+
+@dataclass(frozen=True)
+class RobotStyle:
+    """How a robot is drawn, and what it is called on maps: R0, R1, ..."""
+
+    name: str
+    colour: Colour
+    dash: tuple[float, ...]  # empty for a solid line
+
+    @property
+    def line(self) -> Any:
+        """The line style as matplotlib takes it."""
+        return 0.0, self.dash or None
+
+
+def robot_styles(n_robots: int) -> list[RobotStyle]:
+    """Give every robot of a team a name, a colour and a dash."""
+    return [
+        RobotStyle(f"R{i}", _as_ink(colour), _DASHES[i % len(_DASHES)])
+        for i, colour in enumerate(colours(n_robots))
+    ]
+
+
+def _as_ink(colour: Colour) -> Colour:
+    """Darken a colour that would be too light for a line on white."""
+    luminance = float(np.dot(np.power(colour, 2.2), (0.2126, 0.7152, 0.0722)))
+    red, green, blue = (part * min(1.0, _LIGHTEST / luminance) ** (1 / 2.2) for part in colour)
+    return red, green, blue
+
+
+def lanes(plan: TrailPlan) -> list[tuple[int, int, int, int]]:
+    """Give robot, tail, head and lane of each passage along an arc, in the order of the trails.
+
+    Lanes count from 0 for robots on the same arc; those of the opposite arc lie on the other side.
+    """
+    taken: Counter[tuple[int, int]] = Counter()
+    passages = []
+    for robot, trail in enumerate(plan.trails):
+        for arc in pairwise(trail):
+            passages.append((robot, *arc, taken[arc]))
+            taken[arc] += 1
+    return passages
+
+
+def draw_trails(
+    canvas: Canvas,
+    plan: TrailPlan,
+    styles: Sequence[RobotStyle],
+    *,
+    bowed: Collection[tuple[int, int]] = frozenset(),
+) -> FloatArray:
+    """Draw the trails of ``plan`` on the right-hand side of their arcs, with arrowheads.
+
+    Arcs are straight lines, but those in ``bowed``, pairs of node indices, bow to their right.
+    Gives the points of each passage (n_passages, n_points, 2), in the order of the trails.
+    """
+    passages = lanes(plan)
+    if not passages:
+        return np.empty((0, 0, 2))
+    robot, tail, head, lane = np.array(passages, dtype=np.int32).T
+    bows = np.array([passage[1:3] in bowed for passage in passages])
+    # The lanes of an arc should fit under the nodes at its ends, as long as they stay legible.
+    gap = float(np.clip(canvas.radius / (lane.max() + 0.5), 1.9, 3.2))
+    width = 0.75 * gap
+    points = canvas.curves(tail, head, bows)
+    along = points[:, -1] - points[:, 0]
+    length = np.maximum(np.hypot(*along.T), 1e-12)
+    right = np.stack([along[:, 1], -along[:, 0]], axis=1) / length[:, None]
+    # A bow keeps clear of the opposite arc by itself.
+    offset = (lane + np.where(bows, 0.0, 0.5)) * gap / canvas.scale
+    points = points + (right * offset[:, None])[:, None]
+    ink = np.array([style.colour for style in styles])[robot]
+    length *= canvas.scale
+    canvas.draw_lines(points, colors="white", linewidths=width + 1.2, zorder=2, gid="casing")
+    canvas.draw_lines(
+        points,
+        colors=ink,
+        linewidths=width,
+        linestyles=_running_dashes(robot, length / width, styles),
+        zorder=3,
+        gid="trails",
+    )
+    _draw_directions(canvas, points, length, robot, lane, ink)
+    return np.asarray(points)
+
+
+def _running_dashes(
+    robot: IntArray, length: FloatArray, styles: Sequence[RobotStyle]
+) -> list[tuple[float, tuple[float, ...] | None]]:
+    """Give every passage the dashes of its robot, which go on where the passage before ended."""
+    walked, lines = Counter[int](), []
+    for i, more in zip(robot.tolist(), length.tolist(), strict=True):
+        dash = styles[i].dash
+        lines.append((walked[i] % sum(dash), dash) if dash else (0.0, None))
+        walked[i] += more
+    return lines
+
+
+def _draw_directions(
+    canvas: Canvas,
+    points: FloatArray,
+    length: FloatArray,
+    robot: IntArray,
+    lane: IntArray,
+    ink: FloatArray,
+) -> None:
+    free = length - 2 * canvas.radius
+    # Arrowheads of opposite and neighbouring lanes must not lie side by side.
+    sizes = np.minimum(np.clip(1.3 * canvas.radius, 5.5, 8.0), free / 2.2)
+    ahead = 0.6 * sizes + np.where(free > 5 * sizes, 1.1 * sizes * (lane % 2), 0.0)
+    shown = sizes > 3.0
+    some = ~shown & _every_so_often(robot, length, shown)
+    sizes[some], ahead[some] = 6.0, 0.0
+    shown |= some
+    part = 0.5 + ahead[shown] / length[shown]
+    step = part * (points.shape[1] - 1)
+    row, before = np.arange(len(step)), step.astype(int)
+    start, end = points[shown][row, before], points[shown][row, before + 1]
+    canvas.draw_heads(
+        start + (end - start) * (step - before)[:, None],
+        end - start,
+        colours=ink[shown],
+        sizes=sizes[shown],
+        zorder=3,
+        gid="trail heads",
+    )
+
+
+def _every_so_often(
+    robot: IntArray, length: FloatArray, shown: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Pick passages that lie some way behind the last arrowhead of their robot."""
+    picked, since, before = np.zeros(len(length), dtype=bool), 0.0, -1
+    for i, (own, more) in enumerate(zip(robot.tolist(), length.tolist(), strict=True)):
+        since = more if own != before else since + more
+        before = own
+        picked[i] = since >= _APART
+        if picked[i] or shown[i]:
+            since = 0.0
+    return picked

@@ -1,0 +1,183 @@
+"""The picture of a plan: a map with all trails, and one of every robot's own."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from botohe_moo._base.types import FloatArray
+from botohe_moo.mission import Mission
+from botohe_moo.outcomes import reach_probabilities
+from botohe_moo.plots.draw.canvas import open_axes
+from botohe_moo.plots.draw.maps import draw_map
+from botohe_moo.plots.draw.places import node_positions
+from botohe_moo.plots.draw.scales import title_above
+from botohe_moo.plots.draw.sheets import (
+    add_reach_bar,
+    key_of,
+    map_size,
+    name_map,
+    open_sheet,
+    rightmost,
+    title_sheet,
+)
+from botohe_moo.plots.draw.style import theme
+from botohe_moo.plots.draw.trails import RobotStyle, robot_styles
+from botohe_moo.trails import TrailPlan
+
+_MAX_MAPS = 24
+
+
+def plot_plan(
+    mission: Mission, plan: TrailPlan, *, title: str | None = None, ax: Axes | None = None
+) -> Axes:
+    """Draw the trails of a plan: all of them on one map, and those of each robot on its own.
+
+    On the maps of single robots visits are numbered in their order, and nodes are the darker the
+    more likely that robot reaches them; on the map of all robots nodes have their names, and are
+    the darker the more likely any robot reaches them. Trails keep to the right of their arcs, so
+    that both directions are seen. Robots, R0, R1, ... in the order of the plan, differ in colour,
+    dash and label. What would be too small to see is not drawn, and the line under the title says
+    so: arcs off the trails of large missions, and the numbers of some visits.
+
+    Parameters
+    ----------
+    mission
+        The mission.
+    plan
+        A plan that is valid for it.
+    title
+        Name of the picture; what follows a line break is paler. Default: the mission's title, and
+        the plan's objectives.
+    ax
+        Axes for the map of all robots, which is then the only one, with a legend below. By default
+        a figure with all maps will be created, of at most 24 robots that leave the base.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes of the map of all robots.
+
+    Raises
+    ------
+    PlanError
+        If the mission does not allow ``plan``.
+    TypeError
+        If ``mission`` is not a Mission or ``plan`` not a TrailPlan.
+    ValueError
+        If the ``pos`` of a node is not two finite numbers.
+    """
+    shown = PlanOnMap.of(mission, plan)
+    if title is None:
+        title = f"{mission.title}\n{shown.objectives}"
+    with theme():
+        if ax is not None:
+            open_axes(shown.xy, ax)
+            add_reach_bar(ax)
+            shown.add_legend(ax)
+            title_above(ax, title, "; ".join([*shown.at_base, *shown.draw_team(ax)]))
+            return ax
+        robots = shown.out[:_MAX_MAPS]
+        first, *others = _open_maps(shown.xy, len(robots))
+        notes = [*shown.at_base, *shown.draw_team(first)]
+        name_map(first, "all robots" if mission.robots > 1 else "with the names of nodes")
+        steps = [shown.draw_robot(own, i) for own, i in zip(others, robots, strict=True)]
+        if any(steps):
+            notes.insert(0, "numbers: order of visit")
+        if len(robots) < len(shown.out):
+            notes.append(f"maps of {len(robots)} of the {len(shown.out)} robots that leave")
+        title_sheet(first, title, "; ".join(notes))
+    return first
+
+
+@dataclass(frozen=True)
+class PlanOnMap:
+    """A plan, and what maps show of it."""
+
+    mission: Mission
+    plan: TrailPlan
+    xy: FloatArray
+    objectives: str
+    survival: FloatArray  # (n_robots,)
+    reach: FloatArray  # (n_robots, n_nodes)
+    styles: Sequence[RobotStyle]
+
+    @classmethod
+    def of(cls, mission: Mission, plan: TrailPlan) -> Self:
+        """Compute what maps of a plan show; errors are those of ``plot_plan``."""
+        if not isinstance(mission, Mission):
+            raise TypeError(f"Expected mission to be a Mission, got {mission!r}.")
+        reward, survivors = mission.evaluate([plan])[0]
+        return cls(
+            mission,
+            plan,
+            node_positions(mission),
+            f"E[R] = {reward:.2f}, E[S] = {survivors:.2f}",
+            mission.robot_survival([plan])[0],
+            reach_probabilities(mission, plan),
+            robot_styles(plan.n_robots),
+        )
+
+    @property
+    def out(self) -> list[int]:
+        """The robots that leave the base."""
+        return [robot for robot, trail in enumerate(self.plan.trails) if len(trail) > 1]
+
+    @property
+    def at_base(self) -> list[str]:
+        """Which robots stay at base, if any."""
+        home = [style.name for i, style in enumerate(self.styles) if i not in self.out]
+        if len(home) == len(self.styles):
+            return [f"all {len(home)} robots stay at base" if len(home) > 1 else "R0 stays at base"]
+        told = ", ".join(home) if len(home) < 4 else f"{len(home)} robots"
+        return [f"{told} stay{'s' if len(home) == 1 else ''} at base"] if home else []
+
+    def draw_team(self, ax: Axes) -> list[str]:
+        """Draw all trails; give what has to be said about the map."""
+        any_robot = 1 - np.prod(1 - self.reach, axis=0)
+        drawn = draw_map(ax, self.mission, self.xy, self.plan, self.styles, any_robot)
+        # Robots first: a trail without a name is worse than a node without one.
+        drawn.name_robots(self.plan, self.styles)
+        named = drawn.name_nodes(self.mission)
+        nodes, notes = len(self.xy), list(drawn.notes)
+        if named < nodes:
+            some = f"{nodes - named} of {nodes:,}" if named else f"the {nodes:,}"
+            notes.append(f"no room for the names of {some} nodes")
+        return notes
+
+    def draw_robot(self, ax: Axes, robot: int) -> int:
+        """Draw the trail of one robot, and name the map; give which visits are numbered."""
+        trail, style = self.plan.trails[robot], self.styles[robot]
+        reach = self.reach[robot]
+        drawn = draw_map(ax, self.mission, self.xy, TrailPlan([trail]), [style], reach)
+        step = drawn.number_visits(trail)
+        said = {0: ", too small to number", 1: ""}.get(step, f", each {step}th visit numbered")
+        name_map(ax, f"{self._survives(robot)}{said}".replace("2th", "2nd"), style)
+        return step
+
+    def add_legend(self, ax: Axes) -> None:
+        """Tell below a map which line is whose."""
+        handles = [key_of(self._survives(robot), self.styles[robot]) for robot in self.out]
+        if handles:
+            look: dict[str, Any] = {"frameon": False, "fontsize": 9.0, "columnspacing": 1.2}
+            look |= {"loc": "upper left", "bbox_to_anchor": (0.0, -0.01), "borderaxespad": 0.0}
+            ax.legend(handles=handles, ncols=min(3, len(handles)), **look)
+
+    def _survives(self, robot: int) -> str:
+        chance = self.survival[robot]
+        shown = f"{chance:.2f}" if chance >= 0.005 else "<0.01"
+        return f"{self.styles[robot].name} survives with {shown}"
+
+
+def _open_maps(xy: FloatArray, n_robots: int) -> list[Axes]:
+    """Open a figure with a map of all robots, and one for each of ``n_robots``.
+
+    Between more than three, that of all robots is twice as wide and high: trails share its arcs.
+    """
+    span = 2 if n_robots == 2 or n_robots > 3 else 1
+    fig, places = open_sheet(map_size(xy, 6.4 if n_robots < 4 else 5.2), n_robots, span)
+    maps = [open_axes(xy, fig.add_axes(place)) for place in places]
+    add_reach_bar(rightmost(maps))
+    return maps

@@ -1,0 +1,264 @@
+"""What the pictures show that plans are compared and chosen by, and those of case studies."""
+
+from functools import partial
+
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+
+from botohe_moo.decide import knees, representatives
+from botohe_moo.mission import PlanError
+from botohe_moo.outcomes import plan_outcomes, reward_distribution, survivors_distribution
+from botohe_moo.plots import outcomes as outcomes_picture
+from botohe_moo.plots import plot_case_study, plot_choices, plot_outcomes, save_plot
+from tests.plots.test_plan_plots import arcs_drawn, arcs_of, map_name, maps_of
+from tests.plots.test_plots import (
+    MUSEUM_TRAILS,
+    drawn,
+    legend_texts,
+    load,
+    only,
+    pheromone_of,
+    plan_names,
+    title,
+    words,
+)
+from tests.strategies import missions_with_plans
+
+TOY_TRAILS = ([1], [1, 2, 1], [1, 2, 4, 2, 1], [1, 3, 2, 4, 2, 3, 1])
+
+
+@pytest.fixture(autouse=True)
+def _close_figures():
+    mpl.use("Agg")
+    yield
+    plt.close("all")
+
+
+def toy_plans():
+    """Plans of the toy of which the second and the fourth robot trail are not dominated."""
+    mission = load("toy")
+    return mission, [mission.plan([trail, [1]]) for trail in TOY_TRAILS]
+
+
+def means_drawn(ax):
+    return [mean.get_xydata()[0].tolist() for mean in drawn(ax, "mean")]
+
+
+class TestOutcomes:
+    def test_curves_and_bars_are_the_distributions(self):
+        mission = load("art_museum")
+        plans = [mission.plan(MUSEUM_TRAILS), mission.plan([[1, 2, 1], [1], [1]])]
+        left, right = plot_outcomes(mission, *plans)
+        for plan, curve, bars in zip(plans, drawn(left, "reward"), right.containers, strict=True):
+            reward = reward_distribution(mission, plan)
+            # Just below each value it can still be reached, just above it not any more.
+            x, y = curve.get_data()
+            for i, value in enumerate(reward.values):
+                assert x[2 * i + 1] == x[2 * i + 2] == value
+                assert y[2 * i + 1] == pytest.approx(reward.at_least(value))
+                assert y[2 * i + 2] == pytest.approx(reward.at_least(value + 1e-6))
+            assert (y[0], y[-1]) == (1, 0)
+            survivors = survivors_distribution(mission, plan)
+            heights = [bar.get_height() for bar in bars]
+            assert heights == pytest.approx(survivors.probabilities)
+            middles = [bar.get_x() + bar.get_width() / 2 for bar in bars]
+            assert np.round(middles).tolist() == survivors.values.tolist()
+        assert left.get_xlim() == (0, mission.total_reward)
+
+    def test_expectations_are_marked_and_told(self):
+        mission = load("art_museum")
+        plans = [mission.plan(MUSEUM_TRAILS), mission.plan([[1, 2, 1], [1], [1]])]
+        expected = mission.evaluate(plans)
+        left, right = plot_outcomes(mission, *plans, names=["bold", "shy $<>$"], title="Two")
+        assert [x for x, _ in means_drawn(left)] == pytest.approx(expected[:, 0])
+        assert [x for x, _ in means_drawn(right)] == pytest.approx(expected[:, 1])
+        for plan, (x, y) in zip(plans, means_drawn(left), strict=True):
+            assert y == pytest.approx(reward_distribution(mission, plan).at_least(x))
+        assert legend_texts(left) == [
+            f"{name}: E[R] = {reward:.2f}, E[S] = {survivors:.2f}"
+            for name, (reward, survivors) in zip(["bold", "shy $<>$"], expected, strict=True)
+        ]
+        assert only(left, "title").get_text() == "Two"
+
+    def test_plans_differ_also_without_colour(self):
+        mission, plans = toy_plans()
+        left, right = plot_outcomes(mission, *plans)
+        assert len({str(curve._dash_pattern) for curve in drawn(left, "reward")}) == 4
+        assert len({bars[0].get_hatch() for bars in right.containers}) == 4
+
+    def test_texts_stand_in_the_figure_and_apart(self):
+        mission, plans = toy_plans()
+        left, right = plot_outcomes(mission, *plans[:2])
+        left.figure.draw_without_rendering()
+        box = left.figure.get_tightbbox().transformed(left.figure.dpi_scale_trans)
+        legend = left.get_legend().get_window_extent()
+        assert not legend.overlaps(left.xaxis.label.get_window_extent())
+        assert box.x0 <= legend.x0 < legend.x1 <= box.x1
+        told = [text.get_text() for text in right.texts]
+        assert told == ["1.00", "0.34", "0.66"]  # both stay; one goes past two dangers and back
+
+    def test_simulated_rewards_are_told(self, monkeypatch):
+        mission = load("art_museum")
+        few = partial(plan_outcomes, max_outcomes=1, n_samples=500)
+        monkeypatch.setattr(outcomes_picture, "plan_outcomes", few)
+        left, _ = plot_outcomes(mission, mission.plan(MUSEUM_TRAILS))
+        (told,) = legend_texts(left)
+        assert told.endswith("; R from 500 simulated missions")
+
+    def test_own_axes_are_drawn_on(self, tmp_path):
+        mission, plans = toy_plans()
+        _, axes = plt.subplots(1, 2)
+        assert plot_outcomes(mission, plans[0], axes=axes) == tuple(axes)
+        paths = [tmp_path / f"outcomes.{end}" for end in ("png", "svg", "pdf")]
+        save_plot(axes[0], *paths)
+        assert all(path.stat().st_size > 5_000 for path in paths)
+
+    @settings(max_examples=10)
+    @given(missions_with_plans())
+    def test_any_plan_is_drawn(self, case):
+        mission, plan = case
+        left, right = plot_outcomes(mission, plan)
+        (expected,) = mission.evaluate([plan])
+        assert [means_drawn(ax)[0][0] for ax in (left, right)] == pytest.approx(expected)
+        plt.close("all")
+
+    def test_wrong_arguments_are_named(self):
+        mission, plans = toy_plans()
+        with pytest.raises(TypeError, match="Expected mission to be a Mission, got None"):
+            plot_outcomes(None, plans[0])
+        with pytest.raises(TypeError, match="Plan 1: expected a TrailPlan, got 'x'"):
+            plot_outcomes(mission, plans[0], "x")
+        with pytest.raises(ValueError, match="Expected at least one plan, got none"):
+            plot_outcomes(mission)
+        for names in ("ab", ["a"], ["a", "b", "c"]):
+            with pytest.raises(ValueError, match="Expected 2 names, one a plan, got"):
+                plot_outcomes(mission, *plans[:2], names=names)
+        with pytest.raises(PlanError, match="expected 3 trails, got 2"):
+            plot_outcomes(load("art_museum"), plans[0])
+
+
+class TestChoices:
+    def test_knee_and_representatives_are_numbered_and_have_maps(self):
+        mission, plans = toy_plans()
+        ax = plot_choices(mission, plans, k=2)
+        marks = knees(mission, plans)
+        rows = {*representatives(mission, plans, 2), *(mark.index for mark in marks)}
+        expected = mission.evaluate(plans)
+        order = sorted(rows, key=lambda row: -expected[row, 0])
+        assert plan_names(ax) == [f"plan {row}" for row in order]
+        _, *maps = maps_of(ax)
+        for row, own in zip(order, maps, strict=True):
+            assert arcs_drawn(mission, own) == arcs_of(*plans[row].trails)
+            reward, survivors = expected[row]
+            assert map_name(own).startswith(f"plan {row}")
+            assert f": E[R] = {reward:.2f}, E[S] = {survivors:.2f}; " in map_name(own)
+            assert map_name(own).endswith("at base")
+        assert legend_texts(ax) == [f"{mark.name}: plan {mark.index}" for mark in marks]
+        for mark, sign in zip(marks, drawn(ax, "mark"), strict=True):
+            assert sign.get_xydata().tolist() == [[mark.reward, mark.survivors]]
+        assert words(ax).endswith("numbered: the knee, and 2 plans that stand for all")
+
+    def test_signs_of_marks_are_on_the_names_of_maps(self):
+        mission, plans = toy_plans()
+        _, *maps = maps_of(plot_choices(mission, plans, k=4))
+        signs = {"farthest from the chord": "◆", "largest product": "☆"}
+        names = [map_name(own) for own in maps]
+        for mark in knees(mission, plans):
+            (name,) = [name for name in names if name.startswith(f"plan {mark.index} ")]
+            assert signs[mark.name] in name.partition(":")[0]
+
+    def test_maps_do_not_overlap(self):
+        mission, plans = toy_plans()
+        axes = maps_of(plot_choices(mission, plans))
+        places = [ax.get_position() for ax in axes]
+        assert not any(a.overlaps(b) for i, a in enumerate(places) for b in places[:i])
+
+    def test_one_plan_is_a_front(self, tmp_path):
+        mission, plans = toy_plans()
+        ax = plot_choices(mission, plans[1:2], title="One")
+        assert title(ax) == "One"
+        assert plan_names(ax) == ["plan 0"]
+        paths = [tmp_path / f"choices.{end}" for end in ("png", "svg", "pdf")]
+        save_plot(ax, *paths)
+        assert all(path.stat().st_size > 5_000 for path in paths)
+
+    def test_wrong_arguments_are_named(self):
+        mission, plans = toy_plans()
+        with pytest.raises(TypeError, match="Expected mission to be a Mission, got 'toy'"):
+            plot_choices("toy", plans)
+        with pytest.raises(ValueError, match="Expected at least one plan, got none"):
+            plot_choices(mission, [])
+        with pytest.raises(ValueError, match="Expected k >= 1, got 0"):
+            plot_choices(mission, plans, k=0)
+        with pytest.raises(TypeError, match="expected a TrailPlan, got 1"):
+            plot_choices(mission, [1])
+
+
+def trace():
+    rows = [("A", 1, n, area) for n, area in ((10, 0.2), (100, 0.4))]
+    return pd.DataFrame(rows, columns=["algorithm", "seed", "evaluations", "area"])
+
+
+def names_of(ax):
+    return [" ".join(title(own).split()) for own in maps_of(ax) if title(own)]
+
+
+class TestCaseStudy:
+    def test_it_shows_all_that_is_given(self, tmp_path):
+        mission, plans = toy_plans()
+        rows = [3, 2]
+        ax = plot_case_study(
+            mission, plans, chosen=rows, trace=trace(), pheromone=pheromone_of(mission)
+        )
+        assert names_of(ax) == [
+            "(a) the mission",
+            "(b) progress",
+            "(c) the front",
+            "(d) plan 3",
+            "(e) plan 2",
+            "(f) pheromone",
+            "(g) pheromone",
+        ]
+        setup, progress, front, *maps, reward, survival = maps_of(ax)
+        assert setup is ax
+        assert only(progress, "curve").get_xydata()[-1].tolist() == [100, 0.4]
+        assert plan_names(front) == ["plan 3", "plan 2"]
+        for row, own in zip(rows, maps, strict=True):
+            assert arcs_drawn(mission, own) == arcs_of(*plans[row].trails)
+        assert words(reward) == "pheromone for reward"
+        assert words(survival) == "pheromone for survival"
+        (head,) = ax.figure.texts
+        assert head.get_text() == mission.title
+        paths = [tmp_path / f"study.{end}" for end in ("png", "svg", "pdf")]
+        save_plot(ax, *paths)
+        assert all(path.stat().st_size > 5_000 for path in paths)
+
+    def test_three_plans_are_drawn_and_nothing_that_is_not_given(self):
+        mission, plans = toy_plans()
+        ax = plot_case_study(mission, plans, title="$x$ <b>")
+        chosen = representatives(mission, plans, 3)
+        assert names_of(ax) == [
+            "(a) the mission",
+            "(b) the front",
+            *[f"({letter}) plan {row}" for letter, row in zip("cde", chosen, strict=True)],
+        ]
+        assert ax.figure.texts[0].get_text() == "$x$ <b>"
+        places = [own.get_position() for own in maps_of(ax)]
+        assert not any(a.overlaps(b) for i, a in enumerate(places) for b in places[:i])
+
+    def test_wrong_arguments_are_named(self):
+        mission, plans = toy_plans()
+        with pytest.raises(TypeError, match="Expected mission to be a Mission, got 3"):
+            plot_case_study(3, plans)
+        with pytest.raises(ValueError, match="Expected chosen to name at least one plan"):
+            plot_case_study(mission, plans, chosen=[])
+        with pytest.raises(ValueError, match="Expected chosen among the 4 plans from 0, got 4"):
+            plot_case_study(mission, plans, chosen=[4])
+        with pytest.raises(ValueError, match="Expected pheromone with columns"):
+            plot_case_study(mission, plans, pheromone=pd.DataFrame())
+        with pytest.raises(ValueError, match="Expected trace with columns"):
+            plot_case_study(mission, plans, trace=pd.DataFrame())

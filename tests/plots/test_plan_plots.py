@@ -1,0 +1,328 @@
+"""What the pictures of plans show: what is drawn is read back and compared with the plan."""
+
+import itertools
+import math
+import re
+import warnings
+from collections import defaultdict
+
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from matplotlib.text import Text
+
+from botohe_moo import load_mission
+from botohe_moo.mission import PlanError
+from botohe_moo.plots import (
+    plot_plan,
+    save_plot,
+)
+from botohe_moo.plots.draw.labels import drawable
+from botohe_moo.plots.draw.places import node_positions
+from botohe_moo.plots.draw.style import reach_palette
+from botohe_moo.plots.draw.trails import robot_styles
+from tests.plots.test_plots import (
+    MUSEUM_TRAILS,
+    drawn,
+    lagoon,
+    legend_texts,
+    load,
+    make,
+    n_segments,
+    only,
+    title,
+    words,
+)
+from tests.strategies import missions_with_plans
+
+
+@pytest.fixture(autouse=True)
+def _close_figures():
+    mpl.use("Agg")
+    yield
+    plt.close("all")
+
+
+def nodes_at(mission, points):
+    """The indices of the nodes nearest to points."""
+    away = node_positions(mission)[:, None] - np.reshape(points, (-1, 2))
+    return np.hypot(*away.T).argmin(axis=1).tolist()
+
+
+def ends_drawn(ax):
+    """Where the trails of a map begin and end on each arc (n, 2, 2), in their order."""
+    segments = [s for lines in drawn(ax, "trails") for s in lines.get_segments()]
+    return np.array([s[[0, -1]] for s in segments]).reshape(-1, 2, 2)
+
+
+def arcs_drawn(mission, ax):
+    """The arcs, as node indices, that the trails of a map follow, in their order."""
+    nodes = nodes_at(mission, ends_drawn(ax))
+    return list(zip(nodes[::2], nodes[1::2], strict=True))
+
+
+def arcs_of(*trails):
+    return [arc for trail in trails for arc in itertools.pairwise(trail)]
+
+
+def visits_drawn(mission, ax):
+    """The numbers at each node of a robot's map."""
+    texts = drawn(ax, "visits")
+    nodes = nodes_at(mission, [text.xy for text in texts])
+    numbers = [[int(part) for part in text.get_text().split(",")] for text in texts]
+    return dict(zip(nodes, numbers, strict=True))
+
+
+def visits_of(trail):
+    numbers = defaultdict(list)
+    for i, node in enumerate(trail[1:], start=1):
+        numbers[node].append(i)
+    return dict(numbers)
+
+
+def shades_drawn(mission, ax):
+    """The colour of each node that a trail touches."""
+    marks = [only(ax, gid) for gid in ("nodes", "base")]
+    nodes = nodes_at(mission, np.concatenate([mark.get_offsets() for mark in marks]))
+    fills = np.concatenate([mark.get_facecolors() for mark in marks])
+    return dict(zip(nodes, map(tuple, fills), strict=True))
+
+
+def reach_of(mission, trail):
+    """The probability with which a robot reaches each node of its trail, step by step."""
+    chance, found = 1.0, {trail[0]: 1.0}
+    for tail, head in itertools.pairwise(trail):
+        chance *= mission.graph.edges[mission.nodes[tail], mission.nodes[head]]["survival"]
+        found.setdefault(head, chance)
+    return found
+
+
+def texts_of(ax):
+    """The boxes in pixels of all texts on a map, without the lines that tie them to nodes."""
+    names = ("visits", "node name", "robot")
+    return [Text.get_window_extent(text) for gid in names for text in drawn(ax, gid)]
+
+
+def maps_of(ax):
+    return ax.figure.axes
+
+
+def map_name(ax):
+    (name,) = legend_texts(ax)
+    return name
+
+
+class TestPlan:
+    def test_every_robot_that_leaves_has_a_map_and_the_others_are_told(self):
+        mission = load("art_museum")
+        ax = plot_plan(mission, mission.plan(MUSEUM_TRAILS))
+        maps = maps_of(ax)
+        assert maps[0] is ax
+        assert [map_name(own) for own in maps] == [
+            "all robots",
+            f"R0 survives with {0.9**2 * 0.97**2 * 0.9**2:.2f}",
+            "R1 survives with 0.52",
+        ]
+        reward, survivors = mission.evaluate([mission.plan(MUSEUM_TRAILS)])[0]
+        assert title(ax) == "San Diego Museum of Art"
+        assert only(ax, "subtitle").get_text() == f"E[R] = {reward:.2f}, E[S] = {survivors:.2f}"
+        assert words(ax) == "numbers: order of visit; R2 stays at base"
+
+    def test_trails_are_those_of_the_plan(self):
+        mission = load("art_museum")
+        plan = mission.plan(MUSEUM_TRAILS)
+        team, first, second = maps_of(plot_plan(mission, plan))
+        assert arcs_drawn(mission, team) == arcs_of(*plan.trails)
+        assert arcs_drawn(mission, first) == arcs_of(plan.trails[0])
+        assert arcs_drawn(mission, second) == arcs_of(plan.trails[1])
+
+    def test_visits_are_numbered_in_their_order(self):
+        mission = load("art_museum")
+        plan = mission.plan(MUSEUM_TRAILS)
+        _, first, second = maps_of(plot_plan(mission, plan))
+        assert visits_drawn(mission, first) == visits_of(plan.trails[0])
+        assert visits_drawn(mission, second) == {1: [1, 3], 20: [2], 0: [4]}
+
+    def test_arrowheads_point_ahead(self):
+        mission = load("toy")
+        _, own = maps_of(plot_plan(mission, mission.plan([[1, 2, 4, 3, 1], [1]])))
+        heads = only(own, "trail heads")
+        arcs = node_positions(mission)[arcs_drawn(mission, own)]
+        starts, ends = arcs[:, 0], arcs[:, 1]
+        assert len(heads.get_paths()) == len(starts)
+        for path, at, start, end in zip(
+            heads.get_paths(), heads.get_offsets(), starts, ends, strict=True
+        ):
+            tip, barb, other, _ = path.vertices
+            along = (end - start) / math.dist(start, end)
+            assert tip @ along > 0 > barb @ along == pytest.approx(other @ along)
+            assert 0 < (at - start) @ along < math.dist(start, end)
+
+    def test_both_directions_lie_side_by_side(self):
+        mission = load("toy")
+        _, own = maps_of(plot_plan(mission, mission.plan([[1, 3, 4, 3, 1], [1]])))
+        out, _, _, back = (s[len(s) // 2] for s in only(own, "trails").get_segments())
+        assert math.dist(out, back) > 0.005
+        # 1 -> 3 runs down to the right, so its right-hand side is below the line through both.
+        assert out @ [1, 1] < 0.5 < back @ [1, 1]
+
+    def test_nodes_are_as_dark_as_they_are_likely_to_be_reached(self):
+        mission = load("art_museum")
+        plan = mission.plan(MUSEUM_TRAILS)
+        team, *own = maps_of(plot_plan(mission, plan))
+        palette = reach_palette()
+        missed = defaultdict(lambda: 1.0)
+        for ax, trail in zip(own, plan.trails, strict=False):
+            reach = reach_of(mission, trail)
+            assert shades_drawn(mission, ax) == {v: palette(p) for v, p in reach.items()}
+            for node, chance in reach.items():
+                missed[node] *= 1 - chance
+        assert shades_drawn(mission, team) == {v: palette(1 - p) for v, p in missed.items()}
+        light = [np.mean(palette(p)[:3]) for p in np.linspace(0, 1, 11)]
+        assert np.all(np.diff(light) < 0)
+        assert team.figure.axes[1].child_axes[0].get_ylim() == (0, 1)
+
+    @pytest.mark.parametrize("name", ["art_museum", "power_plant", "random"])
+    def test_no_texts_overlap(self, name):
+        mission = load_mission(name)
+        ax = plot_plan(mission, plan_of(mission, tour(mission)))
+        ax.figure.draw_without_rendering()
+        for own in maps_of(ax):
+            boxes = texts_of(own)
+            assert len(boxes) >= 20
+            assert not any(a.overlaps(b) for a, b in itertools.combinations(boxes, 2))
+            limits = own.get_window_extent().padded(3)
+            assert all(limits.contains(b.x0, b.y0) and limits.contains(b.x1, b.y1) for b in boxes)
+
+    def test_robots_differ_in_dash_and_label_as_well_as_in_colour(self):
+        styles = robot_styles(10)
+        assert len({style.colour for style in styles}) == 10
+        assert len({style.dash for style in styles[:5]}) == 5
+        assert len({style.name for style in styles}) == 10
+        bright = [np.power(style.colour, 2.2) @ [0.2126, 0.7152, 0.0722] for style in styles]
+        assert max(bright) < 0.51  # a line on white
+
+    def test_ten_robots_are_laid_out(self):
+        mission = load_mission("art_museum", robots=10)
+        trails = [trail for trail in MUSEUM_TRAILS[:2] for _ in range(4)] + [[1], [1]]
+        team, *own = maps_of(plot_plan(mission, mission.plan(trails)))
+        assert len(own) == 8
+        assert {text.get_text() for text in drawn(team, "robot")} == {f"R{i}" for i in range(8)}
+        assert words(team) == "numbers: order of visit; R8, R9 stay at base"
+        places = [ax.get_position() for ax in (team, *own)]
+        assert not any(a.overlaps(b) for a, b in itertools.combinations(places, 2))
+        assert team.get_position().width > 1.9 * own[0].get_position().width
+        assert 0.8 < np.divide(*team.figure.get_size_inches()) < 2.5
+
+    def test_of_a_large_team_some_have_maps(self):
+        mission = load_mission("toy", robots=40)
+        ax = plot_plan(mission, mission.plan([[1, 2, 1]] * 30 + [[1]] * 10))
+        assert len(maps_of(ax)) == 25
+        assert "10 robots stay at base; " in words(ax)
+        assert words(ax).endswith("maps of 24 of the 30 robots that leave")
+
+    def test_robots_that_all_stay_have_no_maps(self):
+        mission = load("toy")
+        ax = plot_plan(mission, mission.plan([[1], [1]]))
+        assert maps_of(ax) == [ax]
+        assert words(ax) == "all 2 robots stay at base"
+        assert not drawn(ax, "trails")
+        alone = load_mission("toy", robots=1)
+        assert words(plot_plan(alone, alone.plan([[1]]))) == "R0 stays at base"
+
+    def test_one_way_arcs_are_told_from_others(self):
+        mission = lagoon()
+        ax = plot_plan(mission, mission.plan([["dock", "reef", "dock"], ["dock"]]))
+        # dock - reef and cave - atoll can be walked both ways, reef -> cave and atoll -> dock not.
+        assert n_segments(ax, "both ways") == 2
+        assert n_segments(ax, "one way") == 2
+        assert len(only(ax, "ways").get_offsets()) == 2
+        assert "grey arrows: one way only" in words(ax)
+        mission = load("toy")
+        ax = plot_plan(mission, mission.plan([[1], [1]]))
+        assert n_segments(ax, "both ways") == 6
+        assert not drawn(ax, "ways")
+
+    def test_what_is_too_small_is_not_drawn_and_that_is_told(self):
+        mission = load_mission("terrain", nodes=2000, seed=1, robots=1)
+        plan = plan_of(mission, tour(mission, 600))
+        team, own = maps_of(plot_plan(mission, plan))
+        assert not drawn(team, "both ways")
+        assert "arcs off the trails are too small to draw" in words(team)
+        assert "no room for the names of the 2,000 nodes" in words(team)
+        nodes = node_positions(mission)[arcs_of(plan.trails[0])]
+        apart = own.transData.transform((nodes - ends_drawn(own)).reshape(-1, 2))
+        assert np.abs(apart - own.transData.transform((0, 0))).max() < 3  # pixels
+        step = int(re.search(r"each (\d+)", map_name(own))[1])
+        assert step > 1
+        shown = sorted(itertools.chain.from_iterable(visits_drawn(mission, own).values()))
+        assert shown == list(range(step, len(plan.trails[0]), step))
+        # Fewer arrowheads than arcs, but never far from each other.
+        assert 10 < len(only(own, "trail heads").get_offsets()) < len(plan.trails[0]) - 1
+
+    def test_texts_are_shown_as_they_are(self, tmp_path):
+        names = ['dock "A"', "<reef>", "$cave$", "🚁", "שלום", "</script>", "b\\c", "x_1^2"]
+        arcs = [(a, b, 0.9) for a, b in itertools.pairwise([*names, names[0]])]
+        mission = make({name: {"reward": 1} for name in names}, arcs, base=names[0], robots=2)
+        plan = mission.plan([[*names, names[0]], names[:1]])
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            ax = plot_plan(mission, plan, title="<b>\n$x$")
+            shown = {text.get_text() for text in drawn(ax, "node name")}
+            assert shown == {drawable(name) for name in names}
+            assert (title(ax), only(ax, "subtitle").get_text()) == ("<b>", "$x$")
+            save_plot(ax, *(tmp_path / f"plan.{end}" for end in ("png", "svg", "pdf")))
+
+    def test_one_map_on_given_axes(self):
+        mission = load("art_museum")
+        plan = mission.plan(MUSEUM_TRAILS)
+        _, ax = plt.subplots()
+        assert plot_plan(mission, plan, ax=ax) is ax
+        assert legend_texts(ax) == ["R0 survives with 0.62", "R1 survives with 0.52"]
+        assert words(ax) == "R2 stays at base"
+        assert arcs_drawn(mission, ax) == arcs_of(*plan.trails)
+        styles = robot_styles(3)
+        handles = ax.get_legend().legend_handles
+        assert [handle.get_color() for handle in handles] == [s.colour for s in styles[:2]]
+
+    @settings(max_examples=10)
+    @given(missions_with_plans())
+    def test_any_plan_is_drawn_as_it_is(self, case):
+        mission, plan = case
+        team, *own = maps_of(plot_plan(mission, plan))
+        assert arcs_drawn(mission, team) == arcs_of(*plan.trails)
+        out = [trail for trail in plan.trails if len(trail) > 1]
+        assert len(own) == len(out)
+        for ax, trail in zip(own, out, strict=True):
+            assert arcs_drawn(mission, ax) == arcs_of(trail)
+            if "visit" not in map_name(ax) and "small" not in map_name(ax):
+                assert visits_drawn(mission, ax) == visits_of(trail)
+        plt.close("all")
+
+    def test_wrong_arguments_are_named(self):
+        mission = load("toy")
+        with pytest.raises(TypeError, match="Expected mission to be a Mission, got 'toy'"):
+            plot_plan("toy", mission.plan([[1], [1]]))
+        with pytest.raises(TypeError, match=r"expected a TrailPlan, got \[\[1\], \[1\]\]"):
+            plot_plan(mission, [[1], [1]])
+        with pytest.raises(PlanError, match="expected 3 trails, got 2"):
+            plot_plan(load("art_museum"), mission.plan([[1], [1]]))
+
+
+def tour(mission, most=math.inf):
+    """A trail around a tree that is searched in depth, of all nodes or so many steps, and home."""
+    trail, way = [mission.base], [mission.base]
+    for tail, head, kind in nx.dfs_labeled_edges(mission.graph, mission.base):
+        if tail == head or kind == "nontree" or len(trail) > most:
+            continue
+        way = [*way, head] if kind == "forward" else way[:-1]
+        trail.append(way[-1])
+    # In these missions every arc has its opposite.
+    return [*trail, *way[-2::-1]]
+
+
+def plan_of(mission, trail):
+    return mission.plan([trail, *[[mission.base]] * (mission.robots - 1)])
