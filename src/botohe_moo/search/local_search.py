@@ -145,12 +145,13 @@ class LocalSearch:
         """
         front, store, graph = self._front, self._store, self.mission.arrays
         slots, objectives = read_front(front)
-        trails = store.trails[front.plan[slots].ravel()]
-        offsets = np.concatenate([[0], np.cumsum(trails["n_arcs"] + 1)])
-        nodes = np.full(offsets[-1], graph.base, np.int32)
-        is_base = np.zeros(len(nodes), bool)
-        is_base[offsets[:-1]] = True
-        nodes[~is_base] = graph.head[store.arc[pieces(trails["first_arc"], trails["n_arcs"])]]
+        used, which = np.unique(front.plan[slots], return_inverse=True)  # many plans share trails
+        trails = store.trails[used]
+        _, *ways = pieces(store.arc, trails["first_arc"], trails["n_arcs"])
+        walked = [np.append(graph.base, graph.head[way]).astype(np.int32) for way in ways]
+        which = which.ravel()
+        nodes = np.concatenate([np.empty(0, np.int32), *(walked[i] for i in which.tolist())])
+        offsets = np.append(0, np.cumsum(trails["n_arcs"][which] + 1))
         batch = PlanBatch._wrap(nodes, offsets, self.mission.robots)
         return batch, objectives, front.serial[slots]
 

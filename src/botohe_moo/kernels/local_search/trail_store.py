@@ -4,7 +4,7 @@ A child differs from its parent in one trail; the others are the parent's. So me
 of a new plan follow the length of the trail that changed, not the size of the team.
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -12,6 +12,8 @@ from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, Record, Re
 from botohe_moo.kernels.compile import helper, inlined
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.plans.order import precedes
+
+Numbers = TypeVar("Numbers", FloatArray, IntArray)
 
 _COUNTS = np.dtype([(name, np.int64) for name in ("arcs", "visits", "spare")])
 _TRAIL = np.dtype(
@@ -61,21 +63,23 @@ def copy_trails(store: TrailStore, into: TrailStore) -> None:
     into.trails[used] = store.trails[used]
     pools = ((("arc",), "first_arc", "n_arcs"), (("node", "reach"), "first_visit", "n_visits"))
     for names, first, length in pools:
-        lengths = store.trails[length][used]
-        old = pieces(store.trails[first][used], lengths)
+        starts, lengths = store.trails[first][used], store.trails[length][used]
         into.trails[first][used] = np.cumsum(lengths) - lengths
         for name in names:
-            getattr(into, name)[: len(old)] = getattr(store, name)[old]
+            stretches = pieces(getattr(store, name), starts, lengths)
+            np.concatenate(stretches, out=getattr(into, name)[: lengths.sum()])
     into.n.arcs, into.n.visits = (int(into.trails[name].sum()) for name in ("n_arcs", "n_visits"))
     free = np.setdiff1d(np.arange(len(into.trails)), used)[::-1]
     into.spare[: len(free)] = free
     into.n.spare = len(free)
 
 
-def pieces(first: OffsetArray, lengths: OffsetArray) -> OffsetArray:
-    """Give the indices of some stretches of an array, one stretch after another."""
-    ends = np.cumsum(lengths)
-    return np.arange(lengths.sum()) + np.repeat(first - ends + lengths, lengths)
+def pieces(array: Numbers, first: OffsetArray, lengths: OffsetArray) -> list[Numbers]:
+    """Give some stretches of an array, and an empty one in front."""
+    found = [array[:0]]
+    for start, stop in zip(first.tolist(), (first + lengths).tolist(), strict=True):
+        found.append(array[start:stop])
+    return found
 
 
 @helper
