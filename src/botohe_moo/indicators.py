@@ -5,7 +5,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from botohe_moo._base.types import FloatArray
-from botohe_moo.mission.model import Mission
+from botohe_moo.mission.model import Mission, check_mission
 
 # Indicators that differ by less are equal: such differences come from the order of sums.
 TIE = 1e-12
@@ -37,8 +37,8 @@ def area_indicator(objectives: ArrayLike, mission: Mission) -> float:
     moocore (Fonseca, Paquete and López-Ibáñez, "An improved dimension-sweep algorithm for the
     hypervolume indicator", CEC 2006).
     """
+    whole = check_mission(mission).total_reward * mission.robots
     values = _checked("objectives", objectives)
-    whole = mission.total_reward * mission.robots
     if whole == 0 or len(values) == 0:
         return 0.0
     area = float(moocore.hypervolume(values, ref=[0.0, 0.0], maximise=True)) / whole

@@ -14,7 +14,7 @@ from botohe_moo._base.types import FloatArray, ObjectArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Probability
 from botohe_moo.indicators import area_indicator
-from botohe_moo.mission.model import Mission
+from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.trails import PlanBatch
 
 _ROUNDING = 1e-12
@@ -54,10 +54,7 @@ class BOTOHE(Problem):
     def __init__(
         self, mission: Mission, *, min_survival: Probability = 0.0, allow_invalid: bool = False
     ) -> None:
-        if not isinstance(mission, Mission):
-            raise TypeError(
-                f"Expected a Mission, got {mission!r}; load_mission(name_or_path) gives one."
-            )
+        check_mission(mission)
         n_constraints = int(allow_invalid) + int(min_survival > 0)
         super().__init__(n_var=1, n_obj=2, n_ieq_constr=n_constraints, vtype=object)
         self.mission = mission

@@ -128,7 +128,7 @@ class TestOutcomes:
 
     def test_wrong_arguments_are_named(self):
         mission, plans = toy_plans()
-        with pytest.raises(TypeError, match="Expected mission to be a Mission, got None"):
+        with pytest.raises(TypeError, match="Expected a Mission, got None"):
             plot_outcomes(None, plans[0])
         with pytest.raises(TypeError, match="Plan 1: expected a TrailPlan, got 'x'"):
             plot_outcomes(mission, plans[0], "x")
@@ -188,7 +188,7 @@ class TestChoices:
 
     def test_wrong_arguments_are_named(self):
         mission, plans = toy_plans()
-        with pytest.raises(TypeError, match="Expected mission to be a Mission, got 'toy'"):
+        with pytest.raises(TypeError, match="Expected a Mission, got 'toy'"):
             plot_choices("toy", plans)
         with pytest.raises(ValueError, match="Expected at least one plan, got none"):
             plot_choices(mission, [])
@@ -252,7 +252,7 @@ class TestCaseStudy:
 
     def test_wrong_arguments_are_named(self):
         mission, plans = toy_plans()
-        with pytest.raises(TypeError, match="Expected mission to be a Mission, got 3"):
+        with pytest.raises(TypeError, match="Expected a Mission, got 3"):
             plot_case_study(3, plans)
         with pytest.raises(ValueError, match="Expected chosen to name at least one plan"):
             plot_case_study(mission, plans, chosen=[])

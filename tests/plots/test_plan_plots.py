@@ -304,7 +304,7 @@ class TestPlan:
 
     def test_wrong_arguments_are_named(self):
         mission = load("toy")
-        with pytest.raises(TypeError, match="Expected mission to be a Mission, got 'toy'"):
+        with pytest.raises(TypeError, match="Expected a Mission, got 'toy'"):
             plot_plan("toy", mission.plan([[1], [1]]))
         with pytest.raises(TypeError, match=r"expected a TrailPlan, got \[\[1\], \[1\]\]"):
             plot_plan(mission, [[1], [1]])

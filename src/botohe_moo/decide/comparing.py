@@ -10,7 +10,7 @@ import numpy as np
 from botohe_moo.decide.fronts import more, short
 from botohe_moo.decide.selecting import arc_counts, distances
 from botohe_moo.decide.wishes import label_text
-from botohe_moo.mission.model import Mission
+from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.trails import PlanBatch, TrailPlan
 
 _SHOWN = 8  # nodes in a sentence
@@ -105,7 +105,7 @@ def compare(mission: Mission, first: TrailPlan, second: TrailPlan) -> Difference
     Only the second plan visits 3 and 4.
     Robot 0 (1 in the second plan) also visits 3 and 4, at the same survival.
     """
-    batch = mission.batch([first, second])
+    batch = check_mission(mission).batch([first, second])
     gain = np.subtract(*mission.evaluate(batch)[::-1]).tolist()
     survival = mission.robot_survival(batch)
     visits = [[set(trail) for trail in plan] for plan in map(mission.labels, (first, second))]

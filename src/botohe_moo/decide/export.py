@@ -15,7 +15,7 @@ import numpy as np
 
 from botohe_moo._base.files import replace_file
 from botohe_moo.mission.formats.nodelink import plain_label
-from botohe_moo.mission.model import Mission
+from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.outcomes import reach_probabilities
 from botohe_moo.trails import TrailPlan
 
@@ -40,7 +40,7 @@ def plan_json(mission: Mission, plan: TrailPlan) -> str:
     PlanError
         If the plan is not valid for the mission.
     """
-    ((reward, survivors),) = mission.evaluate([plan]).tolist()
+    ((reward, survivors),) = check_mission(mission).evaluate([plan]).tolist()
     content = {
         "mission": mission.name,
         "robots": mission.robots,
@@ -63,7 +63,7 @@ def plan_csv(mission: Mission, plan: TrailPlan) -> str:
     mission, plan
         As for :func:`plan_json`, which also says what is raised.
     """
-    mission.evaluate([plan])
+    check_mission(mission).evaluate([plan])
     places = _places(mission)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -88,7 +88,7 @@ def plan_geojson(mission: Mission, plan: TrailPlan) -> str:
         As for :func:`plan_json`, which also says what is raised; also a ValueError if a visited
         node has no position.
     """
-    survival = mission.robot_survival([plan])[0].tolist()
+    survival = check_mission(mission).robot_survival([plan])[0].tolist()
     reached = 1 - (1 - reach_probabilities(mission, plan)).prod(axis=0)
     places = _places(mission)
     trails = mission.labels(plan)

@@ -6,7 +6,7 @@ import numpy as np
 
 from botohe_moo._base.checks import check_integer, quoted
 from botohe_moo._base.types import FloatArray, OffsetArray
-from botohe_moo.mission.model import Mission
+from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.trails import PlanBatch, Plans
 
 # Plans, or their objectives E[R] and E[S] (n_plans, 2).
@@ -15,6 +15,7 @@ PlansOrObjectives = Plans | FloatArray
 
 def objectives_of(mission: Mission, given: PlansOrObjectives) -> FloatArray:
     """Give the objectives (n_plans, 2) of plans, or check those that are given instead."""
+    check_mission(mission)
     if not isinstance(given, PlanBatch | np.ndarray) and isinstance(given, Iterable):
         given = list(given)
     try:

@@ -13,7 +13,7 @@ from botohe_moo._base.checks import check_integer, check_number
 from botohe_moo._base.types import FloatArray
 from botohe_moo.decide.judging import Candidates
 from botohe_moo.kernels.plans import evaluate as kernels
-from botohe_moo.mission.model import Mission
+from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.trails import PlanBatch, Plans, TrailPlan
 
 if TYPE_CHECKING:
@@ -167,7 +167,7 @@ def after_losses(mission: Mission, plans: Plans, alpha: int = 1) -> pd.DataFrame
     """
     import pandas as pd
 
-    alpha = check_integer("alpha", alpha, at_least=0, at_most=mission.robots)
+    alpha = check_integer("alpha", alpha, at_least=0, at_most=check_mission(mission).robots)
     if (n_subsets := comb(mission.robots, alpha)) > _MAX_SUBSETS:
         raise ValueError(
             f"Expected at most {_MAX_SUBSETS:,} subsets of robots, got {n_subsets:,} of {alpha} "

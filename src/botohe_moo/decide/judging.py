@@ -13,7 +13,7 @@ from botohe_moo.decide.wishes import (
     TailMean,
     Wish,
 )
-from botohe_moo.mission.model import Mission
+from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.outcomes import (
     Distribution,
     reach_probabilities,
@@ -33,7 +33,7 @@ class Candidates:
 
     def __init__(self, mission: Mission, plans: Plans) -> None:
         self.mission = mission
-        self.batch = mission.batch(plans)
+        self.batch = check_mission(mission).batch(plans)
         self.plans = tuple(self.batch)
         if not self.plans:
             raise ValueError("Expected at least one plan to choose from, got none.")

@@ -9,6 +9,7 @@ from typing import Any, Self
 import networkx as nx
 import numpy as np
 
+from botohe_moo._base.checks import quoted
 from botohe_moo._base.types import FloatArray
 from botohe_moo.kernels.graph.graph import Graph, new_graph
 from botohe_moo.kernels.plans import evaluate as kernels
@@ -164,8 +165,11 @@ class Mission:
         Parameters
         ----------
         plan
-            A plan of this mission; a PlanError is raised if it visits other nodes.
+            A plan of this mission; a PlanError is raised if it visits other nodes, and a TypeError
+            if it is not a TrailPlan.
         """
+        if not isinstance(plan, TrailPlan):
+            raise TypeError(f"Expected a TrailPlan, got {quoted(plan)}.")
         for node in (int(plan.nodes.min()), int(plan.nodes.max())):
             if not 0 <= node < len(self.nodes):
                 known = f"mission {self.name!r} has {len(self.nodes)} nodes"
@@ -302,3 +306,12 @@ class Mission:
             f"<Mission {self.name!r}: {len(self.nodes)} nodes, {self.arrays.n_arcs} arcs, "
             f"{self.robots} robots at base {self.base!r}, total reward {self.total_reward:g}>"
         )
+
+
+def check_mission(value: object) -> Mission:
+    """Give a mission back, or raise a TypeError that says how to get one."""
+    if isinstance(value, Mission):
+        return value
+    raise TypeError(
+        f"Expected a Mission, got {quoted(value)}; load_mission(name_or_path) gives one."
+    )

@@ -11,7 +11,7 @@ import numpy as np
 from botohe_moo._base.checks import check_integer
 from botohe_moo._base.types import FloatArray, OffsetArray, Rng
 from botohe_moo.kernels.plans import simulate as kernels
-from botohe_moo.mission import Mission
+from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.outcomes.distribution import Distribution
 from botohe_moo.outcomes.joining import TooManyOutcomesError, follow, join_robots, merged
 from botohe_moo.trails import TrailPlan
@@ -91,7 +91,7 @@ def survivors_distribution(mission: Mission, plan: TrailPlan) -> Distribution:
     mission, plan
         As for :func:`reward_distribution`.
     """
-    mission.evaluate([plan])
+    check_mission(mission).evaluate([plan])
     returns = np.sort(follow(mission, plan).alive[plan.offsets[1:] - 1])
     shares = reduce(np.convolve, [np.array([1 - p, p]) for p in returns])
     values = np.arange(len(shares), dtype=float)
@@ -115,7 +115,7 @@ def reach_probabilities(mission: Mission, plan: TrailPlan) -> FloatArray:
         Shape (robots, n_nodes), robots in the order of the plan, nodes in that of
         ``mission.nodes``; 1 at the base, 0 at nodes that are not on the robot's trail.
     """
-    mission.evaluate([plan])
+    check_mission(mission).evaluate([plan])
     reached = np.zeros((plan.n_robots, len(mission.nodes)))
     robots = np.repeat(np.arange(plan.n_robots), np.diff(plan.offsets))
     # The first visit of a node is its most probable one.
@@ -175,7 +175,7 @@ def reward_distribution(
     """
     max_outcomes = check_integer("max_outcomes", max_outcomes, at_least=1)
     n_samples = check_integer("n_samples", n_samples, at_least=1)
-    mission.evaluate([plan])
+    check_mission(mission).evaluate([plan])
     # Robots are identical, so the result must not depend on the order of their trails.
     ordered = TrailPlan(sorted(plan.trails))
     try:
@@ -224,7 +224,7 @@ def simulate(
     import pandas as pd
 
     n_missions = check_integer("n_missions", n_missions, at_least=1)
-    mission.evaluate([plan])
+    check_mission(mission).evaluate([plan])
     rewards, hops = _play(mission, plan, n_missions, random_state)
     frame = pd.DataFrame(hops, columns=[f"hops_{k}" for k in range(plan.n_robots)])
     frame.insert(0, "reward", rewards)

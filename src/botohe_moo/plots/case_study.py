@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 
 from botohe_moo.decide import representatives
 from botohe_moo.decide.fronts import check_row
-from botohe_moo.mission import Mission
+from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.plots.draw.canvas import frame_of, open_axes
 from botohe_moo.plots.draw.labels import drawable
 from botohe_moo.plots.draw.places import node_positions
@@ -82,8 +82,7 @@ def plot_case_study(
     trail-planning for a robot team orienteering in a hazardous environment", 2025, show of the art
     museum.
     """
-    if not isinstance(mission, Mission):
-        raise TypeError(f"Expected mission to be a Mission, got {mission!r}.")
+    check_mission(mission)
     batch = mission.batch(plans)
     objectives = mission.evaluate(batch)
     rows = representatives(mission, batch, 3) if chosen is None else tuple(chosen)

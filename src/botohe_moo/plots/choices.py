@@ -5,7 +5,7 @@ from typing import Any
 from matplotlib.axes import Axes
 
 from botohe_moo.decide import Mark, knees, representatives
-from botohe_moo.mission import Mission
+from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.plots.draw.canvas import open_axes
 from botohe_moo.plots.draw.places import node_positions
 from botohe_moo.plots.draw.scales import title_above
@@ -62,8 +62,7 @@ def plot_choices(
     ValueError
         If there is no plan, or ``k`` is not an integer of at least 1.
     """
-    if not isinstance(mission, Mission):
-        raise TypeError(f"Expected mission to be a Mission, got {mission!r}.")
+    check_mission(mission)
     batch = mission.batch(plans)
     objectives = mission.evaluate(batch)
     marks = knees(mission, objectives)

@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from botohe_moo.mission import Mission
+from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.plots.draw.canvas import Canvas, add_colour_bar, bowed_arcs, open_axes
 from botohe_moo.plots.draw.labels import drawable
 from botohe_moo.plots.draw.places import node_positions
@@ -60,6 +60,7 @@ def plot_mission(
     ValueError
         If the ``pos`` of a node is not two finite numbers.
     """
+    check_mission(mission)
     words = ""
     if plan is not None:
         reward, survivors = mission.evaluate([plan])[0]

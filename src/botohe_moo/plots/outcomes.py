@@ -11,7 +11,7 @@ from matplotlib.legend_handler import HandlerTuple
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from botohe_moo.mission import Mission
+from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.outcomes import Distribution, Outcomes, plan_outcomes
 from botohe_moo.plots.draw.labels import drawable, wrapped
 from botohe_moo.plots.draw.scales import stack_above
@@ -69,8 +69,7 @@ def plot_outcomes(
     long, the rewards of 100 000 simulated missions; the legend says so. The seed is always the
     same.
     """
-    if not isinstance(mission, Mission):
-        raise TypeError(f"Expected mission to be a Mission, got {mission!r}.")
+    check_mission(mission)
     if not plans:
         raise ValueError("Expected at least one plan, got none.")
     if names is None:

@@ -7,7 +7,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from botohe_moo._base.types import FloatArray
-from botohe_moo.mission import Mission
+from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.plots.draw.canvas import Canvas, add_colour_bar, open_axes
 from botohe_moo.plots.draw.places import node_positions
 from botohe_moo.plots.draw.scales import title_above
@@ -43,6 +43,7 @@ def plot_pheromone(
     """
     if kind not in get_args(Kind):
         raise ValueError(f"Expected kind to be one of {', '.join(get_args(Kind))}, got {kind!r}.")
+    check_mission(mission)
     values = _arc_values(mission, pheromone, kind)
     xy = node_positions(mission)
     with theme():

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from botohe_moo._base.types import FloatArray
-from botohe_moo.mission import Mission
+from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.outcomes import reach_probabilities
 from botohe_moo.plots.draw.canvas import open_axes
 from botohe_moo.plots.draw.maps import draw_map
@@ -107,8 +107,7 @@ class PlanOnMap:
     @classmethod
     def of(cls, mission: Mission, plan: TrailPlan) -> Self:
         """Compute what maps of a plan show; errors are those of ``plot_plan``."""
-        if not isinstance(mission, Mission):
-            raise TypeError(f"Expected mission to be a Mission, got {mission!r}.")
+        check_mission(mission)
         reward, survivors = mission.evaluate([plan])[0]
         return cls(
             mission,

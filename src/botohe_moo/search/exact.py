@@ -11,7 +11,7 @@ import numpy as np
 from botohe_moo._base.checks import check_number
 from botohe_moo.kernels.exact import tables, teams
 from botohe_moo.kernels.plans.evaluate import either
-from botohe_moo.mission.model import Mission
+from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.search.exact_trails import TrailSearch
 from botohe_moo.search.sequential import SequentialPlanner
 from botohe_moo.trails import PlanBatch, TrailPlan
@@ -135,11 +135,7 @@ class FrontSearch:
         time_limit: float = TIME_LIMIT,
         memory_limit: float = MEMORY_LIMIT,
     ) -> None:
-        if not isinstance(mission, Mission):
-            raise TypeError(
-                f"Expected a Mission, got {mission!r}; load_mission(name_or_path) gives one."
-            )
-        self.mission = mission
+        self.mission = check_mission(mission)
         self.min_survival = check_number("min_survival", min_survival, at_least=0, at_most=1)
         self.time_limit = check_number("time_limit", time_limit, above=0)
         self.memory_limit = check_number("memory_limit", memory_limit, above=0)

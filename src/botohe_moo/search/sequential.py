@@ -12,7 +12,7 @@ from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.beam.labels import new_beam
 from botohe_moo.kernels.beam.prospects import Near, Rule, dangers, find_near
 from botohe_moo.kernels.beam.search import MAX_LABELS, best_trail
-from botohe_moo.mission.model import Mission
+from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.trails import TrailPlan
 
 BEAM_WIDTH = 100
@@ -89,11 +89,7 @@ class SequentialPlanner:
     def __init__(
         self, mission: Mission, *, beam_width: int = BEAM_WIDTH, min_survival: float = 0.0
     ) -> None:
-        if not isinstance(mission, Mission):
-            raise TypeError(
-                f"Expected a Mission, got {mission!r}; load_mission(name_or_path) gives one."
-            )
-        self.mission = mission
+        self.mission = check_mission(mission)
         self.beam_width = check_integer(
             "beam_width", beam_width, at_least=1, at_most=MAX_BEAM_WIDTH
         )

@@ -14,7 +14,7 @@ from botohe_moo.mission.formats.benchmark import read_benchmark
 from botohe_moo.mission.formats.graphml import read_graphml, write_graphml
 from botohe_moo.mission.formats.nodelink import mission_content, read_node_link, write_node_link
 from botohe_moo.mission.memory import MAX_FILE_BYTES, in_gib
-from botohe_moo.mission.model import Mission
+from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.mission.validation import MissionError, mission_faults
 
 # A reader takes a file's bytes and keyword-only options; it returns the graph, and the faults of
@@ -105,7 +105,7 @@ def save_mission(mission: Mission, path: str | os.PathLike[str]) -> None:
     if writer is None:
         raise ValueError(f"{path}: {_unknown_suffix(path, _WRITERS)}.")
     try:
-        data = writer(mission_content(mission))
+        data = writer(mission_content(check_mission(mission)))
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     except RecursionError:

@@ -1,0 +1,61 @@
+"""What takes a mission, and is given something else, says so before it does anything."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from botohe_moo import BOTOHE, area_indicator, load_mission, outcomes, plot_front, save_mission
+from botohe_moo import decide as d
+from botohe_moo import plots as p
+
+TOY = load_mission("toy")
+PLAN = TOY.plan([[1, 2, 1], [1]])
+POINTS = TOY.evaluate([PLAN])
+
+TAKE_A_MISSION = {
+    "BOTOHE": BOTOHE,
+    "area_indicator": lambda m: area_indicator(POINTS, m),
+    "plan_outcomes": lambda m: outcomes.plan_outcomes(m, PLAN),
+    "reach_probabilities": lambda m: outcomes.reach_probabilities(m, PLAN),
+    "reward_distribution": lambda m: outcomes.reward_distribution(m, PLAN),
+    "simulate": lambda m: outcomes.simulate(m, PLAN, 3),
+    "survivors_distribution": lambda m: outcomes.survivors_distribution(m, PLAN),
+    "after_losses": lambda m: d.after_losses(m, [PLAN]),
+    "choose": lambda m: d.choose(m, [PLAN], d.Expected(quantity="reward", at_least=1)),
+    "compare": lambda m: d.compare(m, PLAN, PLAN),
+    "exchange_rate": lambda m: d.exchange_rate(m, POINTS, 0),
+    "knees": lambda m: d.knees(m, POINTS),
+    "neighbours": lambda m: d.neighbours(m, POINTS, 0),
+    "plan_csv": lambda m: d.plan_csv(m, PLAN),
+    "plan_geojson": lambda m: d.plan_geojson(m, PLAN),
+    "plan_json": lambda m: d.plan_json(m, PLAN),
+    "representatives": lambda m: d.representatives(m, [PLAN]),
+    "robustness": lambda m: d.robustness(m, [PLAN]),
+    "toward": lambda m: d.toward(m, [PLAN], reward=1, survivors=1),
+    "plot_case_study": lambda m: p.plot_case_study(m, [PLAN]),
+    "plot_choices": lambda m: p.plot_choices(m, [PLAN]),
+    "plot_front": lambda m: plot_front(POINTS, m),
+    "plot_mission": lambda m: p.plot_mission(m),
+    "plot_outcomes": lambda m: p.plot_outcomes(m, PLAN),
+    "plot_pheromone": lambda m: p.plot_pheromone(m, pd.DataFrame()),
+    "plot_plan": lambda m: p.plot_plan(m, PLAN),
+}
+
+
+@pytest.mark.parametrize("given", [3, "toy", TOY.graph], ids=["number", "name", "graph"])
+@pytest.mark.parametrize("name", TAKE_A_MISSION)
+def test_what_is_not_a_mission_is_named(name, given):
+    with pytest.raises(TypeError, match=r"^Expected a Mission, got .*; load_mission\(name_or_path"):
+        TAKE_A_MISSION[name](given)
+
+
+def test_nothing_is_written_for_what_is_not_a_mission(tmp_path):
+    for given in (3, "toy", np.zeros(2)):
+        with pytest.raises(TypeError, match=r"^Expected a Mission, got"):
+            save_mission(given, tmp_path / "site.json")
+    assert not list(tmp_path.iterdir())
+
+
+def test_labels_of_what_is_not_a_plan():
+    with pytest.raises(TypeError, match=r"^Expected a TrailPlan, got \[\[1\], \[1\]\]\.$"):
+        TOY.labels([[1], [1]])
