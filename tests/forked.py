@@ -1,8 +1,8 @@
 """Processes that need not load the libraries: forked from one that has loaded them.
 
-``Forked`` is ``subprocess.Popen`` for ``python -m MODULE`` and ``python -c CODE``. What it starts
-is a process like any other: it has its own arguments, environment, folder, streams, signals and
-exit status. But it is not a new interpreter: what one does first is tested with others.
+``Forked`` is ``subprocess.Popen`` for ``python -m MODULE``, ``python -c CODE`` and scripts. What it
+starts is a process like any other: it has its own arguments, environment, folder, streams, signals
+and exit status. But it is not a new interpreter: what one does first is tested with others.
 
 The server is this file as a script. It is started when it is first needed, and ends with the
 process that has started it.
@@ -30,7 +30,7 @@ import tempfile
 import types
 from pathlib import Path
 
-_ADDRESS = "BOTOHE_TEST_FORKS"  # variable of the environment: the server's socket
+ADDRESS = "BOTOHE_TEST_FORKS"  # variable of the environment: the server's socket
 _ROOM = 32_768  # bytes for the arguments, and for the environment, that /proc shows
 _HEADER = struct.Struct("<q")
 _PATH = "PYTHONPATH"
@@ -50,7 +50,7 @@ class Forked(subprocess.Popen):
         request = {
             "command": [os.fspath(argument) for argument in arguments["args"]],
             "cwd": os.fspath(arguments["cwd"] or Path.cwd()),
-            "env": {**(os.environ if env is None else env), _ADDRESS: start_server()},
+            "env": {**(os.environ if env is None else env), ADDRESS: start_server()},
             "start_new_session": bool(arguments["start_new_session"]),
         }
         child_ends = [arguments[name] for name in ("p2cread", "c2pwrite", "errwrite")]
@@ -88,6 +88,14 @@ class Forked(subprocess.Popen):
         return self.returncode
 
 
+def run_forked(command, *, timeout=200, **options):
+    """Do as ``subprocess.run`` does, and capture text."""
+    pipe = subprocess.PIPE
+    with Forked(command, stdout=pipe, stderr=pipe, text=True, **options) as process:
+        out, err = process.communicate(timeout=timeout)
+    return subprocess.CompletedProcess(command, process.returncode, out, err)
+
+
 class ForkedSubprocess:
     """Stands in for the module ``subprocess`` where a sandbox starts its process."""
 
@@ -99,7 +107,7 @@ class ForkedSubprocess:
 @functools.cache
 def start_server():
     """Start the server unless it is there, for this process and all that it starts."""
-    address = os.environ.get(_ADDRESS)
+    address = os.environ.get(ADDRESS)
     if address is None:
         address = f"{tempfile.mkdtemp(prefix='forks-')}/socket"
         one_thread = {
@@ -224,17 +232,22 @@ def run(request, usual_path, usual_environment):
     importlib.import_module("numpy").random.seed()
     fork_its_runs()
 
-    isolated = command[1] == "-P"
-    kind, what, *rest = command[1 + isolated :]
-    assert kind in ("-m", "-c"), f"{kind} needs a new interpreter"
     entries = env.get(_PATH)
     sys.path[:] = [*(entries.split(os.pathsep) if entries else ()), *usual_path]
+    if command[0] != sys.executable:
+        sys.argv[:] = command
+        sys.path.insert(0, str(Path(command[0]).parent))
+        runpy.run_path(command[0], run_name="__main__")
+        return
+    isolated = command[1] == "-P"
+    kind, what, *rest = command[1 + isolated :]
+    sys.argv[:] = [kind, *rest]
     if not isolated:
         sys.path.insert(0, os.getcwd() if kind == "-m" else "")  # noqa: PTH109
-    sys.argv[:] = [kind, *rest]
     if kind == "-m":
         runpy.run_module(what, run_name="__main__", alter_sys=True)
     else:
+        assert kind == "-c", f"{kind} needs a new interpreter"
         sys.modules["__main__"] = main = types.ModuleType("__main__")
         exec(what, vars(main))
 
