@@ -340,6 +340,7 @@ class TestTables:
             assert tables.manifest["tables"] == expected.manifest["tables"]
         monkeypatch.undo()
         monkeypatch.setattr(collect, "_judged", judged_once)
+        monkeypatch.setattr(os, "fsync", lambda _: None)
         for n, tables in enumerate(found):
             path = small.with_name(f"killed-{n}")
             with tables_locked(path):  # puts in order what it finds
