@@ -24,8 +24,9 @@ $(READY): pyproject.toml constraints.txt
 demo: $(READY)
 	$(BIN)/botohe solve art_museum --evaluations 1000000 --seed 1 --out results/demo
 
+# With bytecode on disk, each of the many processes that tests start takes 0.2 s less.
 test: $(READY)
-	$(BIN)/python -m pytest --numprocesses 2 --maxprocesses 2 --dist worksteal
+	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --numprocesses 2 --maxprocesses 2 --dist worksteal
 
 check: $(READY)
 	$(BIN)/ruff check

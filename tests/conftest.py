@@ -1,9 +1,12 @@
 """Fixtures that several test modules share."""
 
+import os
 import subprocess
 import sys
 
 from hypothesis import HealthCheck, settings
+
+from tests.forked import ADDRESS, start_server
 
 # Shared CI machines stall now and then: what counts is the result, never the time an example took.
 settings.register_profile("botohe", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -13,16 +16,20 @@ COMPILE = """
 import sys
 from pymoo.optimize import minimize
 from botohe_moo import BOTOHE, load_mission, make_algorithm
+toy = load_mission("toy")
 for name in sys.argv[1:]:
-    minimize(BOTOHE(load_mission("toy")), make_algorithm(name), ("n_eval", 200), seed=1)
+    for floor in (0.0, 0.1):  # some kernels are compiled for either
+        minimize(BOTOHE(toy, min_survival=floor), make_algorithm(name), ("n_eval", 200), seed=1)
 """
 
 
 def pytest_sessionstart(session):
-    """Compile the largest kernels before there are workers, each of which would compile them."""
+    """Compile the kernels of searches before there are workers, who would each compile them."""
     config = session.config
     if getattr(config.option, "numprocesses", None) and not hasattr(config, "workerinput"):
-        names = [["pareto-local-search"], ["bo-aco", "nsga2", "exact"]]
+        # Either takes half a minute.
+        names = [["pareto-local-search", "nsga2"], ["simulated-annealing", "bo-aco", "exact"]]
         processes = [subprocess.Popen([sys.executable, "-c", COMPILE, *given]) for given in names]
         for process in processes:
             process.wait()
+        os.environ[ADDRESS] = start_server()  # for all workers

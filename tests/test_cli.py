@@ -31,6 +31,13 @@ signal.signal(signal.SIGINT, signal.default_int_handler)  # shells may start us 
 os.environ.pop("COLUMNS", None)  # which pytest's readline sets for those that it starts
 import botohe_moo.cli, botohe_moo.solving, botohe_moo.algorithms.pareto_local_search
 import botohe_moo.plots.front, botohe_moo.plots.mission
+from botohe_moo.algorithms.random_trails import RandomTrails
+from botohe_moo.algorithms.pareto_local_search import ParetoLocalSearch
+os.environ["MPLBACKEND"] = "Agg"
+with tempfile.TemporaryDirectory() as folder:  # loads the kernels, and fonts for pictures
+    for algorithm in (RandomTrails(), ParetoLocalSearch()):
+        botohe_moo.solving.solve("toy", algorithm, evaluations=250).write(folder)
+del os.environ["MPLBACKEND"]
 gc.freeze()
 for line in sys.stdin:
     given = json.loads(line)

@@ -46,10 +46,14 @@ IN_KERNELS = {
 ENDS_BY_ITSELF = {"exact", "greedy"}  # when the front is found, when its sweep is done
 NOT_RANDOM = {"exact", "greedy"}
 FOR_SMALL_MISSIONS = {"exact"}
+N_TRIES = 10  # to make new plans, in a generation
 
 
 def small(name):
-    """The algorithm with populations that small budgets can renew."""
+    """The algorithm with populations that small budgets can renew.
+
+    Where it has seen all plans of a mission, it is to notice after few tries.
+    """
     known = {parameter.name for parameter in algorithm_parameters(name)}
     sizes = {
         "n_ants": 20,
@@ -58,7 +62,11 @@ def small(name):
         "n_weights": 9,
         "evaluations_per_generation": 20,
     }
-    return make_algorithm(name, **{key: value for key, value in sizes.items() if key in known})
+    made = make_algorithm(name, **{key: value for key, value in sizes.items() if key in known})
+    if mating := getattr(made, "mating", None):
+        assert mating.n_max_iterations > N_TRIES
+        mating.n_max_iterations = N_TRIES
+    return made
 
 
 def mission_for(name, mission="art_museum"):

@@ -6,6 +6,7 @@ are installed by pip into a folder of their own, as ``pip install --target`` doe
 
 import base64
 import csv
+import functools
 import hashlib
 import os
 import re
@@ -20,6 +21,7 @@ from typing import NamedTuple
 import pytest
 
 from botohe_moo.study import read_study
+from tests.forked import run_forked
 
 BOTOHE = Path(sys.executable).with_name("botohe")
 
@@ -145,17 +147,16 @@ def search_path(site):
     return os.pathsep.join(filter(None, [str(site), os.environ.get("PYTHONPATH")]))
 
 
-def botohe(*args, site=None, cwd=None):
-    """Run the command in a process of its own that sees what is installed in ``site``."""
+run_anew = functools.partial(subprocess.run, capture_output=True, text=True)
+
+
+def botohe(*args, site=None, cwd=None, run=run_forked):
+    """Run the command in a process of its own that sees what is installed in ``site``.
+
+    With ``run_anew`` it is started as a user would, and loads everything anew.
+    """
     path = {"PYTHONPATH": search_path(site)} if site is not None else {}
-    done = subprocess.run(
-        [BOTOHE, *map(str, args)],
-        cwd=cwd,
-        env={**os.environ, **path},
-        capture_output=True,
-        text=True,
-        timeout=200,
-    )
+    done = run([BOTOHE, *map(str, args)], cwd=cwd, env={**os.environ, **path}, timeout=200)
     return Ended(done.returncode, done.stdout, done.stderr)
 
 
@@ -211,7 +212,7 @@ def broken_site(tmp_path_factory, third_party_site):
 
 class TestInstalled:
     def test_they_are_listed_beside_ours(self, third_party_site):
-        ended = botohe("algorithms", site=third_party_site)
+        ended = botohe("algorithms", site=third_party_site, run=run_anew)
         assert (ended.status, ended.err) == (0, "")
         assert re.search(r"^diver +Dive at random, and keep what is best\.$", ended.out, re.M)
         assert re.search(r"^bo-aco +\w", ended.out, re.M)
@@ -246,8 +247,9 @@ class TestInstalled:
     def test_their_algorithm_solves_their_mission(self, third_party_site, tmp_path):
         given = ["-p", "breath=0.9", "-p", "n_dives=10", "-m", "depth=2", "-n", 200, "-o", "out"]
         ended = botohe(
-            "solve", "lagoon", "-a", "diver", *given, site=third_party_site, cwd=tmp_path
-        )
+            "solve", "lagoon", "-a", "diver", *given,
+            site=third_party_site, cwd=tmp_path, run=run_anew,
+        )  # fmt: skip
         assert (ended.status, ended.err) == (0, "")
         with (tmp_path / "out" / "front.csv").open(newline="") as file:
             rows = [(float(row["reward"]), float(row["survivors"])) for row in csv.DictReader(file)]
@@ -376,7 +378,7 @@ def studied(third_party_site, tmp_path_factory):
     site = folder / "site"
     shutil.copytree(third_party_site, site)
     (folder / "lagoons.yaml").write_text(STUDY)
-    ended = botohe("study", "run", "lagoons.yaml", site=site, cwd=folder)
+    ended = botohe("study", "run", "lagoons.yaml", site=site, cwd=folder, run=run_anew)
     assert ended.status == 0, ended.err
     return folder, site
 

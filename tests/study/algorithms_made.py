@@ -258,6 +258,7 @@ class Changing(ArchiveAlgorithm):
         reward = self.problem.mission.arrays.reward
         reward.setflags(write=True)
         reward *= 10
+        reward.setflags(write=False)  # or kernels would be compiled for another type
         sample(self, min(20, self._n_left()))
 
 

@@ -2,15 +2,17 @@
 
 import functools
 import os
+import subprocess
 import time
 from unittest import mock
 
 import pytest
 
-from botohe_moo.study.run import pool
+from botohe_moo.study.run import pool, sandbox
 from botohe_moo.study.run.environment import THREAD_SETTINGS, environment
 from botohe_moo.study.run.perform import perform
 from botohe_moo.study.run.sandbox import _RunState
+from tests.forked import ForkedSubprocess
 
 
 @functools.cache
@@ -44,3 +46,16 @@ def in_process(monkeypatch):
     For tests of what becomes of runs; fixtures of a module come first, and have real ones.
     """
     monkeypatch.setattr(pool, "Sandbox", InProcess)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def forked_runs():
+    """Fork the processes of runs from one that has loaded all that they need."""
+    with mock.patch.object(sandbox, "subprocess", ForkedSubprocess):
+        yield
+
+
+@pytest.fixture
+def new_interpreters(monkeypatch):
+    """Start the processes of runs as users do."""
+    monkeypatch.setattr(sandbox, "subprocess", subprocess)

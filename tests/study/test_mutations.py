@@ -258,7 +258,7 @@ def test_memory_is_measured(tmp_path):
     code = (
         "from tests.study import test_mutations as tests\n"
         "tests.GROWING = {'a study': tests.SEEDS}\n"
-        "tests.load_study = lambda path: len(b'x' * 64 * tests.MIB)\n"
+        "tests.load_study = lambda path: len(b'x' * 65 * tests.MIB)\n"
         "tests.measure()"
     )
     command = [sys.executable, "-c", code, tmp_path]

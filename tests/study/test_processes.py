@@ -20,6 +20,7 @@ from collections import deque
 from importlib.metadata import version
 from pathlib import Path
 from textwrap import dedent
+from unittest import mock
 
 import pytest
 from typer.testing import CliRunner
@@ -29,6 +30,7 @@ from botohe_moo.study import StudyError, load_study, make_tables, read_study, ru
 from botohe_moo.study.estimate import Estimate
 from botohe_moo.study.planning import make_task
 from botohe_moo.study.run import cluster
+from tests.forked import Forked
 from tests.study.test_perform import marked_processes
 from tests.study.test_runner import MADE, Watcher, assert_same, without_times
 
@@ -54,9 +56,12 @@ SMALL = {
 }
 
 
-def start(*arguments, **options):
-    """Start ``botohe study`` as a user would, from the folder that has the tests' algorithms."""
-    return subprocess.Popen(
+def start(*arguments, popen=Forked, **options):
+    """Start ``botohe study`` from the folder that has the tests' algorithms.
+
+    With ``subprocess.Popen`` it is started as a user would, and loads everything anew.
+    """
+    return popen(
         [sys.executable, "-m", "botohe_moo.cli", "study", *map(str, arguments)],
         cwd=ROOT,
         stdout=subprocess.PIPE,
@@ -78,6 +83,13 @@ def interruptible():
     usual = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, usual)
+
+
+@pytest.fixture(autouse=True)
+def environment_as_it_was():
+    """Take back what Dask puts into the environment of its workers, which comes from this one."""
+    with mock.patch.dict(os.environ):
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -131,7 +143,10 @@ def test_ten_kills_at_random_moments_change_nothing(study_file, uninterrupted, t
 def test_ctrl_c_stops_cleanly_and_keeps_what_is_done(study_file, uninterrupted, tmp_path):
     folder = tmp_path / "stopped"
     environment = {**os.environ, "BOTOHE_TEST_FOLDER": str(folder)}
-    process = start("run", study_file, "--out", folder, "--workers", 1, env=environment)
+    process = start(
+        "run", study_file, "--out", folder, "--workers", 1, env=environment,
+        popen=subprocess.Popen,
+    )  # fmt: skip
     wait_until(lambda: len(list(folder.glob("runs/*.npz"))) >= 2)
     os.kill(process.pid, signal.SIGINT)
     status, _, err = finish(process)
@@ -176,7 +191,7 @@ def test_signals_that_are_ignored_stay_so(study_file, tmp_path):
     """As ``nohup`` starts it."""
     folder = tmp_path / "out"
     process = start(
-        "run", study_file, "--out", folder,
+        "run", study_file, "--out", folder, popen=subprocess.Popen,
         preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN),
     )  # fmt: skip
     wait_until(lambda: list(folder.glob("runs/*.npz")))
@@ -215,7 +230,7 @@ def test_a_terminal_that_is_closed(study_file, tmp_path):
     """The hang-up stops the study, though there is nobody any more to tell."""
     folder = tmp_path / "out"
     ours, theirs = pty.openpty()
-    process = subprocess.Popen(
+    process = Forked(
         [sys.executable, "-m", "botohe_moo.cli", "study", "run", study_file, "--out", folder],
         cwd=ROOT,
         env={**os.environ, "TERM": "xterm"},
@@ -245,7 +260,7 @@ def test_a_terminal_shows_how_it_gets_on(tmp_path):
     )
     ours, theirs = pty.openpty()
     fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 120, 0, 0))
-    process = subprocess.Popen(
+    process = Forked(
         [sys.executable, "-m", "botohe_moo.cli", "study", "run", path, "--out", tmp_path / "out"],
         cwd=ROOT,
         env={**os.environ, "TERM": "xterm", "COLUMNS": "120"},
@@ -308,7 +323,7 @@ def test_a_full_disk_ends_in_a_clear_message(study_file, uninterrupted, tmp_path
 
         whole = folder / "study"
         process = start(
-            "run", study_file, "--out", whole,
+            "run", study_file, "--out", whole, popen=subprocess.Popen,
             preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
         )  # fmt: skip
         status, _, err = finish(process)
@@ -666,7 +681,7 @@ class TestCommands:
         status, out, err = finish(start("run", path, "--out", folder))
         assert status == 0, err
         assert "greedy" in out
-        status, out, err = finish(start("report", folder))
+        status, out, err = finish(start("report", folder, popen=subprocess.Popen))
         assert status == 0, err
         assert (folder / "report" / "report.html").exists()
         names = {path.name for path in (folder / "report").iterdir()}

@@ -15,6 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import load_mission
+from botohe_moo.study.report import folder as report_folder
 from botohe_moo.study.report.folder import FORMATS, write_report
 from botohe_moo.study.report.latex import escape_latex
 from botohe_moo.study.report.pictures import rivals
@@ -54,6 +55,12 @@ def _backend():
     mpl.use("Agg")
     yield
     plt.close("all")
+
+
+@pytest.fixture
+def one_format(monkeypatch):
+    """Save figures in one format only, for tests that look at none."""
+    monkeypatch.setattr(report_folder, "FORMATS", FORMATS[:1])
 
 
 def algorithms(*labels):
@@ -283,6 +290,7 @@ class TestPage:
         text = page_of(odd[0]).text
         assert "botohe_moo 0.1.0 Python 3.12.1, numpy==2.4.0 pymoo==0.6.2 Linux, made" in text
 
+    @pytest.mark.usefixtures("one_format")
     def test_many_comparisons_fold(self, tmp_path):
         records = random_records(["toy"], [f"a{i}" for i in range(9)], (1,), n_records=1)
         tables = study(tmp_path, ["toy"], records)
@@ -291,6 +299,7 @@ class TestPage:
         assert page.tags.count("details") == 1
         assert "All 36 rows" in page.text
 
+    @pytest.mark.usefixtures("one_format")
     def test_without_control_the_outcome_speaks_of_the_best(self, tmp_path):
         tables = study(tmp_path, ["toy"], random_records(["toy"], "ABC", (1, 2)))
         write_report(tables)
@@ -399,6 +408,7 @@ class TestLatex:
         bare = re.sub(r"\\[{}]", "", latex)
         assert bare.count("{") == bare.count("}")
 
+    @pytest.mark.usefixtures("one_format")
     def test_the_best_median_is_bold_and_ties_are(self, tmp_path):
         front = np.array([[5.0, 1.0]])  # 5 of 10 times 1 of 2: a quarter
         worse = np.array([[2.0, 1.0]])

@@ -13,6 +13,7 @@ import pytest
 
 from botohe_moo import load_mission
 from botohe_moo.plots.study.heat import two_parameter_grids
+from botohe_moo.study.report import folder as report_folder
 from botohe_moo.study.report.folder import FORMATS, draw_figures
 from tests.study.made import make_study, random_record
 
@@ -24,6 +25,12 @@ def _backend():
     mpl.use("Agg")
     yield
     plt.close("all")
+
+
+@pytest.fixture
+def one_format(monkeypatch):
+    """Save figures in one format only, for tests that look at none."""
+    monkeypatch.setattr(report_folder, "FORMATS", FORMATS[:1])
 
 
 def grid_study(folder, *, missions=("toy",), n_records=3):
@@ -74,6 +81,7 @@ class TestDrawFigures:
             assert all(path.stat().st_size for path in figure.paths)
             assert figure.path == figure.paths[0]
 
+    @pytest.mark.usefixtures("one_format")
     def test_what_is_missing_everywhere_has_no_figure(self, tmp_path):
         tables = grid_study(tmp_path)
         bare = replace(tables, trace=tables.trace.assign(igd_plus=np.nan, epsilon=np.nan))

@@ -93,8 +93,6 @@ FLOOR = 0.5
 @pytest.fixture(scope="module")
 def done(tmp_path_factory):
     """A study of everything that can come of a run."""
-    warm_up(make_task(load_study(study_of()).runs()[0]))  # none of the seconds is for compiling
-    folder = tmp_path_factory.mktemp("study")
     source = study_of(
         missions={"plant": {"mission": "power_plant", "min_survival": FLOOR, "robots": 3}},
         algorithms={
@@ -109,7 +107,8 @@ def done(tmp_path_factory):
         seeds=2,
         comparison={"control": "random"},
     )
-    return run_study(source, folder, workers=2)
+    warm_up(make_task(load_study(source).runs()[0]))  # none of the seconds is for compiling
+    return run_study(source, tmp_path_factory.mktemp("study"), workers=2)
 
 
 def runs_of(tables, algorithm, mission="plant"):
@@ -341,6 +340,7 @@ class TestTables:
             assert tables.manifest["tables"] == expected.manifest["tables"]
         monkeypatch.undo()
         monkeypatch.setattr(collect, "_judged", judged_once)
+        monkeypatch.setattr(os, "fsync", lambda _: None)
         for n, tables in enumerate(found):
             path = small.with_name(f"killed-{n}")
             with tables_locked(path):  # puts in order what it finds

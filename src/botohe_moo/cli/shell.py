@@ -17,6 +17,8 @@ from botohe_moo.cli.interrupt import end_on_interrupt
 FAILED = 1
 BAD_INPUT = 2
 
+_NOBODY_READS = (errno.EPIPE, errno.EIO)  # a pipe or a terminal that is closed
+
 # The class of all usage errors; typer has no name for it that all its releases share.
 _UsageError: Any = typer.BadParameter.__mro__[1]
 
@@ -49,7 +51,18 @@ def run(app: typer.Typer) -> NoReturn:
         say(f"there is not enough memory. {error}")
         status = FAILED
     gc.freeze()  # or the interpreter, when it ends, would search every object for cycles
+    _drop_what_nobody_reads()
     sys.exit(status)
+
+
+def _drop_what_nobody_reads() -> None:
+    """Drop output for a closed terminal or pipe, or the interpreter would end with status 120."""
+    for stream in filter(None, (sys.stdout, sys.stderr)):
+        try:
+            stream.flush()
+        except OSError as error:
+            if error.errno in _NOBODY_READS:
+                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def tell(message: object) -> None:
@@ -58,7 +71,7 @@ def tell(message: object) -> None:
         typer.echo(message)
     except OSError as error:
         # `| head` or a closed terminal must not lose a search.
-        if error.errno not in (errno.EPIPE, errno.EIO):
+        if error.errno not in _NOBODY_READS:
             raise
 
 

@@ -82,6 +82,7 @@ class Recorder:
 
 
 _WARM_UP_EVALUATIONS = 250
+_WARM_UP_SURVIVAL = 1e-9
 
 
 def perform(
@@ -209,7 +210,8 @@ def warm_up(task: Task) -> None:
     trial = replace(
         task,
         mission=toy,
-        min_survival=0.0,
+        # A limit, however low, has kernels of its own.
+        min_survival=min(task.min_survival, _WARM_UP_SURVIVAL),
         algorithm=task.algorithm if ours else "random",
         parameters=task.parameters if ours else {},
         evaluations=_WARM_UP_EVALUATIONS,
