@@ -1,5 +1,6 @@
 """Runs: their budgets, their records and how they end, in this process and in sandboxes."""
 
+import contextlib
 import os
 import pickle
 import re
@@ -320,10 +321,11 @@ def sandboxed(sandbox, task):
 
 
 class TestSandbox:
-    def test_it_gives_the_same_as_this_process(self, sandbox):
+    def test_it_gives_the_same_as_this_process(self, new_interpreters):
         task = make_task("bo-aco", evaluations=1_000)
         outcome, records = performed(task)
-        other = sandboxed(sandbox, task)
+        with contextlib.closing(Sandbox()) as sandbox:
+            other = sandboxed(sandbox, task)
         assert (other.status, other.evaluations) == (outcome.status, outcome.evaluations)
         last = {record.evaluations: record.objectives.tolist() for record in records}
         assert {r.evaluations: r.objectives.tolist() for r in other.records} == last
@@ -410,7 +412,7 @@ class TestSandbox:
         assert sandboxed(sandbox, make_task("random")).status == "done"
 
     @pytest.mark.parametrize("stay", [False, True])
-    def test_no_process_is_left_behind(self, stay, monkeypatch, tmp_path):
+    def test_no_process_is_left_behind(self, stay, new_interpreters, monkeypatch, tmp_path):
         monkeypatch.setenv("BOTOHE_TEST_FOLDER", str(tmp_path))
         sandbox = Sandbox()
         task = make_task(f"{MADE}:Forking", seconds=0.3, parameters={"stay": stay})
