@@ -981,6 +981,216 @@ class TestListings:
         assert messages[1] == "botohe: lost.json: there is no such file"
 
 
+class TestChoose:
+    """On the front that `solved` has found; the toy has two robots and a total reward of 10."""
+
+    def test_by_a_wish(self, botohe, solved):
+        _, folder = solved
+        ended = botohe("choose", folder, "survivors >= 1.5")
+        assert (ended.status, ended.err) == (0, "")
+        rows = [row for row in front_in(folder) if row[2] >= 1.5]
+        plan_id, reward, survivors = max(rows, key=lambda row: row[1])
+        lines = ended.out.splitlines()
+        assert lines[0] == f"plan {plan_id}: reward {reward:.4g}, survivors {survivors:.4g}"
+        assert lines[1].startswith("The best among these plans (")
+        assert f"plan {plan_id} has the most reward with survivors >= 1.5" in lines[1]
+        trails = plans_in(folder)["plans"][plan_id]["trails"]
+        for robot, trail in enumerate(trails):
+            [line] = [line for line in lines if line.startswith(f"robot {robot} (survival ")]
+            assert line.split(": ")[1].removeprefix("stays at ") == " -> ".join(map(str, trail))
+
+    def test_by_several_wishes_and_what_to_have_most_of(self, botohe, solved):
+        folder = solved[1]
+        wishes = ["reward >= 2 and reach 4 >= 0.5", "every robot >= 0.3"]
+        ended = botohe("choose", folder, *wishes, "--most", "survivors")
+        assert ended.status == 0
+        assert "has the most survivors with reward >= 2 (" in ended.out
+
+    def test_toward_a_point(self, botohe, solved):
+        ended = botohe("choose", solved[1], "--toward", 10, 0)
+        assert ended.status == 0
+        assert ended.out.startswith("plan 0: ")
+        assert "The best among these plans" in ended.out
+        assert "for reward 10 and survivors 0: plan 0 misses reward >= 10 by" in ended.out
+
+    def test_what_to_look_at(self, botohe, solved):
+        _, folder = solved
+        ended = botohe("choose", folder)
+        assert (ended.status, ended.err) == (0, "")
+        front = {plan_id: (reward, alive) for plan_id, reward, alive in front_in(folder)}
+        rows = ended.out.split("\n\n")[0].splitlines()
+        assert rows[0].split() == ["plan", "reward", "survivors"]
+        shown = []
+        for row in rows[1:]:
+            plan_id, reward, alive, *_ = row.split()
+            shown.append(int(plan_id))
+            assert front[int(plan_id)] == pytest.approx((float(reward), float(alive)), rel=1e-3)
+        assert shown == sorted(shown)
+        assert sum("representative" in row for row in rows) == 5
+        assert sum("largest product" in row for row in rows) == 1
+
+    @pytest.mark.parametrize("name", ["plan.json", "plan.csv"])
+    def test_a_plan_is_written(self, botohe, solved, tmp_path, name):
+        _, folder = solved
+        ended = botohe("choose", folder, "--plan", 2, "--out", name)
+        assert (ended.status, ended.err) == (0, "")
+        assert ended.out.endswith(f"wrote {name}\n")
+        trails = plans_in(folder)["plans"][2]["trails"]
+        text = (tmp_path / name).read_text()
+        if name == "plan.json":
+            content = json.loads(text)
+            assert content["trails"] == trails
+            mission = load_mission("toy")
+            [found] = mission.evaluate([mission.plan(content["trails"])]).tolist()
+            assert [content["reward"], content["survivors"]] == found
+        else:
+            found = [[], []]
+            for row in csv.DictReader(text.splitlines()):
+                found[int(row["robot"])].append(int(row["node"]))
+            assert found == trails
+
+    def test_the_impossible(self, botohe, solved, tmp_path):
+        args = ["choose", solved[1], "survivors >= 1.9", "reward >= 9", "--out", "plan.json"]
+        ended = botohe(*args)
+        assert ended.status == 1
+        assert "None of these plans (" in ended.out
+        assert "comes nearest: it misses " in ended.out
+        assert ended.err == "botohe: no plan meets all wishes; nothing is written.\n"
+        assert names_in(tmp_path) == []
+
+    @pytest.mark.parametrize(
+        ("args", "words"),
+        [
+            (["survivors > 2"], ["Expected a wish, got 'survivors > 2'", "every robot >= 0.5"]),
+            (["reach 7 >= 0.5"], ["Wish 'reach 7 >= 0.5'", "has no node '7'"]),
+            (["survivors >= 1", "--most", "both"], ["Expected most among", "got 'both'"]),
+            (["survivors >= 1", "--plan", 1], ["Expected wishes, --toward or --plan, one of them"]),
+            (["--out", "plan.json"], ["--out needs one"]),
+            (["--most", "reward"], ["--most wishes"]),
+            (["--plan", 99], ["Expected --plan among the", "plans from 0, got 99"]),
+            (["--plan", "x"], ["expected an integer >= 0, got x"]),
+            (["--plan", 1, "--out", "plan.txt"], ["plan.txt: expected a file name that ends in"]),
+            (["--plan", 1, "--out", "a/plan.csv"], ["a: there is no such folder"]),
+            (["--toward", 1], ["--toward"]),
+            (["--toward", -1, 2], ["Expected reward >= 0, got -1"]),
+        ],
+    )
+    def test_bad_options(self, refused, solved, args, words):
+        message = refused("choose", solved[1], *args)
+        for word in words:
+            assert word in message
+
+    def test_folders_and_files(self, refused, botohe, solved, tmp_path):
+        assert "nowhere: expected a folder with front.csv" in refused("choose", "nowhere")
+        folder = tmp_path / "copy"
+        folder.mkdir()
+        for name in ("front.csv", "plans.json", "mission.json"):
+            (folder / name).write_bytes((solved[1] / name).read_bytes())
+        assert botohe("choose", "copy").status == 0
+        text = (folder / "mission.json").read_text()
+        (folder / "mission.json").write_text(text.replace("0.729", "0.728", 1))
+        message = refused("choose", "copy", "survivors >= 1")
+        assert message.startswith("botohe: copy/mission.json: expected the mission that the plans")
+        assert "Solve the mission again" in message
+        (folder / "mission.json").write_text(text)
+        (folder / "plans.json").write_text("{")
+        assert "copy/plans.json: line 1" in refused("choose", "copy", "survivors >= 1")
+
+    def test_after_solving(self, botohe, tmp_path):
+        args = ["solve", "toy", "-a", "greedy", "-n", 50, "--out", "out"]
+        ended = botohe(*args, "--choose", "survivors >= 1.5", "--choose", "reward >= 1")
+        assert (ended.status, ended.err) == (0, "")
+        answer = ended.out.partition("wrote out/mission.png\n\n")[2]
+        assert answer == botohe("choose", "out", "survivors >= 1.5 and reward >= 1").out
+        ended = botohe(*args, "--choose", "survivors >= 2 and reward >= 9")
+        assert (ended.status, ended.err) == (1, "botohe: no plan meets all wishes.\n")
+        assert names_in(tmp_path / "out") == FILES
+
+    def test_a_bad_wish_is_refused_before_the_search(self, refused):
+        assert "Expected a wish, got 'win'" in refused("solve", "toy", "--choose", "win")
+
+
+class TestImport:
+    ARGS = ("--nodes", "nodes.csv", "--arcs", "arcs.csv", "--base", "1", "--robots", 2)
+
+    @pytest.fixture
+    def site(self, tmp_path):
+        """A site of 6 x 10 rooms, drawn up by hand as two tables."""
+        nodes, arcs = ["Label;Reward;X;Y"], ["Tail,Head,Survival"]
+        for room in range(1, 61):
+            row, column = divmod(room - 1, 10)
+            nodes.append(f"{room};{room % 7};{column};{row}")
+            if column < 9:
+                arcs.append(f"{room},{room + 1},0.9{room % 10}")
+            if row < 5:
+                arcs.append(f"{room},{room + 10},0.9")
+        (tmp_path / "nodes.csv").write_text("\n".join(nodes), "utf-8-sig")
+        (tmp_path / "arcs.csv").write_text("\n".join([*arcs, ""]))
+
+    @pytest.mark.usefixtures("site")
+    def test_from_tables_to_a_plan(self, botohe, tmp_path):
+        args = ["missions", "import", *self.ARGS, "--both-ways", "--title", "Rooms"]
+        ended = botohe(*args, "--out", "site.json")
+        brief = "60 nodes, 208 arcs, 2 robots, total reward 178"
+        assert ended == (0, f"wrote site.json: {brief}\n", "")
+        assert botohe("missions", "check", "site.json").status == 0
+        mission = load_mission(tmp_path / "site.json")
+        assert (mission.name, mission.title, mission.base) == ("site", "Rooms", "1")
+        solve = ["solve", "site.json", "-n", 2000, "--out", "found"]
+        assert botohe(*solve).status == 0
+        wish = "P(survivors >= 1) >= 0.6 and reach 12 >= 0.5"
+        for name in ("plan.json", "plan.csv", "plan.geojson"):
+            ended = botohe("choose", "found", wish, "--out", name)
+            assert (ended.status, ended.err) == (0, ""), ended
+        content = json.loads((tmp_path / "plan.json").read_text())
+        plan = mission.plan(content["trails"])
+        assert mission.evaluate([plan]).tolist() == [[content["reward"], content["survivors"]]]
+        shapes = json.loads((tmp_path / "plan.geojson").read_text())["features"]
+        assert shapes[0]["geometry"]["coordinates"][0] == [0, 0]
+
+    @pytest.mark.usefixtures("site")
+    @pytest.mark.parametrize(
+        ("file", "damage", "words"),
+        [
+            ("nodes.csv", ("7;0;6;0", "7;0,5;6;0"), ["nodes, row 8, column 'reward'", "'0,5'"]),
+            ("nodes.csv", ("Reward", "Price"), ["nodes: expected", "Label, Price, X, Y", "'rewar"]),
+            (
+                "arcs.csv",
+                ("7,8,", "7,88,"),
+                ["arcs, row 14, column 'head'", "'88', which is"],
+            ),
+            ("arcs.csv", ("7,8,", "7,8,0,"), ["arcs.csv: row 14: expected 3 cells", "found 4"]),
+            ("arcs.csv", ("Tail", "\0Tail"), ["arcs: expected one column"]),
+            ("arcs.csv", None, ["arcs.csv: there is no such file"]),
+        ],
+    )
+    def test_what_is_wrong_is_named(self, refused, tmp_path, file, damage, words):
+        path = tmp_path / file
+        if damage is None:
+            path.unlink()
+        else:
+            text = path.read_text("utf-8-sig")
+            assert damage[0] in text
+            path.write_text(text.replace(*damage, 1))
+        message = refused("missions", "import", *self.ARGS, "--both-ways", "--out", "site.json")
+        for word in words:
+            assert word in message
+
+    @pytest.mark.usefixtures("site")
+    def test_the_mission_and_its_file(self, refused):
+        args = ["missions", "import", *self.ARGS]
+        message = refused(*args, "--out", "site.json")
+        assert message.startswith("botohe: The mission of nodes.csv and arcs.csv has 60 faults:")
+        assert "--both-ways" in message
+        message = refused(*args, "--both-ways", "--out", "site.txt")
+        assert "site.txt: expected a file name that ends in one of .json, .graphml" in message
+        assert "No such file" in refused(*args, "--both-ways", "--out", "no/site.json")
+        assert "expected an integer >= 1, got 0" in refused(*args, "--robots", 0, "--out", "s.json")
+        base = ["--base", "dock", "--both-ways", "--out", "site.json"]
+        assert "base 'dock': there is no such node" in refused(*args, *base)
+        assert "Missing option '--out'" in refused(*args)
+
+
 class TestHelp:
     def test_as_users_start_it(self):
         done = subprocess.run([BOTOHE, "--help"], capture_output=True, text=True)
@@ -1015,7 +1225,9 @@ class TestHelp:
         )
         assert done.stdout.startswith("botohe-moo ")
 
-    @pytest.mark.parametrize("command", [["--help"], ["solve", "--help"], ["missions", "--help"]])
+    @pytest.mark.parametrize(
+        "command", [["--help"], ["solve", "--help"], ["missions", "--help"], ["choose", "--help"]]
+    )
     def test_it_waits_for_nothing(self, command):
         code = f"""
             import sys

@@ -528,6 +528,37 @@ class TestReading:
         with pytest.raises(MissionError, match=r"mission\.json: there is no such file"):
             read_solution(tmp_path)
         assert parts(read_solution(tmp_path, mission=toy)) == parts(solution)
+        with pytest.raises(ValueError, match=r"^mission 'toy': expected the mission that the pla"):
+            read_solution(tmp_path, mission=toy.with_robots(3))
+
+    @pytest.mark.parametrize("what", ["survival", "reward"])
+    def test_a_mission_that_changed_is_named(self, solution, tmp_path, what):
+        solution._write_tables(tmp_path)
+        path = tmp_path / "mission.json"
+        head, key, tail = path.read_text().rpartition(f'"{what}": ')
+        path.write_text(f"{head}{key}0.5{tail[tail.index('}') :]}")
+        with pytest.raises(ValueError, match="expected the mission that the plans in ") as caught:
+            read_solution(tmp_path)
+        assert str(caught.value).startswith(f"{path}: ")
+        assert str(tmp_path / "plans.json") in str(caught.value)
+        assert "Solve the mission again" in str(caught.value)
+
+    def test_titles_and_places_may_change(self, solution, tmp_path):
+        solution._write_tables(tmp_path)
+        path = tmp_path / "mission.json"
+        content = json.loads(path.read_text())
+        content["graph"]["title"] = "Another title"
+        content["nodes"][0]["pos"] = [3, 3]
+        path.write_text(json.dumps(content))
+        assert read_solution(tmp_path).plans == solution.plans
+
+    def test_older_solutions_have_no_digest(self, toy, solution, tmp_path):
+        solution._write_tables(tmp_path)
+        path = tmp_path / "plans.json"
+        content = json.loads(path.read_text())
+        del content["mission_digest"]
+        path.write_text(json.dumps(content))
+        assert parts(read_solution(tmp_path)) == parts(solution)
         with pytest.raises(ValueError, match=r"plans\.json: plan 0: Expected 3 trails"):
             read_solution(tmp_path, mission=toy.with_robots(3))
 
@@ -575,7 +606,7 @@ class TestReading:
             (
                 "plans.json",
                 ('"reward": ', '"reward": 9, "x": '),
-                r"plan 0: expected the objectives",
+                r"plan 0: expected the objectives .*: the plans .* Solve the mission again",
             ),
             (
                 "plans.json",

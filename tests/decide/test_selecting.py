@@ -1,14 +1,15 @@
 """A handful of plans that are really different."""
 
-from itertools import combinations, pairwise
+import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from botohe_moo import TrailPlan
-from botohe_moo.decide import representatives, selecting
+from botohe_moo.decide import representatives
 from botohe_moo.decide.selecting import arc_counts, distances
 from botohe_moo.mission import PlanError
 from botohe_moo.trails import PlanBatch
@@ -41,43 +42,40 @@ def test_arcs_of_each_robot():
     assert arc_counts(batch, per_robot=False).tolist() == [[1, 0, 1, 1], [2, 2, 0, 0]]
 
 
-def test_two_groups_of_plans():
-    # By reward AB 3.8, AC 3, BC 2.8 and C 1. AB and AC share the way to a: 1 - 2 / 6; AB and BC as
-    # well; BC and C: 1 - 2 / 4; AC and C the same; AC and BC 1 - 2 / 6; AB and C 1.
-    plans = [PLANS[NAMES.index(name)] for name in ("C", "AC", "AB", "BC")]
-    # Ways to the plans beside them, in objectives divided by 7 and 2:
-    # AB-AC 0.125, AC-BC 0.202, BC-C 0.258; the shares are 0.062, 0.163, 0.230, 0.129.
-    # Two segments: AB | rest with medoid BC: 0.163 (2/3) + 0.129 / 2 = 0.173;
-    # AB AC | BC C: 0.062 (2/3) + 0.129 / 2 = 0.106; AB AC BC | C: the best medoid is BC or AC,
-    # with 0.062 (2/3) + 0.163 (2/3) = 0.150.
-    assert representatives(MISSION, plans, 2) == (1, 3)
+# By reward AB 3.8, AC 3, BC 2.8 and C 1. Divided by 7 and 2, the ways between them are 0.125, 0.202
+# and 0.258: AC, BC and C lie at 0.21, 0.56 and 1 of the whole way. Distances: AB and AC share the
+# way to a, 1 - 2 / 6; AB and BC 1 - 2 / 6; AB and C 1; AC and BC 1 - 2 / 6; both to C 1 - 2 / 4.
+FOUR = [PLANS[NAMES.index(name)] for name in ("C", "AC", "AB", "BC")]
 
 
-def cost_of(apart, cuts):
-    """The cheapest medoids of segments, and what they cost."""
-    medoids, total = [], 0.0
-    for start, stop in pairwise(cuts):
-        costs = [apart[m, start:stop].sum() for m in range(start, stop)]
-        medoids.append(start + int(np.argmin(costs)))
-        total += min(costs)
-    return total, medoids
+@pytest.mark.parametrize(
+    ("k", "rows"),
+    [
+        (1, (1,)),  # the sums are 2.33, 1.83, 1.83 and 2: AC and BC, of which AC is first
+        (2, (2, 3)),  # AB AC | BC C; of two the first
+        (3, (2, 3, 0)),  # AB AC | BC | C
+        (4, (2, 1, 3, 0)),
+        (5, (2, 1, 3, 0)),
+    ],
+)
+def test_by_hand(k, rows):
+    assert representatives(MISSION, FOUR, k) == rows
 
 
-@given(st.integers(2, 8), st.integers(1, 4), st.integers(0, 10_000))
-def test_no_other_cuts_are_cheaper(n, k, seed):
-    k = min(k, n)
-    apart = np.random.default_rng(seed).random((n, n))
-    np.fill_diagonal(apart, 0)
-    found = selecting._segment_medoids(apart, k)
-    best = min(cost_of(apart, [0, *cuts, n])[0] for cuts in combinations(range(1, n), k - 1))
-    assert found == sorted(found)
-    segments = (
-        cost
-        for cuts in combinations(range(1, n), k - 1)
-        for cost, medoids in [cost_of(apart, [0, *cuts, n])]
-        if medoids == found
-    )
-    assert min(segments) == pytest.approx(best)
+def test_gaps_are_filled_with_what_is_farthest():
+    # Two robots to a rich node, or to poor ones, and nothing between. On the way along the front AA
+    # is at 0, the others near 1; of them, BB has no arc with C or CC, which share one.
+    mission = star({"a": (100, 0.9), "b": (2, 0.99), "c": (1, 1.0)})
+    plans = [trips(mission, *names) for names in ("aa", "bb", "c", "cc")]
+    assert mission.evaluate(plans)[:, 0].tolist() == pytest.approx([99, 1.9998, 1, 1])
+    assert representatives(mission, plans, 2) == (0, 2)
+    assert representatives(mission, plans, 3) == (0, 1, 2)
+
+
+def test_a_front_on_the_spot():
+    mission = star({"a": (1, 1.0), "b": (1, 1.0)})
+    plans = [trips(mission, *names) for names in ("a", "a", "b")]
+    assert representatives(mission, plans, 2) == (0, 2)
 
 
 @given(fronts(), st.integers(1, 4))
@@ -97,11 +95,29 @@ def test_small_fronts():
     assert len(representatives(MISSION, [PLANS[0]] * 7, 3)) == 3
 
 
-def test_long_fronts_are_thinned(monkeypatch):
-    monkeypatch.setattr(selecting, "_MAX_PLANS", 4)
-    mission = star({str(i): (i, 1 - i / 20) for i in range(9)}, robots=1)
-    found = representatives(mission, [trips(mission, str(i)) for i in range(9)], 3)
-    assert set(found) <= {0, 3, 5, 8}
+@given(fronts(), st.integers(1, 4))
+def test_brute_force(front, k):
+    mission, plans = front
+    assume(not 0 < mission.total_reward < 1e-100)
+    objectives = mission.evaluate(plans)
+    order = sorted(range(len(plans)), key=lambda i: (-objectives[i, 0], objectives[i, 1]))
+    way = [0.0]
+    for i, j in pairwise(order):
+        step = (objectives[j] - objectives[i]) / [mission.total_reward or 1, mission.robots]
+        way.append(way[-1] + math.hypot(*step))
+    found = representatives(mission, plans, k)
+    for segment in range(k):
+        edges = [way[-1] * (segment + side) / k for side in (0, 1)]
+        assume(all(abs(w - edge) > 1e-9 for w in way[1:-1] for edge in edges))
+        inside = [
+            i
+            for i, w in zip(order, way, strict=True)
+            if edges[0] <= w and (w < edges[1] or segment == k - 1)
+        ]
+        if inside and way[-1]:
+            sums = [sum(plain_distance(plans[i], plans[j]) for j in inside) for i in inside]
+            best = [i for i, total in zip(inside, sums, strict=True) if total < min(sums) + 1e-9]
+            assert set(best) & set(found)
 
 
 @pytest.mark.parametrize("k", [0, -1, 1.5, "5", True])

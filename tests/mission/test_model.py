@@ -298,6 +298,19 @@ class TestPlan:
         mission, plan = drawn
         assert mission.plan(mission.labels(plan)) == plan
 
+    def test_lists_stand_for_tuples(self):
+        graph = nx.DiGraph(base=("dock", 1), robots=1)
+        graph.add_nodes_from([("dock", 1), ("reef", (2, 3))], reward=1)
+        graph.add_edge(("dock", 1), ("reef", (2, 3)), survival=0.5)
+        graph.add_edge(("reef", (2, 3)), ("dock", 1), survival=0.5)
+        mission = Mission(graph)
+        trail = [["dock", 1], ["reef", [2, 3]], ["dock", 1]]
+        assert mission.labels(mission.plan([trail])) == (
+            (("dock", 1), ("reef", (2, 3)), ("dock", 1)),
+        )
+        with pytest.raises(PlanError, match=r"position 0: mission .* has no node \['cape', 1\]"):
+            mission.plan([[["cape", 1]]])
+
     def test_numpy_labels(self):
         toy = load_mission("toy")
         assert toy.plan([np.array([1, 2, 1]), [1]]) == toy.plan([[1, 2, 1], [1]])

@@ -19,6 +19,7 @@ from botohe_moo.outcomes.distribution import Distribution
 from botohe_moo.outcomes.outcomes import (
     Outcomes,
     plan_outcomes,
+    reach_probabilities,
     reward_distribution,
     simulate,
     survivors_distribution,
@@ -191,6 +192,26 @@ def test_outcomes_less_likely_than_any_float_are_left_out():
 
 
 # --- distributions of drawn plans, against the enumeration of all joint fates
+
+
+def test_the_probabilities_to_reach_nodes_by_hand(harbour):
+    plan = harbour.plan([["dock", "reef", "cape", "reef", "dock"], ["dock", "cape", "dock"]])
+    # 0.5 to the reef, 0.125 to the cape; the second visit of the reef does not count.
+    reached = reach_probabilities(harbour, plan)
+    assert reached.tolist() == [[1, 0.5, 0.125], [1, 0, 1]]
+    with pytest.raises(PlanError):
+        reach_probabilities(harbour.with_robots(3), plan)
+
+
+@given(missions_with_plans())
+def test_rewards_times_probabilities_to_reach_nodes_are_the_expected_reward(drawn):
+    mission, plan = drawn
+    reached = reach_probabilities(mission, plan)
+    assert reached.shape == (mission.robots, len(mission.nodes))
+    team = 1 - (1 - reached).prod(axis=0)
+    assert team @ mission.arrays.reward == pytest.approx(mission.evaluate([plan])[0, 0])
+    for robot, trail in enumerate(plan.trails):
+        assert set(np.flatnonzero(reached[robot]).tolist()) == set(trail)
 
 
 def merged(pairs):

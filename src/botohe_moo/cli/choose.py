@@ -23,45 +23,53 @@ if TYPE_CHECKING:
 _N_SHOWN = 5
 
 
+FolderArgument = Annotated[Path, typer.Argument(metavar="DIR", help="Folder that `solve` wrote.")]
+WishArgument = Annotated[
+    list[str] | None,
+    typer.Argument(
+        metavar="WISH",
+        help='Such as "survivors >= 2" or "P(reward >= 5) >= 0.8". All are to be met.',
+    ),
+]
+MostOption = Annotated[
+    str | None,
+    typer.Option(
+        "--most",
+        metavar="reward|survivors",
+        help="What the plan is to have most of; by default the reward, or the survivors if all "
+        "wishes are of the form `reward >= X`.",
+    ),
+]
+TowardOption = Annotated[
+    tuple[float, float] | None,
+    typer.Option(
+        "--toward",
+        metavar="REWARD SURVIVORS",
+        help="Choose the plan nearest to this point instead.",
+    ),
+]
+PlanOption = Annotated[
+    int | None,
+    integer_option("--plan", metavar="ID", at_least=0, help="Take this plan of front.csv."),
+]
+PlanFileOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--out",
+        "-o",
+        metavar="FILE",
+        help="Write the plan to this file: .json, .csv (waypoints) or .geojson.",
+    ),
+]
+
+
 def choose_plan(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that `solve` wrote.")],
-    wish: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar="WISH",
-            help='Such as "survivors >= 2" or "P(reward >= 5) >= 0.8". All are to be met.',
-        ),
-    ] = None,
-    most: Annotated[
-        str | None,
-        typer.Option(
-            "--most",
-            metavar="reward|survivors",
-            help="What the plan is to have most of; by default the reward, or the survivors if "
-            "all wishes are of the form `reward >= X`.",
-        ),
-    ] = None,
-    toward: Annotated[
-        tuple[float, float] | None,
-        typer.Option(
-            "--toward",
-            metavar="REWARD SURVIVORS",
-            help="Choose the plan nearest to this point instead.",
-        ),
-    ] = None,
-    plan: Annotated[
-        int | None,
-        integer_option("--plan", metavar="ID", at_least=0, help="Take this plan of front.csv."),
-    ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            "-o",
-            metavar="FILE",
-            help="Write the plan to this file: .json, .csv (waypoints) or .geojson.",
-        ),
-    ] = None,
+    folder: FolderArgument,
+    wish: WishArgument = None,
+    most: MostOption = None,
+    toward: TowardOption = None,
+    plan: PlanOption = None,
+    out: PlanFileOption = None,
 ) -> None:
     """Choose a plan of a front: the best one among its plans that meets all wishes.
 
@@ -87,6 +95,8 @@ def choose_plan(
             )
         if out is not None:
             check_plan_file(out)
+            if not out.parent.is_dir():
+                raise ValueError(f"{out.parent}: there is no such folder.")
         solution = read_solution(folder)
         if not any(asked):
             tell(_overview(solution))

@@ -66,6 +66,8 @@ def mission_from_tables(
         If a column is missing or there twice, a cell does not hold what it should, a node or an arc
         is there twice, or the mission is not valid. Names the table, the row by its index and the
         column; every fault is listed.
+    TypeError
+        If ``nodes`` or ``arcs`` is not a DataFrame.
 
     Examples
     --------
@@ -140,6 +142,8 @@ def _rows(
     table: str, frame: pd.DataFrame, needed: tuple[str, ...], faults: list[str]
 ) -> Iterator[tuple[str, _Row]]:
     """Give each row with the words for where it is; none if a column is missing or there twice."""
+    if not hasattr(frame, "iloc"):
+        raise TypeError(f"{table}: expected a pandas.DataFrame, got {type(frame).__name__}.")
     names = [str(column).strip().lower() for column in frame.columns]
     found = ", ".join(map(str, frame.columns)) or "none"
     wrong = [f"found none among {found}: {name!r}" for name in needed if name not in names]
@@ -214,7 +218,7 @@ def _add_arc(
     if not known:
         return
     attributes = {key: value for key, value in row.items() if value is not None}
-    for tail, head in (ends, ends[::-1]) if both_ways else (ends,):
+    for tail, head in dict.fromkeys((ends, ends[::-1]) if both_ways else (ends,)):
         if (tail, head) in drawn:
             before = drawn[tail, head]
             faults.append(f"{where}: arc {tail!r} -> {head!r} is there already, in {before}")

@@ -1,0 +1,176 @@
+"""Plans whose survivals are wrong, or whose robots are missing."""
+
+from itertools import combinations
+
+import networkx as nx
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from botohe_moo import Mission
+from botohe_moo.decide import after_losses, hazards, robustness
+from botohe_moo.mission import PlanError
+from tests.decide.made import MISSION, NAMES, PLANS, star, trips
+from tests.decide.test_choosing import fronts
+
+COLUMNS = [
+    *("plan_id", "reward", "reward_low", "reward_high", "reward_regret"),
+    *("survivors", "survivors_low", "survivors_high", "survivors_regret"),
+]
+
+
+def with_hazards(mission, factor):
+    graph = nx.DiGraph(mission.graph)
+    for _, _, arc in graph.edges(data=True):
+        arc["survival"] **= factor
+    return Mission(graph, base=mission.base, robots=mission.robots)
+
+
+def plain_regrets(objectives):
+    """How much more of one objective a plan has that has no less of the other."""
+    return [
+        [
+            max(other[k] for other in objectives if other[1 - k] >= own[1 - k]) - own[k]
+            for k in (0, 1)
+        ]
+        for own in objectives
+    ]
+
+
+class TestRobustness:
+    def test_twice_as_harsh(self):
+        # a: 0.25, b: 0.81 out, c: 1. E[R] and E[S]: AB 1 + 1.62 = 2.62 and 1.06, AC 2 and 1.25,
+        # AA 4 (1 - 0.75 ^ 2) = 1.75 and 0.5, BC 2.62 and 1.81, BB 2 (1 - 0.19 ^ 2) = 1.9278 and
+        # 1.62, C 1 and 2.
+        table = robustness(MISSION, PLANS, factors=[2])
+        assert list(table.columns) == COLUMNS
+        assert list(table["plan_id"]) == list(range(6))
+        at_worst = [2.62, 2, 1.75, 2.62, 1.9278, 1]
+        assert table["reward_low"].to_numpy() == pytest.approx(np.array(at_worst))
+        assert table["reward_high"].to_numpy() == pytest.approx(table["reward"].to_numpy())
+        # As expected, AA lacks 0.8 to AB; if twice as harsh, 0.87. AC lacks 0.62 to BC then.
+        regrets = dict(zip(NAMES, table["reward_regret"], strict=True))
+        expected = {"AB": 0, "AC": 0.62, "AA": 0.87, "BC": 0, "BB": 0.82, "C": 0}
+        assert regrets == pytest.approx(expected)
+        # AB has 0.75 fewer survivors than BC, which then has as much reward.
+        assert table["survivors_regret"][0] == pytest.approx(0.75)
+
+    @given(fronts(), st.lists(st.floats(0.1, 4), max_size=3))
+    def test_brute_force(self, front, factors):
+        mission, plans = front
+        table = robustness(mission, plans, factors=factors)
+        scenarios = [mission.evaluate(plans)]
+        scenarios += [with_hazards(mission, factor).evaluate(plans) for factor in factors]
+        for column, name in enumerate(("reward", "survivors")):
+            values = np.array([objectives[:, column] for objectives in scenarios])
+            assert table[name].to_numpy() == pytest.approx(values[0])
+            assert table[f"{name}_low"].to_numpy() == pytest.approx(values.min(axis=0))
+            assert table[f"{name}_high"].to_numpy() == pytest.approx(values.max(axis=0))
+
+    @given(st.lists(st.tuples(st.integers(0, 5), st.integers(0, 5)), min_size=1, max_size=8))
+    def test_regrets(self, points):
+        objectives = np.array(points, float)
+        assert hazards._regrets(objectives).tolist() == plain_regrets(objectives.tolist())
+
+    def test_draws_are_seeded_and_have_the_stated_spread(self):
+        # Of one robot to b and back, ln E[S] is h ln 0.9; ln h is normal.
+        mission = star({"b": (2, 0.9)}, robots=1)
+        plan = trips(mission, "b")
+        survivals = []
+        for seed in range(300):
+            table = robustness(mission, [plan], factors=(), spread=0.5, n_scenarios=1, seed=seed)
+            low, high = table.loc[0, ["survivors_low", "survivors_high"]]
+            assert 0.9 in (pytest.approx(low), pytest.approx(high))
+            survivals.append(low if high == pytest.approx(0.9) else high)
+        logs = np.log(np.log(survivals) / np.log(0.9))
+        assert logs.mean() == pytest.approx(0, abs=0.12)
+        assert logs.std() == pytest.approx(0.5, abs=0.08)
+
+    def test_the_seed_decides(self):
+        first, again, other = (
+            robustness(MISSION, PLANS, spread=0.3, n_scenarios=5, seed=seed) for seed in (1, 1, 2)
+        )
+        pd.testing.assert_frame_equal(first, again)
+        assert not first.equals(other)
+        wider = robustness(MISSION, PLANS, spread=0.3, n_scenarios=50)
+        assert (wider["reward_low"] <= first["reward_low"]).all()
+
+    def test_one_plan_and_no_scenario(self):
+        table = robustness(MISSION, [PLANS[0]], factors=())
+        assert table["reward_low"][0] == table["reward_high"][0] == pytest.approx(3.8)
+        assert table["reward_regret"][0] == table["survivors_regret"][0] == 0
+
+    @pytest.mark.parametrize(
+        ("options", "fault"),
+        [
+            ({"factors": [1, 0]}, r"^Expected each of factors > 0, got 0\.$"),
+            ({"factors": ["2"]}, r"^Expected each of factors > 0, got '2'\.$"),
+            ({"spread": -0.1}, r"^Expected spread >= 0, got -0\.1\.$"),
+            ({"n_scenarios": 0}, r"^Expected n_scenarios >= 1, got 0\.$"),
+            ({"seed": -1}, r"^Expected seed >= 0, got -1\.$"),
+        ],
+    )
+    def test_bad_options(self, options, fault):
+        with pytest.raises(ValueError, match=fault):
+            robustness(MISSION, PLANS, **options)
+
+    def test_bad_plans(self):
+        with pytest.raises(ValueError, match="Expected at least one plan"):
+            robustness(MISSION, [])
+        with pytest.raises(PlanError, match="expected 3 trails"):
+            robustness(MISSION.with_robots(3), PLANS)
+
+
+class TestAfterLosses:
+    def test_the_worst_loss_of_one(self):
+        table = after_losses(MISSION, PLANS, 1).set_index(pd.Index(NAMES))
+        assert list(table.columns) == ["plan_id", "reward", "reward_left", "lost"]
+        # Without the robot to a, AB and AC keep b 1.8 and c 1; AA keeps 2, BC c, BB 1.8, C nothing.
+        left = {"AB": 1.8, "AC": 1, "AA": 2, "BC": 1, "BB": 1.8, "C": 0}
+        assert table["reward_left"].to_dict() == pytest.approx(left)
+        assert table.loc["AB", "lost"] == (0,)
+        assert table.loc["AA", "lost"] == (0,)  # of equal ones the first
+        assert table.loc["BC", "lost"] == (0,)
+
+    def test_of_none_and_of_all(self):
+        none, all_ = after_losses(MISSION, PLANS, 0), after_losses(MISSION, PLANS, 2)
+        assert none["reward_left"].tolist() == none["reward"].tolist()
+        assert none["lost"].tolist() == [()] * 6
+        assert all_["reward_left"].tolist() == [0] * 6
+        assert all_["lost"].tolist() == [(0, 1)] * 6
+
+    @given(fronts(max_plans=3), st.data())
+    def test_brute_force(self, front, data):
+        mission, plans = front
+        alpha = data.draw(st.integers(0, mission.robots - 1))
+        table = after_losses(mission, plans, alpha)
+        rest = mission.with_robots(mission.robots - alpha)
+        for plan, left, lost in zip(plans, table["reward_left"], table["lost"], strict=True):
+            found = {}
+            for gone in combinations(range(mission.robots), alpha):
+                trails = [trail for k, trail in enumerate(plan.trails) if k not in gone]
+                found[gone] = rest.evaluate([rest.plan(trails)])[0, 0]
+            assert left == pytest.approx(min(found.values()))
+            assert found[lost] == pytest.approx(left)
+
+    @pytest.mark.parametrize(
+        ("alpha", "fault"),
+        [(-1, "Expected alpha >= 0"), (3, "Expected alpha <= 2"), (0.5, "alpha to be an integer")],
+    )
+    def test_bad_numbers(self, alpha, fault):
+        with pytest.raises(ValueError, match=fault):
+            after_losses(MISSION, PLANS, alpha)
+
+    def test_too_many_subsets(self):
+        mission = star(robots=40)
+        expected = (
+            r"^Expected at most 100,000 subsets of robots, got 658,008 of 5 among 40; lower al"
+        )
+        with pytest.raises(ValueError, match=expected):
+            after_losses(mission, [trips(mission, "a")], 5)
+
+    def test_bad_plans(self):
+        with pytest.raises(ValueError, match="Expected at least one plan"):
+            after_losses(MISSION, [])

@@ -1,0 +1,217 @@
+"""Missions from tables of nodes and arcs."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+
+from botohe_moo import MissionError, mission_from_tables
+from botohe_moo.mission.formats.tables import read_table
+from tests.strategies import missions
+
+NODES = {"label": ["dock", "reef", "cave"], "reward": [0, 5, 2.5], "x": [0, 1, 2], "y": [0, 1, 0]}
+ARCS = {"tail": ["dock", "reef"], "head": ["reef", "cave"], "survival": [0.9, 0.8]}
+
+
+def made(nodes=None, arcs=None, *, base="dock", robots=2, both_ways=True, **options):
+    tables = pd.DataFrame({**NODES, **(nodes or {})}), pd.DataFrame({**ARCS, **(arcs or {})})
+    return mission_from_tables(*tables, base=base, robots=robots, both_ways=both_ways, **options)
+
+
+def faults_of(*args, **options):
+    with pytest.raises(MissionError) as caught:
+        made(*args, **options)
+    return list(caught.value.faults)
+
+
+def test_a_site():
+    mission = made(name="pier", title="The pier")
+    assert mission.nodes == ("dock", "reef", "cave")
+    assert (mission.base, mission.robots, mission.name) == ("dock", 2, "pier")
+    assert (mission.title, mission.total_reward) == ("The pier", 7.5)
+    assert dict(mission.graph.nodes["reef"]) == {"reward": 5, "pos": [1, 1]}
+    assert {(u, v): s for u, v, s in mission.graph.edges(data="survival")} == {
+        ("dock", "reef"): 0.9,
+        ("reef", "dock"): 0.9,
+        ("reef", "cave"): 0.8,
+        ("cave", "reef"): 0.8,
+    }
+
+
+def test_one_way():
+    arcs = {"tail": ["dock", "reef"], "head": ["reef", "dock"], "survival": [0.9, 0.8]}
+    nodes = pd.DataFrame({"label": ["dock", "reef"], "reward": [0, 1]})
+    mission = mission_from_tables(nodes, pd.DataFrame(arcs), base="dock", robots=1)
+    assert mission.graph.edges["dock", "reef"]["survival"] == 0.9
+    assert mission.graph.edges["reef", "dock"]["survival"] == 0.8
+    assert "pos" not in mission.graph.nodes["dock"]
+
+
+def test_names_of_columns_blanks_and_texts():
+    nodes = {" Label ": ["dock ", "reef"], "REWARD": ["0", " 5 "], "Zone": ["a", ""], "": ["", ""]}
+    arcs = {"Head": ["reef"], "TAIL": ["dock"], "Survival": ["9e-1"], "length": ["12"]}
+    mission = mission_from_tables(
+        pd.DataFrame(nodes), pd.DataFrame(arcs), base=" dock", robots=1, both_ways=True
+    )
+    assert mission.nodes == ("dock", "reef")
+    assert dict(mission.graph.nodes["dock"]) == {"reward": 0, "zone": "a"}
+    assert dict(mission.graph.nodes["reef"]) == {"reward": 5}
+    assert dict(mission.graph.edges["reef", "dock"]) == {"survival": 0.9, "length": 12}
+
+
+def test_labels_that_are_numbers():
+    nodes = {"label": [1, 2, 3], "x": [0, np.nan, 2], "y": [0, np.nan, 0]}
+    mission = made(nodes, {"tail": [1, 2], "head": [2, 3]}, base=1)
+    assert mission.nodes == (1, 2, 3)
+    assert all(type(node) is int for node in mission.nodes)
+    assert "pos" not in mission.graph.nodes[2]
+
+
+@given(missions(min_nodes=2))
+def test_what_tables_hold_is_what_the_mission_has(mission):
+    graph = mission.graph
+    nodes = pd.DataFrame(graph.nodes(data="reward"), columns=["label", "reward"])
+    arcs = pd.DataFrame(graph.edges(data="survival"), columns=["tail", "head", "survival"])
+    assert mission_from_tables(nodes, arcs, base=0, robots=mission.robots) == mission
+
+
+@pytest.mark.parametrize(
+    ("nodes", "arcs", "faults"),
+    [
+        (
+            {"reward": [0, -1, "much"]},
+            {},
+            [
+                "nodes, row 1, column 'reward': expected a number >= 0, found -1",
+                "nodes, row 2, column 'reward': expected a number >= 0, found 'much'",
+            ],
+        ),
+        (
+            {"reward": [0, "", "2,5"]},
+            {},
+            [
+                "nodes, row 1, column 'reward': expected a number >= 0, found nothing",
+                "nodes, row 2, column 'reward': expected a number >= 0, found '2,5'; write numbers "
+                "with a point",
+            ],
+        ),
+        (
+            {"x": [0, None, "e"]},
+            {},
+            [
+                "nodes, row 1, column 'x': expected a number, found nothing",
+                "nodes, row 2, column 'x': expected a number, found 'e'",
+            ],
+        ),
+        (
+            {"label": ["dock", "reef", "reef"]},
+            {"tail": ["dock", "dock"], "head": ["reef", "dock"]},
+            [
+                "nodes, row 2: node 'reef' is listed more than once, first in row 1",
+                "arc 'dock' -> 'dock': a node must not have an arc to itself",
+            ],
+        ),
+        (
+            {},
+            {"head": ["reef", "cavern"], "survival": [1.2, 0]},
+            [
+                "arcs, row 0, column 'survival': expected a number in (0, 1], found 1.2",
+                "arcs, row 1, column 'head': expected the label of a node, found 'cavern', which "
+                "is not in nodes",
+                "arcs, row 1, column 'survival': expected a number in (0, 1], found 0.0",
+            ],
+        ),
+        (
+            {},
+            {"tail": ["dock", "reef"], "head": ["reef", "dock"]},
+            [
+                "arcs, row 1: arc 'reef' -> 'dock' is there already, in row 0",
+                "arcs, row 1: arc 'dock' -> 'reef' is there already, in row 0",
+            ],
+        ),
+        (
+            {"label": ["dock", None, "cave"]},
+            {"length": [-1, True]},
+            [
+                "nodes, row 1, column 'label': expected the label of a node, found nothing",
+                "arcs, row 0, column 'head': expected the label of a node, found 'reef', which "
+                "is not in nodes",
+                "arcs, row 0, column 'length': expected a number >= 0, found -1",
+                "arcs, row 1, column 'tail': expected the label of a node, found 'reef', which "
+                "is not in nodes",
+                "arcs, row 1, column 'length': expected a number >= 0, found True",
+            ],
+        ),
+    ],
+)
+def test_cells_are_checked(nodes, arcs, faults):
+    assert faults_of(nodes, arcs) == faults
+
+
+def test_columns_are_checked():
+    nodes, arcs = pd.DataFrame({**NODES, "Label": "x"}), pd.DataFrame({"from": [], "to": []})
+    with pytest.raises(MissionError) as caught:
+        mission_from_tables(nodes, arcs, base="dock", robots=1)
+    assert caught.value.faults == (
+        "nodes: expected one column for each, found it twice: 'label'",
+        "arcs: expected one column for each, found none among from, to: 'tail'",
+        "arcs: expected one column for each, found none among from, to: 'head'",
+        "arcs: expected one column for each, found none among from, to: 'survival'",
+    )
+
+
+def test_the_mission_is_checked():
+    assert faults_of(robots=0, base="pier") == [
+        "expected robots to be an integer >= 1, got 0",
+        "base 'pier': there is no such node",
+    ]
+    assert faults_of(both_ways=False) == [
+        "node 'reef': has no way back to base 'dock'",
+        "node 'cave': has no way back to base 'dock'",
+        "no arc leads back; both_ways (--both-ways) makes every row two arcs",
+    ]
+    alone = {"tail": ["dock", "reef"], "head": ["reef", "dock"]}
+    assert faults_of({}, alone, both_ways=False) == [
+        "node 'cave': cannot be reached from base 'dock'",
+        "node 'cave': has no way back to base 'dock'",
+    ]
+
+
+def test_what_is_not_a_table():
+    with pytest.raises(TypeError, match=r"nodes: expected a pandas\.DataFrame, got dict"):
+        mission_from_tables(NODES, pd.DataFrame(ARCS), base="dock", robots=1)
+    empty = pd.DataFrame({name: [] for name in NODES})
+    with pytest.raises(MissionError, match="base 'dock': there is no such node"):
+        mission_from_tables(empty, pd.DataFrame(ARCS)[:0], base="dock", robots=1)
+
+
+class TestReading:
+    @pytest.mark.parametrize("separator", [",", ";", "\t"])
+    @pytest.mark.parametrize("start", ["", "\ufeff"])
+    def test_a_file(self, tmp_path, separator, start):
+        lines = ["Label,Reward", "dock,0", "", '"north ""hall""",5', ",", " 7 ,NA"]
+        text = start + "\r\n".join(lines).replace(",", separator)
+        (tmp_path / "nodes.csv").write_bytes(text.encode())
+        table = read_table(tmp_path / "nodes.csv")
+        assert list(table.columns) == ["Label", "Reward"]
+        assert list(table.index) == [2, 4, 6]  # as a spreadsheet counts them
+        assert table.to_numpy().tolist() == [["dock", "0"], ['north "hall"', "5"], [" 7 ", "NA"]]
+
+    @pytest.mark.parametrize(
+        ("data", "fault"),
+        [
+            (None, "there is no such file"),
+            (b"", "expected a first row of column names, found an empty file"),
+            (b"\n , \n", "expected a first row of column names, found an empty file"),
+            (b"label,reward\na,1,5\nb\n", "row 2: expected 2 cells, as the first row has, found 3"),
+            (b"label\xff", "expected text in UTF-8"),
+            (b"label,reward\n" + b"x" * 200_000, r"expected a table \(CSV\), found: field larger"),
+        ],
+    )
+    def test_damage_is_named(self, tmp_path, data, fault):
+        path = tmp_path / "nodes.csv"
+        if data is not None:
+            path.write_bytes(data)
+        with pytest.raises(MissionError, match=fault) as caught:
+            read_table(path)
+        assert str(caught.value).startswith(str(path))
