@@ -51,6 +51,12 @@ function make(tag, attributes = {}, ...children) {
   return element;
 }
 
+/** The name of a node within a text, whatever direction it is written in. */
+function isolated(node) {
+  const name = data.names[node];
+  return /[\u0590-\u{10ffff}]/u.test(name) ? `\u2068${name}\u2069` : name;
+}
+
 /** The name of a node, apart from the direction of the text around it. */
 const nodeName = (node) => make("bdi", {}, data.names[node]);
 const byId = (id) => document.getElementById(id);

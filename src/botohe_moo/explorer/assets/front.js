@@ -11,7 +11,7 @@ const NEAR = 50; // pixels within which the pointer finds a plan
 class FrontChart {
   constructor(svg) {
     this.svg = d3.select(svg);
-    for (const layer of ["axes", "points", "marks", "pins", "hand"]) {
+    for (const layer of ["axes", "points", "symbols", "pins", "hand"]) {
       this[layer] = this.svg.append("g").attr("class", layer);
     }
   }
@@ -60,7 +60,7 @@ class FrontChart {
     for (const mark of data.marks) {
       if (SYMBOLS[mark.kind] && !first.has(mark.plan)) first.set(mark.plan, mark);
     }
-    this.marks.selectAll("path").data([...first.values()]).join("path")
+    this.symbols.selectAll("path").data([...first.values()]).join("path")
       .attr("class", (mark) => `mark ${mark.kind}`)
       .attr("d", (mark) => d3.symbol(SYMBOLS[mark.kind], 110)())
       .attr("transform", (mark) => `translate(${this.place(mark.plan)})`);

@@ -128,7 +128,7 @@ function onKey(event) {
   if (!walking && target.closest("input, select, textarea")) return;
   if (key === "Enter" && !target.closest("button, a, summary")) {
     togglePin(state.plan);
-  } else if (!walking && ["ArrowLeft", "ArrowRight"].includes(key) && !target.closest(".scroll")) {
+  } else if (!walking && ["ArrowLeft", "ArrowRight"].includes(key) && !target.closest(".scroll, .frame")) {
     step(key === "ArrowRight" ? 1 : -1);
   } else {
     return;
@@ -144,6 +144,8 @@ function listen() {
   byId("more").addEventListener("click", () => step(1));
   byId("pin").addEventListener("click", () => togglePin(state.plan));
   byId("animate").addEventListener("click", toggleAnimation);
+  byId("larger").addEventListener("click", () => zoom(2));
+  byId("smaller").addEventListener("click", () => zoom(0.5));
   byId("filters").addEventListener("input", filter);
   byId("filters").addEventListener("reset", () => setTimeout(filter));
   byId("filters").addEventListener("submit", (event) => event.preventDefault());
@@ -179,10 +181,23 @@ function tellNode(node) {
 }
 
 function resize() {
-  const width = (id) => Math.max(byId(id).parentElement.clientWidth, 200);
-  front.resize(width("front"));
+  front.resize(Math.max(byId("front").parentElement.clientWidth, 200));
   front.sift();
-  map.resize(width("map"));
+  zoom(1);
+}
+
+/** Draw the map larger or smaller; the frame around it scrolls. */
+function zoom(factor) {
+  zoom.factor = Math.min(Math.max((zoom.factor ?? 1) * factor, 1), 8);
+  const frame = byId("map").closest(".frame");
+  const [x, y] = [frame.scrollLeft + frame.clientWidth / 2, frame.scrollTop + frame.clientHeight / 2];
+  const width = Math.max(Math.round(zoom.factor * frame.parentElement.clientWidth), 200);
+  map.resize(width);
+  byId("map").parentElement.style.width = zoom.factor > 1 ? `${width}px` : "";
+  if (zoom.factor === 1) frame.style.maxHeight = `${map.height + 2}px`;
+  frame.scrollTo(x * factor - frame.clientWidth / 2, y * factor - frame.clientHeight / 2);
+  byId("smaller").disabled = zoom.factor === 1;
+  byId("larger").disabled = zoom.factor === 8;
   render();
 }
 

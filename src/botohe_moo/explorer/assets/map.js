@@ -25,21 +25,22 @@ class SiteMap {
 
   resize(width, small = false) {
     const [xs, ys] = [0, 1].map((axis) => d3.extent(data.places, (place) => place[axis]));
+    const [wide, high] = [xs[1] - xs[0], ys[1] - ys[0]];
     const margin = small ? 10 : 30;
-    const spans = [xs[1] - xs[0], ys[1] - ys[0]];
-    const wide = Math.min(Math.max(spans[1] / (spans[0] || spans[1] || 1), 0.35), 1.05);
-    const height = Math.round(spans[0] + spans[1] ? width * wide : width / 3);
-    const scale = Math.min(
-      (width - 2 * margin) / (spans[0] || 1e-9), (height - 2 * margin) / (spans[1] || 1e-9));
-    const factor = spans[0] + spans[1] ? scale : 0;
+    const height = width * Math.min(Math.max(high / (wide || high || 1), 0.35), 1.05);
+    const scale = wide + high
+      ? Math.min((width - 2 * margin) / (wide || 1e-9), (height - 2 * margin) / (high || 1e-9)) : 0;
     this.at = data.places.map(([x, y]) => [
-      width / 2 + factor * (x - (xs[0] + xs[1]) / 2),
-      height / 2 - factor * (y - (ys[0] + ys[1]) / 2), // y points up on a map
+      width / 2 + scale * (x - (xs[0] + xs[1]) / 2),
+      height / 2 - scale * (y - (ys[0] + ys[1]) / 2), // y points up on a map
     ]);
     Object.assign(this, { width, height, small });
     this.svg.attr("viewBox", `0 0 ${width} ${height}`);
-    this.radius = this.nodeRadius();
-    this.lane = Math.min(Math.max(0.42 * this.radius, 1.3), 3.4);
+    const radius = this.nodeRadius();
+    const most = d3.max(data.rewards) || 1;
+    this.size = data.rewards.map((reward, node) =>
+      radius * (node === data.base ? 1.1 : 0.5 + 0.7 * Math.sqrt(reward / most)));
+    this.lane = Math.min(Math.max(0.42 * radius, 1.3), 3.4);
     this.drawGround();
     this.drawNodes();
     if (!small) this.drawNames();
@@ -47,17 +48,10 @@ class SiteMap {
 
   /** Nodes are as large as the narrower places allow. */
   nodeRadius() {
-    const most = this.small ? 4.5 : 10;
-    if (this.at.length < 2) return most;
+    const [least, most] = this.small ? [1.2, 4.5] : [2.2, 10];
     const tree = d3.Delaunay.from(this.at);
-    const nearest = this.at.map((one, i) =>
-      d3.min(tree.neighbors(i), (j) => Math.hypot(one[0] - this.at[j][0], one[1] - this.at[j][1])) ?? 99);
-    return Math.min(Math.max(0.34 * d3.quantile(nearest, 0.2), this.small ? 1.2 : 2.2), most);
-  }
-
-  size(node) {
-    const most = d3.max(data.rewards) || 1;
-    return this.radius * (node === data.base ? 1.1 : 0.5 + 0.7 * Math.sqrt(data.rewards[node] / most));
+    const nearest = this.at.map((one, i) => d3.min(tree.neighbors(i), (j) => apart(one, this.at[j])) ?? 99);
+    return Math.min(Math.max(0.34 * d3.quantile(nearest, 0.2), least), most);
   }
 
   /** All arcs; both directions are one line where they are equally dangerous. */
@@ -98,7 +92,7 @@ class SiteMap {
     const [[x1, y1], [x2, y2]] = [this.at[tail], this.at[head]];
     const length = Math.hypot(x2 - x1, y2 - y1) || 1;
     const [dx, dy] = [(x2 - x1) / length, (y2 - y1) / length];
-    const [from, to] = [tail, head].map((node) => Math.min(0.8 * this.size(node), 0.3 * length));
+    const [from, to] = [tail, head].map((node) => Math.min(0.8 * this.size[node], 0.3 * length));
     return [
       [x1 + dx * from - dy * aside, y1 + dy * from + dx * aside],
       [x2 - dx * to - dy * aside, y2 - dy * to + dx * aside],
@@ -108,9 +102,9 @@ class SiteMap {
   drawNodes() {
     this.nodes.selectAll("*").remove();
     const others = d3.range(this.at.length).filter((node) => node !== data.base);
-    this.nodes.selectAll("circle").data(others).join("circle").attr("r", (node) => this.size(node))
+    this.nodes.selectAll("circle").data(others).join("circle").attr("r", (node) => this.size[node])
       .attr("cx", (node) => this.at[node][0]).attr("cy", (node) => this.at[node][1]);
-    const half = this.size(data.base);
+    const half = this.size[data.base];
     this.nodes.append("rect").datum(data.base).attr("class", "base")
       .attr("x", this.at[data.base][0] - half).attr("y", this.at[data.base][1] - half)
       .attr("width", 2 * half).attr("height", 2 * half);
@@ -124,26 +118,21 @@ class SiteMap {
   drawNames() {
     const pen = document.createElement("canvas").getContext("2d");
     pen.font = "11px sans-serif";
-    const taken = this.at.map(([x, y], node) => box(x, y, this.size(node), this.size(node)));
-    const order = d3.sort(d3.range(this.at.length), (node) => (node === data.base ? -Infinity : -data.rewards[node]));
+    const taken = this.at.map((at, node) => box(at, this.size[node], this.size[node]));
     const found = [];
+    const order = d3.sort(d3.range(taken.length), (node) => (node === data.base ? -Infinity : -data.rewards[node]));
     for (const node of order.slice(0, 300)) {
       const letters = [...data.names[node]];
       const text = letters.length > 18 ? `${letters.slice(0, 17).join("")}…` : data.names[node];
-      const [half, away] = [pen.measureText(text).width / 2 + 2, this.size(node) + 2];
-      const [x, y] = this.at[node];
-      const free = [[x + away + half, y], [x - away - half, y], [x, y - away - 7], [x, y + away + 7]].find(([a, b]) => {
-        const mine = box(a, b, half, 7);
-        const inside = mine[0] > 0 && mine[1] > 0 && mine[2] < this.width && mine[3] < this.height;
-        return inside && !taken.some((other, i) => i !== node && overlap(mine, other));
-      });
-      if (free) {
-        taken.push(box(...free, half, 7));
-        found.push({ text, at: free });
-      }
+      const [half, away, [x, y]] = [pen.measureText(text).width / 2 + 2, this.size[node] + 2, this.at[node]];
+      const around = [[x + away + half, y], [x - away - half, y], [x, y - away - 7], [x, y + away + 7]];
+      const free = around.map((at) => ({ text, at, box: box(at, half, 7) })).find((name) =>
+        name.box[0] > 0 && name.box[2] < this.width && !taken.some((other, i) => i !== node && overlap(name.box, other)));
+      if (!free) continue;
+      taken.push(free.box);
+      found.push(free);
     }
-    this.names.selectAll("text").data(found).join("text").attr("text-anchor", "middle")
-      .attr("dy", "0.35em").attr("direction", (name) => (/[\u0590-\u08ff]/.test(name.text) ? "rtl" : null))
+    this.names.selectAll("text").data(found).join("text").attr("text-anchor", "middle").attr("dy", "0.35em")
       .attr("x", (name) => name.at[0]).attr("y", (name) => name.at[1]).text((name) => name.text);
   }
 
@@ -169,8 +158,9 @@ class SiteMap {
     this.trails.selectAll("path.heads").data(drawn).join("path").attr("class", "heads")
       .attr("d", (way) => way.hops.map((hop) => arrowHead(hop, 1.6 * wide + 2)).join(""))
       .style("fill", (way) => way.colour).classed("faint", faint);
-    if (!this.small) this.showBadges(drawn, trails, faint);
-    const said = trails.map((trail, i) => `robot ${i} ${trail.length > 1 ? `visits ${new Set(trail).size - 1} nodes` : "stays at base"}`);
+    if (!this.small) this.showBadges(drawn, faint);
+    const said = trails.map((trail, i) =>
+      `robot ${i} ${trail.length > 1 ? `visits ${new Set(trail).size - 1} nodes` : "stays at base"}`);
     this.svg.attr("aria-label", `Map of ${title(plan)}: ${said.join(", ")}.`);
   }
 
@@ -178,26 +168,24 @@ class SiteMap {
   layOut(trails) {
     const lanes = new Map();
     return trails.map((trail) => d3.pairs(trail, (tail, head) => {
-      const lane = lanes.get(`${tail} ${head}`) ?? 0;
-      lanes.set(`${tail} ${head}`, lane + 1);
+      const arc = tail * this.at.length + head;
+      const lane = lanes.get(arc) ?? 0;
+      lanes.set(arc, lane + 1);
       return this.hop(tail, head, (0.6 + lane) * this.lane);
     }));
   }
 
-  /** A number on each trail, where no other trail goes if there is such an arc. */
-  showBadges(drawn, trails, faint) {
-    const used = d3.rollup(trails.flatMap((trail) => d3.pairs(trail, (a, b) => [a, b].sort(ascending).join(" "))), (v) => v.length, (arc) => arc);
+  /** A number on each trail: on a long arc, where no other number is. */
+  showBadges(drawn, faint) {
     const taken = [];
     const badges = drawn.map((way) => {
-      const middles = way.hops.map(([[a, b], [c, d]], i) => {
-        const arc = trails[way.robot].slice(i, i + 2).sort(ascending).join(" ");
-        const at = [0.6 * a + 0.4 * c, 0.6 * b + 0.4 * d];
-        const crowd = d3.sum(taken, (other) => Math.hypot(other[0] - at[0], other[1] - at[1]) < 17);
-        return { at, cost: 1000 * crowd + 100 * used.get(arc) - Math.hypot(a - c, b - d) };
+      const middles = way.hops.map(([from, to]) => {
+        const at = [0.6 * from[0] + 0.4 * to[0], 0.6 * from[1] + 0.4 * to[1]];
+        return { at, good: apart(from, to) - 1000 * d3.sum(taken, (other) => apart(other, at) < 17) };
       });
-      const best = d3.least(middles, (middle) => middle.cost);
-      taken.push(best.at);
-      return { ...way, at: best.at };
+      const { at } = d3.greatest(middles, (middle) => middle.good);
+      taken.push(at);
+      return { ...way, at };
     });
     markers(this.badges, badges, (way) => `translate(${way.at})`).classed("faint", faint);
   }
@@ -226,9 +214,9 @@ class SiteMap {
   }
 
   nearest(event) {
-    const [x, y] = d3.pointer(event, this.svg.node());
-    const node = d3.leastIndex(this.at, (a, b) => Math.hypot(a[0] - x, a[1] - y) - Math.hypot(b[0] - x, b[1] - y));
-    return Math.hypot(this.at[node][0] - x, this.at[node][1] - y) < 20 ? node : null;
+    const at = d3.pointer(event, this.svg.node());
+    const node = d3.leastIndex(this.at, (place) => apart(place, at));
+    return apart(this.at[node], at) < 20 ? node : null;
   }
 }
 
@@ -247,14 +235,16 @@ function markers(layer, ways, transform) {
 }
 
 const line = (points) => `M${points.map(([x, y]) => `${x.toFixed(1)},${y.toFixed(1)}`).join("L")}`;
-const box = (x, y, half, high) => [x - half, y - high, x + half, y + high];
+const apart = ([a, b], [c, d]) => Math.hypot(a - c, b - d);
+const box = ([x, y], half, high) => [x - half, y - high, x + half, y + high];
 const overlap = (a, b) => a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3];
 
 /** A triangle on the way, beyond its middle; none where it would be larger than the way. */
-function arrowHead([[x1, y1], [x2, y2]], size) {
-  const length = Math.hypot(x2 - x1, y2 - y1);
+function arrowHead([from, to], size) {
+  const length = apart(from, to);
   if (length < 2 * size) return "";
-  const [dx, dy] = [((x2 - x1) / length) * size, ((y2 - y1) / length) * size];
-  const [x, y] = [x1 + 0.62 * (x2 - x1), y1 + 0.62 * (y2 - y1)];
-  return `${line([[x + dx, y + dy], [x - 0.6 * dx - 0.6 * dy, y - 0.6 * dy + 0.6 * dx], [x - 0.6 * dx + 0.6 * dy, y - 0.6 * dy - 0.6 * dx]])}Z`;
+  const [dx, dy] = [0, 1].map((axis) => (size * (to[axis] - from[axis])) / length);
+  const [x, y] = [0, 1].map((axis) => 0.38 * from[axis] + 0.62 * to[axis]);
+  const back = [x - 0.6 * dx, y - 0.6 * dy];
+  return `${line([[x + dx, y + dy], [back[0] - 0.6 * dy, back[1] + 0.6 * dx], [back[0] + 0.6 * dy, back[1] - 0.6 * dx]])}Z`;
 }

@@ -44,21 +44,30 @@ function listMarks(go) {
   }));
 }
 
-/** The robots of a plan, each with its trail; its button shows it alone. */
+/** The robots of a plan with their trails, and beside the map a button for each. */
 function showRobots(plan, alone) {
-  const head = make("tr", {}, columnHead("robot", false), columnHead("survives"), columnHead("nodes"), columnHead("trail", false));
   const styles = stylesOf(plan);
-  const rows = trailsOf(plan).map((trail, robot) => {
-    const sample = d3.create("svg").attr("class", "sample").attr("viewBox", "0 0 34 8").attr("aria-hidden", "true");
-    if (trail.length > 1) sample.append("path").attr("d", "M0,4H34").style("stroke", styles[robot].colour).attr("stroke-dasharray", styles[robot].dash);
-    const pressed = String(state.robot === robot);
-    const button = make("button", { type: "button", "aria-pressed": pressed, "data-robot": robot, onclick: () => alone(robot) }, sample.node(), `robot ${robot}`);
-    const way = trail.length > 1 ? trail.flatMap((node, i) => (i ? [" → ", nodeName(node)] : [nodeName(node)])) : ["stays at base"];
-    const visited = new Set(trail).size - 1;
+  const trails = trailsOf(plan);
+  const sample = (robot) => {
+    const svg = d3.create("svg").attr("class", "sample").attr("viewBox", "0 0 34 8").attr("aria-hidden", "true");
+    const line = trails[robot].length > 1 ? "M0,4H34" : "M0,0";
+    svg.append("path").attr("d", line).style("stroke", styles[robot].colour)
+      .attr("stroke-dasharray", styles[robot].dash);
+    return svg.node();
+  };
+  const head = [columnHead("robot", false), columnHead("survives"), columnHead("nodes"), columnHead("trail", false)];
+  const rows = trails.map((trail, robot) => {
+    const way = make("td", { class: "way" }, trail.length > 1 ? trail.map(isolated).join(" → ") : "stays at base");
     const code = data.trail_codes[data.plans[plan][robot]];
-    return make("tr", {}, rowHead(button), barCell(code), cell(visited), make("td", { class: "way" }, ...way));
+    const visited = cell(new Set(trail).size - 1);
+    return make("tr", {}, rowHead(make("span", { class: "robot" }, sample(robot), robot)), barCell(code), visited, way);
   });
-  byId("robots").replaceChildren(make("thead", {}, head), make("tbody", {}, ...rows));
+  byId("robots").replaceChildren(make("thead", {}, make("tr", {}, ...head)), make("tbody", {}, ...rows));
+  byId("team").replaceChildren(...trails.map((_, robot) => {
+    const pressed = String(state.robot === robot);
+    const button = { type: "button", class: "robot", "aria-pressed": pressed, "aria-label": `robot ${robot} alone` };
+    return make("button", { ...button, "data-robot": robot, onclick: () => alone(robot) }, sample(robot), robot);
+  }));
 }
 
 /** The plan at hand and the pinned ones side by side. */
@@ -112,14 +121,16 @@ function differingRows(plans, row, group) {
 
 /** Differences in words, for pairs that were compared: neighbours and marked plans. */
 function showWords(plans) {
-  const pairs = plans.length > 1 ? plans.slice(1).map((other) => [plans[0], other]) : d3.pairs([plans[0] - 1, plans[0], plans[0] + 1]);
+  const beside = d3.pairs([plans[0] - 1, plans[0], plans[0] + 1]);
+  const pairs = plans.length > 1 ? plans.flatMap((one, i) => plans.slice(i + 1).map((other) => [one, other])) : beside;
   const blocks = pairs.flatMap((pair) => {
     const [first, second] = pair.sort(ascending);
     const sentences = data.words[`${first}-${second}`];
     if (!sentences) return [];
     const name = `From ${title(first).toLowerCase()} (first) to ${title(second).toLowerCase()} (second)`;
     const list = make("ul", { class: "sentences" }, ...sentences.map((text) => make("li", {}, text)));
-    return [make("details", { class: "words", ...(plans.length > 1 ? { open: "" } : {}) }, make("summary", {}, name), list)];
+    const open = pairs.length === 1 ? "" : null;
+    return [make("details", { class: "words", open }, make("summary", {}, name), list)];
   });
   const some = plans.length > 1 && blocks.length < pairs.length;
   const note = "Differences in words are given between neighbours on the front and between marked plans; the table has them all.";
