@@ -457,7 +457,17 @@ class TestInitialisers:
         assert sorted(names - {"TYPE_CHECKING", "lazy_names"}) == sorted(exported_by(tree))
 
 
-LAZY_PACKAGES = [botohe_moo, algorithms, decide, explorer, mission, operators, outcomes, plots, study]
+LAZY_PACKAGES = [
+    botohe_moo,
+    algorithms,
+    decide,
+    explorer,
+    mission,
+    operators,
+    outcomes,
+    plots,
+    study,
+]
 DECIDE = ", ".join(module_name(path) for path in sorted((PACKAGE / "decide").glob("[!_]*.py")))
 PUBLIC = [(package, name) for package in LAZY_PACKAGES for name in package.__all__]
 

@@ -211,6 +211,4 @@ def _words(
 ) -> Mapping[str, Sequence[str]]:
     """Differences in words, between neighbours and between marked plans: all pairs are too many."""
     pairs = {*pairwise(range(len(plans))), *combinations(marked, 2)}
-    return {
-        f"{i}-{j}": compare(mission, plans[i], plans[j]).sentences for i, j in sorted(pairs)
-    }
+    return {f"{i}-{j}": compare(mission, plans[i], plans[j]).sentences for i, j in sorted(pairs)}

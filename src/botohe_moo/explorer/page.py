@@ -101,9 +101,9 @@ def render(title: str, data: Mapping[str, Any]) -> str:
         # Half of a surrogate pair, which JSON may hold, cannot be written as UTF-8.
         title=title.encode("utf-16", "surrogatepass").decode("utf-16", "replace"),
         policy=_policy([library, script], style),
-        style=Markup(style),  # noqa: S704
-        library=Markup(library),  # noqa: S704
-        script=Markup(script),  # noqa: S704
+        style=Markup(style),
+        library=Markup(library),
+        script=Markup(script),
         data=base64.b64encode(packed).decode(),
     )
 

@@ -190,9 +190,7 @@ class Solution:
             for row in rows
         )
 
-    def explore(
-        self, path: str | os.PathLike[str], *, wishes: Iterable[str | Wish] = ()
-    ) -> Path:
+    def explore(self, path: str | os.PathLike[str], *, wishes: Iterable[str | Wish] = ()) -> Path:
         """Write a page on which to walk along the front, look at its plans and compare them.
 
         Parameters
