@@ -51,8 +51,8 @@ def explore_front(
         from botohe_moo.solution import read_solution
         from botohe_moo.solution.model import PAGE
 
-        path = check_page_file(folder / PAGE if out is None else out)
         solution = read_solution(folder)
+        path = check_page_file(folder / PAGE if out is None else out)
         for text in wish or []:
             parse_wishes(solution.mission, [text])
     write_page(solution, path, wish or [])

@@ -146,7 +146,7 @@ def _plans(mission: Mission, plans: Sequence[TrailPlan], objectives: FloatArray)
     limits = {"max_outcomes": MAX_OUTCOMES, "n_samples": N_SAMPLES}
     outcomes = [plan_outcomes(mission, plan, **limits, random_state=SEED) for plan in plans]
     edges = bin_edges(max(float(found.reward.values[-1]) for found in outcomes))
-    team = np.arange(mission.robots + 1)
+    team = np.arange(mission.robots + 1.0)
     reach = [_reached(mission, plan) for plan in plans]
     total = mission.total_reward
     return {
@@ -192,14 +192,20 @@ def _marks(front: Front, wishes: Iterable[str | Wish]) -> list[dict[str, Any]]:
         kind, said = ("choice", "meets") if found.met else ("miss", "comes nearest to")
         why = [found.why, str(found.cost), str(found.rate)]
         marks.append(_mark(kind, found.index, f"{said} {wish}", *why))
-    for knee in knees(mission, objectives):
-        marks.append(_mark("knee", knee.index, f"knee: {knee.name}", f"Knee: {knee.definition}."))
-    for row in representatives(mission, front.plans, _N_REPRESENTATIVES):
-        marks.append(_mark("representative", row, "representative"))
     by_reward, by_survivors = np.lexsort(objectives.T[::-1])[-1], np.lexsort(objectives.T)[-1]
-    marks.append(_mark("end", int(by_reward), "most reward"))
-    marks.append(_mark("end", int(by_survivors), "most survivors"))
-    return marks
+    return [
+        *marks,
+        *(
+            _mark("knee", knee.index, f"knee: {knee.name}", f"Knee: {knee.definition}.")
+            for knee in knees(mission, objectives)
+        ),
+        *(
+            _mark("representative", row, "representative")
+            for row in representatives(mission, front.plans, _N_REPRESENTATIVES)
+        ),
+        _mark("end", int(by_reward), "most reward"),
+        _mark("end", int(by_survivors), "most survivors"),
+    ]
 
 
 def _mark(kind: str, row: int, name: str, *text: str) -> dict[str, Any]:

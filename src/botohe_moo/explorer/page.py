@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import errno
 import hashlib
 import html
 import json
@@ -61,10 +62,12 @@ def explore(
 
 
 def check_page_file(path: str | os.PathLike[str]) -> Path:
-    """Refuse a file name that does not end in ``.html``, with a ValueError."""
+    """Refuse a file name that does not end in ``.html``, and one in no folder."""
     path = Path(path)
     if path.suffix.lower() not in (".html", ".htm"):
         raise ValueError(f"{path}: expected a file name that ends in .html.")
+    if not path.parent.is_dir():
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path.parent))
     return path
 
 

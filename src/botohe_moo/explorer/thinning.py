@@ -9,7 +9,7 @@ from botohe_moo._base.types import FloatArray, OffsetArray
 
 
 def thinned(objectives: FloatArray, kept: Collection[int], n_plans: int) -> OffsetArray:
-    """Choose ``n_plans`` rows of a front, which ascend in the first column and descend in the other.
+    """Choose ``n_plans`` rows of a front that ascends in reward and descends in survivors.
 
     One after another, the plan goes that dominates the least area alone. Both ends and the rows
     ``kept`` stay, even if these are more than ``n_plans``.
@@ -24,7 +24,7 @@ def thinned(objectives: FloatArray, kept: Collection[int], n_plans: int) -> Offs
         reward = objectives[row, 0] - objectives[left[row], 0]
         return float(reward * (objectives[row, 1] - objectives[right[row], 1]))
 
-    queue = [(area(row), int(row)) for row in np.flatnonzero(~stays)]
+    queue = [(area(row), row) for row in np.flatnonzero(~stays).tolist()]
     heapify(queue)
     n_left = n
     while n_left > n_plans and queue:
