@@ -15,22 +15,15 @@ from botohe_moo.explorer.data import page_data
 from botohe_moo.explorer.numbers import bin_codes, bin_edges, decimals, probability_codes
 from botohe_moo.explorer.thinning import thinned
 from botohe_moo.outcomes import Distribution
-from tests.decide.made import MISSION, PLANS, trips
+from tests.decide.made import MISSION, NAMES, PLANS, trips
 from tests.explorer.conftest import solution_of, toy_plans
 
-FRONT = [
-    plan
-    for name, plan in zip(["AB", "AC", "AA", "BC", "BB", "C"], PLANS, strict=True)
-    if name in ("AB", "AC", "BC", "C")
-]
-
-
+FRONT = [PLANS[NAMES.index(name)] for name in ("AB", "AC", "BC", "C")]
 WISHES = ["survivors >= 1.9", "survivors >= 1.5 and reward >= 3.5"]
 POINTS_MADE = st.sets(st.integers(0, 30), min_size=3, max_size=12)
 
 
 class TestThinning:
-    # Alone, the plans between the ends dominate (1-0)(8-7) = 1, (3-1)(7-6) = 2, (4-3)(6-1) = 5.
     POINTS = np.array([[0, 8.0], [1, 8], [3, 7], [4, 6], [5, 1]])
 
     def test_the_plan_that_dominates_least_alone_goes_first(self):

@@ -30,15 +30,17 @@ function planJson(plan) {
 
 function planCsv(plan) {
   const quoted = (text) => (/[",\r\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
-  const name = (node) => (typeof data.labels[node] === "string" ? data.labels[node] : JSON.stringify(data.labels[node]));
+  const name = (label) => (typeof label === "string" ? label : JSON.stringify(label));
   const rows = trailsOf(plan).flatMap((trail, robot) =>
-    trail.map((node, step) => [robot, step, quoted(name(node)), ...(positionOf(node) ?? ["", ""])].join(",")));
+    trail.map((node, step) =>
+      [robot, step, quoted(name(data.labels[node])), ...(positionOf(node) ?? ["", ""])].join(",")));
   return `${["robot,step,node,x,y", ...rows].join("\n")}\n`;
 }
 
 /** As from Python, but probabilities to be reached have three digits. */
 function planGeojson(plan) {
-  const feature = (type, coordinates, properties) => ({ type: "Feature", geometry: { type, coordinates }, properties });
+  const feature = (type, coordinates, properties) =>
+    ({ type: "Feature", geometry: { type, coordinates }, properties });
   const lines = trailsOf(plan).map((trail, robot) => {
     const way = trail.map(positionOf);
     const survival = data.trail_survival[data.plans[plan][robot]];
@@ -60,7 +62,8 @@ function viewSvg(plan) {
   const style = getComputedStyle(document.body);
   view.append("rect").attr("width", wide).attr("height", high).attr("fill", plain(style.backgroundColor));
   view.append("text").attr("x", 12).attr("y", 21).attr("font-size", 15).attr("font-family", "sans-serif")
-    .attr("fill", plain(style.color)).text(`${document.querySelector("h1").textContent}: ${byId("at-hand").firstChild.textContent}`);
+    .attr("fill", plain(style.color))
+    .text(`${document.querySelector("h1").textContent}: ${byId("at-hand").firstChild.textContent}`);
   both.forEach((svg, i) => {
     const part = view.append("g").attr("transform", `translate(${i * (front.width + 24)},34)`);
     if (i && byId("ground").width > 0 && data.arcs[0].length > MANY) {
@@ -77,7 +80,9 @@ function inlined(element) {
   copy.removeAttribute("style");
   const style = getComputedStyle(element);
   for (const name of INLINED) copy.setAttribute(name, plain(style.getPropertyValue(name)));
-  copy.append(...[...element.childNodes].map((child) => (child.nodeType === Node.ELEMENT_NODE ? inlined(child) : child.cloneNode())));
+  for (const child of element.childNodes) {
+    copy.append(child.nodeType === Node.ELEMENT_NODE ? inlined(child) : child.cloneNode());
+  }
   return copy;
 }
 

@@ -82,8 +82,8 @@ function filter() {
   const filters = Object.fromEntries(FILTERS.map((name) => [name, filterValue(byId(`filter-${name}`).value)]));
   state.filters = filters;
   findMatching();
-  const plan = !matching.length || meets(state.plan) ? state.plan : d3.least(matching, (other) => Math.abs(other - state.plan));
-  act({ plan, filters }, true);
+  const nearest = d3.least(matching, (plan) => Math.abs(plan - state.plan)); // itself, if it meets them
+  act({ plan: nearest ?? state.plan, filters }, true);
   showFilters();
   say(byId("matching").textContent);
 }
@@ -176,8 +176,9 @@ function hover(plan) {
 
 function tellNode(node) {
   const plan = preview ?? state.plan;
-  const said = node === null ? [] : [nodeName(node), `: reward ${data.reward_texts[node]}, reached with ${probability(reachCode(plan, node))}`];
-  byId("node").replaceChildren(...said);
+  if (node === null) return byId("node").replaceChildren();
+  const reached = probability(reachCode(plan, node));
+  return byId("node").replaceChildren(nodeName(node), `: reward ${data.reward_texts[node]}, reached with ${reached}`);
 }
 
 function resize() {
@@ -203,7 +204,8 @@ function zoom(factor) {
 
 async function start() {
   if (!("DecompressionStream" in window)) {
-    throw new Error("This browser cannot unpack the page's data. Chrome and Edge from 103, Firefox from 113 and Safari from 16.4 can.");
+    throw new Error("This browser cannot unpack the page's data. "
+      + "Chrome and Edge from 111, Firefox from 113 and Safari from 16.4 can.");
   }
   data = await unpack(byId("data").textContent);
   byId("about").textContent = data.about;

@@ -10,7 +10,8 @@ function stylesOf(plan) {
   let leaving = 0;
   return trailsOf(plan).map((trail) => {
     const style = trail.length > 1 ? leaving++ : 0;
-    return { colour: `var(--robot-${style % 10})`, dash: DASHES[(style + Math.floor(style / 10)) % DASHES.length] || null };
+    const dash = DASHES[(style + Math.floor(style / 10)) % DASHES.length] || null;
+    return { colour: `var(--robot-${style % 10})`, dash };
   });
 }
 
@@ -49,6 +50,7 @@ class SiteMap {
   /** Nodes are as large as the narrower places allow. */
   nodeRadius() {
     const [least, most] = this.small ? [1.2, 4.5] : [2.2, 10];
+    if (this.at.length < 2) return most;
     const tree = d3.Delaunay.from(this.at);
     const nearest = this.at.map((one, i) => d3.min(tree.neighbors(i), (j) => apart(one, this.at[j])) ?? 99);
     return Math.min(Math.max(0.34 * d3.quantile(nearest, 0.2), least), most);
@@ -127,7 +129,8 @@ class SiteMap {
       const [half, away, [x, y]] = [pen.measureText(text).width / 2 + 2, this.size[node] + 2, this.at[node]];
       const around = [[x + away + half, y], [x - away - half, y], [x, y - away - 7], [x, y + away + 7]];
       const free = around.map((at) => ({ text, at, box: box(at, half, 7) })).find((name) =>
-        name.box[0] > 0 && name.box[2] < this.width && !taken.some((other, i) => i !== node && overlap(name.box, other)));
+        name.box[0] > 0 && name.box[2] < this.width
+        && !taken.some((other, i) => i !== node && overlap(name.box, other)));
       if (!free) continue;
       taken.push(free.box);
       found.push(free);
@@ -147,18 +150,18 @@ class SiteMap {
       mark.classList.toggle("unreached", code === 0);
     }
     const styles = stylesOf(plan);
-    this.ways = this.layOut(trails).map((hops, i) => ({ robot: i, hops, ...styles[i] })).filter((way) => way.hops.length);
-    const drawn = this.ways;
+    this.ways = this.layOut(trails).map((hops, i) => ({ robot: i, hops, ...styles[i] }));
+    this.ways = this.ways.filter((way) => way.hops.length);
     const faint = (way) => robot !== null && way.robot !== robot;
     const wide = this.small ? 1.3 : Math.min(Math.max(this.lane * 0.75, 1.4), 2.4);
-    this.trails.selectAll("path.trail").data(drawn).join("path").attr("class", "trail")
+    this.trails.selectAll("path.trail").data(this.ways).join("path").attr("class", "trail")
       .attr("d", (way) => line(way.hops.flat())).attr("stroke-width", wide)
       .attr("stroke-dasharray", (way) => way.dash)
       .style("stroke", (way) => way.colour).classed("faint", faint);
-    this.trails.selectAll("path.heads").data(drawn).join("path").attr("class", "heads")
+    this.trails.selectAll("path.heads").data(this.ways).join("path").attr("class", "heads")
       .attr("d", (way) => way.hops.map((hop) => arrowHead(hop, 1.6 * wide + 2)).join(""))
       .style("fill", (way) => way.colour).classed("faint", faint);
-    if (!this.small) this.showBadges(drawn, faint);
+    if (!this.small) this.showBadges(this.ways, faint);
     const said = trails.map((trail, i) =>
       `robot ${i} ${trail.length > 1 ? `visits ${new Set(trail).size - 1} nodes` : "stays at base"}`);
     this.svg.attr("aria-label", `Map of ${title(plan)}: ${said.join(", ")}.`);
@@ -245,6 +248,6 @@ function arrowHead([from, to], size) {
   if (length < 2 * size) return "";
   const [dx, dy] = [0, 1].map((axis) => (size * (to[axis] - from[axis])) / length);
   const [x, y] = [0, 1].map((axis) => 0.38 * from[axis] + 0.62 * to[axis]);
-  const back = [x - 0.6 * dx, y - 0.6 * dy];
-  return `${line([[x + dx, y + dy], [back[0] - 0.6 * dy, back[1] + 0.6 * dx], [back[0] + 0.6 * dy, back[1] - 0.6 * dx]])}Z`;
+  const [a, b] = [x - 0.6 * dx, y - 0.6 * dy];
+  return `${line([[x + dx, y + dy], [a - 0.6 * dy, b + 0.6 * dx], [a + 0.6 * dy, b - 0.6 * dx]])}Z`;
 }

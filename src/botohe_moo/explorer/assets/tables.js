@@ -73,9 +73,11 @@ function showRobots(plan, alone) {
 /** The plan at hand and the pinned ones side by side. */
 function showComparison(plan) {
   const plans = [plan, ...state.pins.filter((pin) => pin !== plan)];
-  byId("compare-title").textContent = plans.length > 1 ? "Side by side" : `What ${title(plan).toLowerCase()} may bring`;
+  const alone = `What ${title(plan).toLowerCase()} may bring`;
+  byId("compare-title").textContent = plans.length > 1 ? "Side by side" : alone;
   const row = (name, make_) => make("tr", {}, rowHead(name), ...plans.map(make_));
-  const group = (name) => make("tr", { class: "group" }, make("th", { scope: "colgroup", colspan: plans.length + 1 }, name));
+  const group = (name) =>
+    make("tr", { class: "group" }, make("th", { scope: "rowgroup", colspan: plans.length + 1 }, name));
   const head = plans.map((one) => columnHead(`${title(one)}${letterOf(one)}`));
   const bodies = [[
     row("Expected reward", (one) => cell(rewardOf(one))),
@@ -89,7 +91,8 @@ function showComparison(plan) {
   bodies.push([group(`Probability of the reward, lower limits included${about}`),
     ...data.bins.map((name, i) => row(name, (one) => barCell(data.rewards_in[one][i])))]);
   if (plans.length > 1) bodies.push(differingRows(plans, row, group));
-  byId("compare").replaceChildren(make("thead", {}, make("tr", {}, make("td"), ...head)), ...bodies.map((rows) => make("tbody", {}, ...rows)));
+  const body = bodies.map((rows) => make("tbody", {}, ...rows));
+  byId("compare").replaceChildren(make("thead", {}, make("tr", {}, make("td"), ...head)), ...body);
   showWords(plans);
 }
 
@@ -133,21 +136,23 @@ function showWords(plans) {
     return [make("details", { class: "words", open }, make("summary", {}, name), list)];
   });
   const some = plans.length > 1 && blocks.length < pairs.length;
-  const note = "Differences in words are given between neighbours on the front and between marked plans; the table has them all.";
+  const note = "Neighbours on the front and marked plans are also compared in words; the table has all differences.";
   byId("words").replaceChildren(...blocks, ...(some ? [make("p", { class: "caption" }, note)] : []));
 }
 
 /** The nodes on the trails; only while they are looked at. */
 function showNodes(plan) {
   const reach = [...reachOf(plan)].filter(([node]) => node !== data.base);
-  byId("nodes-details").firstElementChild.textContent = `${reach.length === 1 ? "1 node" : `${reach.length} nodes`}, the base not counted`;
+  const counted = reach.length === 1 ? "1 node" : `${reach.length} nodes`;
+  byId("nodes-details").firstElementChild.textContent = `${counted}, the base not counted`;
   if (!byId("nodes-details").open) return;
-  const visitors = d3.rollup(trailsOf(plan).flatMap((trail, robot) => [...new Set(trail)].map((node) => [node, robot])),
-    (pairs) => pairs.map((pair) => pair[1]).join(", "), (pair) => pair[0]);
-  const head = make("tr", {}, columnHead("node", false), columnHead("reward"), columnHead("reached"), columnHead("by robots", false));
+  const visits = trailsOf(plan).flatMap((trail, robot) => [...new Set(trail)].map((node) => [node, robot]));
+  const visitors = d3.rollup(visits, (pairs) => pairs.map((pair) => pair[1]).join(", "), (pair) => pair[0]);
+  const head = [columnHead("node", false), columnHead("reward"), columnHead("reached"), columnHead("by robots", false)];
   const rows = d3.sort(reach, ([, code]) => -share(code)).map(([node, code]) =>
-    make("tr", {}, rowHead(nodeName(node)), cell(data.reward_texts[node]), barCell(code), make("td", {}, visitors.get(node))));
-  byId("nodes").replaceChildren(make("thead", {}, head), make("tbody", {}, ...rows));
+    make("tr", {}, rowHead(nodeName(node)), cell(data.reward_texts[node]), barCell(code),
+      make("td", {}, visitors.get(node))));
+  byId("nodes").replaceChildren(make("thead", {}, make("tr", {}, ...head)), make("tbody", {}, ...rows));
 }
 
 /** A card with a small map for each pinned plan; made anew only when pins change. */
@@ -161,12 +166,12 @@ function showPinned(go, unpin) {
     const map = new SiteMap(svg);
     map.resize(260, true);
     map.show(plan);
+    const button = (name, act) => make("button",
+      { type: "button", onclick: () => act(plan), "aria-label": `${name} ${title(plan).toLowerCase()}` }, name);
     return make("article", {},
       make("h3", {}, `${LETTERS[i]}: ${title(plan).toLowerCase()}`),
       make("p", { class: "caption" }, `reward ${rewardOf(plan)}, survivors ${survivorsOf(plan)}`),
       svg,
-      make("div", { class: "actions" },
-        make("button", { type: "button", onclick: () => go(plan), "aria-label": `Show ${title(plan).toLowerCase()}` }, "Show"),
-        make("button", { type: "button", onclick: () => unpin(plan), "aria-label": `Unpin ${title(plan).toLowerCase()}` }, "Unpin")));
+      make("div", { class: "actions" }, button("Show", go), button("Unpin", unpin)));
   }));
 }
