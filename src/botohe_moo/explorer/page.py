@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
-from markupsafe import Markup
 
 from botohe_moo._base.files import replace_file
 from botohe_moo.decide.wishes import Wish
@@ -104,9 +103,9 @@ def render(title: str, data: Mapping[str, Any]) -> str:
         # Half of a surrogate pair, which JSON may hold, cannot be written as UTF-8.
         title=title.encode("utf-16", "surrogatepass").decode("utf-16", "replace"),
         policy=_policy([library, script], style),
-        style=Markup(style),
-        library=Markup(library),
-        script=Markup(script),
+        style=style,
+        library=library,
+        script=script,
         data=base64.b64encode(packed).decode(),
     )
 
