@@ -154,7 +154,7 @@ class TestData:
         data = page_data(solution_of(MISSION, [trips(MISSION, "a")]))
         assert data["ids"] == [0]
         assert data["words"] == {}
-        assert data["about"].startswith("1 plan by by hand, seed 0, 1 evaluations; area ")
+        assert data["about"].startswith("1 plan by by hand, seed 0, 1 evaluation; area ")
 
     def test_long_fronts_are_thinned_and_keep_what_is_marked(self, museum, monkeypatch):
         monkeypatch.setattr("botohe_moo.explorer.data.MAX_PLANS", 40)

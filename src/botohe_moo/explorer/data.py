@@ -71,15 +71,15 @@ def page_data(front: Front, wishes: Iterable[str | Wish] = ()) -> dict[str, Any]
     for mark in marks:
         mark["plan"] = place[mark["plan"]]
     plans = [front.plans[row] for row in rows]
-    by = f"by {front.algorithm}, seed {front.seed}, {front.evaluations:,} evaluations"
-    counted = "1 plan" if n_plans == 1 else f"{n_plans:,} plans"
+    counted = _counted(n_plans, "plan")
+    spent = f"seed {front.seed}, {_counted(front.evaluations, 'evaluation')}"
     thin = (
         f"The page shows {len(rows):,} of the {n_plans:,} plans: those that dominate the most area "
         "(hypervolume) alone, both ends of the front, and all that are marked."
     )
     return {
         "name": mission.name,
-        "about": f"{counted} {by}; area {front.area:.4f}",
+        "about": f"{counted} by {front.algorithm}, {spent}; area {front.area:.4f}",
         "thinned": thin if len(rows) < n_plans else "",
         "robots": mission.robots,
         **_site(mission),
@@ -89,6 +89,10 @@ def page_data(front: Front, wishes: Iterable[str | Wish] = ()) -> dict[str, Any]
         "marks": marks,
         "words": _words(mission, plans, sorted({mark["plan"] for mark in marks})),
     }
+
+
+def _counted(number: int, thing: str) -> str:
+    return f"1 {thing}" if number == 1 else f"{number:,} {thing}s"
 
 
 def _site(mission: Mission) -> dict[str, Any]:

@@ -94,8 +94,8 @@ function showFilters() {
     if (filterValue(field.value) !== state.filters[name]) field.value = state.filters[name] ?? "";
   }
   byId("filter-reach").disabled = state.filters.node === null;
-  const all = data.ids.length;
-  byId("matching").textContent = matching.length === all ? `${all} plans` : `${matching.length} of ${all} plans`;
+  const all = data.ids.length === 1 ? "1 plan" : `${data.ids.length} plans`;
+  byId("matching").textContent = matching.length === data.ids.length ? all : `${matching.length} of ${all}`;
   front.sift();
 }
 

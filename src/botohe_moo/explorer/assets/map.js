@@ -183,7 +183,7 @@ class SiteMap {
     const taken = [];
     const badges = drawn.map((way) => {
       const middles = way.hops.map(([from, to]) => {
-        const at = [0.6 * from[0] + 0.4 * to[0], 0.6 * from[1] + 0.4 * to[1]];
+        const at = [(from[0] + to[0]) / 2, (from[1] + to[1]) / 2];
         return { at, good: apart(from, to) - 1000 * d3.sum(taken, (other) => apart(other, at) < 17) };
       });
       const { at } = d3.greatest(middles, (middle) => middle.good);
