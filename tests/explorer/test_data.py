@@ -156,10 +156,9 @@ class TestData:
         assert data["words"] == {}
         assert data["about"].startswith("1 plan by by hand, seed 0, 1 evaluation; area ")
 
-    def test_long_fronts_are_thinned_and_keep_what_is_marked(self, museum, monkeypatch):
-        monkeypatch.setattr("botohe_moo.explorer.data.MAX_PLANS", 40)
+    def test_long_fronts_are_thinned_and_keep_what_is_marked(self, museum):
         wish = "survivors >= 1.234"
-        data = page_data(museum, [wish])
+        data = page_data(museum, [wish], max_plans=40)
         assert len(data["ids"]) == 40
         kept = {data["ids"][mark["plan"]] for mark in data["marks"]}
         expected = {0, len(museum.plans) - 1, museum.choose(wish).index, *museum.representatives()}
@@ -169,8 +168,7 @@ class TestData:
 
     def test_rewards_that_are_simulated_are_marked(self, museum, monkeypatch):
         monkeypatch.setattr("botohe_moo.explorer.data.MAX_OUTCOMES", 1)
-        monkeypatch.setattr("botohe_moo.explorer.data.MAX_PLANS", 12)
-        data = page_data(museum)
+        data = page_data(museum, max_plans=12)
         assert data["simulated"] == [False] + [True] * (len(data["ids"]) - 1)
 
     def test_no_plan_cannot_be_explored(self):
@@ -218,6 +216,12 @@ class TestSites:
         data = page_data(solution_of(mission, [mission.plan([["x", frozenset("q"), "x"]])]))
         assert data["labels"] is None
         json.dumps(data)
+
+    def test_labels_that_a_browser_would_round(self):
+        for label, labels in ((2**53, ["x", 2**53, 1, "1"]), ((1, 2**53 + 1), None)):
+            mission = Mission(nx.relabel_nodes(self.graph(), {"y": label}))
+            data = page_data(solution_of(mission, [mission.plan([["x", label, "x"]])]))
+            assert data["labels"] == labels
 
     def test_a_wrong_position_is_named(self):
         graph = self.graph(x=(1, 2), y="north")

@@ -139,3 +139,11 @@ class TestContrast:
     @pytest.mark.parametrize("pair", SHAPES, ids="-".join)
     def test_of_what_is_drawn(self, scheme, pair):
         assert contrast(*(scheme[name] for name in pair)) >= 3
+
+
+def test_the_guide_says_what_works(tmp_path, monkeypatch):
+    guide = Path(__file__).parents[2] / "docs" / "explorer.md"
+    [code] = re.findall(r"```python\n(.*?)```", guide.read_text("utf-8"), re.DOTALL)
+    monkeypatch.chdir(tmp_path)
+    exec(code, {})
+    assert (tmp_path / "museum.html").exists()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from itertools import combinations, pairwise
@@ -57,7 +58,9 @@ class Front(Protocol):
         """The front's area indicator."""
 
 
-def page_data(front: Front, wishes: Iterable[str | Wish] = ()) -> dict[str, Any]:
+def page_data(
+    front: Front, wishes: Iterable[str | Wish] = (), *, max_plans: int = MAX_PLANS
+) -> dict[str, Any]:
     """Compute the data of the page; plans are in order from the least reward to the most."""
     mission, n_plans = front.mission, len(front.plans)
     if not n_plans:
@@ -66,7 +69,7 @@ def page_data(front: Front, wishes: Iterable[str | Wish] = ()) -> dict[str, Any]
     order = np.lexsort((-front.objectives[:, 1], front.objectives[:, 0]))
     place = {int(row): i for i, row in enumerate(order)}
     kept = [place[mark["plan"]] for mark in marks]
-    rows = order[thinned(front.objectives[order], kept, MAX_PLANS)].tolist()
+    rows = order[thinned(front.objectives[order], kept, max_plans)].tolist()
     place = {row: i for i, row in enumerate(rows)}
     for mark in marks:
         mark["plan"] = place[mark["plan"]]
@@ -124,11 +127,13 @@ def _names(nodes: Sequence[Hashable]) -> list[str]:
 
 
 def _labels(nodes: Sequence[Hashable]) -> list[object] | None:
-    """Labels for files; None if JSON cannot hold them all."""
+    """Labels for files; None if JSON cannot hold them all, or a browser would round one."""
     try:
-        return [plain_label(node) for node in nodes]
+        labels = [plain_label(node) for node in nodes]
     except ValueError:
         return None
+    # To a browser, all numbers are floating-point ones.
+    return labels if json.loads(json.dumps(labels), parse_int=float) == labels else None
 
 
 def _trails(mission: Mission, plans: Sequence[TrailPlan]) -> dict[str, Any]:

@@ -22,6 +22,7 @@ from botohe_moo.explorer.data import Front, page_data
 
 SCRIPTS = ("data", "state", "front", "map", "tables", "files", "main")
 _HEIGHT = 900  # pixels of a frame in a notebook
+_NOTEBOOK_PLANS = 100  # which keeps the page with each output that shows it, and should not wait
 
 
 def explore(
@@ -135,8 +136,12 @@ def _digest(text: str) -> str:
 
 
 def notebook_frame(front: Front) -> str:
-    """Make the HTML that shows the page in a notebook, in a frame that cannot reach out of it."""
-    page = html.escape(explorer_page(front))
+    """Make the HTML that shows the page in a notebook, in a frame that cannot reach out of it.
+
+    Fronts of more than 100 plans are thinned.
+    """
+    data = page_data(front, max_plans=_NOTEBOOK_PLANS)
+    page = html.escape(render(front.mission.title, data))
     return (
         f'<iframe srcdoc="{page}" sandbox="allow-scripts allow-downloads" title="explorer" '
         f'style="width: 100%; height: {_HEIGHT}px; border: 0"></iframe>'

@@ -203,7 +203,7 @@ class Solution:
         return explore(self, path, wishes=wishes)
 
     def _repr_html_(self) -> str | None:
-        """Show the page of ``explore`` in a notebook; None, hence the text, without plans."""
+        """Show the page of ``explore``, of 100 plans at most, in a notebook; None without plans."""
         from botohe_moo.explorer.page import notebook_frame
 
         return notebook_frame(self) if self.plans else None

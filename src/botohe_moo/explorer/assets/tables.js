@@ -172,6 +172,6 @@ function showPinned(go, unpin) {
       make("h3", {}, `${LETTERS[i]}: ${title(plan).toLowerCase()}`),
       make("p", { class: "caption" }, `reward ${rewardOf(plan)}, survivors ${survivorsOf(plan)}`),
       svg,
-      make("div", { class: "actions" }, button("Show", go), button("Unpin", unpin)));
+      make("div", { class: "actions" }, button("Show", go), button("Unpin", (one) => { unpin(one); byId("pin").focus(); })));
   }));
 }
