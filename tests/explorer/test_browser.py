@@ -160,6 +160,7 @@ class TestMuseum:
             assert "unpin one first" in page.inner_text("#at-hand")
             page.click('[aria-label="Unpin plan 20"]')
             assert pinned(page) == [10, 30, 40]
+            assert page.evaluate("document.activeElement.id") == "pin"
 
     def test_filters_by_node(self, opened, museum, museum_page):
         mission = museum.mission

@@ -160,6 +160,7 @@ function showPinned(go, unpin) {
   byId("pinned").hidden = !state.pins.length;
   if (showPinned.last === String(state.pins)) return;
   showPinned.last = String(state.pins);
+  const within = byId("cards").contains(document.activeElement);
   byId("cards").replaceChildren(...state.pins.map((plan, i) => {
     const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
     svg.setAttribute("role", "img");
@@ -172,6 +173,7 @@ function showPinned(go, unpin) {
       make("h3", {}, `${LETTERS[i]}: ${title(plan).toLowerCase()}`),
       make("p", { class: "caption" }, `reward ${rewardOf(plan)}, survivors ${survivorsOf(plan)}`),
       svg,
-      make("div", { class: "actions" }, button("Show", go), button("Unpin", (one) => { unpin(one); byId("pin").focus(); })));
+      make("div", { class: "actions" }, button("Show", go), button("Unpin", unpin)));
   }));
+  if (within) byId("pin").focus(); // the button that was pressed is gone
 }
