@@ -260,7 +260,7 @@ def text_of(value):
     return ">0.999" if value < 1 - 1e-12 and text == "1.000" else text
 
 
-COLLECT = """() => {
+COLLECT = """async () => {
     const walk = document.getElementById("walk");
     const cells = (id) => [...document.querySelectorAll(`#${id} tbody tr:not(.group)`)]
         .map((row) => [...row.cells].map((cell) => cell.textContent));
@@ -268,6 +268,7 @@ COLLECT = """() => {
     for (let place = 0; place <= Number(walk.max); place += 1) {
         walk.value = place;
         walk.dispatchEvent(new Event("input", { bubbles: true }));
+        await new Promise((done) => requestAnimationFrame(() => setTimeout(done, 1)));
         const said = document.querySelector("#at-hand strong").textContent;
         const [robots, compare, nodes] = ["robots", "compare", "nodes"].map(cells);
         found.push({ said, robots, compare, nodes });

@@ -1,7 +1,6 @@
 // A plan and the view as files, as botohe_moo.decide writes them.
 
 const WRITERS = { json: planJson, csv: planCsv, geojson: planGeojson, svg: viewSvg };
-const KINDS = { json: "application/json", csv: "text/csv", geojson: "application/geo+json", svg: "image/svg+xml" };
 const INLINED = ["fill", "fill-opacity", "stroke", "stroke-width", "stroke-opacity", "stroke-dasharray",
   "stroke-linejoin", "opacity", "font-size", "font-family", "font-weight", "text-anchor", "paint-order"];
 
@@ -101,7 +100,7 @@ function plain(value) {
 
 function download(plan, kind) {
   const link = make("a", {
-    href: URL.createObjectURL(new Blob([WRITERS[kind](plan)], { type: KINDS[kind] })),
+    href: URL.createObjectURL(new Blob([WRITERS[kind](plan)])),
     download: `${data.name.replace(/[^\p{L}\p{N}._-]+/gu, "_")}-plan-${data.ids[plan]}.${kind}`,
   });
   link.click();

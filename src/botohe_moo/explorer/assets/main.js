@@ -10,7 +10,8 @@ function say(text) {
   say.timer = setTimeout(() => { byId("status").textContent = text; }, 200);
 }
 
-function render() {
+/** Draw the state: pictures at once, tables too, unless somebody walks and waits for pictures. */
+function render(walking = false) {
   stopAnimation?.();
   const plan = preview ?? state.plan;
   front.show(plan);
@@ -19,17 +20,24 @@ function render() {
   showWalk(said);
   byId("pin").textContent = state.pins.includes(plan) ? "Unpin" : "Pin";
   byId("pin").setAttribute("aria-pressed", String(state.pins.includes(plan)));
+  showAnimate(plan);
+  if (preview === null) say(said);
+  cancelAnimationFrame(render.later);
+  if (walking) render.later = requestAnimationFrame(() => setTimeout(renderTables));
+  else renderTables();
+}
+
+function renderTables() {
+  const plan = preview ?? state.plan;
   showRobots(plan, alone);
   showComparison(plan);
   showNodes(plan);
   showPinned(go, togglePin);
-  showAnimate(plan);
   for (const button of document.querySelectorAll("[data-file]")) {
     const fault = missing(plan, button.dataset.file);
     button.disabled = fault !== "";
     button.title = fault;
   }
-  if (preview === null) say(said);
 }
 
 function showWalk(said) {
@@ -52,7 +60,7 @@ function showAnimate(plan) {
 function act(changes, walking = false) {
   preview = null;
   change(changes, walking);
-  render();
+  render(walking);
 }
 
 const go = (plan) => plan !== state.plan && act({ plan });
@@ -111,13 +119,15 @@ function restore() {
 }
 
 function toggleAnimation() {
-  if (stopAnimation) return stopAnimation();
+  if (stopAnimation) {
+    stopAnimation();
+    return;
+  }
   byId("animate").textContent = "Stop";
   stopAnimation = map.animate((moment) => { byId("moment").textContent = moment; }, () => {
     stopAnimation = null;
     showAnimate(state.plan);
   });
-  return undefined;
 }
 
 function onKey(event) {
@@ -171,7 +181,7 @@ function hover(plan) {
   if (shown === preview) return;
   preview = shown;
   cancelAnimationFrame(hover.frame);
-  hover.frame = requestAnimationFrame(render);
+  hover.frame = requestAnimationFrame(() => render(true));
 }
 
 function tellNode(node) {
@@ -218,14 +228,10 @@ async function start() {
   map = new SiteMap(byId("map"), byId("ground"));
   readHash();
   listMarks(go);
-  let wide = null;
   resize();
   restore();
   listen();
-  new ResizeObserver(() => {
-    if (wide !== null && wide !== byId("main").clientWidth) resize();
-    wide = byId("main").clientWidth;
-  }).observe(byId("main"));
+  window.addEventListener("resize", resize);
 }
 
 start().catch((error) => {

@@ -111,9 +111,6 @@ class SiteMap {
       .attr("x", this.at[data.base][0] - half).attr("y", this.at[data.base][1] - half)
       .attr("width", 2 * half).attr("height", 2 * half);
     this.marked = this.nodes.selectAll("circle, rect").nodes();
-    if (!this.small && this.at.length <= 300) {
-      this.nodes.selectAll("circle, rect").append("title").text((node) => data.names[node]);
-    }
   }
 
   /** Names where there is room for them, those of much reward first. */

@@ -59,14 +59,14 @@ function showRobots(plan, alone) {
   const rows = trails.map((trail, robot) => {
     const way = make("td", { class: "way" }, trail.length > 1 ? trail.map(isolated).join(" → ") : "stays at base");
     const code = data.trail_codes[data.plans[plan][robot]];
-    const visited = cell(new Set(trail).size - 1);
-    return make("tr", {}, rowHead(make("span", { class: "robot" }, sample(robot), robot)), barCell(code), visited, way);
+    return make("tr", {}, rowHead(make("span", { class: "robot" }, sample(robot), robot)), barCell(code),
+      cell(new Set(trail).size - 1), way);
   });
   byId("robots").replaceChildren(make("thead", {}, make("tr", {}, ...head)), make("tbody", {}, ...rows));
   byId("team").replaceChildren(...trails.map((_, robot) => {
-    const pressed = String(state.robot === robot);
-    const button = { type: "button", class: "robot", "aria-pressed": pressed, "aria-label": `robot ${robot} alone` };
-    return make("button", { ...button, "data-robot": robot, onclick: () => alone(robot) }, sample(robot), robot);
+    const pressed = { "aria-pressed": String(state.robot === robot), "aria-label": `robot ${robot} alone` };
+    const button = { type: "button", class: "robot", "data-robot": robot, onclick: () => alone(robot) };
+    return make("button", { ...button, ...pressed }, sample(robot), robot);
   }));
 }
 
