@@ -2,11 +2,11 @@
 
 The names are curves, speed, growth, colonies (results/bo-aco/), operators, annealing
 (results/operators/), studies (results/studies/), search, ideas (results/local-search/), fronts,
-large (results/growth/), pictures (results/choosing/), start and pace (results/start/) and house
-(results/house/). ``--before`` names another checkout, which start, pace and house measure beside
-this one. The exit status is 1 if a curve is not the published one, or an area or a ratio to BO-ACO
-misses its bound; times themselves, and ratios to another checkout, are never judged, machines
-differ.
+large (results/growth/), pictures (results/choosing/), explorer (results/explorer/), start and pace
+(results/start/) and house (results/house/). ``--before`` names another checkout, which start, pace
+and house measure beside this one. The exit status is 1 if a curve is not the published one, or an
+area, a ratio to BO-ACO or a size misses its bound; times themselves, and ratios to another
+checkout, are never judged, machines differ.
 """
 
 import argparse
@@ -19,6 +19,7 @@ from benchmarks import (
     annealing,
     colonies,
     curves,
+    explorer,
     fronts,
     growth,
     house,
@@ -46,6 +47,7 @@ BENCHMARKS = {
     "ideas": (ideas.run, "local-search"),
     "fronts": (fronts.run, "growth"),
     "large": (large.run, "growth"),
+    "explorer": (explorer.run, "explorer"),
     "house": (house.run, "house"),
     "pictures": (pictures.run, "choosing"),
     "start": (start.run, "start"),

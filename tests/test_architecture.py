@@ -16,7 +16,7 @@ import networkx as nx
 import pytest
 
 import botohe_moo
-from botohe_moo import algorithms, decide, mission, operators, outcomes, plots, study
+from botohe_moo import algorithms, decide, explorer, mission, operators, outcomes, plots, study
 
 PACKAGE = Path(botohe_moo.__file__).parent
 SOURCES = sorted(PACKAGE.rglob("*.py"))
@@ -37,6 +37,7 @@ ORDER = [
     "algorithms",
     "decide",
     "plots",
+    "explorer",
     "solution",
     "solving",
     "study",
@@ -466,7 +467,17 @@ class TestInitialisers:
         assert sorted(names - {"TYPE_CHECKING", "lazy_names"}) == sorted(exported_by(tree))
 
 
-LAZY_PACKAGES = [botohe_moo, algorithms, decide, mission, operators, outcomes, plots, study]
+LAZY_PACKAGES = [
+    botohe_moo,
+    algorithms,
+    decide,
+    explorer,
+    mission,
+    operators,
+    outcomes,
+    plots,
+    study,
+]
 DECIDE = ", ".join(module_name(path) for path in sorted((PACKAGE / "decide").glob("[!_]*.py")))
 PUBLIC = [(package, name) for package in LAZY_PACKAGES for name in package.__all__]
 

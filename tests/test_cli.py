@@ -1117,6 +1117,66 @@ class TestChoose:
         assert "Expected a wish, got 'win'" in refused("solve", "toy", "--choose", "win")
 
 
+class TestExplore:
+    """What is on the page is tested in tests/explorer."""
+
+    def test_a_page_of_the_folder(self, botohe, solved, tmp_path):
+        ended = botohe("explore", solved[1], "--out", "page.html", "--choose", "survivors >= 1.5")
+        assert (ended.status, ended.out, ended.err) == (0, "wrote page.html\n", "")
+        page = (tmp_path / "page.html").read_text("utf-8")
+        assert page.startswith("<!DOCTYPE html>")
+        plain = botohe("explore", solved[1], "--out", "plain.html")
+        assert plain.status == 0
+        assert (tmp_path / "plain.html").read_text("utf-8") != page
+
+    def test_it_is_opened(self, botohe, solved, tmp_path):
+        code = "import webbrowser; webbrowser.open = lambda url: bool(print(url))"
+        ended = botohe("explore", solved[1], "--out", "page.html", "--open", code=code)
+        assert ended.status == 0
+        assert ended.out == f"wrote page.html\n{(tmp_path / 'page.html').as_uri()}\n"
+        assert "no browser here that could be started; open page.html" in ended.err
+
+    def test_after_solving(self, botohe, tmp_path):
+        args = ["solve", "toy", "-a", "greedy", "-n", 50, "--out", "out"]
+        ended = botohe(
+            *args, "--explore", "--choose", "survivors >= 1.5", "--choose", "reward >= 1"
+        )
+        assert (ended.status, ended.err) == (0, "")
+        assert "wrote out/explorer.html\n" in ended.out
+        page = (tmp_path / "out" / "explorer.html").read_bytes()
+        assert names_in(tmp_path / "out") == sorted([*FILES, "explorer.html"])
+        assert botohe("explore", "out", "--choose", "survivors >= 1.5 and reward >= 1").status == 0
+        assert (tmp_path / "out" / "explorer.html").read_bytes() == page
+        assert botohe(*args).status == 0
+        assert names_in(tmp_path / "out") == FILES  # the page was of other plans
+
+    @pytest.mark.parametrize(
+        ("args", "message"),
+        [
+            (["--out", "page.pdf"], "page.pdf: expected a file name that ends in .html."),
+            (["--out", "nowhere/page.html"], "nowhere: No such file or directory"),
+            (["--out", "page.html", "--choose", "win"], "Expected a wish, got 'win'"),
+        ],
+    )
+    def test_bad_arguments(self, refused, solved, args, message):
+        assert message in refused("explore", solved[1], *args)
+
+    def test_bad_folders(self, refused, solved, tmp_path):
+        assert "nowhere: expected a folder with front.csv" in refused("explore", "nowhere")
+        folder = tmp_path / "copy"
+        folder.mkdir()
+        for name in ("front.csv", "plans.json", "mission.json"):
+            (folder / name).write_bytes((solved[1] / name).read_bytes())
+        text = (folder / "mission.json").read_text()
+        (folder / "mission.json").write_text(text.replace("0.729", "0.728", 1))
+        message = refused("explore", "copy")
+        assert message.startswith("botohe: copy/mission.json: expected the mission that the plans")
+        assert "Solve the mission again" in message
+        (folder / "mission.json").write_text(text)
+        (folder / "plans.json").write_text('{"algorithm": 3')
+        assert "copy/plans.json: line 1" in refused("explore", "copy")
+
+
 class TestImport:
     ARGS = ("--nodes", "nodes.csv", "--arcs", "arcs.csv", "--base", "1", "--robots", 2)
 
@@ -1233,7 +1293,8 @@ class TestHelp:
         assert done.stdout.startswith("botohe-moo ")
 
     @pytest.mark.parametrize(
-        "command", [["--help"], ["solve", "--help"], ["missions", "--help"], ["choose", "--help"]]
+        "command",
+        [["--help"], *([name, "--help"] for name in ("solve", "missions", "choose", "explore"))],
     )
     def test_it_waits_for_nothing(self, command):
         code = f"""

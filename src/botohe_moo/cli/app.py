@@ -28,6 +28,7 @@ with ending_on_interrupt:
         parameter_example,
         parameter_text,
     )
+    from botohe_moo.cli.explore import explore_front, write_page
     from botohe_moo.cli.missions import missions_app
     from botohe_moo.cli.options import (
         EvaluationsOption,
@@ -55,6 +56,7 @@ app = typer.Typer(
     name="botohe", no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False
 )
 app.command("choose")(choose_plan)
+app.command("explore")(explore_front)
 app.add_typer(missions_app, name="missions")
 app.add_typer(study_app, name="study")
 
@@ -112,6 +114,10 @@ def solve_mission(
             help='Then choose a plan, as `botohe choose` does: "survivors >= 2". Repeatable.',
         ),
     ] = None,
+    explore: Annotated[
+        bool,
+        typer.Option("--explore", help="Also write explorer.html, as `botohe explore` does."),
+    ] = False,
 ) -> None:
     """Search for the Pareto front of a mission; write it as tables and pictures.
 
@@ -134,7 +140,7 @@ def solve_mission(
         wishes = parse_wishes(loaded, wish) if wish else ()
         _check_plain(algorithm, parameters)
         built = make_algorithm(algorithm, **parameters)
-    solution = _search_and_write(
+    solution, folder = _search_and_write(
         BOTOHE(loaded, min_survival=min_survival),
         built,
         out,
@@ -143,6 +149,10 @@ def solve_mission(
         seed=seed,
         record={"algorithm": algorithm, "parameters": parameters, "source": source},
     )
+    if explore:
+        from botohe_moo.solution.model import PAGE
+
+        write_page(solution, folder / PAGE, [" and ".join(wish)] if wish else [])
     if wishes:
         choice = solution.choose(*wishes)
         tell("")
@@ -153,7 +163,7 @@ def solve_mission(
 
 def _search_and_write(
     problem: BOTOHE, algorithm: Algorithm, out: Path | None, *, default: Path, **how: Any
-) -> Solution:
+) -> tuple[Solution, Path]:
     from botohe_moo._base.files import new_folder
     from botohe_moo._base.interrupts import hold_interrupt
     from botohe_moo.cli.checks import check_folder
@@ -185,7 +195,7 @@ def _search_and_write(
         tell(f"wrote {path}")
     if stop.is_set() or late.is_set():
         raise typer.Exit(INTERRUPTED)
-    return solution
+    return solution, folder
 
 
 def _check_plain(algorithm: str, parameters: dict[str, Any]) -> None:

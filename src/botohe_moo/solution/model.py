@@ -8,7 +8,7 @@ import io
 import json
 import os
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
@@ -30,7 +30,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 TABLES = ("front.csv", "plans.json", "mission.json")
-FILES = (*TABLES, "front.png", "mission.png")
+PAGE = "explorer.html"
+FILES = (*TABLES, "front.png", "mission.png", PAGE)
 COLUMNS = ("plan_id", "reward", "survivors")
 _ROWS_SHOWN = 40
 _LONG_START = 0.5  # seconds; with everything loaded and compiled, a search starts in milliseconds
@@ -188,6 +189,24 @@ class Solution:
             "  ".join(text.rjust(width) for text, width in zip(row, widths, strict=True))
             for row in rows
         )
+
+    def explore(self, path: str | os.PathLike[str], *, wishes: Iterable[str | Wish] = ()) -> Path:
+        """Write a page on which to walk along the front, look at its plans and compare them.
+
+        Parameters
+        ----------
+        path, wishes
+            As for :func:`botohe_moo.explorer.explore`, which also says what is raised.
+        """
+        from botohe_moo.explorer import explore
+
+        return explore(self, path, wishes=wishes)
+
+    def _repr_html_(self) -> str | None:
+        """Show the page of ``explore``, of 100 plans at most, in a notebook; None without plans."""
+        from botohe_moo.explorer.page import notebook_frame
+
+        return notebook_frame(self) if self.plans else None
 
     def to_json(self) -> str:
         """Write everything but mission and pictures: how it was found, and each plan's trails.

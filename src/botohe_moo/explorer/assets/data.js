@@ -1,0 +1,62 @@
+// The data of the page: plans are known by their places along the front, from the least reward.
+
+const LITTLE = 1001, NEARLY = 1002; // codes of probabilities that would round to 0 and to 1
+let data = null; // set once, by main.js
+
+async function unpack(text) {
+  const packed = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
+  return JSON.parse(await new Response(stream).text());
+}
+
+/** What is shown for a probability. */
+function probability(code) {
+  if (code === LITTLE) return "<0.001";
+  return code === NEARLY ? ">0.999" : (code / 1000).toFixed(3);
+}
+
+/** A number in [0, 1] to draw and to compare by. */
+function share(code) {
+  if (code === LITTLE) return 0.0005;
+  return code === NEARLY ? 0.9995 : code / 1000;
+}
+
+const trailsOf = (plan) => data.plans[plan].map((trail) => data.trails[trail]);
+const ascending = (a, b) => a - b;
+
+/** Codes of the probability that nodes are reached, for the nodes on the plan's trails. */
+function reachOf(plan) {
+  reachOf.known ??= new Map();
+  if (!reachOf.known.has(plan)) {
+    const nodes = [...new Set(trailsOf(plan).flat())].sort(ascending);
+    reachOf.known.set(plan, new Map(nodes.map((node, i) => [node, data.reached[plan][i]])));
+  }
+  return reachOf.known.get(plan);
+}
+
+const reachCode = (plan, node) => reachOf(plan).get(node) ?? 0;
+const title = (plan) => `Plan ${data.ids[plan]}`;
+const marksOf = (plan) => data.marks.filter((mark) => mark.plan === plan);
+const rewardOf = (plan) => data.objective_texts[0][plan];
+const survivorsOf = (plan) => data.objective_texts[1][plan];
+
+/** Make an element; texts become text, never markup. */
+function make(tag, attributes = {}, ...children) {
+  const element = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) {
+    if (name.startsWith("on")) element.addEventListener(name.slice(2), value);
+    else if (value !== null) element.setAttribute(name, value);
+  }
+  element.append(...children);
+  return element;
+}
+
+/** The name of a node within a text, whatever direction it is written in. */
+function isolated(node) {
+  const name = data.names[node];
+  return /[\u0590-\u{10ffff}]/u.test(name) ? `\u2068${name}\u2069` : name;
+}
+
+/** The name of a node, apart from the direction of the text around it. */
+const nodeName = (node) => make("bdi", {}, data.names[node]);
+const byId = (id) => document.getElementById(id);

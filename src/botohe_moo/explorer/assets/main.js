@@ -1,0 +1,240 @@
+// Puts the parts together: what the reader does changes the state, and the state is drawn.
+
+let front = null, map = null;
+let preview = null; // a plan that the pointer is on
+let stopAnimation = null;
+
+/** Say something to those who listen rather than look; the last of what comes at once. */
+function say(text) {
+  clearTimeout(say.timer);
+  say.timer = setTimeout(() => { byId("status").textContent = text; }, 200);
+}
+
+/** Draw the state: pictures at once, tables too, unless somebody walks and waits for pictures. */
+function render(walking = false) {
+  stopAnimation?.();
+  const plan = preview ?? state.plan;
+  front.show(plan);
+  map.show(plan, state.robot);
+  const said = showAtHand(plan);
+  showWalk(said);
+  byId("pin").textContent = state.pins.includes(plan) ? "Unpin" : "Pin";
+  byId("pin").setAttribute("aria-pressed", String(state.pins.includes(plan)));
+  showAnimate(plan);
+  if (preview === null) say(said);
+  cancelAnimationFrame(render.later);
+  if (walking) render.later = requestAnimationFrame(() => setTimeout(renderTables));
+  else renderTables();
+}
+
+function renderTables() {
+  const plan = preview ?? state.plan;
+  showRobots(plan, alone);
+  showComparison(plan);
+  showNodes(plan);
+  showPinned(go, togglePin);
+  for (const button of document.querySelectorAll("[data-file]")) {
+    const fault = missing(plan, button.dataset.file);
+    button.disabled = fault !== "";
+    button.title = fault;
+  }
+}
+
+function showWalk(said) {
+  const at = matching.indexOf(state.plan);
+  const walk = byId("walk");
+  walk.max = Math.max(matching.length - 1, 0);
+  walk.value = Math.max(at, 0);
+  walk.disabled = !matching.length;
+  walk.setAttribute("aria-valuetext", said);
+  byId("less").disabled = at <= 0;
+  byId("more").disabled = at < 0 || at >= matching.length - 1;
+}
+
+function showAnimate(plan) {
+  byId("animate").disabled = trailsOf(plan).every((trail) => trail.length === 1);
+  byId("animate").textContent = "Animate";
+  byId("moment").textContent = "";
+}
+
+function act(changes, walking = false) {
+  preview = null;
+  change(changes, walking);
+  render(walking);
+}
+
+const go = (plan) => plan !== state.plan && act({ plan });
+const alone = (robot) => {
+  act({ robot: state.robot === robot ? null : robot });
+  document.querySelector(`[data-robot="${robot}"]`).focus();
+};
+
+function step(by) {
+  const at = matching.indexOf(state.plan) + by;
+  if (at >= 0 && at < matching.length) act({ plan: matching[at] }, true);
+}
+
+function togglePin(plan) {
+  if (state.pins.includes(plan)) {
+    act({ pins: state.pins.filter((pin) => pin !== plan) });
+  } else if (state.pins.length < MAX_PINS) {
+    act({ plan, pins: [...state.pins, plan] });
+  } else {
+    act({ plan });
+    byId("at-hand").append(make("span", { class: "tag" }, "four plans are pinned: unpin one first"));
+    say("Four plans are pinned: unpin one first.");
+  }
+}
+
+function filter() {
+  const filters = Object.fromEntries(FILTERS.map((name) => [name, filterValue(byId(`filter-${name}`).value)]));
+  state.filters = filters;
+  findMatching();
+  const nearest = d3.least(matching, (plan) => Math.abs(plan - state.plan)); // itself, if it meets them
+  act({ plan: nearest ?? state.plan, filters }, true);
+  showFilters();
+  say(byId("matching").textContent);
+}
+
+function showFilters() {
+  for (const name of FILTERS) {
+    const field = byId(`filter-${name}`);
+    if (filterValue(field.value) !== state.filters[name]) field.value = state.filters[name] ?? "";
+  }
+  byId("filter-reach").disabled = state.filters.node === null;
+  const all = data.ids.length === 1 ? "1 plan" : `${data.ids.length} plans`;
+  byId("matching").textContent = matching.length === data.ids.length ? all : `${matching.length} of ${all}`;
+  front.sift();
+}
+
+/** Show what the address says. */
+function restore() {
+  forget();
+  preview = null;
+  const fault = readHash();
+  byId("problem").textContent = fault;
+  byId("problem").hidden = fault === "";
+  showFilters();
+  render();
+}
+
+function toggleAnimation() {
+  if (stopAnimation) {
+    stopAnimation();
+    return;
+  }
+  byId("animate").textContent = "Stop";
+  stopAnimation = map.animate((moment) => { byId("moment").textContent = moment; }, () => {
+    stopAnimation = null;
+    showAnimate(state.plan);
+  });
+}
+
+function onKey(event) {
+  const { target, key } = event;
+  if (event.altKey || event.ctrlKey || event.metaKey || event.defaultPrevented) return;
+  if (key === "Escape") stopAnimation?.();
+  const walking = target.id === "walk";
+  if (!walking && target.closest("input, select, textarea")) return;
+  if (key === "Enter" && !target.closest("button, a, summary")) {
+    togglePin(state.plan);
+  } else if (!walking && ["ArrowLeft", "ArrowRight"].includes(key) && !target.closest(".scroll, .frame")) {
+    step(key === "ArrowRight" ? 1 : -1);
+  } else {
+    return;
+  }
+  event.preventDefault();
+}
+
+function listen() {
+  document.addEventListener("keydown", onKey);
+  window.addEventListener("popstate", restore);
+  byId("walk").addEventListener("input", (event) => act({ plan: matching[event.target.value] }, true));
+  byId("less").addEventListener("click", () => step(-1));
+  byId("more").addEventListener("click", () => step(1));
+  byId("pin").addEventListener("click", () => togglePin(state.plan));
+  byId("animate").addEventListener("click", toggleAnimation);
+  byId("larger").addEventListener("click", () => zoom(2));
+  byId("smaller").addEventListener("click", () => zoom(0.5));
+  byId("filters").addEventListener("input", filter);
+  byId("filters").addEventListener("reset", () => setTimeout(filter));
+  byId("filters").addEventListener("submit", (event) => event.preventDefault());
+  byId("nodes-details").addEventListener("toggle", () => showNodes(preview ?? state.plan));
+  for (const button of document.querySelectorAll("[data-file]")) {
+    button.addEventListener("click", () => download(state.plan, button.dataset.file));
+  }
+  const chart = byId("front");
+  chart.addEventListener("click", (event) => {
+    const plan = front.nearest(event);
+    if (plan !== null) togglePin(plan);
+  });
+  chart.addEventListener("pointermove", (event) => {
+    if (event.pointerType !== "touch") hover(front.nearest(event));
+  });
+  chart.addEventListener("pointerleave", () => hover(null));
+  byId("map").addEventListener("pointermove", (event) => tellNode(map.nearest(event)));
+  byId("map").addEventListener("pointerleave", () => tellNode(null));
+}
+
+function hover(plan) {
+  const shown = plan === state.plan ? null : plan;
+  if (shown === preview) return;
+  preview = shown;
+  cancelAnimationFrame(hover.frame);
+  hover.frame = requestAnimationFrame(() => render(true));
+}
+
+function tellNode(node) {
+  const plan = preview ?? state.plan;
+  if (node === null) return byId("node").replaceChildren();
+  const reached = probability(reachCode(plan, node));
+  return byId("node").replaceChildren(nodeName(node), `: reward ${data.reward_texts[node]}, reached with ${reached}`);
+}
+
+function resize() {
+  front.resize(Math.max(byId("front").parentElement.clientWidth, 200));
+  front.sift();
+  zoom(1);
+}
+
+/** Draw the map larger or smaller; the frame around it scrolls. */
+function zoom(factor) {
+  zoom.factor = Math.min(Math.max((zoom.factor ?? 1) * factor, 1), 8);
+  const frame = byId("map").closest(".frame");
+  const [x, y] = [frame.scrollLeft + frame.clientWidth / 2, frame.scrollTop + frame.clientHeight / 2];
+  const width = Math.max(Math.round(zoom.factor * frame.parentElement.clientWidth), 200);
+  map.resize(width);
+  byId("map").parentElement.style.width = zoom.factor > 1 ? `${width}px` : "";
+  if (zoom.factor === 1) frame.style.maxHeight = `${map.height + 2}px`;
+  frame.scrollTo(x * factor - frame.clientWidth / 2, y * factor - frame.clientHeight / 2);
+  byId("smaller").disabled = zoom.factor === 1;
+  byId("larger").disabled = zoom.factor === 8;
+  render();
+}
+
+async function start() {
+  if (!("DecompressionStream" in window)) {
+    throw new Error("This browser cannot unpack the page's data. "
+      + "Chrome and Edge from 111, Firefox from 113 and Safari from 16.4 can.");
+  }
+  data = await unpack(byId("data").textContent);
+  byId("about").textContent = data.about;
+  byId("thinned").textContent = data.thinned;
+  byId("thinned").hidden = data.thinned === "";
+  byId("filter-node").append(...data.names.map((name, node) => make("option", { value: node, dir: "auto" }, name)));
+  byId("nodes-details").open = data.names.length <= 60;
+  byId("main").hidden = false;
+  front = new FrontChart(byId("front"));
+  map = new SiteMap(byId("map"), byId("ground"));
+  readHash();
+  listMarks(go);
+  resize();
+  restore();
+  listen();
+  window.addEventListener("resize", resize);
+}
+
+start().catch((error) => {
+  byId("problem").textContent = error.message;
+  byId("problem").hidden = false;
+});

@@ -1,0 +1,89 @@
+// The state of the view, which the address holds: a step of the history for what Back undoes.
+
+const MAX_PINS = 4, LETTERS = "ABCD";
+const FILTERS = ["reward", "survivors", "node", "reach"];
+const PAUSE = 700; // milliseconds: steps along the front that follow sooner are one walk
+const SLACK = 1e-9; // of a quantity's range, as wishes have it
+
+const state = { plan: 0, pins: [], robot: null, filters: {} };
+let matching = []; // the plans that meet the filters
+
+function toHash() {
+  const said = new URLSearchParams({ plan: data.ids[state.plan] });
+  if (state.pins.length) said.set("pins", state.pins.map((plan) => data.ids[plan]).join(","));
+  if (state.robot !== null) said.set("robot", state.robot);
+  for (const name of FILTERS) if (state.filters[name] !== null) said.set(name, state.filters[name]);
+  return `#${said.toString().replaceAll("%2C", ",")}`;
+}
+
+/** Read the state from the address; what it does not say, or says wrongly, is as at the start. */
+function readHash() {
+  const said = new URLSearchParams(location.hash.slice(1));
+  const ids = new Map(data.ids.map((id, plan) => [String(id), plan]));
+  const whole = (text, below) => (/^\d+$/.test(text ?? "") && Number(text) < below ? Number(text) : null);
+  const pins = (said.get("pins") ?? "").split(",").filter((id) => ids.has(id));
+  state.plan = ids.get(said.get("plan")) ?? firstPlan();
+  state.pins = [...new Set(pins)].slice(0, MAX_PINS).map((id) => ids.get(id));
+  state.robot = whole(said.get("robot"), data.robots);
+  for (const name of FILTERS) state.filters[name] = filterValue(said.get(name));
+  state.filters.node = whole(said.get("node"), data.names.length);
+  findMatching();
+  const asked = said.get("plan");
+  return asked === null || ids.has(asked) ? "" : `Plan ${asked} is not on this page.`;
+}
+
+function firstPlan() {
+  const knee = data.marks.find((mark) => mark.kind === "choice") ?? data.marks.find((mark) => mark.kind === "knee");
+  return knee ? knee.plan : 0;
+}
+
+function filterValue(text) {
+  const value = text === null || text.trim() === "" ? NaN : Number(text);
+  return Number.isFinite(value) && value >= 0 ? value : null;
+}
+
+function findMatching() {
+  matching = d3.range(data.ids.length).filter(meets);
+}
+
+function meets(plan) {
+  const { reward, survivors, node, reach } = state.filters;
+  const [expected, alive] = data.objectives[plan];
+  if (reward !== null && expected < reward - SLACK * d3.sum(data.rewards)) return false;
+  if (survivors !== null && alive < survivors - SLACK * data.robots) return false;
+  if (node === null) return true;
+  const reached = share(reachCode(plan, node));
+  return reach === null ? reached > 0 : reached >= reach - SLACK;
+}
+
+const past = { walked: -Infinity, timer: null };
+
+/** Change the state and remember it: as a step of its own, or as part of the same walk. */
+function change(changes, walking = false) {
+  const now = performance.now();
+  const goesOn = walking && now - past.walked < PAUSE;
+  if (!goesOn && past.timer !== null) remember("replaceState");
+  past.walked = walking ? now : -Infinity;
+  Object.assign(state, changes);
+  if (goesOn) {
+    clearTimeout(past.timer); // browsers refuse hundreds of changes within seconds
+    past.timer = setTimeout(() => remember("replaceState"), 150);
+  } else {
+    remember("pushState");
+  }
+}
+
+function remember(how) {
+  forget();
+  try {
+    history[how](null, "", toHash());
+  } catch {
+    // A frame in a notebook may have no address: then the view is not kept.
+  }
+}
+
+/** Drop what was not written yet, since the address says something else now. */
+function forget() {
+  clearTimeout(past.timer);
+  past.timer = null;
+}

@@ -1,0 +1,179 @@
+// Tables and sentences: everything that the pictures show, as text.
+
+const N_NODES_COMPARED = 25;
+
+const cell = (content, attributes = {}) => make("td", { class: "number", ...attributes }, content);
+const rowHead = (content) => make("th", { scope: "row" }, content);
+const columnHead = (content, number = true) => make("th", { scope: "col", class: number ? "number" : null }, content);
+
+/** A probability with its bar. */
+function barCell(code) {
+  const bar = make("span", { class: "bar" });
+  bar.style.width = `${4 * share(code)}em`;
+  return make("td", { class: "number" }, make("span", { class: "room" }, bar), probability(code));
+}
+
+function letterOf(plan) {
+  const i = state.pins.indexOf(plan);
+  return i < 0 ? "" : ` (${LETTERS[i]})`;
+}
+
+function showAtHand(plan) {
+  const said = `${title(plan)}${letterOf(plan)}: reward ${rewardOf(plan)}, survivors ${survivorsOf(plan)}`;
+  const kinds = marksOf(plan).map((mark) => make("span", { class: "tag" }, mark.name));
+  byId("at-hand").replaceChildren(make("strong", {}, said), ...kinds);
+  byId("plan-title").textContent = `${title(plan)}${letterOf(plan)} of the front`;
+  const why = marksOf(plan).flatMap((mark) => mark.text);
+  byId("why").replaceChildren(...[...new Set(why)].map((text) => make("li", {}, text)));
+  return [said, ...marksOf(plan).map((mark) => mark.name)].join("; ");
+}
+
+function symbol(kind) {
+  const svg = d3.create("svg").attr("class", "symbol").attr("viewBox", "-9 -9 18 18").attr("aria-hidden", "true");
+  if (SYMBOLS[kind]) svg.append("path").attr("class", `mark ${kind}`).attr("d", d3.symbol(SYMBOLS[kind], 110)());
+  return svg.node();
+}
+
+/** The marked plans as buttons, each once. */
+function listMarks(go) {
+  const plans = d3.sort(d3.group(data.marks, (mark) => mark.plan), ([plan]) => plan);
+  byId("marks").replaceChildren(...plans.map(([plan, marks]) => {
+    const kind = (marks.find((mark) => SYMBOLS[mark.kind]) ?? marks[0]).kind;
+    const said = `${title(plan)}: ${marks.map((mark) => mark.name).join("; ")}`;
+    return make("li", {}, make("button", { type: "button", onclick: () => go(plan) }, symbol(kind), said));
+  }));
+}
+
+/** The robots of a plan with their trails, and beside the map a button for each. */
+function showRobots(plan, alone) {
+  const styles = stylesOf(plan);
+  const trails = trailsOf(plan);
+  const sample = (robot) => {
+    const svg = d3.create("svg").attr("class", "sample").attr("viewBox", "0 0 34 8").attr("aria-hidden", "true");
+    const line = trails[robot].length > 1 ? "M0,4H34" : "M0,0";
+    svg.append("path").attr("d", line).style("stroke", styles[robot].colour)
+      .attr("stroke-dasharray", styles[robot].dash);
+    return svg.node();
+  };
+  const head = [columnHead("robot", false), columnHead("survives"), columnHead("nodes"), columnHead("trail", false)];
+  const rows = trails.map((trail, robot) => {
+    const way = make("td", { class: "way" }, trail.length > 1 ? trail.map(isolated).join(" → ") : "stays at base");
+    const code = data.trail_codes[data.plans[plan][robot]];
+    return make("tr", {}, rowHead(make("span", { class: "robot" }, sample(robot), robot)), barCell(code),
+      cell(new Set(trail).size - 1), way);
+  });
+  byId("robots").replaceChildren(make("thead", {}, make("tr", {}, ...head)), make("tbody", {}, ...rows));
+  byId("team").replaceChildren(...trails.map((_, robot) => {
+    const pressed = { "aria-pressed": String(state.robot === robot), "aria-label": `robot ${robot} alone` };
+    const button = { type: "button", class: "robot", "data-robot": robot, onclick: () => alone(robot) };
+    return make("button", { ...button, ...pressed }, sample(robot), robot);
+  }));
+}
+
+/** The plan at hand and the pinned ones side by side. */
+function showComparison(plan) {
+  const plans = [plan, ...state.pins.filter((pin) => pin !== plan)];
+  const alone = `What ${title(plan).toLowerCase()} may bring`;
+  byId("compare-title").textContent = plans.length > 1 ? "Side by side" : alone;
+  const row = (name, make_) => make("tr", {}, rowHead(name), ...plans.map(make_));
+  const group = (name) =>
+    make("tr", { class: "group" }, make("th", { scope: "rowgroup", colspan: plans.length + 1 }, name));
+  const head = plans.map((one) => columnHead(`${title(one)}${letterOf(one)}`));
+  const bodies = [[
+    row("Expected reward", (one) => cell(rewardOf(one))),
+    row("Expected survivors", (one) => cell(survivorsOf(one))),
+    ...Object.entries(data.facts).map(([name, facts]) => row(name, (one) => cell(facts[one]))),
+    row("Survivals of the robots", (one) => cell(survivalTexts(one), { class: "number wrap" })),
+  ]];
+  bodies.push([group("Probability of the number of survivors"),
+    ...d3.range(data.robots + 1).map((n) => row(n, (one) => barCell(data.survivors[one][n])))]);
+  const about = plans.some((one) => data.simulated[one]) ? ` (${simulatedText(plans)})` : "";
+  bodies.push([group(`Probability of the reward, lower limits included${about}`),
+    ...data.bins.map((name, i) => row(name, (one) => barCell(data.rewards_in[one][i])))]);
+  if (plans.length > 1) bodies.push(differingRows(plans, row, group));
+  const body = bodies.map((rows) => make("tbody", {}, ...rows));
+  byId("compare").replaceChildren(make("thead", {}, make("tr", {}, make("td"), ...head)), ...body);
+  showWords(plans);
+}
+
+function survivalTexts(plan) {
+  const codes = data.plans[plan].map((trail) => data.trail_codes[trail]);
+  return d3.sort(codes, (code) => -share(code)).map(probability).join(", ");
+}
+
+function simulatedText(plans) {
+  const which = plans.filter((plan) => data.simulated[plan]).map((plan) => title(plan).toLowerCase());
+  return `simulated with ${data.n_samples} missions for ${which.join(", ")}`;
+}
+
+/** Nodes that not all plans reach with the same probability, the largest differences first. */
+function differingRows(plans, row, group) {
+  const spread = (node) => {
+    const shares = plans.map((plan) => share(reachCode(plan, node)));
+    return d3.max(shares) - d3.min(shares);
+  };
+  const nodes = [...new Set(plans.flatMap((plan) => [...reachOf(plan).keys()]))];
+  const sorted = d3.sort(nodes.filter((node) => spread(node) > 0), (a, b) => spread(b) - spread(a) || a - b);
+  if (!sorted.length) return [group("All nodes are reached with the same probabilities")];
+  const shown = sorted.slice(0, N_NODES_COMPARED);
+  const rest = sorted.length - shown.length;
+  const more = rest ? `; ${rest} more differ less` : "";
+  return [group(`Probability that a node is reached, where plans differ${more}`),
+    ...shown.map((node) => row(nodeName(node), (plan) => barCell(reachCode(plan, node))))];
+}
+
+/** Differences in words, for pairs that were compared: neighbours and marked plans. */
+function showWords(plans) {
+  const beside = d3.pairs([plans[0] - 1, plans[0], plans[0] + 1]);
+  const pairs = plans.length > 1 ? plans.flatMap((one, i) => plans.slice(i + 1).map((other) => [one, other])) : beside;
+  const blocks = pairs.flatMap((pair) => {
+    const [first, second] = pair.sort(ascending);
+    const sentences = data.words[`${first}-${second}`];
+    if (!sentences) return [];
+    const name = `From ${title(first).toLowerCase()} (first) to ${title(second).toLowerCase()} (second)`;
+    const list = make("ul", { class: "sentences" }, ...sentences.map((text) => make("li", {}, text)));
+    const open = pairs.length === 1 ? "" : null;
+    return [make("details", { class: "words", open }, make("summary", {}, name), list)];
+  });
+  const some = plans.length > 1 && blocks.length < pairs.length;
+  const note = "Neighbours on the front and marked plans are also compared in words; the table has all differences.";
+  byId("words").replaceChildren(...blocks, ...(some ? [make("p", { class: "caption" }, note)] : []));
+}
+
+/** The nodes on the trails; only while they are looked at. */
+function showNodes(plan) {
+  const reach = [...reachOf(plan)].filter(([node]) => node !== data.base);
+  const counted = reach.length === 1 ? "1 node" : `${reach.length} nodes`;
+  byId("nodes-details").firstElementChild.textContent = `${counted}, the base not counted`;
+  if (!byId("nodes-details").open) return;
+  const visits = trailsOf(plan).flatMap((trail, robot) => [...new Set(trail)].map((node) => [node, robot]));
+  const visitors = d3.rollup(visits, (pairs) => pairs.map((pair) => pair[1]).join(", "), (pair) => pair[0]);
+  const head = [columnHead("node", false), columnHead("reward"), columnHead("reached"), columnHead("by robots", false)];
+  const rows = d3.sort(reach, ([, code]) => -share(code)).map(([node, code]) =>
+    make("tr", {}, rowHead(nodeName(node)), cell(data.reward_texts[node]), barCell(code),
+      make("td", {}, visitors.get(node))));
+  byId("nodes").replaceChildren(make("thead", {}, make("tr", {}, ...head)), make("tbody", {}, ...rows));
+}
+
+/** A card with a small map for each pinned plan; made anew only when pins change. */
+function showPinned(go, unpin) {
+  byId("pinned").hidden = !state.pins.length;
+  if (showPinned.last === String(state.pins)) return;
+  showPinned.last = String(state.pins);
+  const within = byId("cards").contains(document.activeElement);
+  byId("cards").replaceChildren(...state.pins.map((plan, i) => {
+    const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
+    svg.setAttribute("role", "img");
+    const map = new SiteMap(svg);
+    map.resize(260, true);
+    map.show(plan);
+    const button = (name, act) => make("button",
+      { type: "button", onclick: () => act(plan), "aria-label": `${name} ${title(plan).toLowerCase()}` }, name);
+    return make("article", {},
+      make("h3", {}, `${LETTERS[i]}: ${title(plan).toLowerCase()}`),
+      make("p", { class: "caption" }, `reward ${rewardOf(plan)}, survivors ${survivorsOf(plan)}`),
+      svg,
+      make("div", { class: "actions" }, button("Show", go), button("Unpin", unpin)));
+  }));
+  if (within) byId("pin").focus(); // the button that was pressed is gone
+}

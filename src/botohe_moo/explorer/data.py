@@ -1,0 +1,229 @@
+"""The data of the page: everything that it shows, computed and rounded."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Hashable, Iterable, Mapping, Sequence
+from itertools import combinations, pairwise
+from typing import Any, Protocol
+
+import numpy as np
+
+from botohe_moo._base.types import FloatArray
+from botohe_moo.decide import choose, compare, knees, representatives
+from botohe_moo.decide.judging import MAX_OUTCOMES, N_SAMPLES, SEED
+from botohe_moo.decide.wishes import Wish, label_text
+from botohe_moo.explorer.numbers import bin_codes, bin_edges, probability_codes, texts
+from botohe_moo.explorer.thinning import thinned
+from botohe_moo.mission.formats.nodelink import plain_label
+from botohe_moo.mission.model import Mission
+from botohe_moo.outcomes import Outcomes, plan_outcomes, reach_probabilities
+from botohe_moo.plots.draw.places import node_positions
+from botohe_moo.trails import TrailPlan
+
+MAX_PLANS = 500
+_N_REPRESENTATIVES = 5
+
+
+class Front(Protocol):
+    """What can be explored: a :class:`Solution`."""
+
+    @property
+    def mission(self) -> Mission:
+        """The mission."""
+
+    @property
+    def plans(self) -> tuple[TrailPlan, ...]:
+        """The plans; their places in it are the numbers that the page shows."""
+
+    @property
+    def objectives(self) -> FloatArray:
+        """Their E[R] and E[S] (n_plans, 2)."""
+
+    @property
+    def algorithm(self) -> str:
+        """The algorithm's name."""
+
+    @property
+    def seed(self) -> int:
+        """Its seed."""
+
+    @property
+    def evaluations(self) -> int:
+        """Plans that were evaluated."""
+
+    @property
+    def area(self) -> float:
+        """The front's area indicator."""
+
+
+def page_data(
+    front: Front, wishes: Iterable[str | Wish] = (), *, max_plans: int = MAX_PLANS
+) -> dict[str, Any]:
+    """Compute the data of the page; plans are in order from the least reward to the most."""
+    mission, n_plans = front.mission, len(front.plans)
+    if not n_plans:
+        raise ValueError("Expected at least one plan to explore, got none.")
+    marks = _marks(front, wishes)
+    order = np.lexsort((-front.objectives[:, 1], front.objectives[:, 0]))
+    place = {int(row): i for i, row in enumerate(order)}
+    kept = [place[mark["plan"]] for mark in marks]
+    rows = order[thinned(front.objectives[order], kept, max_plans)].tolist()
+    place = {row: i for i, row in enumerate(rows)}
+    for mark in marks:
+        mark["plan"] = place[mark["plan"]]
+    plans = [front.plans[row] for row in rows]
+    counted = _counted(n_plans, "plan")
+    spent = f"seed {front.seed}, {_counted(front.evaluations, 'evaluation')}"
+    thin = (
+        f"The page shows {len(rows):,} of the {n_plans:,} plans: those that dominate the most area "
+        "(hypervolume) alone, both ends of the front, and all that are marked."
+    )
+    return {
+        "name": mission.name,
+        "about": f"{counted} by {front.algorithm}, {spent}; area {front.area:.4f}",
+        "thinned": thin if len(rows) < n_plans else "",
+        "robots": mission.robots,
+        **_site(mission),
+        **_trails(mission, plans),
+        **_plans(mission, plans, front.objectives[rows]),
+        "ids": rows,
+        "marks": marks,
+        "words": _words(mission, plans, sorted({mark["plan"] for mark in marks})),
+    }
+
+
+def _counted(number: int, thing: str) -> str:
+    return f"1 {thing}" if number == 1 else f"{number:,} {thing}s"
+
+
+def _site(mission: Mission) -> dict[str, Any]:
+    """Nodes, their places on the map and their positions, and arcs."""
+    places = node_positions(mission)
+    given = [mission.graph.nodes[node].get("pos") for node in mission.nodes]
+    pos = [None if xy is None else [float(part) for part in xy] for xy in given]
+    arrays = mission.arrays
+    return {
+        "names": _names(mission.nodes),
+        "labels": _labels(mission.nodes),
+        "base": mission.index(mission.base),
+        "rewards": arrays.reward.tolist(),
+        "reward_texts": [f"{reward:g}" for reward in arrays.reward.tolist()],
+        "places": places.tolist() if None in pos else pos,
+        "pos": pos if None in pos else None,  # None: the same as the places
+        "arcs": [arrays.tail.tolist(), arrays.head.tolist(), probability_codes(arrays.survival)],
+    }
+
+
+def _names(nodes: Sequence[Hashable]) -> list[str]:
+    """Names to show, which differ: texts as they are, in quotes where 1 and "1" are both there."""
+    names = [str(node) for node in nodes]
+    counts = Counter(names)
+    return [
+        label_text(node) if counts[name] > 1 or not name.strip() else name
+        for node, name in zip(nodes, names, strict=True)
+    ]
+
+
+def _labels(nodes: Sequence[Hashable]) -> list[object] | None:
+    """Labels for files; None if JSON cannot hold them all, or a browser would round one."""
+    try:
+        labels = [plain_label(node) for node in nodes]
+    except ValueError:
+        return None
+    # To a browser, all numbers are floating-point ones.
+    return labels if json.loads(json.dumps(labels), parse_int=float) == labels else None
+
+
+def _trails(mission: Mission, plans: Sequence[TrailPlan]) -> dict[str, Any]:
+    """Each trail once, with its survival, and which ones each plan has."""
+    survival: dict[tuple[int, ...], float] = {}
+    for plan, alive in zip(plans, mission.robot_survival(plans).tolist(), strict=True):
+        survival |= zip(plan.trails, alive, strict=True)
+    number = {trail: i for i, trail in enumerate(survival)}
+    return {
+        "trails": list(survival),
+        "trail_survival": list(survival.values()),
+        "trail_codes": probability_codes(list(survival.values())),
+        "plans": [[number[trail] for trail in plan.trails] for plan in plans],
+    }
+
+
+def _plans(mission: Mission, plans: Sequence[TrailPlan], objectives: FloatArray) -> dict[str, Any]:
+    """Objectives, distributions and other facts of each plan."""
+    limits = {"max_outcomes": MAX_OUTCOMES, "n_samples": N_SAMPLES}
+    outcomes = [plan_outcomes(mission, plan, **limits, random_state=SEED) for plan in plans]
+    edges = bin_edges(max(float(found.reward.values[-1]) for found in outcomes))
+    team = np.arange(mission.robots + 1.0)
+    reach = [_reached(mission, plan) for plan in plans]
+    total = mission.total_reward
+    return {
+        "objectives": objectives.tolist(),
+        "objective_texts": [
+            texts(objectives[:, 0], total),
+            texts(objectives[:, 1], mission.robots),
+        ],
+        "reached": reach,
+        "survivors": [
+            probability_codes(-np.diff(found.survivors.at_least(team), append=0))
+            for found in outcomes
+        ],
+        "rewards_in": [bin_codes(found.reward, edges) for found in outcomes],
+        "bins": [f"{low:g} to {high:g}" for low, high in pairwise(edges.tolist())],
+        "facts": _facts(outcomes, total),
+        "simulated": [not found.reward.exact for found in outcomes],
+        "n_samples": f"{N_SAMPLES:,}",
+    }
+
+
+def _facts(outcomes: Sequence[Outcomes], total: float) -> dict[str, list[str]]:
+    rewards = [found.reward for found in outcomes]
+    return {
+        "Reward reached in 9 of 10 missions": texts((r.quantile(0.1) for r in rewards), total),
+        "Median reward": texts((r.quantile(0.5) for r in rewards), total),
+        "Mean of the lowest tenth of rewards": texts((r.cvar(0.1) for r in rewards), total),
+    }
+
+
+def _reached(mission: Mission, plan: TrailPlan) -> list[int]:
+    """Codes of the probability that some robot reaches a node, for all nodes on trails by index."""
+    missed = (1 - reach_probabilities(mission, plan)).prod(axis=0)
+    return probability_codes(1 - missed[np.unique(plan.nodes)])
+
+
+def _marks(front: Front, wishes: Iterable[str | Wish]) -> list[dict[str, Any]]:
+    """Plans that are marked, by their rows, what they are and why."""
+    mission, objectives = front.mission, front.objectives
+    marks: list[dict[str, Any]] = []
+    for wish in wishes:
+        found = choose(mission, front.plans, wish)
+        kind, said = ("choice", "meets") if found.met else ("miss", "comes nearest to")
+        why = [found.why, str(found.cost), str(found.rate)]
+        marks.append(_mark(kind, found.index, f"{said} {wish}", *why))
+    by_reward, by_survivors = np.lexsort(objectives.T[::-1])[-1], np.lexsort(objectives.T)[-1]
+    return [
+        *marks,
+        *(
+            _mark("knee", knee.index, f"knee: {knee.name}", f"Knee: {knee.definition}.")
+            for knee in knees(mission, objectives)
+        ),
+        *(
+            _mark("representative", row, "representative")
+            for row in representatives(mission, front.plans, _N_REPRESENTATIVES)
+        ),
+        _mark("end", int(by_reward), "most reward"),
+        _mark("end", int(by_survivors), "most survivors"),
+    ]
+
+
+def _mark(kind: str, row: int, name: str, *text: str) -> dict[str, Any]:
+    return {"kind": kind, "plan": row, "name": name, "text": list(text)}
+
+
+def _words(
+    mission: Mission, plans: Sequence[TrailPlan], marked: Sequence[int]
+) -> Mapping[str, Sequence[str]]:
+    """Differences in words, between neighbours and between marked plans: all pairs are too many."""
+    pairs = {*pairwise(range(len(plans))), *combinations(marked, 2)}
+    return {f"{i}-{j}": compare(mission, plans[i], plans[j]).sentences for i, j in sorted(pairs)}

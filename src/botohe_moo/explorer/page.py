@@ -1,0 +1,148 @@
+"""The page: one HTML file with its data, styles and scripts in it."""
+
+from __future__ import annotations
+
+import base64
+import errno
+import hashlib
+import html
+import json
+import os
+import zlib
+from collections.abc import Iterable, Mapping
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import jinja2
+
+from botohe_moo._base.files import replace_file
+from botohe_moo.decide.wishes import Wish
+from botohe_moo.explorer.data import Front, page_data
+
+SCRIPTS = ("data", "state", "front", "map", "tables", "files", "main")
+_HEIGHT = 900  # pixels of a frame in a notebook
+_NOTEBOOK_PLANS = 100  # which keeps the page with each output that shows it, and should not wait
+
+
+def explore(
+    front: Front, path: str | os.PathLike[str], *, wishes: Iterable[str | Wish] = ()
+) -> Path:
+    """Write a page on which to walk along a front, look at its plans and compare them.
+
+    One HTML file that needs no network: plans on the map of the site, their distributions of
+    reward and survivors, differences between them, filters, and export of a plan.
+
+    Parameters
+    ----------
+    front
+        A solution.
+    path
+        File to write or to replace; ends in ``.html``.
+    wishes
+        For each of them the plan that :func:`botohe_moo.decide.choose` chooses is marked; wishes
+        that are joined by ``and`` are to be met together.
+
+    Returns
+    -------
+    pathlib.Path
+        The file.
+
+    Raises
+    ------
+    ValueError
+        If there is no plan, a wish cannot be read, the ``pos`` of a node is not two finite numbers,
+        or the path ends otherwise.
+    OSError
+        If the file cannot be written.
+    """
+    path = check_page_file(path)
+    replace_file(path, explorer_page(front, wishes=wishes).encode())
+    return path
+
+
+def check_page_file(path: str | os.PathLike[str]) -> Path:
+    """Refuse a file name that does not end in ``.html``, and one in no folder."""
+    path = Path(path)
+    if path.suffix.lower() not in (".html", ".htm"):
+        raise ValueError(f"{path}: expected a file name that ends in .html.")
+    if not path.parent.is_dir():
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path.parent))
+    return path
+
+
+def explorer_page(front: Front, *, wishes: Iterable[str | Wish] = ()) -> str:
+    """Make the page that :func:`explore` writes, as text.
+
+    Fronts of more than 500 plans are thinned: the plans stay that dominate the most area alone,
+    the ends, and those that are marked. Where the exact distribution of a plan's reward takes too
+    long, it is simulated, and the page says so.
+
+    Parameters
+    ----------
+    front, wishes
+        As for :func:`explore`, which also says what is raised.
+    """
+    return render(front.mission.title, page_data(front, wishes))
+
+
+def render(title: str, data: Mapping[str, Any]) -> str:
+    """Put data into the page."""
+    packed = zlib.compress(json.dumps(data, separators=(",", ":"), allow_nan=False).encode(), 9)
+    folder = files("botohe_moo.explorer")
+    style = folder.joinpath("assets", "style.css").read_text("utf-8")
+    library = folder.joinpath("vendor", "d3.min.js").read_text("utf-8")
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("botohe_moo.explorer", "assets"),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    script = own_script()
+    return environment.get_template("page.html.j2").render(
+        # Half of a surrogate pair, which JSON may hold, cannot be written as UTF-8.
+        title=title.encode("utf-16", "surrogatepass").decode("utf-16", "replace"),
+        policy=_policy([library, script], style),
+        style=style,
+        library=library,
+        script=script,
+        data=base64.b64encode(packed).decode(),
+    )
+
+
+def own_script() -> str:
+    """Join the modules of the page's script: one scope, which nothing outside can see."""
+    folder = files("botohe_moo.explorer").joinpath("assets")
+    parts = [folder.joinpath(f"{name}.js").read_text("utf-8") for name in SCRIPTS]
+    return '(() => {\n"use strict";\n' + "\n".join(parts) + "})();\n"
+
+
+def _policy(scripts: Iterable[str], style: str) -> str:
+    """Allow these scripts and this style, and nothing from anywhere else."""
+    parts = {
+        "default-src": ["'none'"],
+        "script-src": [_digest(script) for script in scripts],
+        "style-src": [_digest(style)],
+        "img-src": ["blob:", "data:"],  # pictures that the page makes itself
+        "base-uri": ["'none'"],
+        "form-action": ["'none'"],
+    }
+    return "; ".join(f"{name} {' '.join(allowed)}" for name, allowed in parts.items())
+
+
+def _digest(text: str) -> str:
+    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
+
+
+def notebook_frame(front: Front) -> str:
+    """Make the HTML that shows the page in a notebook, in a frame that cannot reach out of it.
+
+    Fronts of more than 100 plans are thinned.
+    """
+    data = page_data(front, max_plans=_NOTEBOOK_PLANS)
+    page = html.escape(render(front.mission.title, data))
+    return (
+        f'<iframe srcdoc="{page}" sandbox="allow-scripts allow-downloads" title="explorer" '
+        f'style="width: 100%; height: {_HEIGHT}px; border: 0"></iframe>'
+    )

@@ -1,0 +1,269 @@
+"""The data of the page: thinned fronts, rounded numbers, marks and words."""
+
+import json
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from botohe_moo import Mission, load_mission, read_solution
+from botohe_moo.decide import compare
+from botohe_moo.explorer import explore, explorer_page
+from botohe_moo.explorer.data import page_data
+from botohe_moo.explorer.numbers import bin_codes, bin_edges, decimals, probability_codes
+from botohe_moo.explorer.thinning import thinned
+from botohe_moo.outcomes import Distribution
+from tests.decide.made import MISSION, NAMES, PLANS, trips
+from tests.explorer.conftest import solution_of, toy_plans
+
+FRONT = [PLANS[NAMES.index(name)] for name in ("AB", "AC", "BC", "C")]
+WISHES = ["survivors >= 1.9", "survivors >= 1.5 and reward >= 3.5"]
+POINTS_MADE = st.sets(st.integers(0, 30), min_size=3, max_size=12)
+
+
+class TestThinning:
+    POINTS = np.array([[0, 8.0], [1, 8], [3, 7], [4, 6], [5, 1]])
+
+    def test_the_plan_that_dominates_least_alone_goes_first(self):
+        # (1, 8) dominates 1 x 1, (3, 7) 2 x 1, (4, 6) 1 x 5.
+        assert thinned(self.POINTS, [], 4).tolist() == [0, 2, 3, 4]
+        # Without (1, 8), (3, 7) dominates 3 x 1: still less than 5.
+        assert thinned(self.POINTS, [], 3).tolist() == [0, 3, 4]
+
+    def test_ends_and_what_is_kept_stay(self):
+        assert thinned(self.POINTS, [1], 3).tolist() == [0, 1, 4]
+        assert thinned(self.POINTS, [1, 2, 3], 1).tolist() == [0, 1, 2, 3, 4]
+        assert thinned(self.POINTS, [], 1).tolist() == [0, 4]
+
+    def test_a_short_front_stays(self):
+        assert thinned(self.POINTS, [], 5).tolist() == [0, 1, 2, 3, 4]
+        assert thinned(self.POINTS[:1], [], 500).tolist() == [0]
+
+    @given(
+        st.sets(st.tuples(st.integers(0, 30), st.integers(0, 30)), min_size=3, max_size=12),
+        st.data(),
+    )
+    def test_as_by_brute_force(self, pairs, data):
+        rewards, survivors = (sorted({pair[i] for pair in pairs}) for i in (0, 1))
+        n = min(len(rewards), len(survivors))
+        points = np.column_stack([rewards[:n], survivors[:n][::-1]]).astype(float)
+        wanted = data.draw(st.integers(2, max(n, 2)))
+        rows = list(range(n))
+        while len(rows) > wanted:
+            alone = [
+                (points[b, 0] - points[a, 0]) * (points[b, 1] - points[c, 1])
+                for a, b, c in zip(rows, rows[1:], rows[2:], strict=False)
+            ]
+            del rows[1 + int(np.argmin(alone))]
+        assert thinned(points, [], wanted).tolist() == rows
+
+
+class TestNumbers:
+    def test_digits_follow_the_scale(self):
+        assert [decimals(scale) for scale in (0, 1e-9, 0.5, 9.99, 10, 1e9)] == [4, 12, 5, 4, 3, 0]
+
+    @given(st.floats(0, 1))
+    def test_codes_are_what_python_writes(self, value):
+        [code] = probability_codes([value])
+        shown = {1001: "0.000", 1002: "1.000"}.get(code, f"{code / 1000:.3f}")
+        assert shown == f"{value:.3f}"
+        assert (code == 1001) == (value > 0 and shown == "0.000")
+        assert (code == 1002) == (value < 1 - 1e-12 and shown == "1.000")
+
+    @given(st.floats(1e-6, 1e9))
+    def test_bins_are_few_and_hold_everything(self, largest):
+        edges = bin_edges(largest)
+        assert 2 <= len(edges) <= 13
+        assert edges[0] == 0
+        assert edges[-1] > largest >= edges[-2] * (1 - 1e-9)
+        assert np.ptp(np.diff(edges)) < 1e-9 * largest
+
+    def test_a_mission_without_reward_has_one_bin(self):
+        assert bin_edges(0).tolist() == [0, 1]
+
+    def test_lower_edges_belong_to_their_bins(self):
+        rewards = Distribution(np.array([0, 1.9, 2, 4]), np.array([0.1, 0.2, 0.3, 0.4]))
+        assert bin_codes(rewards, np.array([0, 2, 4, 6.0])) == [300, 300, 400]
+        # 0.1 + 0.2 is above 0.3 by a rounding error, and 0.3 - 1e-17 reaches it, too.
+        rewards = Distribution(np.array([0.3 * (1 - 1e-14)]), np.array([1.0]))
+        assert bin_codes(rewards, np.array([0, 0.3, 0.6])) == [0, 1000]
+
+
+class TestData:
+    """By hand: see the table in tests/decide/made.py."""
+
+    DATA = page_data(
+        solution_of(MISSION, FRONT), ["survivors >= 1.9", "survivors >= 1.5 and reward >= 3.5"]
+    )
+
+    def test_plans_ascend_in_reward_under_their_own_numbers(self):
+        assert self.DATA["ids"] == [3, 2, 1, 0]  # C, BC, AC, AB
+        assert self.DATA["objective_texts"] == [
+            ["1.0000", "2.8000", "3.0000", "3.8000"],
+            ["2.0000", "1.9000", "1.5000", "1.4000"],
+        ]
+
+    def test_each_trail_is_there_once(self):
+        assert len(self.DATA["trails"]) == 4  # to a, b, c, and none
+        plan = [self.DATA["trails"][trail] for trail in self.DATA["plans"][3]]
+        assert plan == [(0, 1, 0), (0, 2, 0)]
+        survival = dict(zip(self.DATA["trails"], self.DATA["trail_survival"], strict=True))
+        assert survival == {(0, 1, 0): 0.5, (0, 2, 0): 0.9, (0, 3, 0): 1.0, (0,): 1.0}
+
+    def test_distributions(self):
+        assert self.DATA["survivors"][3] == [50, 500, 450]
+        # The rewards of AB are 6, 4, 2 and 0; bins are 0.5 wide.
+        edges = [text.split(" ")[0] for text in self.DATA["bins"]]
+        found = dict(zip(edges, self.DATA["rewards_in"][3], strict=True))
+        assert {edge: code for edge, code in found.items() if code} == {
+            "0": 50,
+            "2": 450,
+            "4": 50,
+            "6": 450,
+        }
+        assert not any(self.DATA["simulated"])
+        assert self.DATA["facts"]["Median reward"] == ["1.0000", "3.0000", "1.0000", "2.0000"]
+
+    def test_nodes_reached(self):
+        assert self.DATA["reached"] == [
+            [1000, 1000],
+            [1000, 900, 1000],
+            [1000, 500, 1000],
+            [1000, 500, 900],
+        ]
+
+    def test_marks(self):
+        marks = {(mark["kind"], mark["plan"]) for mark in self.DATA["marks"]}
+        # AB meets 3.5 and lacks 0.1 of 2 robots; AC meets 1.5 and lacks 0.5 of 7: nearer is AB.
+        assert {("choice", 1), ("miss", 3), ("end", 0), ("end", 3)} <= marks
+        first = self.DATA["marks"][0]
+        assert first["name"] == "meets survivors >= 1.9"
+        assert first["text"][0].startswith("The best among these plans (4): plan 2 has the most")
+
+    def test_words_say_what_compare_says(self):
+        words = self.DATA["words"]
+        assert {"0-1", "1-2", "2-3"} <= set(words)
+        solution = solution_of(MISSION, FRONT)
+        for pair, sentences in words.items():
+            first, second = (solution.plans[self.DATA["ids"][int(i)]] for i in pair.split("-"))
+            assert sentences == compare(MISSION, first, second).sentences
+
+    def test_a_front_of_one_plan(self):
+        data = page_data(solution_of(MISSION, [trips(MISSION, "a")]))
+        assert data["ids"] == [0]
+        assert data["words"] == {}
+        assert data["about"].startswith("1 plan by by hand, seed 0, 1 evaluation; area ")
+
+    def test_long_fronts_are_thinned_and_keep_what_is_marked(self, museum):
+        wish = "survivors >= 1.234"
+        data = page_data(museum, [wish], max_plans=40)
+        assert len(data["ids"]) == 40
+        kept = {data["ids"][mark["plan"]] for mark in data["marks"]}
+        expected = {0, len(museum.plans) - 1, museum.choose(wish).index, *museum.representatives()}
+        assert kept == expected | {mark.index for mark in museum.knees()}
+        assert f"40 of the {len(museum.plans)} plans" in data["thinned"]
+        assert np.array_equal(data["objectives"], museum.objectives[data["ids"]])
+
+    def test_rewards_that_are_simulated_are_marked(self, museum, monkeypatch):
+        monkeypatch.setattr("botohe_moo.explorer.data.MAX_OUTCOMES", 1)
+        data = page_data(museum, max_plans=12)
+        assert data["simulated"] == [False] + [True] * (len(data["ids"]) - 1)
+
+    def test_no_plan_cannot_be_explored(self):
+        empty = solution_of(MISSION, FRONT[:1])
+        object.__setattr__(empty, "plans", ())
+        with pytest.raises(ValueError, match="Expected at least one plan to explore"):
+            explorer_page(empty)
+        assert empty._repr_html_() is None
+
+
+class TestSites:
+    def graph(self, **places):
+        graph = nx.DiGraph(
+            [("x", "y"), ("y", "x"), ("x", 1), (1, "x"), ("x", "1"), ("1", "x")], base="x", robots=1
+        )
+        nx.set_node_attributes(graph, 1, "reward")
+        nx.set_edge_attributes(graph, 0.9, "survival")
+        nx.set_node_attributes(graph, places, "pos")
+        return graph
+
+    def data(self, graph):
+        mission = Mission(graph)
+        return page_data(solution_of(mission, [mission.plan([["x", "y", "x"]])]))
+
+    def test_names_differ(self):
+        data = self.data(self.graph())
+        assert data["names"] == ["x", "y", "1", '"1"']
+        assert data["labels"] == ["x", "y", 1, "1"]
+
+    def test_without_positions_there_is_a_layout(self):
+        data = self.data(self.graph(x=(1, 2)))
+        assert data["pos"] == [[1, 2], None, None, None]
+        assert np.isfinite(data["places"]).all()
+
+    def test_positions_are_as_given(self):
+        graph = self.graph(x=(1, 2), y=[0.1, 3])
+        nx.set_node_attributes(graph, {1: (0, 0), "1": (5, 5)}, "pos")
+        data = self.data(graph)
+        assert data["pos"] is None
+        assert data["places"] == [[1, 2], [0.1, 3], [0, 0], [5, 5]]
+
+    def test_labels_that_json_cannot_hold(self):
+        graph = nx.relabel_nodes(self.graph(), {"y": frozenset("q")})
+        mission = Mission(graph)
+        data = page_data(solution_of(mission, [mission.plan([["x", frozenset("q"), "x"]])]))
+        assert data["labels"] is None
+        json.dumps(data)
+
+    def test_labels_that_a_browser_would_round(self):
+        for label, labels in ((2**53, ["x", 2**53, 1, "1"]), ((1, 2**53 + 1), None)):
+            mission = Mission(nx.relabel_nodes(self.graph(), {"y": label}))
+            data = page_data(solution_of(mission, [mission.plan([["x", label, "x"]])]))
+            assert data["labels"] == labels
+
+    def test_a_wrong_position_is_named(self):
+        graph = self.graph(x=(1, 2), y="north")
+        nx.set_node_attributes(graph, {1: (0, 0), "1": (5, 5)}, "pos")
+        with pytest.raises(ValueError, match="Node 'y': expected pos"):
+            self.data(graph)
+
+
+class TestBadInput:
+    """One message that names the file and the remedy."""
+
+    @pytest.fixture
+    def folder(self, tmp_path):
+        mission, plans = toy_plans([1], [1, 2, 1])
+        solution_of(mission, plans).write(tmp_path / "toy")
+        return tmp_path / "toy"
+
+    def test_a_written_solution_is_explored(self, folder):
+        path = explore(read_solution(folder), folder / "explorer.html")
+        assert path.read_text("utf-8").startswith("<!DOCTYPE html>")
+
+    def test_writing_again_removes_a_page_of_other_plans(self, folder):
+        solution = read_solution(folder)
+        solution.explore(folder / "explorer.html")
+        assert folder / "explorer.html" not in solution.write(folder)
+        assert not (folder / "explorer.html").exists()
+
+    def test_the_file_has_to_be_a_page(self, folder):
+        solution = read_solution(folder)
+        with pytest.raises(ValueError, match=r"page.pdf: expected a file name that ends in .html"):
+            explore(solution, folder / "page.pdf")
+        with pytest.raises(FileNotFoundError, match="nowhere"):
+            explore(solution, folder / "nowhere" / "page.html")
+
+    def test_wishes_that_cannot_be_read(self, folder):
+        with pytest.raises(ValueError, match="Expected a wish, got 'win'"):
+            explorer_page(read_solution(folder), wishes=["win"])
+
+    def test_titles_of_half_a_surrogate_pair(self):
+        graph = load_mission("toy").graph.copy()
+        graph.graph["title"] = "a\ud800b"
+        mission = Mission(graph)
+        page = explorer_page(solution_of(mission, [mission.plan([[1], [1]])]))
+        assert "<title>a\ufffdb: explorer</title>" in page
+        page.encode()
