@@ -6,8 +6,10 @@ from pathlib import Path
 
 from pymoo.optimize import minimize
 
-from botohe_moo import BOACO, BOTOHE, load_mission
+from benchmarks.explorer import CHROMIUM
+from botohe_moo import BOACO, BOTOHE, Solution, load_mission
 from botohe_moo.decide import knees
+from botohe_moo.explorer import explore
 from botohe_moo.plots import (
     plot_case_study,
     plot_choices,
@@ -38,8 +40,8 @@ STUDY = {
 def run(out: Path) -> bool:
     """Draw the museum's front that is in the results."""
     mission = load_mission("art_museum")
-    found = json.loads((MUSEUM / "plans.json").read_text("utf-8"))["plans"]
-    plans = [mission.plan(plan["trails"]) for plan in found]
+    found = json.loads((MUSEUM / "plans.json").read_text("utf-8"))
+    plans = [mission.plan(plan["trails"]) for plan in found["plans"]]
     objectives = mission.evaluate(plans)
     save_plot(plot_mission(mission), MUSEUM / "mission.png")
     save_plot(plot_front(objectives, mission), MUSEUM / "front.png")
@@ -61,4 +63,26 @@ def run(out: Path) -> bool:
     for name, ax in drawn.items():
         save_figure(ax.figure.figure, out / f"{name}.png", dpi=DPI)
         print(out / f"{name}.png")
+    names = ("algorithm", "parameters", "seed", "evaluations", "interrupted")
+    how = {name: found[name] for name in names}
+    _photograph(Solution(mission, tuple(plans), objectives, seconds=None, **how), out)
     return True
+
+
+def _photograph(solution: Solution, out: Path) -> None:
+    """Take a picture of the explorer's page as it opens, if there is a browser."""
+    path = out / "explorer.png"
+    if not Path(CHROMIUM).exists():
+        print(f"There is no {CHROMIUM}: {path} stays as it is.")
+        return
+    from playwright.sync_api import sync_playwright
+
+    with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
+        page_file = explore(solution, Path(folder, "museum.html"), wishes=["survivors >= 1"])
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": 1120, "height": 860})
+        page.goto(page_file.as_uri())
+        page.wait_for_selector("#main:not([hidden])")
+        page.screenshot(path=path)
+        browser.close()
+    print(path)
