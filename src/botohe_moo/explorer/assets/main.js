@@ -53,8 +53,8 @@ function showWalk(said) {
 
 function showAnimate(plan) {
   byId("animate").disabled = trailsOf(plan).every((trail) => trail.length === 1);
-  byId("animate").textContent = "Animate";
-  byId("moment").textContent = "";
+  byId("animate").textContent = stopAnimation ? "Stop" : "Animate";
+  if (!stopAnimation) byId("moment").textContent = "";
 }
 
 function act(changes, walking = false) {
@@ -119,15 +119,14 @@ function restore() {
 }
 
 function toggleAnimation() {
-  if (stopAnimation) {
-    stopAnimation();
-    return;
-  }
-  byId("animate").textContent = "Stop";
-  stopAnimation = map.animate((moment) => { byId("moment").textContent = moment; }, () => {
+  const tell = (moment) => { byId("moment").textContent = moment; };
+  const ended = () => {
     stopAnimation = null;
     showAnimate(state.plan);
-  });
+  };
+  if (stopAnimation) return stopAnimation();
+  stopAnimation = map.animate(tell, ended);
+  return showAnimate(state.plan);
 }
 
 function onKey(event) {
@@ -208,7 +207,6 @@ function zoom(factor) {
   if (zoom.factor === 1) frame.style.maxHeight = `${map.height + 2}px`;
   frame.scrollTo(x * factor - frame.clientWidth / 2, y * factor - frame.clientHeight / 2);
   byId("smaller").disabled = zoom.factor === 1;
-  byId("larger").disabled = zoom.factor === 8;
   render();
 }
 
@@ -220,7 +218,6 @@ async function start() {
   data = await unpack(byId("data").textContent);
   byId("about").textContent = data.about;
   byId("thinned").textContent = data.thinned;
-  byId("thinned").hidden = data.thinned === "";
   byId("filter-node").append(...data.names.map((name, node) => make("option", { value: node, dir: "auto" }, name)));
   byId("nodes-details").open = data.names.length <= 60;
   byId("main").hidden = false;

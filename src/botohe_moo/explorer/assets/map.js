@@ -167,21 +167,25 @@ class SiteMap {
   /** The hops of each robot as pairs of points; robots on the same arc go side by side. */
   layOut(trails) {
     const lanes = new Map();
+    this.used = new Map();
     return trails.map((trail) => d3.pairs(trail, (tail, head) => {
       const arc = tail * this.at.length + head;
       const lane = lanes.get(arc) ?? 0;
       lanes.set(arc, lane + 1);
-      return this.hop(tail, head, (0.6 + lane) * this.lane);
+      const tie = Math.min(tail, head) * this.at.length + Math.max(tail, head);
+      this.used.set(tie, (this.used.get(tie) ?? 0) + 1);
+      return Object.assign(this.hop(tail, head, (0.6 + lane) * this.lane), { tie });
     }));
   }
 
-  /** A number on each trail: on a long arc, where no other number is. */
+  /** A number on each trail: on a long arc that few use, where no other number is. */
   showBadges(drawn, faint) {
     const taken = [];
     const badges = drawn.map((way) => {
-      const middles = way.hops.map(([from, to]) => {
+      const middles = way.hops.map(({ tie, 0: from, 1: to }) => {
         const at = [(from[0] + to[0]) / 2, (from[1] + to[1]) / 2];
-        return { at, good: apart(from, to) - 1000 * d3.sum(taken, (other) => apart(other, at) < 17) };
+        const crowd = d3.sum(taken, (other) => apart(other, at) < 17);
+        return { at, good: apart(from, to) - 1000 * crowd - 100 * this.used.get(tie) };
       });
       const { at } = d3.greatest(middles, (middle) => middle.good);
       taken.push(at);
