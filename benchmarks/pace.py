@@ -23,7 +23,6 @@ CASES: tuple[tuple[str, dict[str, Any], int | None, str, int], ...] = (
     ("terrain_200", {}, None, "pareto-local-search", 500_000),
     ("art_museum", {}, None, "nsga2", 20_000),
     ("terrain", {"nodes": 10_000, "seed": 1}, 50, "pareto-local-search", 20_000),
-    ("terrain", {"nodes": 10_000, "seed": 1}, 50, "bo-aco", 1_000),
 )
 SEEDS = 3
 ROUNDS = 5
