@@ -26,8 +26,7 @@ class FrontChart {
     };
     this.x = extent(0, left, width - right);
     this.y = extent(1, height - bottom, top);
-    this.low = height - bottom;
-    this.left = left;
+    Object.assign(this, { low: height - bottom, left });
     this.svg.attr("viewBox", `0 0 ${width} ${height}`).attr("aria-label", this.description());
     const across = d3.axisBottom(this.x).ticks(width / 90).tickSizeOuter(0);
     const up = d3.axisLeft(this.y).ticks(height / 60).tickSizeOuter(0);
