@@ -1314,3 +1314,27 @@ class TestHelp:
         assert {"typer", "botohe_moo"} <= loaded
         slow = {"numpy", "numba", "pandas", "pymoo", "matplotlib", "networkx", "yaml"}
         assert not loaded & slow
+
+
+@pytest.mark.parametrize("thread", [False, True])
+def test_signals_are_as_before_once_libraries_are_loaded(thread):
+    code = """if True:
+        import importlib, signal, sys, threading
+
+        def load():
+            importlib.import_module("botohe_moo.cli.app")
+            loaded.append(True)
+
+        loaded = []
+        if sys.argv[1] == "True":
+            thread = threading.Thread(target=load)
+            thread.start()
+            thread.join()
+        else:
+            load()
+        assert loaded
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+        assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+    """
+    done = subprocess.run([sys.executable, "-c", code, str(thread)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr

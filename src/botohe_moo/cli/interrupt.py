@@ -5,6 +5,8 @@ It imports nothing that takes time, since it has to work before the libraries th
 
 import os
 import signal
+from contextlib import suppress
+from typing import Any
 
 INTERRUPTED = 130
 
@@ -24,18 +26,24 @@ class _EndingOnInterrupt:
     Not for longer: within a kernel, Python would not call the handler for minutes.
     """
 
+    def __init__(self) -> None:
+        self._depth = 0  # a module that is loaded may load another one that uses it, too
+        self._usual: dict[signal.Signals, Any] = {}
+
     def __enter__(self) -> None:
-        self._usual = [(number, signal.getsignal(number)) for number in _ANSWERED]
-        try:
-            for number, usual in self._usual:
-                if usual in _DEFAULTS:
-                    signal.signal(number, _end)
-        except ValueError:
-            return  # only the main thread may handle signals
+        self._depth += 1
+        if self._depth > 1:
+            return
+        self._usual = {}
+        with suppress(ValueError):  # only the main thread may handle signals
+            for number in _ANSWERED:
+                if signal.getsignal(number) in _DEFAULTS:
+                    self._usual[number] = signal.signal(number, _end)
 
     def __exit__(self, *_: object) -> None:
-        for number, usual in self._usual:
-            if usual in _DEFAULTS:
+        self._depth -= 1
+        if self._depth == 0:
+            for number, usual in self._usual.items():
                 signal.signal(number, usual)
 
 
