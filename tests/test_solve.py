@@ -525,7 +525,8 @@ class TestReading:
     def test_a_folder_without_its_mission(self, toy, solution, tmp_path):
         solution._write_tables(tmp_path)
         (tmp_path / "mission.json").unlink()
-        with pytest.raises(MissionError, match=r"mission\.json: there is no such file"):
+        missing = r"mission\.json: there is no such file\. Solve the mission again, or put back"
+        with pytest.raises(MissionError, match=missing):
             read_solution(tmp_path)
         assert parts(read_solution(tmp_path, mission=toy)) == parts(solution)
         with pytest.raises(ValueError, match=r"^mission 'toy': expected the mission that the pla"):

@@ -439,6 +439,11 @@ class TestBatchFromPlans:
         with pytest.raises(TypeError, match=r"^Plan 1: expected a TrailPlan, got"):
             PlanBatch.from_plans([TrailPlan([A]), other], 1)
 
+    def test_a_row_of_a_result(self):
+        row = np.array([TrailPlan([A])], object)
+        with pytest.raises(TypeError, match=r"of a row of result\.X, X\[i, 0\] is the plan\.$"):
+            PlanBatch.from_plans([row], 1)
+
     def test_another_team_size(self):
         with pytest.raises(ValueError, match=r"^Plan 1: expected 2 trails, got 3\.$"):
             PlanBatch.from_plans([TrailPlan([A, A]), TrailPlan([A, A, A])], 2)

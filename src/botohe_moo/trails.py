@@ -7,7 +7,7 @@ from typing import Any, Self, TypeAlias, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from botohe_moo._base.checks import check_integer
+from botohe_moo._base.checks import check_integer, quoted
 from botohe_moo._base.types import IntArray, ObjectArray, OffsetArray
 
 _MAX_INDEX = np.iinfo(np.int32).max
@@ -227,8 +227,7 @@ class PlanBatch:
         for i, plan in enumerate(listed):
             if not isinstance(plan, TrailPlan):
                 raise TypeError(
-                    f"Plan {i}: expected a TrailPlan, got {plan!r}; "
-                    "mission.plan(trails) makes one from node labels."
+                    f"Plan {i}: expected a TrailPlan, got {quoted(plan)}; {_remedy(plan)}"
                 )
             if plan.n_robots != n_robots:
                 raise ValueError(f"Plan {i}: expected {n_robots} trails, got {plan.n_robots}.")
@@ -301,6 +300,12 @@ class PlanBatch:
 
 # A batch, any iterable of plans, or an array such as ``result.X``.
 Plans: TypeAlias = PlanBatch | Iterable[TrailPlan] | ObjectArray
+
+
+def _remedy(found: object) -> str:
+    if isinstance(found, np.ndarray) and found.size == 1:
+        return "of a row of result.X, X[i, 0] is the plan."
+    return "mission.plan(trails) makes one from node labels."
 
 
 def listed_plans(plans: Iterable[TrailPlan] | ObjectArray) -> list[TrailPlan]:

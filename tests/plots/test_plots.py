@@ -201,6 +201,14 @@ def test_nodes_do_not_overlap(tmp_path, name, apart):
     assert diameter > 7 * ax.figure.dpi / 72
 
 
+def test_nodes_that_are_all_at_one_place_get_a_layout():
+    graph = load("toy").graph.copy()
+    for node in graph:
+        graph.nodes[node]["pos"] = [3, 3]
+    places = node_positions(Mission(graph))
+    assert len(np.unique(places.round(6), axis=0)) == len(graph)
+
+
 def test_labels_are_legible_on_their_nodes():
     def contrast(one, other):
         """Contrast ratio of the Web Content Accessibility Guidelines, from 1 to 21."""

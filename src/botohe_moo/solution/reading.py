@@ -63,6 +63,17 @@ def read_solution(folder: str | os.PathLike[str], *, mission: Mission | None = N
     """
     folder = Path(folder)
     _check_folder(folder)
+    try:
+        return _read(folder, mission)
+    except MissionError as error:
+        *others, last = error.faults
+        faults = [*others, f"{last.removesuffix('.')}. {_REMEDY}"]
+        raise MissionError(faults, error.source) from None
+    except ValueError as error:
+        raise ValueError(f"{str(error).removesuffix('.')}. {_REMEDY}") from None
+
+
+def _read(folder: Path, mission: Mission | None) -> Solution:
     source = str(folder / "mission.json") if mission is None else f"mission {mission.name!r}"
     if mission is None:
         mission = read_mission(folder / "mission.json")
@@ -71,7 +82,7 @@ def read_solution(folder: str | os.PathLike[str], *, mission: Mission | None = N
     if record.mission_digest not in (None, numbers_digest(mission)):
         raise ValueError(
             f"{source}: expected the mission that the plans in {path} were made for, found one "
-            f"whose nodes, arcs, rewards, survivals, base or robots are others. {_REMEDY}"
+            f"whose nodes, arcs, rewards, survivals, base or robots are others."
         )
     objectives = np.array([(p.reward, p.survivors) for p in record.plans], float).reshape(-1, 2)
     plans = tuple(_plan(path, i, plan, mission) for i, plan in enumerate(record.plans))
@@ -79,7 +90,7 @@ def read_solution(folder: str | os.PathLike[str], *, mission: Mission | None = N
         if not np.allclose(said, found, rtol=1e-9, atol=1e-9):
             raise ValueError(
                 f"{path}: plan {i}: expected the objectives {found.tolist()} of its trails, got "
-                f"{said.tolist()}: the plans or the mission were changed since. {_REMEDY}"
+                f"{said.tolist()}: the plans or the mission were changed since."
             )
     solution = Solution(
         mission=mission,
@@ -136,7 +147,8 @@ def _check_front(path: Path, rows: list[tuple[int, float, float]]) -> None:
     lines = [",".join(COLUMNS), *(f"{i},{reward!r},{alive!r}" for i, reward, alive in rows)]
     found = _text(path).splitlines()
     if len(found) != len(lines):
-        raise ValueError(f"{path}: expected {len(lines)} lines, got {len(found)}.")
+        expected = "1 line" if len(lines) == 1 else f"{len(lines)} lines"
+        raise ValueError(f"{path}: expected {expected}, got {len(found)}.")
     for number, (line, expected) in enumerate(zip(found, lines, strict=True), 1):
         if line != expected:
             raise ValueError(

@@ -12,10 +12,16 @@ _MAX_KAMADA_KAWAI = 60  # its cost grows with the square of the nodes
 
 
 def node_positions(mission: Mission) -> FloatArray:
-    """Give places (n_nodes, 2): attributes ``pos``, or a reproducible layout if any lacks one."""
+    """Give places (n_nodes, 2): attributes ``pos``, or a reproducible layout if any lacks one.
+
+    Nor is there a map where all nodes are at one place.
+    """
     graph = mission.graph
     places = dict(graph.nodes(data="pos"))
     laid_out = any(place is None for place in places.values())
+    if not laid_out:
+        given = np.array([_point(node, place) for node, place in places.items()])
+        laid_out = len(given) > 1 and bool((given == given[0]).all())
     if laid_out:
         ties: nx.Graph[Any] = nx.Graph(graph.edges)
         ties.add_nodes_from(graph)
