@@ -1227,7 +1227,7 @@ class TestImport:
                 ["arcs, row 14, column 'head'", "'88', which is"],
             ),
             ("arcs.csv", ("7,8,", "7,8,0,"), ["arcs.csv: row 14: expected 3 cells", "found 4"]),
-            ("arcs.csv", ("Tail", "\0Tail"), ["arcs: expected one column"]),
+            ("arcs.csv", ("Tail", "\0Tail"), ["arcs: expected a column 'tail'"]),
             ("arcs.csv", None, ["arcs.csv: there is no such file"]),
         ],
     )
