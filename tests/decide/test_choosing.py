@@ -150,7 +150,7 @@ class TestSmallFronts:
         choice = choose(MISSION, [PLANS[5]], "reward >= 1")
         assert (choice.index, choice.met) == (0, True)
         assert "No plan of the front has more reward or more survivors." in str(choice)
-        assert "Plan 0 is the only one of the front." in str(choice)
+        assert "No plan of the front trades reward for survivors with plan 0." in str(choice)
         choice = choose(MISSION, [PLANS[5]], "reward >= 2")
         assert (choice.index, choice.met) == (0, False)
         assert choice.missed[0].by == pytest.approx(1)
