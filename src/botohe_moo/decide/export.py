@@ -16,7 +16,7 @@ import numpy as np
 from botohe_moo._base.files import replace_file
 from botohe_moo.mission.formats.nodelink import plain_label
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.outcomes import reach_probabilities
+from botohe_moo.outcomes import reach_probabilities, team_reach
 from botohe_moo.trails import TrailPlan
 
 WAYPOINT_COLUMNS = ("robot", "step", "node", "x", "y")
@@ -89,7 +89,7 @@ def plan_geojson(mission: Mission, plan: TrailPlan) -> str:
         node has no position.
     """
     survival = check_mission(mission).robot_survival([plan])[0].tolist()
-    reached = 1 - (1 - reach_probabilities(mission, plan)).prod(axis=0)
+    reached = team_reach(reach_probabilities(mission, plan))
     places = _places(mission)
     trails = mission.labels(plan)
     visited = sorted({node for trail in trails for node in trail}, key=mission.index)
