@@ -65,8 +65,9 @@ def plan_csv(mission: Mission, plan: TrailPlan) -> str:
     """
     check_mission(mission).evaluate([plan])
     places = _places(mission)
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
+    text = io.StringIO(newline="")
+    # The writer quotes what its end of a line has: with both signs, either of them in a label.
+    writer = csv.writer(text, lineterminator="\r\n")
     writer.writerow(WAYPOINT_COLUMNS)
     for robot, trail in enumerate(mission.labels(plan)):
         for step, node in enumerate(trail):
