@@ -353,7 +353,8 @@ class TestDistributions:
         choice = choose(MISSION, PLANS, "P(reward >= 4) >= 0.7")
         assert NAMES[choice.index] == "AA"
         assert choice.why.endswith(
-            "Rewards were simulated, 10,000 missions a plan: exactly it takes too long."
+            "Some rewards were simulated with 10,000 missions, because their exact distributions "
+            "take too long."
         )
         assert choose(MISSION, PLANS, "P(reward >= 4) >= 0.7").why == choice.why
 
