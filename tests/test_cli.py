@@ -1071,15 +1071,18 @@ class TestChoose:
             (["survivors > 2"], ["Expected a wish, got 'survivors > 2'", "every robot >= 0.5"]),
             (["reach 7 >= 0.5"], ["Wish 'reach 7 >= 0.5'", "has no node '7'"]),
             (["survivors >= 1", "--most", "both"], ["Expected most among", "got 'both'"]),
-            (["survivors >= 1", "--plan", 1], ["Expected wishes, --toward or --plan, one of them"]),
-            (["--out", "plan.json"], ["--out needs one"]),
-            (["--most", "reward"], ["--most wishes"]),
+            (
+                ["survivors >= 1", "--plan", 1],
+                ["Expected only one of wishes", "got wishes and --plan."],
+            ),
+            (["--out", "plan.json"], ["Expected wishes, --toward or --plan with --out, got none"]),
+            (["--most", "reward"], ["Expected wishes with --most, got none."]),
             (["--plan", 99], ["Expected --plan among the", "plans from 0, got 99"]),
             (["--plan", "x"], ["expected an integer >= 0, got x"]),
             (["--plan", 1, "--out", "plan.txt"], ["plan.txt: expected a file name that ends in"]),
             (["--plan", 1, "--out", "a/plan.csv"], ["a: there is no such folder"]),
             (["--toward", 1], ["--toward"]),
-            (["--toward", -1, 2], ["Expected reward >= 0, got -1"]),
+            (["--toward", -1, 2], ["Expected REWARD of --toward >= 0, got -1"]),
         ],
     )
     def test_bad_options(self, refused, solved, args, words):
@@ -1227,7 +1230,7 @@ class TestImport:
                 ["arcs, row 14, column 'head'", "'88', which is"],
             ),
             ("arcs.csv", ("7,8,", "7,8,0,"), ["arcs.csv: row 14: expected 3 cells", "found 4"]),
-            ("arcs.csv", ("Tail", "\0Tail"), ["arcs: expected one column"]),
+            ("arcs.csv", ("Tail", "\0Tail"), ["arcs: expected a column 'tail'"]),
             ("arcs.csv", None, ["arcs.csv: there is no such file"]),
         ],
     )

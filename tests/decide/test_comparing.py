@@ -35,6 +35,22 @@ def test_the_same():
     assert all(change.same for change in found.robots)
 
 
+def test_equal_trails_are_matched_though_others_have_the_same_arcs():
+    to_and_fro = ["dock", "a", "dock", "b", "dock"], ["dock", "b", "dock", "a", "dock"]
+    first, second = MISSION.plan(to_and_fro), MISSION.plan(to_and_fro[::-1])
+    assert str(compare(MISSION, first, second)) == "The plans are the same."
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_robot_that_keeps_its_trail_is_not_reported(order):
+    # Both trails moved by half of their arcs are as near as one that stays and one that is new.
+    short, long, other = ["dock", "a", "dock"], ["dock", "a", "dock", "b", "dock"], ["dock", "b"]
+    first = MISSION.plan([short, long][::order])
+    for teams in ([long, [*other, "dock"]], [[*other, "dock"], long]):
+        found = compare(MISSION, first, MISSION.plan(teams))
+        assert sum(not change.same for change in found.robots) == 1
+
+
 def test_nodes_gained_and_lost():
     found = compare(MISSION, trips(MISSION, "a", "b"), trips(MISSION, "c", "a"))
     assert (found.gained, found.lost, found.visitors) == (("c",), ("b",), {})

@@ -84,6 +84,15 @@ def test_csv_of_labels():
     assert written == [label if isinstance(label, str) else json.dumps(label) for label in LABELS]
 
 
+@pytest.mark.parametrize("end", ["\r", "\n", "\r\n"])
+def test_csv_of_a_label_with_an_end_of_a_line(end):
+    label = f"north{end}hall"
+    mission = star({label: (1, 0.5)})
+    written = plan_csv(mission, trips(mission, label))
+    rows = list(csv.DictReader(io.StringIO(written, newline="")))
+    assert [row["node"] for row in rows] == ["dock", label, "dock", "dock"]
+
+
 def test_geojson():
     mission = placed(**PLACES)
     content = json.loads(plan_geojson(mission, trips(mission, "a")))
@@ -147,7 +156,7 @@ def test_files(tmp_path, name, write):
     mission = placed(**PLACES)
     plan = trips(mission, "a", "c")
     write_plan(mission, plan, tmp_path / name)
-    assert (tmp_path / name).read_text("utf-8") == write(mission, plan)
+    assert (tmp_path / name).read_bytes() == write(mission, plan).encode()
     write_plan(mission, plan, str(tmp_path / name))
     assert [path.name for path in tmp_path.iterdir()] == [name]
 

@@ -1,5 +1,6 @@
 """Plans whose survivals are wrong, or whose robots are missing."""
 
+import time
 from itertools import combinations
 
 import networkx as nx
@@ -123,6 +124,13 @@ class TestRobustness:
             robustness(MISSION.with_robots(3), PLANS)
 
 
+@pytest.mark.parametrize("factors", [2, "2", None])
+def test_factors_that_are_no_sequence(factors):
+    expected = rf"^Expected factors to be a sequence of numbers, got {factors!r}\."
+    with pytest.raises(ValueError, match=expected):
+        robustness(MISSION, PLANS, factors=factors)
+
+
 class TestAfterLosses:
     def test_the_worst_loss_of_one(self):
         table = after_losses(MISSION, PLANS, 1).set_index(pd.Index(NAMES))
@@ -136,7 +144,7 @@ class TestAfterLosses:
 
     def test_of_none_and_of_all(self):
         none, all_ = after_losses(MISSION, PLANS, 0), after_losses(MISSION, PLANS, 2)
-        assert none["reward_left"].tolist() == none["reward"].tolist()
+        assert none["reward_left"].tolist() == pytest.approx(none["reward"].tolist())
         assert none["lost"].tolist() == [()] * 6
         assert all_["reward_left"].tolist() == [0] * 6
         assert all_["lost"].tolist() == [(0, 1)] * 6
@@ -170,6 +178,24 @@ class TestAfterLosses:
         )
         with pytest.raises(ValueError, match=expected):
             after_losses(mission, [trips(mission, "a")], 5)
+
+    def test_too_many_subsets_for_all_plans(self, monkeypatch):
+        monkeypatch.setattr(hazards, "_MAX_CASES", 11)
+        expected = (
+            "^Expected at most 11 subsets of robots for all plans together, got 12, 2 for each of "
+            "6 plans; give fewer plans, or lower alpha"
+        )
+        with pytest.raises(ValueError, match=expected):
+            after_losses(MISSION, PLANS, 1)
+
+    def test_many_subsets_take_no_minutes(self):
+        mission = star(robots=20)
+        plan = trips(mission, *"abc" * 6)
+        started = time.perf_counter()
+        table = after_losses(mission, [plan] * 5, 7)  # 77 520 subsets for each plan
+        assert time.perf_counter() - started < 5
+        # Without the six robots to a nearly 4 are lost, more than by any others.
+        assert set(range(0, 18, 3)) < set(table["lost"][0])
 
     def test_bad_plans(self):
         with pytest.raises(ValueError, match="Expected at least one plan"):

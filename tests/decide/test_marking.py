@@ -176,7 +176,20 @@ class TestExchangeRate:
         assert exchange_rate(TOY, FRONT, 5).safer is None
         found = exchange_rate(TOY, [[3, 1]], 0)
         assert found == ExchangeRate(0, 0.25, None, None)
-        assert str(found) == "Plan 0 is the only one of the front."
+        assert str(found) == "No plan of the front trades reward for survivors with plan 0."
+
+    def test_survivors_that_differ_by_rounding_are_skipped(self):
+        found = exchange_rate(TOY, [[9, 1], [8, 1 + 1e-15], [7, 2]], 0)
+        assert found.safer == Step(2, -2, 1)
+        assert exchange_rate(TOY, [[9, 1 - 1e-15], [8, 1], [7, 2]], 1).richer is None
+
+    def test_a_dominated_plan_is_compared_with_those_that_trade(self):
+        # (7, 1) has more of both than (6, 0.5); (4, 1.4) and (8, 0) have more of one only.
+        found = exchange_rate(TOY, [*BENT, [6, 0.5]], 4, window=1)
+        assert (found.safer, found.richer) == (Step(2, -2, pytest.approx(0.9)), Step(0, 2, -0.5))
+        assert found.safer.rate > 0
+        assert found.richer.rate > 0
+        assert exchange_rate(TOY, [[7, 1], [6, 0.5]], 1) == ExchangeRate(1, 0.25, None, None)
 
     @pytest.mark.parametrize("window", [0, -1, float("inf"), "wide"])
     def test_bad_windows(self, window):

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from botohe_moo import TrailPlan
 from botohe_moo.decide import representatives
+from botohe_moo.decide.fronts import front_rows
 from botohe_moo.decide.selecting import arc_counts, distances
 from botohe_moo.mission import PlanError
 from botohe_moo.trails import PlanBatch
@@ -65,11 +66,19 @@ def test_by_hand(k, rows):
 def test_gaps_are_filled_with_what_is_farthest():
     # Two robots to a rich node, or to poor ones, and nothing between. On the way along the front AA
     # is at 0, the others near 1; of them, BB has no arc with C or CC, which share one.
-    mission = star({"a": (100, 0.9), "b": (2, 0.99), "c": (1, 1.0)})
+    mission = star({"a": (100, 0.9), "b": (2, 0.99), "c": (1, 0.999)})
     plans = [trips(mission, *names) for names in ("aa", "bb", "c", "cc")]
-    assert mission.evaluate(plans)[:, 0].tolist() == pytest.approx([99, 1.9998, 1, 1])
-    assert representatives(mission, plans, 2) == (0, 2)
-    assert representatives(mission, plans, 3) == (0, 1, 2)
+    assert mission.evaluate(plans)[:, 0].tolist() == pytest.approx([99, 1.9998, 0.999, 0.999999])
+    assert representatives(mission, plans, 2) == (0, 3)
+    assert representatives(mission, plans, 3) == (0, 1, 3)
+
+
+def test_dominated_plans_are_selected_only_if_the_front_has_too_few():
+    # AA has the reward of AC and fewer survivors; BB has less of both than BC.
+    assert [NAMES[row] for row in representatives(MISSION, PLANS, 3)] == ["AB", "BC", "C"]
+    assert [NAMES[row] for row in representatives(MISSION, PLANS, 4)] == ["AB", "AC", "BC", "C"]
+    assert len(representatives(MISSION, PLANS, 5)) == 5
+    assert len(representatives(MISSION, PLANS, 6)) == 6
 
 
 def test_a_front_on_the_spot():
@@ -85,6 +94,9 @@ def test_what_holds_for_all(front, k):
     assert len(found) == len(set(found)) == min(k, len(plans))
     rewards = mission.evaluate(plans)[list(found), 0]
     assert (np.diff(rewards) <= 0).all()
+    front_size = len(front_rows(mission.evaluate(plans)))
+    selected = len(front_rows(mission.evaluate([plans[row] for row in found])))
+    assert selected == min(k, front_size)
     assert representatives(mission, plans, k) == found
     assert all(type(row) is int for row in found)
 
@@ -100,7 +112,7 @@ def test_brute_force(front, k):
     mission, plans = front
     assume(not 0 < mission.total_reward < 1e-100)
     objectives = mission.evaluate(plans)
-    order = sorted(range(len(plans)), key=lambda i: (-objectives[i, 0], objectives[i, 1]))
+    order = front_rows(objectives).tolist()
     way = [0.0]
     for i, j in pairwise(order):
         step = (objectives[j] - objectives[i]) / [mission.total_reward or 1, mission.robots]

@@ -1,10 +1,12 @@
 """Wishes: what planners may write, and what they are told when they write something else."""
 
 import re
+from functools import partial
 
 import networkx as nx
+import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from botohe_moo import Mission
@@ -125,6 +127,40 @@ wishes = st.one_of(
 @given(st.lists(wishes, min_size=1, max_size=4))
 def test_what_is_written_is_read(made):
     assert parse_wishes(PIER, [" and ".join(map(str, made))]) == tuple(made)
+
+
+simple = st.one_of(
+    st.text(max_size=8),
+    st.text("\"'\\\nnab >=0.5()[],", max_size=12),
+    st.integers(-(10**20), 10**20),
+    st.integers(-9, 9).map(np.int64),
+    st.floats(allow_nan=False, allow_infinity=False),
+    st.booleans(),
+    st.sampled_from(["True", "False", "and", " and survivors >= 1", "reach", "a\nb", "\u2028"]),
+)
+tuples = partial(st.lists, max_size=3)
+any_labels = st.recursive(simple, lambda inner: tuples(inner).map(tuple), max_leaves=4)
+
+
+@given(any_labels)
+def test_every_label_that_is_written_is_read(label):
+    assume(label != "dock")
+    mission = labelled([label])
+    text = f"{Reach(node=label, at_least=0.5)} and reward >= 0"
+    found, _ = parse_wishes(mission, [text])
+    assert mission.index(found.node) == mission.index(label)
+    assert found.at_least == 0.5
+
+
+def test_labels_are_written_with_numbers_of_python():
+    assert str(Reach(node=np.int64(3), at_least=1)) == "reach 3 >= 1"
+    assert str(Reach(node=(np.int64(3), np.float64(0.5)), at_least=1)) == "reach (3, 0.5) >= 1"
+    assert str(Reach(node=frozenset({1}), at_least=1)) == "reach frozenset({1}) >= 1"
+
+
+def test_a_backslash_that_json_does_not_know_may_be_in_quotes():
+    [wish] = parse_wishes(labelled(["a.b"]), [r'reach "a\.b" >= 0.5'])
+    assert wish.node == "a.b"
 
 
 @pytest.mark.parametrize(

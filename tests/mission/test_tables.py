@@ -148,15 +148,37 @@ def test_cells_are_checked(nodes, arcs, faults):
     assert faults_of(nodes, arcs) == faults
 
 
+def test_nullable_types():
+    nodes = pd.DataFrame({**NODES, "zone": ["a", None, "b"], "depth": [1, None, 3]})
+    arcs = pd.DataFrame(ARCS).convert_dtypes()
+    mission = mission_from_tables(
+        nodes.convert_dtypes(), arcs, base="dock", robots=2, both_ways=True
+    )
+    assert dict(mission.graph.nodes["reef"]) == {"reward": 5, "pos": [1, 1]}
+    assert dict(mission.graph.nodes["cave"])["depth"] == 3
+    [fault] = faults_of({"reward": pd.array([0, None, 1], dtype="Int64")})
+    assert fault == "nodes, row 1, column 'reward': expected a number >= 0, found nothing"
+
+
+def test_cells_that_hold_arrays():
+    cells = [np.zeros(2), np.ones(2), np.ones(1)]
+    mission = made({"sizes": cells})
+    assert mission.graph.nodes["reef"]["sizes"] is cells[1]
+    faults = faults_of({"reward": cells})
+    assert faults[0].startswith("nodes, row 0, column 'reward': expected a number >= 0, found arr")
+    faults = faults_of({"label": [*NODES["label"][:2], [1]]})
+    assert "nodes, row 2, column 'label': expected the label of a node, found [1]" in faults
+
+
 def test_columns_are_checked():
     nodes, arcs = pd.DataFrame({**NODES, "Label": "x"}), pd.DataFrame({"from": [], "to": []})
     with pytest.raises(MissionError) as caught:
         mission_from_tables(nodes, arcs, base="dock", robots=1)
     assert caught.value.faults == (
-        "nodes: expected one column for each, found it twice: 'label'",
-        "arcs: expected one column for each, found none among from, to: 'tail'",
-        "arcs: expected one column for each, found none among from, to: 'head'",
-        "arcs: expected one column for each, found none among from, to: 'survival'",
+        "nodes: expected one column 'label', found 2",
+        "arcs: expected a column 'tail', found from, to",
+        "arcs: expected a column 'head', found from, to",
+        "arcs: expected a column 'survival', found from, to",
     )
 
 
@@ -196,6 +218,17 @@ class TestReading:
         assert list(table.columns) == ["Label", "Reward"]
         assert list(table.index) == [2, 4, 6]  # as a spreadsheet counts them
         assert table.to_numpy().tolist() == [["dock", "0"], ['north "hall"', "5"], [" 7 ", "NA"]]
+
+    @pytest.mark.parametrize("sign", ["\u2028", "\v", "\f", "\x85"])
+    def test_a_cell_with_what_unicode_takes_for_the_end_of_a_line(self, tmp_path, sign):
+        path = tmp_path / "nodes.csv"
+        path.write_bytes(f"label,reward\na{sign}b,5\n".encode())
+        assert read_table(path).to_numpy().tolist() == [[f"a{sign}b", "5"]]
+
+    def test_old_ends_of_lines_and_one_in_a_cell(self, tmp_path):
+        path = tmp_path / "nodes.csv"
+        path.write_bytes(b'label,reward\ra,1\r"b\r\nc",5\r')
+        assert read_table(path).to_numpy().tolist() == [["a", "1"], ["b\r\nc", "5"]]
 
     @pytest.mark.parametrize(
         ("data", "fault"),

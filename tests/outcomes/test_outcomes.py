@@ -23,6 +23,7 @@ from botohe_moo.outcomes.outcomes import (
     reward_distribution,
     simulate,
     survivors_distribution,
+    team_reach,
 )
 from tests import twins
 from tests.strategies import missions_with_plans
@@ -199,6 +200,8 @@ def test_the_probabilities_to_reach_nodes_by_hand(harbour):
     # 0.5 to the reef, 0.125 to the cape; the second visit of the reef does not count.
     reached = reach_probabilities(harbour, plan)
     assert reached.tolist() == [[1, 0.5, 0.125], [1, 0, 1]]
+    assert team_reach(reached).tolist() == [1, 0.5, 1]
+    assert team_reach(np.array([[0.5, 0.25], [0.5, 0]])).tolist() == [0.75, 0.25]
     with pytest.raises(PlanError):
         reach_probabilities(harbour.with_robots(3), plan)
 
@@ -208,7 +211,7 @@ def test_rewards_times_probabilities_to_reach_nodes_are_the_expected_reward(draw
     mission, plan = drawn
     reached = reach_probabilities(mission, plan)
     assert reached.shape == (mission.robots, len(mission.nodes))
-    team = 1 - (1 - reached).prod(axis=0)
+    team = team_reach(reached)
     assert team @ mission.arrays.reward == pytest.approx(mission.evaluate([plan])[0, 0])
     for robot, trail in enumerate(plan.trails):
         assert set(np.flatnonzero(reached[robot]).tolist()) == set(trail)

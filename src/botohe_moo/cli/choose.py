@@ -88,17 +88,14 @@ def choose_plan(
         from botohe_moo.decide.export import check_plan_file
         from botohe_moo.solution import read_solution
 
-        asked = [bool(wish), toward is not None, plan is not None]
-        if sum(asked) > 1 or (out is not None and not any(asked)) or (most and not wish):
-            raise ValueError(
-                "Expected wishes, --toward or --plan, one of them; --out needs one, --most wishes."
-            )
+        asked = {"wishes": bool(wish), "--toward": toward is not None, "--plan": plan is not None}
+        _check_options(asked, most, toward, out)
         if out is not None:
             check_plan_file(out)
             if not out.parent.is_dir():
                 raise ValueError(f"{out.parent}: there is no such folder.")
         solution = read_solution(folder)
-        if not any(asked):
+        if not any(asked.values()):
             tell(_overview(solution))
             return
         choice = None
@@ -117,6 +114,22 @@ def choose_plan(
         with failing(FAILED):
             write_plan(solution.mission, chosen, out)
         tell(f"wrote {out}")
+
+
+def _check_options(
+    asked: dict[str, bool], most: str | None, toward: tuple[float, float] | None, out: Path | None
+) -> None:
+    from botohe_moo._base.checks import check_number
+
+    given = [name for name, there in asked.items() if there]
+    if len(given) > 1:
+        raise ValueError(f"Expected only one of {', '.join(asked)}; got {' and '.join(given)}.")
+    if most and not asked["wishes"]:
+        raise ValueError("Expected wishes with --most, got none.")
+    if out is not None and not given:
+        raise ValueError("Expected wishes, --toward or --plan with --out, got none of them.")
+    for name, value in zip(("REWARD", "SURVIVORS"), toward or (), strict=False):
+        check_number(f"{name} of --toward", value, at_least=0)
 
 
 def tell_choice(mission: Mission, choice: Choice) -> None:

@@ -240,4 +240,7 @@ def _choice(front: Candidates, i: int, why: str, wishes: tuple[Wish, ...]) -> Ch
 def _simulated(front: Candidates) -> str:
     if not front.simulated:
         return ""
-    return f" Rewards were simulated, {N_SAMPLES:,} missions a plan: exactly it takes too long."
+    return (
+        f" Some rewards were simulated with {N_SAMPLES:,} missions, because their exact "
+        "distributions take too long."
+    )

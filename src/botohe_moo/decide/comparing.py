@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -58,8 +60,6 @@ class Difference:
         Numbers of robots that stay at base in the first and in the second plan.
     robots
         What each robot does otherwise, by the robots of the first plan.
-    sentences
-        All this in words.
     """
 
     reward: float
@@ -69,7 +69,11 @@ class Difference:
     visitors: dict[Hashable, tuple[int, int]]
     at_base: tuple[int, int]
     robots: tuple[Change, ...]
-    sentences: tuple[str, ...]
+
+    @cached_property
+    def sentences(self) -> tuple[str, ...]:
+        """All this in words."""
+        return tuple(_sentences(self))
 
     def __str__(self) -> str:
         return "\n".join(self.sentences)
@@ -78,8 +82,9 @@ class Difference:
 def compare(mission: Mission, first: TrailPlan, second: TrailPlan) -> Difference:
     """Say how the second plan differs from the first.
 
-    Robots are identical, so each of the first plan is matched with one of the second: such that the
-    sum of the distances of their trails, 1 − |A ∩ B| / |A ∪ B| of their arcs, is the smallest.
+    Robots are identical, so each of the first plan is matched with one of the second: first those
+    with equal trails, then the others such that the sum of the distances of their trails,
+    1 − |A ∩ B| / |A ∪ B| of their arcs, is the smallest.
 
     Parameters
     ----------
@@ -111,7 +116,7 @@ def compare(mission: Mission, first: TrailPlan, second: TrailPlan) -> Difference
     visits = [[set(trail) for trail in plan] for plan in map(mission.labels, (first, second))]
     trails = first.trails, second.trails
     robots = []
-    for robot, other in _matched(batch):
+    for robot, other in _matched(batch, *trails):
         ours, others = visits[0][robot], visits[1][other]
         change = Change(
             robot=robot,
@@ -130,7 +135,7 @@ def compare(mission: Mission, first: TrailPlan, second: TrailPlan) -> Difference
         for node in _in_order(mission, all_visited[0] & all_visited[1] - {mission.base})
     }
     at_base = tuple(sum(len(trail) == 1 for trail in plan) for plan in trails)
-    found = Difference(
+    return Difference(
         reward=gain[0],
         survivors=gain[1],
         gained=_in_order(mission, all_visited[1] - all_visited[0]),
@@ -138,19 +143,33 @@ def compare(mission: Mission, first: TrailPlan, second: TrailPlan) -> Difference
         visitors={node: both for node, both in counts.items() if both[0] != both[1]},
         at_base=(at_base[0], at_base[1]),
         robots=tuple(robots),
-        sentences=(),
     )
-    object.__setattr__(found, "sentences", tuple(_sentences(found)))
-    return found
 
 
-def _matched(batch: PlanBatch) -> list[tuple[int, int]]:
+_Trails = tuple[tuple[int, ...], ...]
+
+
+def _matched(batch: PlanBatch, first: _Trails, second: _Trails) -> list[tuple[int, int]]:
     """Match the robots of two plans; equal trails come first, then the nearest ones."""
     from scipy.optimize import linear_sum_assignment
 
-    counts = arc_counts(batch, per_robot=True)
-    rows, columns = linear_sum_assignment(distances(*np.split(counts, 2)))
-    return list(zip(rows.tolist(), columns.tolist(), strict=True))
+    pairs = _equal(first, second)
+    # Trails of the same arcs in another order have no distance, so equal ones are left out here.
+    robots = range(len(first))
+    ours = np.setdiff1d(robots, [robot for robot, _ in pairs])
+    others = np.setdiff1d(robots, [other for _, other in pairs])
+    counts, other_counts = np.split(arc_counts(batch, per_robot=True), 2)
+    rows, columns = linear_sum_assignment(distances(counts[ours], other_counts[others]))
+    pairs += zip(ours[rows].tolist(), others[columns].tolist(), strict=True)
+    return sorted(pairs)
+
+
+def _equal(first: _Trails, second: _Trails) -> list[tuple[int, int]]:
+    """Match as many robots as have equal trails, in their order."""
+    free = defaultdict(list)
+    for robot in reversed(range(len(second))):
+        free[second[robot]].append(robot)
+    return [(robot, free[trail].pop()) for robot, trail in enumerate(first) if free[trail]]
 
 
 def _in_order(mission: Mission, nodes: set[Hashable]) -> tuple[Hashable, ...]:

@@ -16,7 +16,7 @@ import numpy as np
 from botohe_moo._base.files import replace_file
 from botohe_moo.mission.formats.nodelink import plain_label
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.outcomes import reach_probabilities
+from botohe_moo.outcomes import reach_probabilities, team_reach
 from botohe_moo.trails import TrailPlan
 
 WAYPOINT_COLUMNS = ("robot", "step", "node", "x", "y")
@@ -65,8 +65,9 @@ def plan_csv(mission: Mission, plan: TrailPlan) -> str:
     """
     check_mission(mission).evaluate([plan])
     places = _places(mission)
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
+    text = io.StringIO(newline="")
+    # The writer quotes what its end of a line has: with both signs, either of them in a label.
+    writer = csv.writer(text, lineterminator="\r\n")
     writer.writerow(WAYPOINT_COLUMNS)
     for robot, trail in enumerate(mission.labels(plan)):
         for step, node in enumerate(trail):
@@ -89,7 +90,7 @@ def plan_geojson(mission: Mission, plan: TrailPlan) -> str:
         node has no position.
     """
     survival = check_mission(mission).robot_survival([plan])[0].tolist()
-    reached = 1 - (1 - reach_probabilities(mission, plan)).prod(axis=0)
+    reached = team_reach(reach_probabilities(mission, plan))
     places = _places(mission)
     trails = mission.labels(plan)
     visited = sorted({node for trail in trails for node in trail}, key=mission.index)

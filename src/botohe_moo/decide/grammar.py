@@ -1,6 +1,7 @@
 """Wishes as planners write them."""
 
 import ast
+import json
 import re
 from collections.abc import Callable, Hashable, Iterable
 from contextlib import suppress
@@ -32,13 +33,14 @@ FORMS = (
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?"
 _QUANTITY = r"(?P<quantity>reward|survivors)"
 _QUOTED = r"\"(?:[^\"\\]|\\.)*\"|'(?:[^'\\]|\\.)*'"
+_LISTED = rf"[(\[](?:{_QUOTED}|[^\"'])*?[)\]]"  # texts inside may look like the end of a wish
 _SHAPES: dict[str, type[Wish]] = {
     _QUANTITY: Expected,
     rf"P \( {_QUANTITY} >= (?P<value>{_NUMBER}) \)": Chance,
     rf"CVaR \( {_QUANTITY} , (?P<alpha>{_NUMBER}) \)": TailMean,
     r"every\s+robot": EveryRobot,
     # A label without quotes ends at the first level that ends its wish.
-    rf"reach\s+(?P<node>{_QUOTED}|.+?)": Reach,
+    rf"reach\s+(?P<node>{_QUOTED}|{_LISTED}|.+?)": Reach,
 }
 
 
@@ -138,9 +140,12 @@ def _make(mission: Mission, kind: Callable[..., Wish], parts: dict[str, str]) ->
 def _labels(text: str) -> list[Hashable]:
     """List the labels that a text may stand for."""
     if re.fullmatch(_QUOTED, text, re.DOTALL):
+        if text.startswith('"'):
+            with suppress(ValueError):  # JSON knows few letters after a backslash
+                return [str(json.loads(text, strict=False))]
         return [re.sub(r"\\(.)", r"\1", text[1:-1], flags=re.DOTALL)]
     labels: list[Hashable] = [text]
-    if re.match(r"[-+.\d(\[]", text):
+    if re.match(r"[-+.\d(\[]|(?:True|False)\Z", text):
         with suppress(ValueError, SyntaxError, MemoryError, RecursionError):
             labels.insert(0, read_label(ast.literal_eval(text)))
     return labels

@@ -9,17 +9,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from botohe_moo._base.checks import check_integer, check_number
-from botohe_moo._base.types import FloatArray
+from botohe_moo._base.checks import check_integer, check_number, quoted
+from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.decide.judging import Candidates
 from botohe_moo.kernels.plans import evaluate as kernels
 from botohe_moo.mission.model import Mission, check_mission
+from botohe_moo.outcomes import reach_probabilities
 from botohe_moo.trails import PlanBatch, Plans, TrailPlan
 
 if TYPE_CHECKING:
     import pandas as pd
 
-_MAX_SUBSETS = 100_000
+_MAX_SUBSETS, _MAX_CASES = 100_000, 10_000_000  # for one plan, and for all: seconds
 
 
 def robustness(
@@ -81,6 +82,8 @@ def robustness(
     """
     import pandas as pd
 
+    if not isinstance(factors, Iterable) or isinstance(factors, str):
+        raise ValueError(f"Expected factors to be a sequence of numbers, got {quoted(factors)}.")
     factors = [check_number("each of factors", factor, above=0) for factor in factors]
     spread = check_number("spread", spread, at_least=0)
     n_scenarios = check_integer("n_scenarios", n_scenarios, at_least=1)
@@ -148,7 +151,8 @@ def after_losses(mission: Mission, plans: Plans, alpha: int = 1) -> pd.DataFrame
     Raises
     ------
     ValueError
-        If there is no plan, ``alpha`` is out of its range, or there are more than 100 000 subsets.
+        If there is no plan, ``alpha`` is out of its range, or there are more than 100 000 subsets,
+        or 10 million for all plans together.
     PlanError
         If a plan is not valid for the mission.
 
@@ -174,21 +178,31 @@ def after_losses(mission: Mission, plans: Plans, alpha: int = 1) -> pd.DataFrame
             f"among {mission.robots}; lower alpha."
         )
     front = Candidates(mission, plans)
-    subsets = list(combinations(range(mission.robots), alpha))
+    if (n_cases := n_subsets * len(front)) > _MAX_CASES:
+        raise ValueError(
+            f"Expected at most {_MAX_CASES:,} subsets of robots for all plans together, got "
+            f"{n_cases:,}, {n_subsets:,} for each of {len(front):,} plans; give fewer plans, or "
+            "lower alpha."
+        )
+    subsets = np.array(list(combinations(range(mission.robots), alpha)), dtype=np.int64)
     left, lost = [], []
     for plan in front.plans:
-        rewards = mission.evaluate(_without(mission, plan, subsets))[:, 0]
+        rewards = _rewards_without(mission, plan, subsets)
         worst = int(rewards.argmin())
         left.append(float(rewards[worst]))
-        lost.append(subsets[worst])
+        lost.append(tuple(subsets[worst].tolist()))
     columns = {"reward": front.objectives[:, 0], "reward_left": left, "lost": lost}
     return pd.DataFrame({"plan_id": np.arange(len(front.plans)), **columns})
 
 
-def _without(mission: Mission, plan: TrailPlan, subsets: list[tuple[int, ...]]) -> list[TrailPlan]:
-    """Give the plan without the robots of each subset, which stay at base instead."""
-    trails, home = plan.trails, (mission.arrays.base,)
-    return [
-        TrailPlan([home if robot in gone else trail for robot, trail in enumerate(trails)])
-        for gone in subsets
-    ]
+def _rewards_without(mission: Mission, plan: TrailPlan, subsets: OffsetArray) -> FloatArray:
+    """Compute E[R] of a plan without the robots of each subset (n_subsets, alpha)."""
+    present = np.ones((plan.n_robots, len(subsets)), dtype=bool)
+    np.put_along_axis(present, subsets.T, False, axis=0)
+    reached = reach_probabilities(mission, plan)
+    rewards = np.full(len(subsets), mission.arrays.reward[mission.arrays.base])  # lost ones stay
+    for node in np.setdiff1d(plan.nodes, mission.arrays.base):
+        visitors = np.flatnonzero(reached[:, node])
+        missed = 1 - present[visitors] * reached[visitors, node, None]
+        rewards += mission.arrays.reward[node] * (1 - missed.prod(axis=0))
+    return rewards

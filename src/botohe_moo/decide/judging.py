@@ -19,6 +19,7 @@ from botohe_moo.outcomes import (
     reach_probabilities,
     reward_distribution,
     survivors_distribution,
+    team_reach,
 )
 from botohe_moo.trails import Plans
 
@@ -55,8 +56,8 @@ class Candidates:
             case EveryRobot():
                 return float(self._weakest_robot[i])
             case Reach(node=node):
-                missed = 1 - reach_probabilities(self.mission, self.plans[i])
-                return float(1 - missed[:, self.mission.index(node)].prod())
+                reached = team_reach(reach_probabilities(self.mission, self.plans[i]))
+                return float(reached[self.mission.index(node)])
         raise TypeError(f"Expected a wish of this package, got {wish!r}.")
 
     def missing(self, wish: Wish, i: int) -> float:

@@ -43,6 +43,8 @@ class Mark:
         return f"plan {self.index} ({where}): {self.definition}"
 
 
+_SLACK = 1e-9  # of the robots: below, survivors differ by rounding
+
 _CHORD = (
     "farthest from the chord",
     "farthest above the chord between the end points of the front, in objectives divided by the "
@@ -202,7 +204,7 @@ class ExchangeRate:
         Survivors up to which other plans were looked at, on both sides.
     safer
         To the plan that was compared on the side of more survivors; its ``rate`` is the reward that
-        0.1 survivors more cost. None if the front ends here.
+        0.1 survivors more cost. None if no plan of the front has more survivors for less reward.
     richer
         The same on the other side; its ``rate`` is the reward that 0.1 survivors fewer bring.
     """
@@ -219,7 +221,7 @@ class ExchangeRate:
                 away = f"plan {step.index}, {short(abs(step.survivors))} survivors away"
                 parts.append(f"0.1 survivors {does} {short(step.rate)} reward (to {away})")
         if not parts:
-            return f"Plan {self.index} is the only one of the front."
+            return f"No plan of the front trades reward for survivors with plan {self.index}."
         return f"At plan {self.index}, {'; '.join(parts)}."
 
 
@@ -229,7 +231,8 @@ def exchange_rate(
     """Say what 0.1 survivors cost in reward at a plan, in both directions.
 
     On each side the plan is compared with the farthest plan of the front within the window, or with
-    the nearest one if the window holds none.
+    the nearest one if the window holds none. Only plans that have more of one objective for less of
+    the other count, and whose survivors differ by more than 1e-9 of the robots.
 
     Parameters
     ----------
@@ -250,9 +253,12 @@ def exchange_rate(
     index = check_row("index", index, len(objectives))
     window = check_number("window", window, above=0)
     rows = front_rows(objectives)
-    away = objectives[rows, 1] - objectives[index, 1]  # ascends
+    reward, survivors = (objectives[rows] - objectives[index]).T  # survivors ascend
+    slack = _SLACK * mission.robots
+    safer = rows[(survivors > slack) & (reward < 0)]
+    richer = rows[(survivors < -slack) & (reward > 0)][::-1]
     steps = []
-    for side in (rows[away > 0], rows[away < 0][::-1]):
+    for side in (safer, richer):
         distance = np.abs(objectives[side, 1] - objectives[index, 1])
         within = int((distance <= window).sum())
         steps.append(_step(objectives, index, side[max(within, 1) - 1 :][:1]))

@@ -4,7 +4,7 @@ import numpy as np
 
 from botohe_moo._base.checks import check_integer
 from botohe_moo._base.types import FloatArray, OffsetArray
-from botohe_moo.decide.fronts import scales
+from botohe_moo.decide.fronts import front_rows, scales
 from botohe_moo.decide.judging import Candidates
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import PlanBatch, Plans
@@ -17,7 +17,9 @@ def representatives(mission: Mission, plans: Plans, k: int = 5) -> tuple[int, ..
     divided by the total reward and the number of robots. Each is represented by its medoid, the
     plan with the smallest sum of distances to the others. The distance of two plans is
     1 − |A ∩ B| / |A ∪ B| of the multisets of their arcs. For segments without a plan, those plans
-    are added, one after another, that are farthest from all selected ones.
+    of the front are added, one after another, that are farthest from all selected ones. Plans that
+    are dominated, or equal another in both objectives, are only added if the front has fewer than
+    ``k`` plans.
 
     Parameters
     ----------
@@ -51,19 +53,29 @@ def representatives(mission: Mission, plans: Plans, k: int = 5) -> tuple[int, ..
     """
     k = check_integer("k", k, at_least=1)
     front = Candidates(mission, plans)
-    order = np.lexsort((front.objectives[:, 1], -front.objectives[:, 0]))
+    rows = front_rows(front.objectives)
+    dominated = np.setdiff1d(np.arange(len(front)), rows)
+    order = np.append(rows, dominated)
     counts = arc_counts(front.batch.take(order), per_robot=False)
-    segments = _segments(front.objectives[order] / scales(mission), k)
+    segments = _segments(front.objectives[rows] / scales(mission), k)
     chosen = []
     for segment in np.unique(segments):
         members = np.flatnonzero(segments == segment)
         apart = distances(counts[members], counts[members])
         chosen.append(int(members[apart.sum(axis=1).argmin()]))
-    while len(chosen) < min(k, len(order)):
+    for end in (len(rows), len(order)):  # others only if the front has too few
+        _add_farthest(chosen, counts[:end], k)
+    found = order[chosen]
+    by_reward = np.lexsort((front.objectives[found, 1], -front.objectives[found, 0]))
+    return tuple(found[by_reward].tolist())
+
+
+def _add_farthest(chosen: list[int], counts: FloatArray, k: int) -> None:
+    """Add the plan that is farthest from all chosen ones, until there are ``k``, or all."""
+    while len(chosen) < min(k, len(counts)):
         nearest = distances(counts, counts[chosen]).min(axis=1)
         nearest[chosen] = -1
         chosen.append(int(nearest.argmax()))
-    return tuple(int(order[place]) for place in sorted(chosen))
 
 
 def _segments(points: FloatArray, k: int) -> OffsetArray:

@@ -3,15 +3,17 @@
 import json
 import re
 from collections.abc import Hashable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Literal
 
 from botohe_moo._base.checks import check_choice, check_number
+from botohe_moo.mission.formats.nodelink import plain_label, read_label
 
 Quantity = Literal["reward", "survivors"]
 QUANTITIES = ("reward", "survivors")
 
-_PLAIN_LABEL = re.compile(r"[^\W\d]\w*")
+_PLAIN_LABEL = re.compile(r"(?!(?:True|False)\Z)[^\W\d]\w*")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -181,6 +183,8 @@ def exact(value: float) -> str:
 
 def label_text(label: Hashable) -> str:
     """Write a label as wishes have it: words as they are, other texts in quotes."""
-    if not isinstance(label, str):
-        return repr(label)
-    return label if _PLAIN_LABEL.fullmatch(label) else json.dumps(label, ensure_ascii=False)
+    if isinstance(label, str):
+        return label if _PLAIN_LABEL.fullmatch(label) else json.dumps(label, ensure_ascii=False)
+    with suppress(ValueError):  # what JSON cannot hold stays as it is
+        label = read_label(plain_label(label))  # Python's own numbers instead of numpy's
+    return repr(label)

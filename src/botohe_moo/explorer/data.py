@@ -18,7 +18,7 @@ from botohe_moo.explorer.numbers import bin_codes, bin_edges, probability_codes,
 from botohe_moo.explorer.thinning import thinned
 from botohe_moo.mission.formats.nodelink import plain_label
 from botohe_moo.mission.model import Mission
-from botohe_moo.outcomes import Outcomes, plan_outcomes, reach_probabilities
+from botohe_moo.outcomes import Outcomes, plan_outcomes, reach_probabilities, team_reach
 from botohe_moo.plots.draw.places import node_positions
 from botohe_moo.trails import TrailPlan
 
@@ -188,8 +188,8 @@ def _facts(outcomes: Sequence[Outcomes], total: float) -> dict[str, list[str]]:
 
 def _reached(mission: Mission, plan: TrailPlan) -> list[int]:
     """Codes of the probability that some robot reaches a node, for all nodes on trails by index."""
-    missed = (1 - reach_probabilities(mission, plan)).prod(axis=0)
-    return probability_codes(1 - missed[np.unique(plan.nodes)])
+    reached = team_reach(reach_probabilities(mission, plan))
+    return probability_codes(reached[np.unique(plan.nodes)])
 
 
 def _marks(front: Front, wishes: Iterable[str | Wish]) -> list[dict[str, Any]]:

@@ -12,5 +12,6 @@ if TYPE_CHECKING:
     from botohe_moo.outcomes.outcomes import reward_distribution as reward_distribution
     from botohe_moo.outcomes.outcomes import simulate as simulate
     from botohe_moo.outcomes.outcomes import survivors_distribution as survivors_distribution
+    from botohe_moo.outcomes.outcomes import team_reach as team_reach
 
 __getattr__, __dir__, __all__ = lazy_names(__name__)

@@ -101,9 +101,6 @@ def survivors_distribution(mission: Mission, plan: TrailPlan) -> Distribution:
 def reach_probabilities(mission: Mission, plan: TrailPlan) -> FloatArray:
     """Compute with what probability each robot reaches each node.
 
-    Robots are lost independently: some robot reaches node v with the probability
-    1 − Π_k (1 − p[k, v]).
-
     Parameters
     ----------
     mission, plan
@@ -121,6 +118,25 @@ def reach_probabilities(mission: Mission, plan: TrailPlan) -> FloatArray:
     # The first visit of a node is its most probable one.
     np.maximum.at(reached, (robots, plan.nodes), follow(mission, plan).alive)
     return reached
+
+
+def team_reach(reached: FloatArray) -> FloatArray:
+    """Compute with what probability some robot reaches each node, from :func:`reach_probabilities`.
+
+    Robots are lost independently, so it is 1 − Π_k (1 − p[k, v]) for node v.
+
+    Parameters
+    ----------
+    reached
+        Probabilities p, of shape (robots, n_nodes).
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (n_nodes,).
+    """
+    some: FloatArray = 1 - np.prod(1 - reached, axis=0)
+    return some
 
 
 def reward_distribution(

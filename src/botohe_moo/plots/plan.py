@@ -4,12 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Self
 
-import numpy as np
 from matplotlib.axes import Axes
 
 from botohe_moo._base.types import FloatArray
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.outcomes import reach_probabilities
+from botohe_moo.outcomes import reach_probabilities, team_reach
 from botohe_moo.plots.draw.canvas import open_axes
 from botohe_moo.plots.draw.maps import draw_map
 from botohe_moo.plots.draw.places import node_positions
@@ -135,7 +134,7 @@ class PlanOnMap:
 
     def draw_team(self, ax: Axes) -> list[str]:
         """Draw all trails; give what has to be said about the map."""
-        any_robot = 1 - np.prod(1 - self.reach, axis=0)
+        any_robot = team_reach(self.reach)
         drawn = draw_map(ax, self.mission, self.xy, self.plan, self.styles, any_robot)
         # Robots first: a trail without a name is worse than a node without one.
         drawn.name_robots(self.plan, self.styles)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import math
 import os
 from collections.abc import Callable, Hashable, Iterator
@@ -115,7 +116,7 @@ def read_table(path: str | os.PathLike[str]) -> pd.DataFrame:
     try:
         text = decode(file_content(path))
         separator = max(_SEPARATORS, key=text.partition("\n")[0].count)
-        lines = enumerate(csv.reader(text.splitlines(keepends=True), delimiter=separator), 1)
+        lines = enumerate(csv.reader(io.StringIO(text, newline=""), delimiter=separator), 1)
         rows = {i: cells for i, cells in lines if any(cell.strip() for cell in cells)}
         if not rows:
             raise MissionError("expected a first row of column names, found an empty file")
@@ -146,14 +147,14 @@ def _rows(
         raise TypeError(f"{table}: expected a pandas.DataFrame, got {type(frame).__name__}.")
     names = [str(column).strip().lower() for column in frame.columns]
     found = ", ".join(map(str, frame.columns)) or "none"
-    wrong = [f"found none among {found}: {name!r}" for name in needed if name not in names]
+    wrong = [f"a column {name!r}, found {found}" for name in needed if name not in names]
     wrong += [
-        f"found it twice: {name!r}"
+        f"one column {name!r}, found {names.count(name)}"
         for name in dict.fromkeys(names)
         if names.count(name) > 1 and name
     ]
     if wrong:
-        faults += [f"{table}: expected one column for each, {fault}" for fault in wrong]
+        faults += [f"{table}: expected {fault}" for fault in wrong]
         return
     columns = [[_plain(value) for value in frame.iloc[:, i]] for i in range(len(names))]
     for index, *values in zip(frame.index, *columns, strict=True):
@@ -163,15 +164,25 @@ def _rows(
 
 def _plain(value: Any) -> Any:
     """Give text without the blanks around it, Python's own numbers, and None for nothing."""
+    import pandas as pd
+
     if isinstance(value, str):
         return value.strip() or None
-    if isinstance(value, np.generic):
-        value = value.item()
-    return None if value is None or value != value else value
+    if pd.api.types.is_scalar(value) and pd.isna(value):
+        return None
+    return value.item() if isinstance(value, np.generic) else value
 
 
 def _stripped(label: Hashable) -> Hashable:
     return label.strip() if isinstance(label, str) else label
+
+
+def _hashable(value: object) -> bool:
+    try:
+        hash(value)
+    except TypeError:
+        return False
+    return True
 
 
 def _add_node(
@@ -180,6 +191,11 @@ def _add_node(
     label = row.pop("label")
     if label is None:
         faults.append(f"{where}, column 'label': expected the label of a node, found nothing")
+        return
+    if not _hashable(label):
+        faults.append(
+            f"{where}, column 'label': expected the label of a node, found {quoted(label)}"
+        )
         return
     if label in known:
         faults.append(f"{where}: node {label!r} is listed more than once, first in {known[label]}")
