@@ -152,6 +152,32 @@ class TestMuseum:
             page.mouse.click(x, y)
             assert pinned(page) == []
 
+    @pytest.mark.parametrize("key", ["Enter", "Tab"])
+    def test_keys_work_on_the_plan_at_hand_and_show_it(self, opened, museum_page, key):
+        with opened(museum_page, "#plan=50") as page:
+            last = page.locator("#front .point").first.bounding_box()
+            page.mouse.move(last["x"] + 2, last["y"] + 2)
+            expect(page.locator("#at-hand")).not_to_contain_text("Plan 50")
+            page.keyboard.press(key)
+            shows(page, 50)
+            assert pinned(page) == ([50] if key == "Enter" else [])
+            page.mouse.move(last["x"] + 3, last["y"] + 3)
+            expect(page.locator("#at-hand")).not_to_contain_text("Plan 50")
+            page.focus('[data-file="json"]')
+            shows(page, 50)
+            assert page.inner_text("#plan-title").startswith("Plan 50")
+            with page.expect_download() as found:
+                page.keyboard.press("Enter")
+            assert found.value.suggested_filename.endswith("plan-50.json")
+
+    def test_the_focus_stays_on_a_robot_while_walking(self, opened, museum_page):
+        with opened(museum_page, "#plan=50") as page:
+            page.click('[data-robot="1"]')
+            page.keyboard.press("ArrowRight")
+            shows(page, 49)
+            page.wait_for_timeout(100)
+            assert page.evaluate("document.activeElement.dataset.robot") == "1"
+
     def test_four_plans_at_most_are_pinned(self, opened, museum_page):
         with opened(museum_page, "#plan=60&pins=10,20,30,40,50") as page:
             assert pinned(page) == [10, 20, 30, 40]

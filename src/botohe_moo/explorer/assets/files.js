@@ -17,10 +17,7 @@ function missing(plan, kind) {
 function planJson(plan) {
   const [reward, survivors] = data.objectives[plan];
   const content = {
-    mission: data.name,
-    robots: data.robots,
-    reward,
-    survivors,
+    mission: data.name, robots: data.robots, reward, survivors,
     robot_survival: data.plans[plan].map((trail) => data.trail_survival[trail]),
     trails: trailsOf(plan).map(labelsOf),
   };

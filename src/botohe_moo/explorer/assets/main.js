@@ -40,6 +40,13 @@ function renderTables() {
   }
 }
 
+/** Keys work on the plan at hand: show it, not the one that the pointer rests on. */
+function endPreview() {
+  if (preview === null) return;
+  preview = null;
+  render();
+}
+
 function showWalk(said) {
   const at = matching.indexOf(state.plan);
   const walk = byId("walk");
@@ -64,10 +71,7 @@ function act(changes, walking = false) {
 }
 
 const go = (plan) => plan !== state.plan && act({ plan });
-const alone = (robot) => {
-  act({ robot: state.robot === robot ? null : robot });
-  document.querySelector(`[data-robot="${robot}"]`).focus();
-};
+const alone = (robot) => act({ robot: state.robot === robot ? null : robot });
 
 function step(by) {
   const at = matching.indexOf(state.plan) + by;
@@ -146,6 +150,7 @@ function onKey(event) {
 }
 
 function listen() {
+  for (const cause of ["keydown", "focusin"]) document.addEventListener(cause, endPreview);
   document.addEventListener("keydown", onKey);
   window.addEventListener("popstate", restore);
   byId("walk").addEventListener("input", (event) => act({ plan: matching[event.target.value] }, true));

@@ -63,11 +63,13 @@ function showRobots(plan, alone) {
       cell(new Set(trail).size - 1), way);
   });
   byId("robots").replaceChildren(make("thead", {}, make("tr", {}, ...head)), make("tbody", {}, ...rows));
-  byId("team").replaceChildren(...trails.map((_, robot) => {
-    const pressed = { "aria-pressed": String(state.robot === robot), "aria-label": `robot ${robot} alone` };
-    const button = { type: "button", class: "robot", "data-robot": robot, onclick: () => alone(robot) };
-    return make("button", { ...button, ...pressed }, sample(robot), robot);
-  }));
+  const team = byId("team"); // its buttons stay, since one may have the focus
+  if (!team.children.length) team.append(...trails.map((_, robot) => make("button", { type: "button", class: "robot",
+    "data-robot": robot, "aria-label": `robot ${robot} alone`, onclick: () => alone(robot) })));
+  for (const [robot, button] of [...team.children].entries()) {
+    button.setAttribute("aria-pressed", String(state.robot === robot));
+    button.replaceChildren(sample(robot), robot);
+  }
 }
 
 /** The plan at hand and the pinned ones side by side. */
