@@ -98,6 +98,19 @@ class TestMuseum:
         with opened(museum_page, f"#{address}") as page:
             assert view(page) == shown
 
+    @WIDTHS
+    def test_bars_are_as_long_as_probabilities(self, opened, museum_page, viewport):
+        with opened(museum_page, "#plan=50", viewport=viewport) as page:
+            found = page.evaluate(
+                """() => [...document.querySelectorAll("#compare .room")].map((room) =>
+                [room.firstChild.getBoundingClientRect().width / room.getBoundingClientRect().width,
+                 room.nextSibling.textContent])"""
+            )
+        shares = [(ratio, float(text)) for ratio, text in found if text[0] not in "<>"]
+        assert len(shares) > 10
+        for ratio, value in shares:
+            assert ratio == pytest.approx(value, abs=0.02)
+
     def test_a_walk_is_one_step_of_the_history(self, opened, museum_page):
         with opened(museum_page, "#plan=5") as page:
             page.focus("#walk")

@@ -9,7 +9,7 @@ const columnHead = (content, number = true) => make("th", { scope: "col", class:
 /** A probability with its bar. */
 function barCell(code) {
   const bar = make("span", { class: "bar" });
-  bar.style.width = `${4 * share(code)}em`;
+  bar.style.width = `${100 * share(code)}%`;
   return make("td", { class: "number" }, make("span", { class: "room" }, bar), probability(code));
 }
 
