@@ -142,7 +142,7 @@ class TestMuseum:
         )
         for feature in expected["features"]:
             if "reached" in feature["properties"]:
-                feature["properties"]["reached"] = round(feature["properties"]["reached"], 3)
+                feature["properties"]["reached"] = round(feature["properties"]["reached"], 9)
         assert found == expected
         drawing = ET.fromstring(text["svg"])
         assert not re.search(r"var\(|color\(|class=\"point\" style", text["svg"])
@@ -212,7 +212,7 @@ class TestMuseum:
             n = sum(value > 0 for value in reached)
             assert page.inner_text("#matching") == f"{n} of {len(reached)} plans"
             page.fill("#filter-reach", "0.3")
-            n = sum(round(value, 3) >= 0.3 for value in reached)
+            n = sum(value >= 0.3 - 1e-9 for value in reached)
             assert 0 < n < len(reached)
             assert page.inner_text("#matching") == f"{n} of {len(reached)} plans"
             page.fill("#filter-survivors", "3")
@@ -220,6 +220,27 @@ class TestMuseum:
             assert page.is_disabled("#walk")
             page.click("#clear")
             expect(page.locator("#matching")).to_have_text(f"{len(reached)} plans")
+
+    def test_filters_by_node_are_exact(self, opened, tmp_path):
+        graph = nx.DiGraph(base="dock", robots=1)
+        graph.add_node("dock", reward=0)
+        for label, survival in (("low", 0.0001), ("near", 0.99985), ("high", 0.99992)):
+            graph.add_node(label, reward=1)
+            graph.add_edge("dock", label, survival=survival)
+            graph.add_edge(label, "dock", survival=survival)
+        mission = Mission(graph)
+        plans = [mission.plan([["dock", label, "dock"]]) for label in ("low", "near", "high")]
+        path = explore(solution_of(mission, plans), tmp_path / "exact.html")
+        with opened(path) as page:
+            for label, least, n_met in (
+                ("near", 0.9998, 1), ("near", 0.9999, 0), ("high", 0.9999, 1), ("high", 0.99995, 0),
+                ("low", 0.0001, 1), ("low", 0.0002, 0),
+            ):  # fmt: skip
+                page.select_option("#filter-node", label=label)
+                page.fill("#filter-reach", str(least))
+                assert page.inner_text("#matching") == f"{n_met} of 3 plans"
+            page.click("#clear")
+            expect(page.locator("#matching")).to_have_text("3 plans")
 
     def test_marks_and_why(self, opened, museum, museum_page):
         choice = museum.choose("survivors >= 2")

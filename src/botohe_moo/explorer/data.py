@@ -164,7 +164,8 @@ def _plans(mission: Mission, plans: Sequence[TrailPlan], objectives: FloatArray)
             texts(objectives[:, 0], total),
             texts(objectives[:, 1], mission.robots),
         ],
-        "reached": reach,
+        "reached": [probability_codes(values) for values in reach],
+        "reached_values": [np.round(values, 9).tolist() for values in reach],
         "survivors": [
             probability_codes(-np.diff(found.survivors.at_least(team), append=0))
             for found in outcomes
@@ -186,10 +187,11 @@ def _facts(outcomes: Sequence[Outcomes], total: float) -> dict[str, list[str]]:
     }
 
 
-def _reached(mission: Mission, plan: TrailPlan) -> list[int]:
-    """Codes of the probability that some robot reaches a node, for all nodes on trails by index."""
+def _reached(mission: Mission, plan: TrailPlan) -> FloatArray:
+    """Probability that some robot reaches a node, for all nodes on trails by index."""
     missed = (1 - reach_probabilities(mission, plan)).prod(axis=0)
-    return probability_codes(1 - missed[np.unique(plan.nodes)])
+    reached: FloatArray = 1 - missed[np.unique(plan.nodes)]
+    return reached
 
 
 def _marks(front: Front, wishes: Iterable[str | Wish]) -> list[dict[str, Any]]:
