@@ -191,6 +191,20 @@ class TestMuseum:
             page.wait_for_timeout(100)
             assert page.evaluate("document.activeElement.dataset.robot") == "1"
 
+    def test_walks_start_at_plans_that_filters_leave_out(self, opened, museum, museum_page):
+        met = np.flatnonzero(museum.objectives[:, 1] >= 2)
+        with opened(museum_page, "#plan=5&survivors=2") as page:
+            assert "plan 5 does not meet the filters" in page.inner_text("#at-hand")
+            assert page.is_disabled("#more")
+            page.keyboard.press("ArrowRight")
+            assert at_hand(page) == 5
+            page.click("#less")
+            assert at_hand(page) == met.min()
+            assert "does not meet" not in page.inner_text("#at-hand")
+            page.focus("#walk")
+            page.keyboard.press("ArrowLeft")
+            assert at_hand(page) == met.min() + 1
+
     def test_four_plans_at_most_are_pinned(self, opened, museum_page):
         with opened(museum_page, "#plan=60&pins=10,20,30,40,50") as page:
             assert pinned(page) == [10, 20, 30, 40]

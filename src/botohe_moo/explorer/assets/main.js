@@ -48,14 +48,13 @@ function endPreview() {
 }
 
 function showWalk(said) {
-  const at = matching.indexOf(state.plan);
   const walk = byId("walk");
   walk.max = Math.max(matching.length - 1, 0);
-  walk.value = Math.max(at, 0);
+  walk.value = d3.bisectLeft(matching, state.plan);
   walk.disabled = !matching.length;
   walk.setAttribute("aria-valuetext", said);
-  byId("less").disabled = at <= 0;
-  byId("more").disabled = at < 0 || at >= matching.length - 1;
+  byId("less").disabled = beside(-1) === undefined;
+  byId("more").disabled = beside(1) === undefined;
 }
 
 function showAnimate(plan) {
@@ -73,9 +72,13 @@ function act(changes, walking = false) {
 const go = (plan) => plan !== state.plan && act({ plan });
 const alone = (robot) => act({ robot: state.robot === robot ? null : robot });
 
+/** The next plan that meets the filters; the one at hand need not. */
+const beside = (by) =>
+  matching[by > 0 ? d3.bisectRight(matching, state.plan) : d3.bisectLeft(matching, state.plan) - 1];
+
 function step(by) {
-  const at = matching.indexOf(state.plan) + by;
-  if (at >= 0 && at < matching.length) act({ plan: matching[at] }, true);
+  const plan = beside(by);
+  if (plan !== undefined) act({ plan }, true);
 }
 
 function togglePin(plan) {
@@ -137,11 +140,10 @@ function onKey(event) {
   const { target, key } = event;
   if (event.altKey || event.ctrlKey || event.metaKey || event.defaultPrevented) return;
   if (key === "Escape") stopAnimation?.();
-  const walking = target.id === "walk";
-  if (!walking && target.closest("input, select, textarea")) return;
+  if (target.id !== "walk" && target.closest("input, select, textarea")) return;
   if (key === "Enter" && !target.closest("button, a, summary")) {
     togglePin(state.plan);
-  } else if (!walking && ["ArrowLeft", "ArrowRight"].includes(key) && !target.closest(".scroll, .frame")) {
+  } else if (["ArrowLeft", "ArrowRight"].includes(key) && !target.closest(".scroll, .frame")) {
     step(key === "ArrowRight" ? 1 : -1);
   } else {
     return;

@@ -20,12 +20,13 @@ function letterOf(plan) {
 
 function showAtHand(plan) {
   const said = `${title(plan)}${letterOf(plan)}: reward ${rewardOf(plan)}, survivors ${survivorsOf(plan)}`;
-  const kinds = marksOf(plan).map((mark) => make("span", { class: "tag" }, mark.name));
-  byId("at-hand").replaceChildren(make("strong", {}, said), ...kinds);
+  const names = marksOf(plan).map((mark) => mark.name);
+  if (!matching.includes(plan)) names.push(`${title(plan).toLowerCase()} does not meet the filters`);
+  byId("at-hand").replaceChildren(make("strong", {}, said), ...names.map((name) => make("span", { class: "tag" }, name)));
   byId("plan-title").textContent = `${title(plan)}${letterOf(plan)} of the front`;
   const why = marksOf(plan).flatMap((mark) => mark.text);
   byId("why").replaceChildren(...[...new Set(why)].map((text) => make("li", {}, text)));
-  return [said, ...marksOf(plan).map((mark) => mark.name)].join("; ");
+  return [said, ...names].join("; ");
 }
 
 function symbol(kind) {
