@@ -205,6 +205,24 @@ class TestMuseum:
             page.keyboard.press("ArrowLeft")
             assert at_hand(page) == met.min() + 1
 
+    def test_a_walk_right_after_back_is_another_one(self, opened, museum_page):
+        with opened(museum_page, "#plan=5") as page:
+            page.evaluate(
+                """async () => {
+                const press = (key) => document.body.dispatchEvent(
+                    new KeyboardEvent("keydown", { key, bubbles: true }));
+                press("ArrowLeft");
+                const gone = new Promise((done) => addEventListener("popstate", done));
+                history.back();
+                await gone;
+                press("ArrowLeft");
+            }"""
+            )
+            shows(page, 6)
+            page.wait_for_timeout(300)
+            page.go_back()
+            shows(page, 5)
+
     def test_four_plans_at_most_are_pinned(self, opened, museum_page):
         with opened(museum_page, "#plan=60&pins=10,20,30,40,50") as page:
             assert pinned(page) == [10, 20, 30, 40]

@@ -114,13 +114,17 @@ function showFilters() {
   front.sift();
 }
 
+function complain(fault) {
+  byId("problem").textContent = fault;
+  byId("problem").hidden = fault === "";
+}
+
 /** Show what the address says. */
 function restore() {
   forget();
+  past.walked = -Infinity; // what follows is another walk, however soon
   preview = null;
-  const fault = readHash();
-  byId("problem").textContent = fault;
-  byId("problem").hidden = fault === "";
+  complain(readHash());
   showFilters();
   render();
 }
@@ -238,7 +242,4 @@ async function start() {
   window.addEventListener("resize", resize);
 }
 
-start().catch((error) => {
-  byId("problem").textContent = error.message;
-  byId("problem").hidden = false;
-});
+start().catch((error) => complain(error.message));
