@@ -22,7 +22,8 @@ function showAtHand(plan) {
   const said = `${title(plan)}${letterOf(plan)}: reward ${rewardOf(plan)}, survivors ${survivorsOf(plan)}`;
   const names = marksOf(plan).map((mark) => mark.name);
   if (!matching.includes(plan)) names.push(`${title(plan).toLowerCase()} does not meet the filters`);
-  byId("at-hand").replaceChildren(make("strong", {}, said), ...names.map((name) => make("span", { class: "tag" }, name)));
+  const tags = names.map((name) => make("span", { class: "tag" }, name));
+  byId("at-hand").replaceChildren(make("strong", {}, said), ...tags);
   byId("plan-title").textContent = `${title(plan)}${letterOf(plan)} of the front`;
   const why = marksOf(plan).flatMap((mark) => mark.text);
   byId("why").replaceChildren(...[...new Set(why)].map((text) => make("li", {}, text)));
