@@ -1,8 +1,7 @@
 // Puts the parts together: what the reader does changes the state, and the state is drawn.
 
-let front = null, map = null;
+let front = null, map = null, stopAnimation = null;
 let preview = null; // a plan that the pointer is on
-let stopAnimation = null;
 
 /** Say something to those who listen rather than look; the last of what comes at once. */
 function say(text) {
@@ -94,11 +93,10 @@ function togglePin(plan) {
 }
 
 function filter() {
-  const filters = Object.fromEntries(FILTERS.map((name) => [name, filterValue(byId(`filter-${name}`).value)]));
-  state.filters = filters;
+  state.filters = Object.fromEntries(FILTERS.map((name) => [name, filterValue(byId(`filter-${name}`).value)]));
   findMatching();
   const nearest = d3.least(matching, (plan) => Math.abs(plan - state.plan)); // itself, if it meets them
-  act({ plan: nearest ?? state.plan, filters }, true);
+  act({ plan: nearest ?? state.plan }, true);
   showFilters();
   say(byId("matching").textContent);
 }
@@ -130,13 +128,12 @@ function restore() {
 }
 
 function toggleAnimation() {
-  const tell = (moment) => { byId("moment").textContent = moment; };
   const ended = () => {
     stopAnimation = null;
     showAnimate(state.plan);
   };
   if (stopAnimation) return stopAnimation();
-  stopAnimation = map.animate(tell, ended);
+  stopAnimation = map.animate((moment) => { byId("moment").textContent = moment; }, ended);
   return showAnimate(state.plan);
 }
 
