@@ -525,6 +525,20 @@ class TestSmallFronts:
             rows = list(csv.reader(io.StringIO(downloaded(page, "csv"))))
         assert rows == list(csv.reader(io.StringIO(plan_csv(mission, plan))))
 
+    def test_arcs_that_lead_one_way_have_heads(self, opened, tmp_path):
+        graph = nx.DiGraph([("x", "y"), ("y", "x"), ("y", "z"), ("z", "x")], base="x", robots=1)
+        nx.set_node_attributes(graph, 1, "reward")
+        nx.set_edge_attributes(graph, 0.9, "survival")
+        nx.set_node_attributes(graph, {"x": (0, 0), "y": (2, 0), "z": (1, 1)}, "pos")
+        mission = Mission(graph)
+        solution = solution_of(mission, [mission.plan([["x", "y", "x"]])])
+        with opened(explore(solution, tmp_path / "one-way.html")) as page:
+            drawn = page.evaluate(
+                "[...document.querySelectorAll('#map .arcs path')].map((one) => one.outerHTML)"
+            )
+            assert "".join(drawn).count("Z") == 2
+            assert "one way only" in page.inner_text(".key")
+
     def test_a_mission_of_one_place(self, opened, tmp_path):
         graph = nx.DiGraph(base="dock", robots=1)
         graph.add_node("dock", reward=0)

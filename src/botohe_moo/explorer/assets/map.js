@@ -67,7 +67,9 @@ class SiteMap {
       const same = own === danger.get(`${head} ${tail}`);
       if (same && tail > head) return;
       const [from, to] = this.hop(tail, head, same ? 0 : 0.5 * this.lane);
-      paths[Math.min(Math.floor((SHADES * own) / most), SHADES - 1)].push(line([from, to]));
+      const oneWay = !danger.has(`${head} ${tail}`);
+      const drawn = line([from, to]) + (oneWay ? arrowHead([from, to], this.small ? 3 : 5) : "");
+      paths[Math.min(Math.floor((SHADES * own) / most), SHADES - 1)].push(drawn);
     });
     const shades = paths.map((found, shade) => ({ d: found.join(""), opacity: 0.22 + 0.13 * shade }));
     const wide = (this.small ? 0.6 : 1) * (tails.length > 400 ? 0.8 : 1.4);
