@@ -140,6 +140,14 @@ class TestContrast:
     def test_of_what_is_drawn(self, scheme, pair):
         assert contrast(*(scheme[name] for name in pair)) >= 3
 
+    @pytest.mark.parametrize("scheme", [LIGHT, DARK], ids=["light", "dark"])
+    def test_of_the_safest_arcs(self, scheme):
+        script = (ASSETS / "map.js").read_text("utf-8")
+        opacity = float(re.search(r"const FAINTEST = ([\d.]+);", script)[1])
+        parts = ([int(scheme[name][i : i + 2], 16) for i in (1, 3, 5)] for name in ("arc", "page"))
+        mixed = [round(opacity * a + (1 - opacity) * b) for a, b in zip(*parts, strict=True)]
+        assert contrast("#" + "".join(f"{part:02x}" for part in mixed), scheme["page"]) >= 3
+
 
 def test_the_guide_says_what_works(tmp_path, monkeypatch):
     guide = Path(__file__).parents[2] / "docs" / "explorer.md"

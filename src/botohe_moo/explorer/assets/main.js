@@ -237,6 +237,7 @@ async function start() {
   restore();
   listen();
   window.addEventListener("resize", resize);
+  window.matchMedia("screen and (prefers-color-scheme: dark)").addEventListener("change", () => map.drawGround());
 }
 
 start().catch((error) => complain(error.message));
