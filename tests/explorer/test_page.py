@@ -68,6 +68,14 @@ class TestPage:
             digest = base64.b64encode(hashlib.sha256(block.encode()).digest()).decode()
             assert f"'sha256-{digest}'" in policy
 
+        assert "img-src data:;" in policy
+
+    def test_landmarks_have_names_of_their_own(self, toy_page):
+        markup = toy_page.read_text("utf-8").partition("<body>")[2].partition("<script")[0]
+        names = re.findall(r'aria-labelledby="(.*?)"', markup)
+        assert len(names) == len(set(names)) == 6
+        assert "aria-pressed" not in re.search(r'<button[^>]*id="pin".*?>', markup)[0]
+
     def test_nothing_is_loaded(self, toy_page):
         markup = re.sub(
             r"<(script|style).*?</\1>", "", toy_page.read_text("utf-8"), flags=re.DOTALL

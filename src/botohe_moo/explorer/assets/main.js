@@ -18,7 +18,6 @@ function render(walking = false) {
   const said = showAtHand(plan);
   showWalk(said);
   byId("pin").textContent = state.pins.includes(plan) ? "Unpin" : "Pin";
-  byId("pin").setAttribute("aria-pressed", String(state.pins.includes(plan)));
   showAnimate(plan);
   if (preview === null) say(said);
   cancelAnimationFrame(render.later);
