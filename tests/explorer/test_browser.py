@@ -331,6 +331,15 @@ class TestMuseum:
             page.keyboard.press("Escape")
             assert page.locator("#map .robots g").count() == 0
 
+    def test_the_map_is_eight_times_as_large_at_most(self, opened, museum_page):
+        with opened(museum_page) as page:
+            for _ in range(3):
+                assert page.is_enabled("#larger")
+                page.click("#larger")
+            assert page.is_disabled("#larger")
+            page.click("#smaller")
+            assert page.is_enabled("#larger")
+
     def test_one_robot_alone_and_a_larger_map(self, opened, museum_page):
         with opened(museum_page, "#plan=10") as page:
             wide = page.locator("#map").bounding_box()["width"]

@@ -127,10 +127,7 @@ function restore() {
 }
 
 function toggleAnimation() {
-  const ended = () => {
-    stopAnimation = null;
-    showAnimate(state.plan);
-  };
+  const ended = () => { stopAnimation = null; showAnimate(state.plan); };
   if (stopAnimation) return stopAnimation();
   stopAnimation = map.animate((moment) => { byId("moment").textContent = moment; }, ended);
   return showAnimate(state.plan);
@@ -166,9 +163,8 @@ function listen() {
   byId("filters").addEventListener("reset", () => setTimeout(filter));
   byId("filters").addEventListener("submit", (event) => event.preventDefault());
   byId("nodes-details").addEventListener("toggle", () => showNodes(preview ?? state.plan));
-  for (const button of document.querySelectorAll("[data-file]")) {
-    button.addEventListener("click", () => download(state.plan, button.dataset.file));
-  }
+  const files = document.querySelectorAll("[data-file]");
+  for (const one of files) one.addEventListener("click", () => download(state.plan, one.dataset.file));
   const chart = byId("front");
   chart.addEventListener("click", (event) => {
     const plan = front.nearest(event);
@@ -205,15 +201,18 @@ function resize() {
 
 /** Draw the map larger or smaller; the frame around it scrolls. */
 function zoom(factor) {
-  zoom.factor = Math.min(Math.max((zoom.factor ?? 1) * factor, 1), 8);
+  const before = zoom.factor ?? 1;
+  zoom.factor = Math.min(Math.max(before * factor, 1), 8);
+  const ratio = zoom.factor / before;
   const frame = byId("map").closest(".frame");
   const [x, y] = [frame.scrollLeft + frame.clientWidth / 2, frame.scrollTop + frame.clientHeight / 2];
   const width = Math.max(Math.round(zoom.factor * frame.parentElement.clientWidth), 200);
   map.resize(width);
   byId("map").parentElement.style.width = zoom.factor > 1 ? `${width}px` : "";
   if (zoom.factor === 1) frame.style.maxHeight = `${map.height + 2}px`;
-  frame.scrollTo(x * factor - frame.clientWidth / 2, y * factor - frame.clientHeight / 2);
+  frame.scrollTo(x * ratio - frame.clientWidth / 2, y * ratio - frame.clientHeight / 2);
   byId("smaller").disabled = zoom.factor === 1;
+  byId("larger").disabled = zoom.factor === 8;
   render();
 }
 

@@ -4,6 +4,7 @@ const DASHES = ["", "12 4", "5 3", "12 3 3 3", "3 2"];
 const MANY = 1500; // arcs from which the ground is drawn on a canvas
 const SHADES = 6; // of arcs, by danger
 const FAINTEST = 0.6; // opacity of the safest arcs
+const MOST_PIXELS = 16e6; // of the canvas, which browsers limit
 const HOPS_LAST = 12_000; // milliseconds that an animation takes at most
 
 /** Colour and dash of each robot; those that leave the base come first. */
@@ -80,7 +81,7 @@ class SiteMap {
         .attr("stroke-opacity", (shade) => shade.opacity).attr("stroke-width", wide);
       return;
     }
-    const dots = window.devicePixelRatio || 1;
+    const dots = Math.min(window.devicePixelRatio || 1, Math.sqrt(MOST_PIXELS / (this.width * this.height)));
     this.canvas.width = this.width * dots;
     this.canvas.height = this.height * dots;
     const pen = this.canvas.getContext("2d");
