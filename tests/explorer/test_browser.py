@@ -98,6 +98,19 @@ class TestMuseum:
         with opened(museum_page, f"#{address}") as page:
             assert view(page) == shown
 
+    @WIDTHS
+    def test_bars_are_as_long_as_probabilities(self, opened, museum_page, viewport):
+        with opened(museum_page, "#plan=50", viewport=viewport) as page:
+            found = page.evaluate(
+                """() => [...document.querySelectorAll("#compare .room")].map((room) =>
+                [room.firstChild.getBoundingClientRect().width / room.getBoundingClientRect().width,
+                 room.nextSibling.textContent])"""
+            )
+        shares = [(ratio, float(text)) for ratio, text in found if text[0] not in "<>"]
+        assert len(shares) > 10
+        for ratio, value in shares:
+            assert ratio == pytest.approx(value, abs=0.02)
+
     def test_a_walk_is_one_step_of_the_history(self, opened, museum_page):
         with opened(museum_page, "#plan=5") as page:
             page.focus("#walk")
@@ -129,7 +142,7 @@ class TestMuseum:
         )
         for feature in expected["features"]:
             if "reached" in feature["properties"]:
-                feature["properties"]["reached"] = round(feature["properties"]["reached"], 3)
+                feature["properties"]["reached"] = round(feature["properties"]["reached"], 9)
         assert found == expected
         drawing = ET.fromstring(text["svg"])
         assert not re.search(r"var\(|color\(|class=\"point\" style", text["svg"])
@@ -152,6 +165,64 @@ class TestMuseum:
             page.mouse.click(x, y)
             assert pinned(page) == []
 
+    @pytest.mark.parametrize("key", ["Enter", "Tab"])
+    def test_keys_work_on_the_plan_at_hand_and_show_it(self, opened, museum_page, key):
+        with opened(museum_page, "#plan=50") as page:
+            last = page.locator("#front .point").first.bounding_box()
+            page.mouse.move(last["x"] + 2, last["y"] + 2)
+            expect(page.locator("#at-hand")).not_to_contain_text("Plan 50")
+            page.keyboard.press(key)
+            shows(page, 50)
+            assert pinned(page) == ([50] if key == "Enter" else [])
+            page.mouse.move(last["x"] + 3, last["y"] + 3)
+            expect(page.locator("#at-hand")).not_to_contain_text("Plan 50")
+            page.focus('[data-file="json"]')
+            shows(page, 50)
+            assert page.inner_text("#plan-title").startswith("Plan 50")
+            with page.expect_download() as found:
+                page.keyboard.press("Enter")
+            assert found.value.suggested_filename.endswith("plan-50.json")
+
+    def test_the_focus_stays_on_a_robot_while_walking(self, opened, museum_page):
+        with opened(museum_page, "#plan=50") as page:
+            page.click('[data-robot="1"]')
+            page.keyboard.press("ArrowRight")
+            shows(page, 49)
+            page.wait_for_timeout(100)
+            assert page.evaluate("document.activeElement.dataset.robot") == "1"
+
+    def test_walks_start_at_plans_that_filters_leave_out(self, opened, museum, museum_page):
+        met = np.flatnonzero(museum.objectives[:, 1] >= 2)
+        with opened(museum_page, "#plan=5&survivors=2") as page:
+            assert "plan 5 does not meet the filters" in page.inner_text("#at-hand")
+            assert page.is_disabled("#more")
+            page.keyboard.press("ArrowRight")
+            assert at_hand(page) == 5
+            page.click("#less")
+            assert at_hand(page) == met.min()
+            assert "does not meet" not in page.inner_text("#at-hand")
+            page.focus("#walk")
+            page.keyboard.press("ArrowLeft")
+            assert at_hand(page) == met.min() + 1
+
+    def test_a_walk_right_after_back_is_another_one(self, opened, museum_page):
+        with opened(museum_page, "#plan=5") as page:
+            page.evaluate(
+                """async () => {
+                const press = (key) => document.body.dispatchEvent(
+                    new KeyboardEvent("keydown", { key, bubbles: true }));
+                press("ArrowLeft");
+                const gone = new Promise((done) => addEventListener("popstate", done));
+                history.back();
+                await gone;
+                press("ArrowLeft");
+            }"""
+            )
+            shows(page, 6)
+            page.wait_for_timeout(300)
+            page.go_back()
+            shows(page, 5)
+
     def test_four_plans_at_most_are_pinned(self, opened, museum_page):
         with opened(museum_page, "#plan=60&pins=10,20,30,40,50") as page:
             assert pinned(page) == [10, 20, 30, 40]
@@ -173,7 +244,7 @@ class TestMuseum:
             n = sum(value > 0 for value in reached)
             assert page.inner_text("#matching") == f"{n} of {len(reached)} plans"
             page.fill("#filter-reach", "0.3")
-            n = sum(round(value, 3) >= 0.3 for value in reached)
+            n = sum(value >= 0.3 - 1e-9 for value in reached)
             assert 0 < n < len(reached)
             assert page.inner_text("#matching") == f"{n} of {len(reached)} plans"
             page.fill("#filter-survivors", "3")
@@ -181,6 +252,27 @@ class TestMuseum:
             assert page.is_disabled("#walk")
             page.click("#clear")
             expect(page.locator("#matching")).to_have_text(f"{len(reached)} plans")
+
+    def test_filters_by_node_are_exact(self, opened, tmp_path):
+        graph = nx.DiGraph(base="dock", robots=1)
+        graph.add_node("dock", reward=0)
+        for label, survival in (("low", 0.0001), ("near", 0.99985), ("high", 0.99992)):
+            graph.add_node(label, reward=1)
+            graph.add_edge("dock", label, survival=survival)
+            graph.add_edge(label, "dock", survival=survival)
+        mission = Mission(graph)
+        plans = [mission.plan([["dock", label, "dock"]]) for label in ("low", "near", "high")]
+        path = explore(solution_of(mission, plans), tmp_path / "exact.html")
+        with opened(path) as page:
+            for label, least, n_met in (
+                ("near", 0.9998, 1), ("near", 0.9999, 0), ("high", 0.9999, 1), ("high", 0.99995, 0),
+                ("low", 0.0001, 1), ("low", 0.0002, 0),
+            ):  # fmt: skip
+                page.select_option("#filter-node", label=label)
+                page.fill("#filter-reach", str(least))
+                assert page.inner_text("#matching") == f"{n_met} of 3 plans"
+            page.click("#clear")
+            expect(page.locator("#matching")).to_have_text("3 plans")
 
     def test_marks_and_why(self, opened, museum, museum_page):
         choice = museum.choose("survivors >= 2")
@@ -238,6 +330,15 @@ class TestMuseum:
             assert moved == (motion == "no-preference")
             page.keyboard.press("Escape")
             assert page.locator("#map .robots g").count() == 0
+
+    def test_the_map_is_eight_times_as_large_at_most(self, opened, museum_page):
+        with opened(museum_page) as page:
+            for _ in range(3):
+                assert page.is_enabled("#larger")
+                page.click("#larger")
+            assert page.is_disabled("#larger")
+            page.click("#smaller")
+            assert page.is_enabled("#larger")
 
     def test_one_robot_alone_and_a_larger_map(self, opened, museum_page):
         with opened(museum_page, "#plan=10") as page:
@@ -432,6 +533,20 @@ class TestSmallFronts:
             assert "has no position" in page.get_attribute('[data-file="geojson"]', "title")
             rows = list(csv.reader(io.StringIO(downloaded(page, "csv"))))
         assert rows == list(csv.reader(io.StringIO(plan_csv(mission, plan))))
+
+    def test_arcs_that_lead_one_way_have_heads(self, opened, tmp_path):
+        graph = nx.DiGraph([("x", "y"), ("y", "x"), ("y", "z"), ("z", "x")], base="x", robots=1)
+        nx.set_node_attributes(graph, 1, "reward")
+        nx.set_edge_attributes(graph, 0.9, "survival")
+        nx.set_node_attributes(graph, {"x": (0, 0), "y": (2, 0), "z": (1, 1)}, "pos")
+        mission = Mission(graph)
+        solution = solution_of(mission, [mission.plan([["x", "y", "x"]])])
+        with opened(explore(solution, tmp_path / "one-way.html")) as page:
+            drawn = page.evaluate(
+                "[...document.querySelectorAll('#map .arcs path')].map((one) => one.outerHTML)"
+            )
+            assert "".join(drawn).count("Z") == 2
+            assert "one way only" in page.inner_text(".key")
 
     def test_a_mission_of_one_place(self, opened, tmp_path):
         graph = nx.DiGraph(base="dock", robots=1)

@@ -191,12 +191,23 @@ class TestSites:
 
     def data(self, graph):
         mission = Mission(graph)
-        return page_data(solution_of(mission, [mission.plan([["x", "y", "x"]])]))
+        return page_data(solution_of(mission, [mission.plan([[mission.base]])]))
 
     def test_names_differ(self):
         data = self.data(self.graph())
         assert data["names"] == ["x", "y", "1", '"1"']
         assert data["labels"] == ["x", "y", 1, "1"]
+
+    def test_so_do_those_of_texts_in_quotes(self):
+        data = self.data(nx.relabel_nodes(self.graph(), {"y": '"1"'}))
+        assert len({*data["names"]}) == 4
+
+    def test_positions_that_are_all_the_same_are_no_map(self):
+        graph = self.graph(x=(3, 3), y=(3, 3))
+        nx.set_node_attributes(graph, {1: (3, 3), "1": (3, 3)}, "pos")
+        data = self.data(graph)
+        assert data["pos"] == [[3, 3]] * 4
+        assert len({tuple(place) for place in data["places"]}) == 4
 
     def test_without_positions_there_is_a_layout(self):
         data = self.data(self.graph(x=(1, 2)))

@@ -68,6 +68,14 @@ class TestPage:
             digest = base64.b64encode(hashlib.sha256(block.encode()).digest()).decode()
             assert f"'sha256-{digest}'" in policy
 
+        assert "img-src data:;" in policy
+
+    def test_landmarks_have_names_of_their_own(self, toy_page):
+        markup = toy_page.read_text("utf-8").partition("<body>")[2].partition("<script")[0]
+        names = re.findall(r'aria-labelledby="(.*?)"', markup)
+        assert len(names) == len(set(names)) == 6
+        assert "aria-pressed" not in re.search(r'<button[^>]*id="pin".*?>', markup)[0]
+
     def test_nothing_is_loaded(self, toy_page):
         markup = re.sub(
             r"<(script|style).*?</\1>", "", toy_page.read_text("utf-8"), flags=re.DOTALL
@@ -139,6 +147,14 @@ class TestContrast:
     @pytest.mark.parametrize("pair", SHAPES, ids="-".join)
     def test_of_what_is_drawn(self, scheme, pair):
         assert contrast(*(scheme[name] for name in pair)) >= 3
+
+    @pytest.mark.parametrize("scheme", [LIGHT, DARK], ids=["light", "dark"])
+    def test_of_the_safest_arcs(self, scheme):
+        script = (ASSETS / "map.js").read_text("utf-8")
+        opacity = float(re.search(r"const FAINTEST = ([\d.]+);", script)[1])
+        parts = ([int(scheme[name][i : i + 2], 16) for i in (1, 3, 5)] for name in ("arc", "page"))
+        mixed = [round(opacity * a + (1 - opacity) * b) for a, b in zip(*parts, strict=True)]
+        assert contrast("#" + "".join(f"{part:02x}" for part in mixed), scheme["page"]) >= 3
 
 
 def test_the_guide_says_what_works(tmp_path, monkeypatch):

@@ -110,8 +110,8 @@ def _site(mission: Mission) -> dict[str, Any]:
         "base": mission.index(mission.base),
         "rewards": arrays.reward.tolist(),
         "reward_texts": [f"{reward:g}" for reward in arrays.reward.tolist()],
-        "places": places.tolist() if None in pos else pos,
-        "pos": pos if None in pos else None,  # None: the same as the places
+        "places": places.tolist(),
+        "pos": None if pos == places.tolist() else pos,  # None: the same as the places
         "arcs": [arrays.tail.tolist(), arrays.head.tolist(), probability_codes(arrays.survival)],
     }
 
@@ -120,10 +120,12 @@ def _names(nodes: Sequence[Hashable]) -> list[str]:
     """Names to show, which differ: texts as they are, in quotes where 1 and "1" are both there."""
     names = [str(node) for node in nodes]
     counts = Counter(names)
-    return [
+    shown = [
         label_text(node) if counts[name] > 1 or not name.strip() else name
         for node, name in zip(nodes, names, strict=True)
     ]
+    # A text may look like another one in quotes; what wishes have differs always.
+    return shown if len({*shown}) == len(shown) else [label_text(node) for node in nodes]
 
 
 def _labels(nodes: Sequence[Hashable]) -> list[object] | None:
@@ -164,7 +166,8 @@ def _plans(mission: Mission, plans: Sequence[TrailPlan], objectives: FloatArray)
             texts(objectives[:, 0], total),
             texts(objectives[:, 1], mission.robots),
         ],
-        "reached": reach,
+        "reached": [probability_codes(values) for values in reach],
+        "reached_values": [np.round(values, 9).tolist() for values in reach],
         "survivors": [
             probability_codes(-np.diff(found.survivors.at_least(team), append=0))
             for found in outcomes
@@ -186,10 +189,10 @@ def _facts(outcomes: Sequence[Outcomes], total: float) -> dict[str, list[str]]:
     }
 
 
-def _reached(mission: Mission, plan: TrailPlan) -> list[int]:
-    """Codes of the probability that some robot reaches a node, for all nodes on trails by index."""
-    reached = team_reach(reach_probabilities(mission, plan))
-    return probability_codes(reached[np.unique(plan.nodes)])
+def _reached(mission: Mission, plan: TrailPlan) -> FloatArray:
+    """Probability that some robot reaches a node, for all nodes on trails by index."""
+    reached: FloatArray = team_reach(reach_probabilities(mission, plan))[np.unique(plan.nodes)]
+    return reached
 
 
 def _marks(front: Front, wishes: Iterable[str | Wish]) -> list[dict[str, Any]]:

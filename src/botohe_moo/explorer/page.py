@@ -124,7 +124,7 @@ def _policy(scripts: Iterable[str], style: str) -> str:
         "default-src": ["'none'"],
         "script-src": [_digest(script) for script in scripts],
         "style-src": [_digest(style)],
-        "img-src": ["blob:", "data:"],  # pictures that the page makes itself
+        "img-src": ["data:"],  # pictures that the page makes itself
         "base-uri": ["'none'"],
         "form-action": ["'none'"],
     }

@@ -15,7 +15,7 @@ function probability(code) {
   return code === NEARLY ? ">0.999" : (code / 1000).toFixed(3);
 }
 
-/** A number in [0, 1] to draw and to compare by. */
+/** A number in [0, 1] to draw by. */
 function share(code) {
   if (code === LITTLE) return 0.0005;
   return code === NEARLY ? 0.9995 : code / 1000;
@@ -24,14 +24,14 @@ function share(code) {
 const trailsOf = (plan) => data.plans[plan].map((trail) => data.trails[trail]);
 const ascending = (a, b) => a - b;
 
-/** Codes of the probability that nodes are reached, for the nodes on the plan's trails. */
-function reachOf(plan) {
-  reachOf.known ??= new Map();
-  if (!reachOf.known.has(plan)) {
+/** Codes of the probability that nodes on the plan's trails are reached, or its values to nine decimals. */
+function reachOf(plan, as = "reached") {
+  const known = (reachOf[as] ??= new Map());
+  if (!known.has(plan)) {
     const nodes = [...new Set(trailsOf(plan).flat())].sort(ascending);
-    reachOf.known.set(plan, new Map(nodes.map((node, i) => [node, data.reached[plan][i]])));
+    known.set(plan, new Map(nodes.map((node, i) => [node, data[as][plan][i]])));
   }
-  return reachOf.known.get(plan);
+  return known.get(plan);
 }
 
 const reachCode = (plan, node) => reachOf(plan).get(node) ?? 0;

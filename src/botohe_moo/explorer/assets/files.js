@@ -17,10 +17,7 @@ function missing(plan, kind) {
 function planJson(plan) {
   const [reward, survivors] = data.objectives[plan];
   const content = {
-    mission: data.name,
-    robots: data.robots,
-    reward,
-    survivors,
+    mission: data.name, robots: data.robots, reward, survivors,
     robot_survival: data.plans[plan].map((trail) => data.trail_survival[trail]),
     trails: trailsOf(plan).map(labelsOf),
   };
@@ -36,7 +33,7 @@ function planCsv(plan) {
   return `${["robot,step,node,x,y", ...rows].join("\n")}\n`;
 }
 
-/** As from Python, but probabilities to be reached have three digits. */
+/** As from Python, but probabilities to be reached have nine decimals. */
 function planGeojson(plan) {
   const feature = (type, coordinates, properties) =>
     ({ type: "Feature", geometry: { type, coordinates }, properties });
@@ -46,8 +43,8 @@ function planGeojson(plan) {
     const properties = { robot, survival, nodes: labelsOf(trail) };
     return way.length > 1 ? feature("LineString", way, properties) : feature("Point", way[0], properties);
   });
-  const points = [...reachOf(plan)].map(([node, code]) => feature("Point", positionOf(node),
-    { node: data.labels[node], reward: data.rewards[node], reached: share(code) }));
+  const points = [...reachOf(plan, "reached_values")].map(([node, reached]) => feature("Point", positionOf(node),
+    { node: data.labels[node], reward: data.rewards[node], reached }));
   return `${JSON.stringify({ type: "FeatureCollection", features: [...lines, ...points] }, null, 1)}\n`;
 }
 

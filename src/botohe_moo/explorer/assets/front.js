@@ -1,11 +1,7 @@
 // The chart of the front: all plans, those that are marked and pinned, and the one at hand.
 
-const SYMBOLS = {
-  choice: d3.symbolStar,
-  miss: d3.symbolTimes,
-  knee: d3.symbolDiamond,
-  representative: d3.symbolTriangle,
-};
+const SYMBOLS = { choice: d3.symbolStar, miss: d3.symbolTimes, knee: d3.symbolDiamond,
+  representative: d3.symbolTriangle };
 const NEAR = 50; // pixels within which the pointer finds a plan
 
 class FrontChart {

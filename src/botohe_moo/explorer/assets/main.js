@@ -1,8 +1,7 @@
 // Puts the parts together: what the reader does changes the state, and the state is drawn.
 
-let front = null, map = null;
+let front = null, map = null, stopAnimation = null;
 let preview = null; // a plan that the pointer is on
-let stopAnimation = null;
 
 /** Say something to those who listen rather than look; the last of what comes at once. */
 function say(text) {
@@ -19,7 +18,6 @@ function render(walking = false) {
   const said = showAtHand(plan);
   showWalk(said);
   byId("pin").textContent = state.pins.includes(plan) ? "Unpin" : "Pin";
-  byId("pin").setAttribute("aria-pressed", String(state.pins.includes(plan)));
   showAnimate(plan);
   if (preview === null) say(said);
   cancelAnimationFrame(render.later);
@@ -40,15 +38,21 @@ function renderTables() {
   }
 }
 
+/** Keys work on the plan at hand: show it, not the one that the pointer rests on. */
+function endPreview() {
+  if (preview === null) return;
+  preview = null;
+  render();
+}
+
 function showWalk(said) {
-  const at = matching.indexOf(state.plan);
   const walk = byId("walk");
   walk.max = Math.max(matching.length - 1, 0);
-  walk.value = Math.max(at, 0);
+  walk.value = d3.bisectLeft(matching, state.plan);
   walk.disabled = !matching.length;
   walk.setAttribute("aria-valuetext", said);
-  byId("less").disabled = at <= 0;
-  byId("more").disabled = at < 0 || at >= matching.length - 1;
+  byId("less").disabled = beside(-1) === undefined;
+  byId("more").disabled = beside(1) === undefined;
 }
 
 function showAnimate(plan) {
@@ -64,14 +68,15 @@ function act(changes, walking = false) {
 }
 
 const go = (plan) => plan !== state.plan && act({ plan });
-const alone = (robot) => {
-  act({ robot: state.robot === robot ? null : robot });
-  document.querySelector(`[data-robot="${robot}"]`).focus();
-};
+const alone = (robot) => act({ robot: state.robot === robot ? null : robot });
+
+/** The next plan that meets the filters; the one at hand need not. */
+const beside = (by) =>
+  matching[by > 0 ? d3.bisectRight(matching, state.plan) : d3.bisectLeft(matching, state.plan) - 1];
 
 function step(by) {
-  const at = matching.indexOf(state.plan) + by;
-  if (at >= 0 && at < matching.length) act({ plan: matching[at] }, true);
+  const plan = beside(by);
+  if (plan !== undefined) act({ plan }, true);
 }
 
 function togglePin(plan) {
@@ -87,11 +92,10 @@ function togglePin(plan) {
 }
 
 function filter() {
-  const filters = Object.fromEntries(FILTERS.map((name) => [name, filterValue(byId(`filter-${name}`).value)]));
-  state.filters = filters;
+  state.filters = Object.fromEntries(FILTERS.map((name) => [name, filterValue(byId(`filter-${name}`).value)]));
   findMatching();
   const nearest = d3.least(matching, (plan) => Math.abs(plan - state.plan)); // itself, if it meets them
-  act({ plan: nearest ?? state.plan, filters }, true);
+  act({ plan: nearest ?? state.plan }, true);
   showFilters();
   say(byId("matching").textContent);
 }
@@ -107,25 +111,25 @@ function showFilters() {
   front.sift();
 }
 
+function complain(fault) {
+  byId("problem").textContent = fault;
+  byId("problem").hidden = fault === "";
+}
+
 /** Show what the address says. */
 function restore() {
   forget();
+  past.walked = -Infinity; // what follows is another walk, however soon
   preview = null;
-  const fault = readHash();
-  byId("problem").textContent = fault;
-  byId("problem").hidden = fault === "";
+  complain(readHash());
   showFilters();
   render();
 }
 
 function toggleAnimation() {
-  const tell = (moment) => { byId("moment").textContent = moment; };
-  const ended = () => {
-    stopAnimation = null;
-    showAnimate(state.plan);
-  };
+  const ended = () => { stopAnimation = null; showAnimate(state.plan); };
   if (stopAnimation) return stopAnimation();
-  stopAnimation = map.animate(tell, ended);
+  stopAnimation = map.animate((moment) => { byId("moment").textContent = moment; }, ended);
   return showAnimate(state.plan);
 }
 
@@ -133,11 +137,10 @@ function onKey(event) {
   const { target, key } = event;
   if (event.altKey || event.ctrlKey || event.metaKey || event.defaultPrevented) return;
   if (key === "Escape") stopAnimation?.();
-  const walking = target.id === "walk";
-  if (!walking && target.closest("input, select, textarea")) return;
+  if (target.id !== "walk" && target.closest("input, select, textarea")) return;
   if (key === "Enter" && !target.closest("button, a, summary")) {
     togglePin(state.plan);
-  } else if (!walking && ["ArrowLeft", "ArrowRight"].includes(key) && !target.closest(".scroll, .frame")) {
+  } else if (["ArrowLeft", "ArrowRight"].includes(key) && !target.closest(".scroll, .frame")) {
     step(key === "ArrowRight" ? 1 : -1);
   } else {
     return;
@@ -146,6 +149,7 @@ function onKey(event) {
 }
 
 function listen() {
+  for (const cause of ["keydown", "focusin"]) document.addEventListener(cause, endPreview);
   document.addEventListener("keydown", onKey);
   window.addEventListener("popstate", restore);
   byId("walk").addEventListener("input", (event) => act({ plan: matching[event.target.value] }, true));
@@ -159,9 +163,8 @@ function listen() {
   byId("filters").addEventListener("reset", () => setTimeout(filter));
   byId("filters").addEventListener("submit", (event) => event.preventDefault());
   byId("nodes-details").addEventListener("toggle", () => showNodes(preview ?? state.plan));
-  for (const button of document.querySelectorAll("[data-file]")) {
-    button.addEventListener("click", () => download(state.plan, button.dataset.file));
-  }
+  const files = document.querySelectorAll("[data-file]");
+  for (const one of files) one.addEventListener("click", () => download(state.plan, one.dataset.file));
   const chart = byId("front");
   chart.addEventListener("click", (event) => {
     const plan = front.nearest(event);
@@ -198,15 +201,18 @@ function resize() {
 
 /** Draw the map larger or smaller; the frame around it scrolls. */
 function zoom(factor) {
-  zoom.factor = Math.min(Math.max((zoom.factor ?? 1) * factor, 1), 8);
+  const before = zoom.factor ?? 1;
+  zoom.factor = Math.min(Math.max(before * factor, 1), 8);
+  const ratio = zoom.factor / before;
   const frame = byId("map").closest(".frame");
   const [x, y] = [frame.scrollLeft + frame.clientWidth / 2, frame.scrollTop + frame.clientHeight / 2];
   const width = Math.max(Math.round(zoom.factor * frame.parentElement.clientWidth), 200);
   map.resize(width);
   byId("map").parentElement.style.width = zoom.factor > 1 ? `${width}px` : "";
   if (zoom.factor === 1) frame.style.maxHeight = `${map.height + 2}px`;
-  frame.scrollTo(x * factor - frame.clientWidth / 2, y * factor - frame.clientHeight / 2);
+  frame.scrollTo(x * ratio - frame.clientWidth / 2, y * ratio - frame.clientHeight / 2);
   byId("smaller").disabled = zoom.factor === 1;
+  byId("larger").disabled = zoom.factor === 8;
   render();
 }
 
@@ -229,9 +235,7 @@ async function start() {
   restore();
   listen();
   window.addEventListener("resize", resize);
+  window.matchMedia("screen and (prefers-color-scheme: dark)").addEventListener("change", () => map.drawGround());
 }
 
-start().catch((error) => {
-  byId("problem").textContent = error.message;
-  byId("problem").hidden = false;
-});
+start().catch((error) => complain(error.message));

@@ -3,6 +3,8 @@
 const DASHES = ["", "12 4", "5 3", "12 3 3 3", "3 2"];
 const MANY = 1500; // arcs from which the ground is drawn on a canvas
 const SHADES = 6; // of arcs, by danger
+const FAINTEST = 0.6; // opacity of the safest arcs
+const MOST_PIXELS = 16e6; // of the canvas, which browsers limit
 const HOPS_LAST = 12_000; // milliseconds that an animation takes at most
 
 /** Colour and dash of each robot; those that leave the base come first. */
@@ -67,25 +69,27 @@ class SiteMap {
       const same = own === danger.get(`${head} ${tail}`);
       if (same && tail > head) return;
       const [from, to] = this.hop(tail, head, same ? 0 : 0.5 * this.lane);
-      paths[Math.min(Math.floor((SHADES * own) / most), SHADES - 1)].push(line([from, to]));
+      const oneWay = !danger.has(`${head} ${tail}`);
+      const drawn = line([from, to]) + (oneWay ? arrowHead([from, to], this.small ? 3 : 5) : "");
+      paths[Math.min(Math.floor((SHADES * own) / most), SHADES - 1)].push(drawn);
     });
-    const shades = paths.map((found, shade) => ({ d: found.join(""), opacity: 0.22 + 0.13 * shade }));
-    const wide = (this.small ? 0.6 : 1) * (tails.length > 400 ? 0.8 : 1.4);
+    const shades = paths.map((found, shade) => ({ d: found.join(""), opacity: FAINTEST + 0.08 * shade }));
+    const scale = (this.small ? 0.6 : 1) * (tails.length > 400 ? 0.8 : 1.4);
+    const wide = ({ opacity }) => scale * (1 + 2.5 * (opacity - FAINTEST));
     if (this.canvas === null || tails.length <= MANY) {
       this.arcs.selectAll("path").data(shades).join("path").attr("d", (shade) => shade.d)
         .attr("stroke-opacity", (shade) => shade.opacity).attr("stroke-width", wide);
       return;
     }
-    const dots = window.devicePixelRatio || 1;
+    const dots = Math.min(window.devicePixelRatio || 1, Math.sqrt(MOST_PIXELS / (this.width * this.height)));
     this.canvas.width = this.width * dots;
     this.canvas.height = this.height * dots;
     const pen = this.canvas.getContext("2d");
     pen.scale(dots, dots);
-    pen.strokeStyle = "#808080"; // seen on light and on dark
-    pen.lineWidth = wide;
-    for (const { d, opacity } of shades) {
-      pen.globalAlpha = opacity;
-      pen.stroke(new Path2D(d));
+    pen.strokeStyle = getComputedStyle(this.canvas).getPropertyValue("--arc");
+    for (const shade of shades) {
+      Object.assign(pen, { globalAlpha: shade.opacity, lineWidth: wide(shade) });
+      pen.stroke(new Path2D(shade.d));
     }
   }
 

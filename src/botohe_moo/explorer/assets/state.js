@@ -52,8 +52,8 @@ function meets(plan) {
   if (reward !== null && expected < reward - SLACK * d3.sum(data.rewards)) return false;
   if (survivors !== null && alive < survivors - SLACK * data.robots) return false;
   if (node === null) return true;
-  const reached = share(reachCode(plan, node));
-  return reach === null ? reached > 0 : reached >= reach - SLACK;
+  if (reach === null) return reachCode(plan, node) > 0;
+  return (reachOf(plan, "reached_values").get(node) ?? 0) >= reach - SLACK;
 }
 
 const past = { walked: -Infinity, timer: null };

@@ -9,7 +9,7 @@ const columnHead = (content, number = true) => make("th", { scope: "col", class:
 /** A probability with its bar. */
 function barCell(code) {
   const bar = make("span", { class: "bar" });
-  bar.style.width = `${4 * share(code)}em`;
+  bar.style.width = `${100 * share(code)}%`;
   return make("td", { class: "number" }, make("span", { class: "room" }, bar), probability(code));
 }
 
@@ -20,12 +20,14 @@ function letterOf(plan) {
 
 function showAtHand(plan) {
   const said = `${title(plan)}${letterOf(plan)}: reward ${rewardOf(plan)}, survivors ${survivorsOf(plan)}`;
-  const kinds = marksOf(plan).map((mark) => make("span", { class: "tag" }, mark.name));
-  byId("at-hand").replaceChildren(make("strong", {}, said), ...kinds);
+  const names = marksOf(plan).map((mark) => mark.name);
+  if (!matching.includes(plan)) names.push(`${title(plan).toLowerCase()} does not meet the filters`);
+  const tags = names.map((name) => make("span", { class: "tag" }, name));
+  byId("at-hand").replaceChildren(make("strong", {}, said), ...tags);
   byId("plan-title").textContent = `${title(plan)}${letterOf(plan)} of the front`;
   const why = marksOf(plan).flatMap((mark) => mark.text);
   byId("why").replaceChildren(...[...new Set(why)].map((text) => make("li", {}, text)));
-  return [said, ...marksOf(plan).map((mark) => mark.name)].join("; ");
+  return [said, ...names].join("; ");
 }
 
 function symbol(kind) {
@@ -63,11 +65,13 @@ function showRobots(plan, alone) {
       cell(new Set(trail).size - 1), way);
   });
   byId("robots").replaceChildren(make("thead", {}, make("tr", {}, ...head)), make("tbody", {}, ...rows));
-  byId("team").replaceChildren(...trails.map((_, robot) => {
-    const pressed = { "aria-pressed": String(state.robot === robot), "aria-label": `robot ${robot} alone` };
-    const button = { type: "button", class: "robot", "data-robot": robot, onclick: () => alone(robot) };
-    return make("button", { ...button, ...pressed }, sample(robot), robot);
-  }));
+  const team = byId("team"); // its buttons stay, since one may have the focus
+  if (!team.children.length) team.append(...trails.map((_, robot) => make("button", { type: "button", class: "robot",
+    "data-robot": robot, "aria-label": `robot ${robot} alone`, onclick: () => alone(robot) })));
+  for (const [robot, button] of [...team.children].entries()) {
+    button.setAttribute("aria-pressed", String(state.robot === robot));
+    button.replaceChildren(sample(robot), robot);
+  }
 }
 
 /** The plan at hand and the pinned ones side by side. */
