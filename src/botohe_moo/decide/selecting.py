@@ -49,7 +49,7 @@ def representatives(mission: Mission, plans: Plans, k: int = 5) -> tuple[int, ..
     >>> out = [1, 3, 2, 4, 2, 3, 1]
     >>> teams = [[[1], [1]], [out, [1]], [out, [1, 2, 4, 2, 1]], [out, out]]
     >>> representatives(toy, [toy.plan(team) for team in teams], k=2)
-    (2, 0)
+    (3, 0)
     """
     k = check_integer("k", k, at_least=1)
     front = Candidates(mission, plans)
