@@ -142,7 +142,7 @@ class TestMuseum:
         )
         for feature in expected["features"]:
             if "reached" in feature["properties"]:
-                feature["properties"]["reached"] = round(feature["properties"]["reached"], 9)
+                feature["properties"]["reached"] = round(feature["properties"]["reached"], 6)
         assert found == expected
         drawing = ET.fromstring(text["svg"])
         assert not re.search(r"var\(|color\(|class=\"point\" style", text["svg"])

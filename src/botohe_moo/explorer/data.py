@@ -167,7 +167,7 @@ def _plans(mission: Mission, plans: Sequence[TrailPlan], objectives: FloatArray)
             texts(objectives[:, 1], mission.robots),
         ],
         "reached": [probability_codes(values) for values in reach],
-        "reached_values": [np.round(values, 9).tolist() for values in reach],
+        "reached_values": [np.round(values, 6).tolist() for values in reach],
         "survivors": [
             probability_codes(-np.diff(found.survivors.at_least(team), append=0))
             for found in outcomes

@@ -24,7 +24,7 @@ function share(code) {
 const trailsOf = (plan) => data.plans[plan].map((trail) => data.trails[trail]);
 const ascending = (a, b) => a - b;
 
-/** Codes of the probability that nodes on the plan's trails are reached, or its values to nine decimals. */
+/** Codes of the probability that nodes on the plan's trails are reached, or its values to six decimals. */
 function reachOf(plan, as = "reached") {
   const known = (reachOf[as] ??= new Map());
   if (!known.has(plan)) {

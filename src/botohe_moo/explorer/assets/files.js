@@ -33,7 +33,7 @@ function planCsv(plan) {
   return `${["robot,step,node,x,y", ...rows].join("\n")}\n`;
 }
 
-/** As from Python, but probabilities to be reached have nine decimals. */
+/** As from Python, but probabilities to be reached have six decimals. */
 function planGeojson(plan) {
   const feature = (type, coordinates, properties) =>
     ({ type: "Feature", geometry: { type, coordinates }, properties });
