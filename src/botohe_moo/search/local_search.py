@@ -176,7 +176,7 @@ class LocalSearch:
         used = np.flatnonzero(users)
         lengths, visits = (int(store.trails[name][used].sum()) for name in ("n_arcs", "n_visits"))
         n_trails = max(int(used.max(initial=0)) + 1, 2 * len(used))
-        self._store = self._new_store(n_trails, 2 * lengths, 2 * visits)
+        self._store = self._new_store(n_trails, 4 * lengths, 4 * visits)
         copy_trails(store, self._store)
         self._front = copy_front(front, slots, 2 * len(slots) + self.rule.most_new + _FIRST_PLANS)
 

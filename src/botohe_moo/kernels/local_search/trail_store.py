@@ -69,17 +69,15 @@ def copy_trails(store: TrailStore, into: TrailStore) -> None:
             stretches = pieces(getattr(store, name), starts, lengths)
             np.concatenate(stretches, out=getattr(into, name)[: lengths.sum()])
     into.n.arcs, into.n.visits = (int(into.trails[name].sum()) for name in ("n_arcs", "n_visits"))
-    free = np.setdiff1d(np.arange(len(into.trails)), used)[::-1]
+    free = np.flatnonzero(into.trails["n_users"] == 0)[::-1]
     into.spare[: len(free)] = free
     into.n.spare = len(free)
 
 
 def pieces(array: Numbers, first: OffsetArray, lengths: OffsetArray) -> list[Numbers]:
     """Give some stretches of an array, and an empty one in front."""
-    found = [array[:0]]
-    for start, stop in zip(first.tolist(), (first + lengths).tolist(), strict=True):
-        found.append(array[start:stop])
-    return found
+    stops = (first + lengths).tolist()
+    return [array[:0], *(array[i:j] for i, j in zip(first.tolist(), stops, strict=True))]
 
 
 @helper
