@@ -63,15 +63,14 @@ class TrailPlan:
         self._adopt(np.concatenate(arrays), _offsets([len(array) for array in arrays]))
 
     def _adopt(self, nodes: IntArray, offsets: OffsetArray) -> None:
-        nodes.setflags(write=False)
-        offsets.setflags(write=False)
-        # Views of read-only arrays cannot be made writable again.
-        self._nodes, self._offsets = nodes.view(), offsets.view()
+        # Copies in bytes objects: arrays above them can never be made writable.
+        self._nodes = np.frombuffer(nodes.tobytes(), nodes.dtype)
+        self._offsets = np.frombuffer(offsets.tobytes(), offsets.dtype)
         self._key = self._hash = None
 
     @classmethod
     def _wrap(cls, nodes: IntArray, offsets: OffsetArray) -> Self:
-        """Wrap arrays that are known to be well-formed, without a copy."""
+        """Copy arrays that are known to be well-formed."""
         plan = cls.__new__(cls)
         plan._adopt(nodes, offsets)
         return plan
@@ -229,7 +228,7 @@ class PlanBatch:
                 raise TypeError(
                     f"Plan {i}: expected a TrailPlan, got {quoted(plan)}; {_remedy(plan)}"
                 )
-            if plan.n_robots != n_robots:
+            if len(plan._offsets) != n_robots + 1:
                 raise ValueError(f"Plan {i}: expected {n_robots} trails, got {plan.n_robots}.")
         if not listed:
             return cls._wrap(np.empty(0, np.int32), np.zeros(1, np.int64), n_robots)
@@ -263,7 +262,7 @@ class PlanBatch:
         except IndexError:
             raise IndexError(f"Expected a plan index below {len(self)}, got {index}.") from None
         offsets = self.offsets[cut : cut + self.n_robots + 1]
-        return TrailPlan._wrap(self.nodes[offsets[0] : offsets[-1]].copy(), offsets - offsets[0])
+        return TrailPlan._wrap(self.nodes[offsets[0] : offsets[-1]], offsets - offsets[0])
 
     def take(self, plans: ArrayLike) -> Self:
         """Return some of the plans, by their indices in that order or a mask (n_plans,)."""
@@ -282,8 +281,7 @@ class PlanBatch:
         cuts = np.column_stack([starts, stops]) - starts[:, :1] if n_plans else starts
         nodes = self.nodes
         for start, stop, own in zip(starts[:, 0].tolist(), stops.tolist(), cuts, strict=True):
-            # Copies, so that a plan does not keep its batch in memory.
-            yield TrailPlan._wrap(nodes[start:stop].copy(), own.copy())
+            yield TrailPlan._wrap(nodes[start:stop], own)
 
     def to_array(self) -> ObjectArray:
         """Unpack into an object array of shape (n_plans, 1), as pymoo holds it in ``X``."""
