@@ -1,6 +1,7 @@
 """Fixtures that several test modules share."""
 
 import os
+import signal
 import subprocess
 import sys
 
@@ -11,6 +12,12 @@ from tests.forked import ADDRESS, start_server
 # Shared CI machines stall now and then: what counts is the result, never the time an example took.
 settings.register_profile("botohe", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("botohe")
+
+# Under nohup, or in the background of a script, these are ignored, and so would all processes do.
+for name, usual in {"SIGHUP": signal.SIG_DFL, "SIGINT": signal.default_int_handler}.items():
+    number = getattr(signal, name, None)  # Windows has no SIGHUP
+    if number is not None and signal.getsignal(number) is signal.SIG_IGN:
+        signal.signal(number, usual)
 
 COMPILE = """
 import sys
