@@ -76,8 +76,9 @@ def copy_trails(store: TrailStore, into: TrailStore) -> None:
 
 def pieces(array: Numbers, first: OffsetArray, lengths: OffsetArray) -> list[Numbers]:
     """Give some stretches of an array, and an empty one in front."""
-    stops = (first + lengths).tolist()
-    return [array[:0], *(array[i:j] for i, j in zip(first.tolist(), stops, strict=True))]
+    found = [array[:0]]
+    found += [array[i:j] for i, j in zip(first.tolist(), (first + lengths).tolist(), strict=True)]
+    return found
 
 
 @helper
