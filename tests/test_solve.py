@@ -567,7 +567,7 @@ class TestReading:
     @pytest.mark.parametrize(
         ("name", "found"),
         [
-            ("nowhere", "No such file or directory"),
+            ("nowhere", "there is no such folder"),
             ("a file", "Not a directory"),
             ("nul\0", "embedded null (byte|character)"),
             ("a folder", "none of these files"),

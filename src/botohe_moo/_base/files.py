@@ -41,8 +41,15 @@ def read_bytes(path: Path) -> bytes:
     return path.read_bytes()
 
 
+def check_parent(path: Path) -> None:
+    """Refuse, with a FileNotFoundError, a file in a folder that does not exist."""
+    if not path.parent.is_dir():
+        raise FileNotFoundError(errno.ENOENT, "there is no such folder", str(path.parent))
+
+
 def replace_file(path: Path, data: bytes) -> None:
     """Write ``data`` to a file in one step: it appears complete, or stays as it was."""
+    check_parent(path)
     temporary = path.with_name(f".{secrets.token_hex(8)}.tmp")
     try:
         with temporary.open("xb") as file:

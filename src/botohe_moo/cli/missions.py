@@ -65,12 +65,12 @@ def show_mission(
         tell(f"\n{parameter_text(parameter)}")
     if picture is None:
         return
+    from botohe_moo._base.files import check_parent
     from botohe_moo.cli.checks import check_picture
     from botohe_moo.plots import plot_mission, save_plot
 
     with failing():
-        if not picture.parent.is_dir():
-            raise ValueError(f"{picture.parent}: there is no such folder.")
+        check_parent(picture)
         check_picture(loaded)
         save_plot(plot_mission(loaded), picture)
     tell(f"wrote {picture}")

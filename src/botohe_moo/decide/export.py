@@ -7,7 +7,7 @@ import io
 import json
 import math
 import os
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -123,14 +123,14 @@ _WRITERS: dict[str, Callable[[Mission, TrailPlan], str]] = {
 }
 
 
-def check_plan_file(path: str | os.PathLike[str]) -> None:
-    """Refuse a file name whose suffix is not one of a plan's formats, with a ValueError."""
+def check_plan_file(path: str | os.PathLike[str], *, also: Iterable[str] = ()) -> None:
+    """Refuse, with a ValueError, a suffix that is neither a plan's format nor one of ``also``."""
     suffix = Path(path).suffix
-    if suffix.lower() not in _WRITERS:
+    known = [*_WRITERS, *also]
+    if suffix.lower() not in known:
         found = f"the suffix {suffix!r}" if suffix else "no suffix"
-        known = ", ".join(_WRITERS)
         raise ValueError(
-            f"{path}: expected a file name that ends in one of {known}; found {found}."
+            f"{path}: expected a file name that ends in one of {', '.join(known)}; found {found}."
         )
 
 

@@ -218,11 +218,14 @@ class ExchangeRate:
         parts = []
         for step, does in ((self.safer, "more cost"), (self.richer, "fewer bring")):
             if step is not None:
-                away = f"plan {step.index}, {short(abs(step.survivors))} survivors away"
+                distance = abs(step.survivors)
+                which = ", the nearest" if distance > self.window else ""
+                away = f"plan {step.index}{which}, {short(distance)} survivors away"
                 parts.append(f"0.1 survivors {does} {short(step.rate)} reward (to {away})")
         if not parts:
             return f"No plan of the front trades reward for survivors with plan {self.index}."
-        return f"At plan {self.index}, {'; '.join(parts)}."
+        within = f"within {short(self.window)} survivors"
+        return f"At plan {self.index}, {within}: {'; '.join(parts)}."
 
 
 def exchange_rate(

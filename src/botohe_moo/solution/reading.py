@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, NonNegativeInt, ValidationError
 
 from botohe_moo._base.checks import quoted
+from botohe_moo._base.words import counted
 from botohe_moo.mission.digest import numbers_digest
 from botohe_moo.mission.formats.files import file_content, read_mission
 from botohe_moo.mission.formats.nodelink import decode, read_label
@@ -112,6 +113,8 @@ def _check_folder(folder: Path) -> None:
             return
     except (OSError, ValueError) as error:  # ValueError: a path with a null character
         found = getattr(error, "strerror", None) or str(error)
+        if isinstance(error, FileNotFoundError):
+            found = "there is no such folder"
     expected = f"a folder with {', '.join(TABLES)}, as Solution.write makes it"
     raise ValueError(f"{folder}: expected {expected}, found: {found}.")
 
@@ -147,8 +150,7 @@ def _check_front(path: Path, rows: list[tuple[int, float, float]]) -> None:
     lines = [",".join(COLUMNS), *(f"{i},{reward!r},{alive!r}" for i, reward, alive in rows)]
     found = _text(path).splitlines()
     if len(found) != len(lines):
-        expected = "1 line" if len(lines) == 1 else f"{len(lines)} lines"
-        raise ValueError(f"{path}: expected {expected}, got {len(found)}.")
+        raise ValueError(f"{path}: expected {counted(len(lines), 'line')}, got {len(found)}.")
     for number, (line, expected) in enumerate(zip(found, lines, strict=True), 1):
         if line != expected:
             raise ValueError(
