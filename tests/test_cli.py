@@ -1226,6 +1226,15 @@ class TestExplore:
         (folder / "plans.json").write_text('{"algorithm": 3')
         assert "copy/plans.json: line 1" in refused("explore", "copy")
 
+    def test_bad_positions(self, refused, solved, tmp_path):
+        (tmp_path / "copy").mkdir()
+        for name in ("front.csv", "plans.json", "mission.json"):
+            text = (solved[1] / name).read_text()
+            (tmp_path / "copy" / name).write_text(re.sub(r'"pos": \[.*?]', '"pos": "up"', text))
+        expected = "botohe: copy/mission.json: Node 1: expected pos [x, y], two finite numbers, got"
+        assert refused("explore", "copy").startswith(expected)
+        assert refused("choose", "copy", "--plan", 0, "--out", "p.csv").startswith(expected)
+
 
 class TestImport:
     ARGS = ("--nodes", "nodes.csv", "--arcs", "arcs.csv", "--base", "1", "--robots", 2)
@@ -1269,15 +1278,19 @@ class TestImport:
     @pytest.mark.parametrize(
         ("file", "damage", "words"),
         [
-            ("nodes.csv", ("7;0;6;0", "7;0,5;6;0"), ["nodes, row 8, column 'reward'", "'0,5'"]),
-            ("nodes.csv", ("Reward", "Price"), ["nodes: expected", "Label, Price, X, Y", "'rewar"]),
+            ("nodes.csv", ("7;0;6;0", "7;0,5;6;0"), ["nodes.csv, row 8, column 'reward'", "'0,5'"]),
+            (
+                "nodes.csv",
+                ("Reward", "Price"),
+                ["nodes.csv: expected", "Price, X, Y", "'rewar"],
+            ),
             (
                 "arcs.csv",
                 ("7,8,", "7,88,"),
-                ["arcs, row 14, column 'head'", "'88', which is"],
+                ["arcs.csv, row 14, column 'head'", "'88', which no"],
             ),
             ("arcs.csv", ("7,8,", "7,8,0,"), ["arcs.csv: row 14: expected 3 cells", "found 4"]),
-            ("arcs.csv", ("Tail", "\0Tail"), ["arcs: expected a column 'tail'"]),
+            ("arcs.csv", ("Tail", "\0Tail"), ["arcs.csv: expected a column 'tail'"]),
             ("arcs.csv", None, ["arcs.csv: there is no such file"]),
         ],
     )

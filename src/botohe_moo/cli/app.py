@@ -126,13 +126,13 @@ def solve_mission(
         source = mission_source(mission, robots, mission_parameter)
         parameters = read_parameters(parameter or [])
         from botohe_moo.algorithms import make_algorithm
-        from botohe_moo.cli.checks import check_picture
+        from botohe_moo.cli.checks import check_places
         from botohe_moo.decide import parse_wishes
         from botohe_moo.mission import load_mission
         from botohe_moo.problem import BOTOHE
 
         loaded = load_mission(**source)
-        check_picture(loaded)
+        check_places(loaded)
         wishes = parse_wishes(loaded, wish) if wish else ()
         _check_plain(algorithm, parameters)
         built = make_algorithm(algorithm, **parameters)

@@ -20,6 +20,7 @@ from botohe_moo.explorer.numbers import bin_codes, bin_edges, probability_codes,
 from botohe_moo.explorer.thinning import thinned
 from botohe_moo.mission.formats.nodelink import plain_label
 from botohe_moo.mission.model import Mission
+from botohe_moo.mission.places import given_places
 from botohe_moo.outcomes import Distribution, reach_probabilities, team_reach
 from botohe_moo.plots.draw.places import node_positions
 from botohe_moo.trails import TrailPlan
@@ -99,8 +100,8 @@ def page_data(
 def _site(mission: Mission) -> dict[str, Any]:
     """Nodes, their places on the map and their positions, and arcs."""
     places = node_positions(mission)
-    given = [mission.graph.nodes[node].get("pos") for node in mission.nodes]
-    pos = [None if xy is None else [float(part) for part in xy] for xy in given]
+    given = given_places(mission)
+    pos = [None if (xy := given[node]) is None else [*xy] for node in mission.nodes]
     arrays = mission.arrays
     return {
         "names": _names(mission.nodes),
