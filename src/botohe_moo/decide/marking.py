@@ -239,10 +239,8 @@ def exchange_rate(
 
     Parameters
     ----------
-    mission, plans
-        As for :func:`knees`.
-    index
-        Row of the plan, from 0.
+    mission, plans, index
+        As for :func:`neighbours`.
     window
         How many survivors more and fewer the other plan may have, above 0. A wider window averages
         over more of the front.
@@ -250,7 +248,7 @@ def exchange_rate(
     Raises
     ------
     ValueError
-        As for :func:`knees`, or if ``window`` or ``index`` is out of its range.
+        As for :func:`neighbours`, or if ``window`` is not a number above 0.
     """
     objectives = objectives_of(mission, plans)
     index = check_row("index", index, len(objectives))

@@ -36,10 +36,8 @@ def plot_choices(
 
     Parameters
     ----------
-    mission
-        The mission.
-    plans
-        Its plans, for example ``solution.plans`` or ``result.X``.
+    mission, plans
+        As for :func:`botohe_moo.decide.choose`.
     k
         How many representatives, as for :func:`botohe_moo.decide.representatives`.
     title
