@@ -224,7 +224,7 @@ def test_the_mission_is_checked():
 
 
 def test_what_is_not_a_table():
-    with pytest.raises(TypeError, match=r"nodes: expected a pandas\.DataFrame, got dict"):
+    with pytest.raises(TypeError, match=r"Expected nodes to be a pandas\.DataFrame, got {"):
         mission_from_tables(NODES, pd.DataFrame(ARCS), base="dock", robots=1)
     empty = pd.DataFrame({name: [] for name in NODES})
     with pytest.raises(MissionError, match="base 'dock': there is no such node"):

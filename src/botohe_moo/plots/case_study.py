@@ -67,7 +67,8 @@ def plot_case_study(
     Raises
     ------
     PlanError, TypeError
-        As for :func:`plot_choices`; a TypeError also if ``trace`` is not a DataFrame.
+        As for :func:`plot_choices`; a TypeError also if ``trace`` or ``pheromone`` is not a
+        DataFrame.
     ValueError
         If there is no plan, ``chosen`` names none or no row of it, or as for :func:`plot_curves`
         and :func:`plot_pheromone`.

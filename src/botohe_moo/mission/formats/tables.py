@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import networkx as nx
 import numpy as np
 
-from botohe_moo._base.checks import as_float, quoted
+from botohe_moo._base.checks import as_float, check_frame, quoted
 from botohe_moo.mission.formats.files import file_content
 from botohe_moo.mission.formats.nodelink import decode
 from botohe_moo.mission.model import Mission
@@ -146,8 +146,7 @@ def _rows(
     table: str, frame: pd.DataFrame, needed: tuple[str, ...], faults: list[str]
 ) -> Iterator[tuple[str, _Row]]:
     """Give each row with the words for where it is; none if a column is missing or there twice."""
-    if not hasattr(frame, "iloc"):
-        raise TypeError(f"{table}: expected a pandas.DataFrame, got {type(frame).__name__}.")
+    check_frame(table, frame)
     table = frame.attrs.get(_FILE, table)
     names = [str(column).strip().lower() for column in frame.columns]
     found = ", ".join(map(str, frame.columns)) or "none"
