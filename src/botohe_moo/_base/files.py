@@ -42,9 +42,12 @@ def read_bytes(path: Path) -> bytes:
 
 
 def check_parent(path: Path) -> None:
-    """Refuse, with a FileNotFoundError, a file in a folder that does not exist."""
-    if not path.parent.is_dir():
-        raise FileNotFoundError(errno.ENOENT, "there is no such folder", str(path.parent))
+    """Refuse, with an OSError that names the folder, a file in a folder that does not exist."""
+    folder = path.parent
+    if not folder.exists():
+        raise FileNotFoundError(errno.ENOENT, "there is no such folder", str(folder))
+    if not folder.is_dir():
+        raise NotADirectoryError(errno.ENOTDIR, "expected a folder, found a file", str(folder))
 
 
 def replace_file(path: Path, data: bytes) -> None:
