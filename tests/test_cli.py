@@ -1081,7 +1081,7 @@ class TestChoose:
         assert (tmp_path / f"plan{suffix}").read_bytes().startswith(signs[suffix])
 
     @pytest.mark.parametrize("name", ["plan.json", "plan.png"])
-    def test_a_file_that_cannot_be_written_is_no_unmet_wish(self, botohe, solved, tmp_path, name):
+    def test_a_file_that_cannot_be_written_has_another_status(self, botohe, solved, tmp_path, name):
         (tmp_path / name).mkdir()
         ended = botohe("choose", solved[1], "--plan", 2, "--out", name)
         assert ended.status == 2

@@ -12,7 +12,7 @@ from pathlib import Path
 
 @contextlib.contextmanager
 def new_folder(wanted: Path) -> Iterator[Path]:
-    """Make a folder that was not there; it goes again, with its parents, if it is left empty.
+    """Make a folder that was not there; it is removed, with its parents, if it is left empty.
 
     Where there is a folder of the ``wanted`` name, ``-2``, ``-3`` and so on is added.
     """

@@ -34,7 +34,7 @@ def check_folder(folder: Path) -> None:
 
 
 def check_places(mission: Mission, source: object = None) -> None:
-    """Raise a ValueError that names the file, if any, and a node whose ``pos`` is no position."""
+    """Raise a ValueError that names the file, if any, and a node whose ``pos`` is wrong."""
     try:
         given_places(mission)
     except ValueError as error:

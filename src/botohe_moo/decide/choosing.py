@@ -118,9 +118,9 @@ def choose(
 
     Notes
     -----
-    Wishes are judged by the exact distributions of reward and survivors. Plans are judged from the
-    best one on, only until one meets all wishes. Where the exact distribution of a plan's reward
-    takes too long it is simulated, always with the same seed, and the answer says so.
+    Wishes are judged by the exact distributions of reward and survivors. Plans are judged in order
+    of preference, until one meets all wishes. Where the exact distribution of a plan's reward takes
+    too long, it is simulated, always with the same seed, and the answer says so.
 
     A weighted sum of both objectives is not offered, because it finds only plans on the convex hull
     of the front: 22 of the art museum's 470.

@@ -80,8 +80,8 @@ def parse_wishes(mission: Mission, wishes: Iterable[str | Wish]) -> tuple[Wish, 
         WISH and WISH          both
 
     A node is written as its label: a word or a number as it is, any other text in quotes, and a
-    tuple as in Python or, as in mission files, as a list. Where no label is equal, blanks at its
-    ends and the encoding of its accents do not matter, unless that fits several nodes.
+    tuple as in Python or, as in mission files, as a list. If no node has exactly this label, blanks
+    at its ends and the encoding of its accents are ignored, provided that only one node fits.
 
     Parameters
     ----------

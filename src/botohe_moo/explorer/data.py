@@ -123,7 +123,7 @@ def _names(nodes: Sequence[Hashable]) -> list[str]:
         label_text(node) if counts[name] > 1 or not name.strip() else name
         for node, name in zip(nodes, names, strict=True)
     ]
-    # A text may look like another one in quotes; what wishes have differs always.
+    # A text may look like another one in quotes; labels as wishes write them always differ.
     return shown if len({*shown}) == len(shown) else [label_text(node) for node in nodes]
 
 

@@ -156,7 +156,7 @@ class PlanOnMap:
         return step
 
     def add_legend(self, ax: Axes) -> None:
-        """Tell below a map which line is whose."""
+        """Add a legend below a map that tells which line belongs to which robot."""
         handles = [key_of(self._survives(robot), self.styles[robot]) for robot in self.out]
         if handles:
             look: dict[str, Any] = {"frameon": False, "fontsize": 9.0, "columnspacing": 1.2}

@@ -41,7 +41,7 @@ class PlanMap:
     def name_nodes(self, mission: Mission, plan: TrailPlan) -> int:
         """Write the names of nodes into or beside them, first of those visited; give how many fit.
 
-        Names of many nodes stand close to them, or none would tell whose they are.
+        Names of many nodes stand close to them, so that it is clear which node each belongs to.
         """
         named = [drawable(str(label)) for label in mission.nodes]
         sizes = [self._inside(text) for text in named]

@@ -31,7 +31,7 @@ class Space:
     marks: FloatArray  # centres of discs that no text covers (n, 2)
     radius: float
     frame: tuple[FloatArray, FloatArray]  # lower left and upper right corner
-    lines: FloatArray  # points (n, 2) that texts had better not cover
+    lines: FloatArray  # points (n, 2) that texts should not cover if possible
     boxes: list[tuple[float, ...]] = field(default_factory=list)
 
     def copy(self) -> Self:
