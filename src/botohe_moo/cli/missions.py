@@ -146,6 +146,6 @@ def import_mission(
             )
         except MissionError as error:
             raise MissionError(list(error.faults), f"The mission of {nodes} and {arcs}") from None
-        check_places(loaded)
+        check_places(loaded, nodes)
         save_mission(loaded, out)
     tell(f"wrote {out}: {brief(loaded)}")
