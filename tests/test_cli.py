@@ -1292,7 +1292,7 @@ class TestImport:
             ("arcs.csv", ("7,8,", "7,8,0,"), ["arcs.csv: row 14: expected 3 cells", "found 4"]),
             ("arcs.csv", ("Tail", "\0Tail"), ["arcs.csv: expected a column 'tail'"]),
             ("arcs.csv", None, ["arcs.csv: there is no such file"]),
-            ("nodes.csv", (";Y", ""), ["nodes.csv: row 2: expected 3 cells"]),
+            ("nodes.csv", (";Y", ""), ["nodes.csv: expected 3 cells, as", "found 4 in all others"]),
             ("nodes.csv", ("X;Y", "X;Z"), ["nodes.csv: expected both columns 'x' and 'y'"]),
             ("nodes.csv", ("X;Y", "Pos;Z"), ["nodes.csv: Node '1': expected pos [x, y]"]),
         ],

@@ -127,6 +127,10 @@ def read_table(path: str | os.PathLike[str]) -> pd.DataFrame:
             for i, cells in rows.items()
             if len(cells) != len(header)
         ]
+        widths = {len(cells) for cells in rows.values()}
+        if len(faults) == len(rows) > 1 == len(widths):
+            found = f"found {widths.pop()} in all others"
+            faults = [f"expected {len(header)} cells, as the first row has, {found}"]
         if faults:
             raise MissionError(faults)
     except csv.Error as error:
