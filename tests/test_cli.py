@@ -1001,6 +1001,7 @@ class TestChoose:
         assert lines[0] == f"plan {plan_id}: reward {reward:.4g}, survivors {survivors:.4g}"
         assert lines[1].startswith("The best among these plans (")
         assert f"plan {plan_id} has the most reward with survivors >= 1.5" in lines[1]
+        assert lines[-1] == f"`botohe explore {folder}` makes a page that shows it on the map."
         trails = plans_in(folder)["plans"][plan_id]["trails"]
         for robot, trail in enumerate(trails):
             [line] = [line for line in lines if line.startswith(f"robot {robot} (survival ")]
@@ -1012,6 +1013,22 @@ class TestChoose:
         ended = botohe("choose", folder, *wishes, "--most", "survivors")
         assert ended.status == 0
         assert "has the most survivors with reward >= 2 (" in ended.out
+
+    def test_a_plan_by_its_number_says_what_a_chosen_one_says(self, botohe, solved):
+        chosen = botohe("choose", solved[1], "survivors >= 1.5").out.splitlines()
+        plan_id = chosen[0].split()[1].removesuffix(":")
+        taken = botohe("choose", solved[1], "--plan", plan_id).out.splitlines()
+        assert taken[1].startswith("Taken by its number")
+        assert taken[:1] + taken[2:] == chosen[:1] + chosen[2:]
+        assert taken[2].startswith("Beside it on the front, ")
+        assert ", within 0.25 survivors: " in taken[3]
+
+    def test_long_trails_are_wrapped_to_the_terminal(self, botohe, solved):
+        ended = botohe("choose", solved[1], "--plan", 0, COLUMNS="40")
+        assert max(map(len, ended.out.splitlines()[:-1])) <= 40  # the last one is a command
+        whole = botohe("choose", solved[1], "--plan", 0).out
+        assert max(map(len, whole.splitlines())) > 60
+        assert ended.out.split() == whole.split()
 
     def test_toward_a_point(self, botohe, solved):
         ended = botohe("choose", solved[1], "--toward", 10, 0)
@@ -1056,6 +1073,24 @@ class TestChoose:
                 found[int(row["robot"])].append(int(row["node"]))
             assert found == trails
 
+    @pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
+    def test_a_plan_is_drawn(self, botohe, solved, tmp_path, suffix):
+        ended = botohe("choose", solved[1], "--plan", 2, "--out", f"plan{suffix}")
+        assert (ended.status, ended.err) == (0, "")
+        signs = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}
+        assert (tmp_path / f"plan{suffix}").read_bytes().startswith(signs[suffix])
+
+    @pytest.mark.parametrize("name", ["plan.json", "plan.png"])
+    def test_a_file_that_cannot_be_written_has_another_status(self, botohe, solved, tmp_path, name):
+        (tmp_path / name).mkdir()
+        ended = botohe("choose", solved[1], "--plan", 2, "--out", name)
+        assert ended.status == 2
+        assert ended.err == f"botohe: {name}: Is a directory\n"
+
+    def test_one_plan(self, botohe):
+        assert botohe("solve", "toy", "-a", "greedy", "-n", 1, "--out", "one").status == 0
+        assert "\n1 plan; marks, not verdicts." in botohe("choose", "one").out
+
     def test_the_impossible(self, botohe, solved, tmp_path):
         args = ["choose", solved[1], "survivors >= 1.9", "reward >= 9", "--out", "plan.json"]
         ended = botohe(*args)
@@ -1070,12 +1105,13 @@ class TestChoose:
         [
             (["survivors > 2"], ["Expected a wish, got 'survivors > 2'", "every robot >= 0.5"]),
             (["reach 7 >= 0.5"], ["Wish 'reach 7 >= 0.5'", "has no node '7'"]),
-            (["survivors >= 1", "--most", "both"], ["Expected most among", "got 'both'"]),
+            (["survivors >= 1", "--most", "both"], ["Expected --most among", "got 'both'"]),
             (
                 ["survivors >= 1", "--plan", 1],
                 ["Expected only one of wishes", "got wishes and --plan."],
             ),
             (["--out", "plan.json"], ["Expected wishes, --toward or --plan with --out, got none"]),
+            (["P(reward >= 5) >= 2"], ["Expected the last number in [0, 1], got 2.0."]),
             (["--most", "reward"], ["Expected wishes with --most, got none."]),
             (["--plan", 99], ["Expected --plan among the", "plans from 0, got 99"]),
             (["--plan", "x"], ["expected an integer >= 0, got x"]),
@@ -1091,7 +1127,9 @@ class TestChoose:
             assert word in message
 
     def test_folders_and_files(self, refused, botohe, solved, tmp_path):
-        assert "nowhere: expected a folder with front.csv" in refused("choose", "nowhere")
+        message = refused("choose", "nowhere")
+        assert message.startswith("botohe: nowhere: expected a folder with front.csv")
+        assert "found: there is no such folder" in message
         folder = tmp_path / "copy"
         folder.mkdir()
         for name in ("front.csv", "plans.json", "mission.json"):
@@ -1124,13 +1162,22 @@ class TestExplore:
     """What is on the page is tested in tests/explorer."""
 
     def test_a_page_of_the_folder(self, botohe, solved, tmp_path):
-        ended = botohe("explore", solved[1], "--out", "page.html", "--choose", "survivors >= 1.5")
-        assert (ended.status, ended.out, ended.err) == (0, "wrote page.html\n", "")
+        wishes = ["--choose", "survivors >= 1.5", "--choose", "reward >= 1"]
+        ended = botohe("explore", solved[1], "--out", "page.html", *wishes)
+        assert (ended.status, ended.err) == (0, "")
+        chosen = botohe("choose", solved[1], "survivors >= 1.5", "reward >= 1").out.splitlines()
+        assert ended.out == f"{chosen[1]}\nwrote page.html\n"
         page = (tmp_path / "page.html").read_text("utf-8")
         assert page.startswith("<!DOCTYPE html>")
         plain = botohe("explore", solved[1], "--out", "plain.html")
         assert plain.status == 0
         assert (tmp_path / "plain.html").read_text("utf-8") != page
+
+    def test_an_unmet_wish_is_told(self, botohe, solved):
+        ended = botohe("explore", solved[1], "--out", "page.html", "--choose", "survivors >= 99")
+        assert (ended.status, ended.err) == (0, "")
+        assert ended.out.startswith("None of these plans (")
+        assert ended.out.endswith("\nwrote page.html\n")
 
     def test_it_is_opened(self, botohe, solved, tmp_path):
         code = "import webbrowser; webbrowser.open = lambda url: bool(print(url))"
@@ -1157,7 +1204,7 @@ class TestExplore:
         ("args", "message"),
         [
             (["--out", "page.pdf"], "page.pdf: expected a file name that ends in .html."),
-            (["--out", "nowhere/page.html"], "nowhere: No such file or directory"),
+            (["--out", "nowhere/page.html"], "nowhere: there is no such folder"),
             (["--out", "page.html", "--choose", "win"], "Expected a wish, got 'win'"),
         ],
     )
@@ -1178,6 +1225,15 @@ class TestExplore:
         (folder / "mission.json").write_text(text)
         (folder / "plans.json").write_text('{"algorithm": 3')
         assert "copy/plans.json: line 1" in refused("explore", "copy")
+
+    def test_bad_positions(self, refused, solved, tmp_path):
+        (tmp_path / "copy").mkdir()
+        for name in ("front.csv", "plans.json", "mission.json"):
+            text = (solved[1] / name).read_text()
+            (tmp_path / "copy" / name).write_text(re.sub(r'"pos": \[.*?]', '"pos": "up"', text))
+        expected = "botohe: copy/mission.json: Node 1: expected pos [x, y], two finite numbers, got"
+        assert refused("explore", "copy").startswith(expected)
+        assert refused("choose", "copy", "--plan", 0, "--out", "p.csv").startswith(expected)
 
 
 class TestImport:
@@ -1222,16 +1278,23 @@ class TestImport:
     @pytest.mark.parametrize(
         ("file", "damage", "words"),
         [
-            ("nodes.csv", ("7;0;6;0", "7;0,5;6;0"), ["nodes, row 8, column 'reward'", "'0,5'"]),
-            ("nodes.csv", ("Reward", "Price"), ["nodes: expected", "Label, Price, X, Y", "'rewar"]),
+            ("nodes.csv", ("7;0;6;0", "7;0,5;6;0"), ["nodes.csv, row 8, column 'reward'", "'0,5'"]),
+            (
+                "nodes.csv",
+                ("Reward", "Price"),
+                ["nodes.csv: expected", "Price, X, Y", "'rewar"],
+            ),
             (
                 "arcs.csv",
                 ("7,8,", "7,88,"),
-                ["arcs, row 14, column 'head'", "'88', which is"],
+                ["arcs.csv, row 14, column 'head'", "'88', which no"],
             ),
             ("arcs.csv", ("7,8,", "7,8,0,"), ["arcs.csv: row 14: expected 3 cells", "found 4"]),
-            ("arcs.csv", ("Tail", "\0Tail"), ["arcs: expected a column 'tail'"]),
+            ("arcs.csv", ("Tail", "\0Tail"), ["arcs.csv: expected a column 'tail'"]),
             ("arcs.csv", None, ["arcs.csv: there is no such file"]),
+            ("nodes.csv", (";Y", ""), ["nodes.csv: expected 3 cells, as", "found 4 in all others"]),
+            ("nodes.csv", ("X;Y", "X;Z"), ["nodes.csv: expected both columns 'x' and 'y'"]),
+            ("nodes.csv", ("X;Y", "Pos;Z"), ["nodes.csv: Node '1': expected pos [x, y]"]),
         ],
     )
     def test_what_is_wrong_is_named(self, refused, tmp_path, file, damage, words):
@@ -1254,7 +1317,9 @@ class TestImport:
         assert "--both-ways" in message
         message = refused(*args, "--both-ways", "--out", "site.txt")
         assert "site.txt: expected a file name that ends in one of .json, .graphml" in message
-        assert "No such file" in refused(*args, "--both-ways", "--out", "no/site.json")
+        assert "no: there is no such folder" in refused(
+            *args, "--both-ways", "--out", "no/site.json"
+        )
         assert "expected an integer >= 1, got 0" in refused(*args, "--robots", 0, "--out", "s.json")
         base = ["--base", "dock", "--both-ways", "--out", "site.json"]
         assert "base 'dock': there is no such node" in refused(*args, *base)

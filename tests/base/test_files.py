@@ -76,7 +76,8 @@ def test_a_missing_folder(tmp_path):
     path = tmp_path / "missing" / "plans.json"
     with pytest.raises(FileNotFoundError) as raised:
         replace_file(path, b"new")
-    assert raised.value.filename == str(path)
+    assert raised.value.filename == str(path.parent)
+    assert raised.value.strerror == "there is no such folder"
     assert contents(tmp_path) == {}
 
 
@@ -84,7 +85,7 @@ def test_a_file_in_place_of_the_folder(tmp_path):
     (tmp_path / "file").write_bytes(b"old")
     with pytest.raises(NotADirectoryError) as raised:
         replace_file(tmp_path / "file" / "plans.json", b"new")
-    assert raised.value.filename == str(tmp_path / "file" / "plans.json")
+    assert raised.value.filename == str(tmp_path / "file")
 
 
 def test_a_folder_in_place_of_the_file(tmp_path):

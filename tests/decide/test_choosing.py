@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from botohe_moo import Mission, TrailPlan, decide, load_mission
 from botohe_moo.decide import Chance, EveryRobot, Expected, Reach, TailMean, choose, judging, toward
+from botohe_moo.decide.choosing import taken
 from botohe_moo.mission import PlanError
 from botohe_moo.outcomes import plan_outcomes
 from botohe_moo.solution import Solution
@@ -85,9 +86,20 @@ def test_the_words():
         "and every robot >= 0.9 (0.9).",
         "Beside it on the front, plan 1 has 0.2 more reward for 0.4 fewer survivors; plan 5 has "
         "0.1 more survivors for 1.8 less reward.",
-        "At plan 3, 0.1 survivors more cost 1.8 reward (to plan 5, 0.1 survivors away); "
-        "0.1 survivors fewer bring 0.05 reward (to plan 1, 0.4 survivors away).",
+        "At plan 3, within 0.25 survivors: 0.1 survivors more cost 1.8 reward (to plan 5, 0.1 "
+        "survivors away); 0.1 survivors fewer bring 0.05 reward (to plan 1, the nearest, 0.4 "
+        "survivors away).",
     ]
+
+
+def test_a_plan_taken_by_its_number_says_what_a_chosen_one_says():
+    chosen, found = choose(MISSION, PLANS, "survivors >= 1.6"), taken(MISSION, PLANS, 3)
+    assert NAMES[chosen.index] == NAMES[found.index]
+    assert (found.why, found.met) == ("Taken by its number from these plans (6).", True)
+    assert str(found) == str(chosen).replace(chosen.why, found.why)
+    assert [str(wish) for wish in chosen.wishes] == ["survivors >= 1.6"]
+    with pytest.raises(ValueError, match="Expected index among the 6 plans from 0, got 6"):
+        taken(MISSION, PLANS, 6)
 
 
 class TestTheImpossible:

@@ -162,7 +162,8 @@ class TestExchangeRate:
         assert found.safer.rate == pytest.approx(3 / 7)
         assert found.richer.rate == pytest.approx(0.5)
         assert str(found) == (
-            "At plan 1, 0.1 survivors more cost 0.4286 reward (to plan 3, 0.7 survivors away); "
+            "At plan 1, within 0.75 survivors: "
+            "0.1 survivors more cost 0.4286 reward (to plan 3, 0.7 survivors away); "
             "0.1 survivors fewer bring 0.5 reward (to plan 0, 0.2 survivors away)."
         )
 

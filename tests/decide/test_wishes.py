@@ -189,6 +189,35 @@ def test_what_cannot_be_read_gets_one_message_with_the_forms(text):
     assert all(form in str(caught.value) for form in FORMS)
 
 
+@pytest.mark.parametrize("text", ["reach a", "reach a >=", "every robot >= ", "P(reward >= 1)"])
+def test_a_missing_number_is_named(text):
+    with pytest.raises(ValueError, match=r"got 'reward >= 1 and .*, which lacks .>=. and a number"):
+        parse_wishes(MISSION, [f"reward >= 1 and {text}"])
+    with pytest.raises(ValueError, match=r"got 'reach >= 0\.5'\. Wishes"):  # its node is missing
+        parse_wishes(MISSION, ["reach >= 0.5"])
+
+
+CAFE, DECOMPOSED = "caf\u00e9", "cafe\u0301"
+
+
+@pytest.mark.parametrize(
+    ("label", "written"), [(CAFE, DECOMPOSED), (DECOMPOSED, CAFE), (CAFE, f" {DECOMPOSED}\t")]
+)
+def test_blanks_and_the_encoding_of_accents_do_not_matter(label, written):
+    mission = labelled([label, "a"])
+    made = Reach(node=written, at_least=0.5)
+    for wish in (f"reach {written} >= 0.5", f"reach '{written}' >= 0.5", made):
+        assert parse_wishes(mission, [wish]) == (Reach(node=label, at_least=0.5),)
+
+
+def test_a_label_that_looks_like_several_has_to_be_exact():
+    mission = labelled([CAFE, DECOMPOSED])
+    for label in (CAFE, DECOMPOSED):
+        assert parse_wishes(mission, [f"reach {label} >= 0"])[0].node == label
+    with pytest.raises(ValueError, match="has no node"):
+        parse_wishes(mission, [f"reach '{CAFE} ' >= 0"])
+
+
 def test_where_it_stops_making_sense_is_said():
     with pytest.raises(ValueError, match=re.escape("got 'reward >= 1 and robots' at 'robots'. ")):
         parse_wishes(MISSION, ["reward >= 1 and robots"])
@@ -197,12 +226,14 @@ def test_where_it_stops_making_sense_is_said():
 @pytest.mark.parametrize(
     ("text", "fault"),
     [
-        ("P(survivors >= 2) >= 1.2", "Expected at_least in [0, 1], got 1.2."),
-        ("every robot >= 90", "Expected at_least in [0, 1], got 90.0."),
-        ("reward >= -1", "Expected at_least >= 0, got -1.0."),
-        ("P(reward >= -1) >= 0.5", "Expected value >= 0, got -1.0."),
-        ("CVaR(reward, 0) >= 1", "Expected alpha in (0, 1], got 0.0."),
-        ("survivors >= 1e999", "Expected at_least >= 0 and finite, got inf."),
+        ("P(survivors >= 2) >= 1.2", "Expected the last number in [0, 1], got 1.2."),
+        ("every robot >= 90", "Expected the last number in [0, 1], got 90.0."),
+        ("reward >= -1", "Expected the last number >= 0, got -1.0."),
+        ("P(reward >= -1) >= 0.5", "Expected the number in P(...) >= 0, got -1.0."),
+        ("CVaR(reward, 0) >= 1", "Expected the share in CVaR(...) in (0, 1], got 0.0."),
+        ("survivors >= 1e999", "Expected the last number >= 0 and finite, got inf."),
+        ("reach 'dok >= 0.5", "the quote before 'dok' is not closed."),
+        ('reach "a >= 0.5 and reward >= 1', "the quote before 'a' is not closed."),
         ("reach d >= 0.5", "mission 'star' has no node 'd'; most alike are dock, a, b, c."),
         ('reach "dok" >= 0.5', "mission 'star' has no node"),
     ],

@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import Mission, load_mission, read_solution
-from botohe_moo.decide import compare
+from botohe_moo.decide import compare, judging
+from botohe_moo.decide.choosing import taken
 from botohe_moo.explorer import explore, explorer_page
 from botohe_moo.explorer.data import page_data
 from botohe_moo.explorer.numbers import bin_codes, bin_edges, decimals, probability_codes
@@ -142,6 +143,32 @@ class TestData:
         assert first["name"] == "meets survivors >= 1.9"
         assert first["text"][0].startswith("The best among these plans (4): plan 2 has the most")
 
+    def test_choices_that_are_made_already_are_marked(self):
+        solution = solution_of(MISSION, FRONT)
+        chosen = solution.choose("reward >= 1.5", "every robot >= 0.5")
+        aim = solution.toward(reward=0, survivors=2)
+        marks = page_data(solution, [chosen, aim, taken(MISSION, FRONT, 1)])["marks"]
+        names = [
+            "meets reward >= 1.5 and every robot >= 0.5",
+            "meets reward >= 0 and survivors >= 2",
+        ]
+        assert [mark["name"] for mark in marks[:3]] == [*names, "chosen"]
+        assert marks[0]["text"] == [chosen.why, str(chosen.cost), str(chosen.rate)]
+        with pytest.raises(ValueError, match="among these plans, got plan 3 of others"):
+            page_data(solution_of(MISSION, FRONT[:2]), [taken(MISSION, FRONT, 3)])
+
+    def test_distributions_are_computed_once(self, monkeypatch):
+        asked = []
+        compute = judging.reward_distribution
+
+        def counting(mission, plan, **limits):
+            asked.append(plan)
+            return compute(mission, plan, **limits)
+
+        monkeypatch.setattr(judging, "reward_distribution", counting)
+        page_data(solution_of(MISSION, FRONT), ["CVaR(reward, 0.1) >= 7", "P(reward >= 7) >= 1"])
+        assert sorted(plan.trails for plan in asked) == sorted(plan.trails for plan in FRONT)
+
     def test_words_say_what_compare_says(self):
         words = self.DATA["words"]
         assert {"0-1", "1-2", "2-3"} <= set(words)
@@ -167,7 +194,7 @@ class TestData:
         assert np.array_equal(data["objectives"], museum.objectives[data["ids"]])
 
     def test_rewards_that_are_simulated_are_marked(self, museum, monkeypatch):
-        monkeypatch.setattr("botohe_moo.explorer.data.MAX_OUTCOMES", 1)
+        monkeypatch.setattr("botohe_moo.decide.judging.MAX_OUTCOMES", 1)
         data = page_data(museum, max_plans=12)
         assert data["simulated"] == [False] + [True] * (len(data["ids"]) - 1)
 

@@ -873,7 +873,7 @@ class TestWriting:
         path = tmp_path / "nowhere" / "x.json"
         with pytest.raises(FileNotFoundError) as caught:
             save_mission(mission_of(), path)
-        assert caught.value.filename == str(path)
+        assert caught.value.filename == str(path.parent)
 
     def test_over_a_directory(self, tmp_path):
         (tmp_path / "x.json").mkdir()

@@ -108,7 +108,7 @@ def test_what_tables_hold_is_what_the_mission_has(mission):
             {"tail": ["dock", "dock"], "head": ["reef", "dock"]},
             [
                 "nodes, row 2: node 'reef' is listed more than once, first in row 1",
-                "arc 'dock' -> 'dock': a node must not have an arc to itself",
+                "arcs, row 1: expected an arc between two nodes, found both ends at 'dock'",
             ],
         ),
         (
@@ -117,7 +117,7 @@ def test_what_tables_hold_is_what_the_mission_has(mission):
             [
                 "arcs, row 0, column 'survival': expected a number in (0, 1], found 1.2",
                 "arcs, row 1, column 'head': expected the label of a node, found 'cavern', which "
-                "is not in nodes",
+                "no row of nodes has",
                 "arcs, row 1, column 'survival': expected a number in (0, 1], found 0.0",
             ],
         ),
@@ -135,10 +135,10 @@ def test_what_tables_hold_is_what_the_mission_has(mission):
             [
                 "nodes, row 1, column 'label': expected the label of a node, found nothing",
                 "arcs, row 0, column 'head': expected the label of a node, found 'reef', which "
-                "is not in nodes",
+                "no row of nodes has",
                 "arcs, row 0, column 'length': expected a number >= 0, found -1",
                 "arcs, row 1, column 'tail': expected the label of a node, found 'reef', which "
-                "is not in nodes",
+                "no row of nodes has",
                 "arcs, row 1, column 'length': expected a number >= 0, found True",
             ],
         ),
@@ -182,6 +182,30 @@ def test_columns_are_checked():
     )
 
 
+@pytest.mark.parametrize("axis", ["x", "y"])
+def test_one_axis_alone_is_one_fault(axis):
+    nodes = pd.DataFrame({**NODES, axis: range(3)})
+    nodes = nodes.drop(columns={"x", "y"} - {axis}, errors="ignore")
+    with pytest.raises(MissionError) as caught:
+        mission_from_tables(nodes, pd.DataFrame(ARCS), base="dock", robots=1)
+    expected = f"nodes: expected both columns 'x' and 'y' or neither, found only {axis!r}"
+    assert caught.value.faults == (expected,)
+
+
+def test_files_are_named_by_row(tmp_path):
+    (tmp_path / "a, b.csv").write_text("label;reward;x;y\ndock;0;0;0\nreef;1;east;0\nreef;2;1;1\n")
+    (tmp_path / "arcs.csv").write_text("tail\thead\tsurvival\ndock\treef\t2\nreef\treef\t1\n")
+    nodes, arcs = (read_table(tmp_path / name) for name in ("a, b.csv", "arcs.csv"))
+    with pytest.raises(MissionError) as caught:
+        mission_from_tables(nodes, arcs, base="dock", robots=1)
+    assert caught.value.faults == (
+        f"{tmp_path}/a, b.csv, row 3, column 'x': expected a number, found 'east'",
+        f"{tmp_path}/a, b.csv, row 4: node 'reef' is listed more than once, first in row 3",
+        f"{tmp_path}/arcs.csv, row 2, column 'survival': expected a number in (0, 1], found '2'",
+        f"{tmp_path}/arcs.csv, row 3: expected an arc between two nodes, found both ends at 'reef'",
+    )
+
+
 def test_the_mission_is_checked():
     assert faults_of(robots=0, base="pier") == [
         "expected robots to be an integer >= 1, got 0",
@@ -200,7 +224,7 @@ def test_the_mission_is_checked():
 
 
 def test_what_is_not_a_table():
-    with pytest.raises(TypeError, match=r"nodes: expected a pandas\.DataFrame, got dict"):
+    with pytest.raises(TypeError, match=r"Expected nodes to be a pandas\.DataFrame, got {"):
         mission_from_tables(NODES, pd.DataFrame(ARCS), base="dock", robots=1)
     empty = pd.DataFrame({name: [] for name in NODES})
     with pytest.raises(MissionError, match="base 'dock': there is no such node"):

@@ -258,6 +258,9 @@ class TestCaseStudy:
             plot_case_study(mission, plans, chosen=[])
         with pytest.raises(ValueError, match="Expected chosen among the 4 plans from 0, got 4"):
             plot_case_study(mission, plans, chosen=[4])
+        for name in ("trace", "pheromone"):
+            with pytest.raises(TypeError, match=rf"Expected {name} to be a pandas\.DataFrame"):
+                plot_case_study(mission, plans, **{name: 5})
         with pytest.raises(ValueError, match="Expected pheromone with columns"):
             plot_case_study(mission, plans, pheromone=pd.DataFrame())
         with pytest.raises(ValueError, match="Expected trace with columns"):

@@ -14,9 +14,11 @@ import pytest
 from hypothesis import given, settings
 from matplotlib.text import Text
 
-from botohe_moo import load_mission
+from botohe_moo import Mission, load_mission
 from botohe_moo.mission import PlanError
 from botohe_moo.plots import (
+    plot_choices,
+    plot_mission,
     plot_plan,
     save_plot,
 )
@@ -204,6 +206,7 @@ class TestPlan:
         assert len({style.name for style in styles}) == 10
         bright = [np.power(style.colour, 2.2) @ [0.2126, 0.7152, 0.0722] for style in styles]
         assert max(bright) < 0.51  # a line on white
+        assert len({(style.colour, style.dash) for style in robot_styles(50)}) == 50
 
     def test_ten_robots_are_laid_out(self):
         mission = load_mission("art_museum", robots=10)
@@ -221,7 +224,8 @@ class TestPlan:
         mission = load_mission("toy", robots=40)
         ax = plot_plan(mission, mission.plan([[1, 2, 1]] * 30 + [[1]] * 10))
         assert len(maps_of(ax)) == 25
-        assert "10 robots stay at base; " in words(ax)
+        home = ", ".join(f"R{i}" for i in range(30, 40))
+        assert f"{home} stay at base; " in " ".join(words(ax).split())
         assert words(ax).endswith("maps of 24 of the 30 robots that leave")
 
     def test_robots_that_all_stay_have_no_maps(self):
@@ -245,6 +249,30 @@ class TestPlan:
         ax = plot_plan(mission, mission.plan([[1], [1]]))
         assert n_segments(ax, "both ways") == 6
         assert not drawn(ax, "ways")
+
+    def test_names_of_many_nodes_stand_where_there_is_room(self):
+        mission = rooms()
+        plan = plan_of(mission, tour(mission, 20))
+        ax = plot_plan(mission, plan)
+        names = {text.get_text() for text in drawn(ax, "node name")}
+        visited = {node for trail in mission.labels(plan) for node in trail}
+        assert len(names) > 40
+        assert len(names & visited) / len(visited) > len(names - visited) / (60 - len(visited))
+        assert (len(names) == 60) != ("no room for the names of" in words(ax))
+        ax.figure.draw_without_rendering()
+        boxes = [Text.get_window_extent(text) for text in drawn(ax, "node name")]
+        assert not any(a.overlaps(b) for a, b in itertools.combinations(boxes, 2))
+
+    def test_places_that_are_made_up_are_told(self):
+        mission = load("art_museum")
+        graph = nx.DiGraph(mission.graph)
+        del graph.nodes[3]["pos"]
+        mission = Mission(graph, base=1, robots=3)
+        note = "places are made up, as only 26 of 27 nodes have a position"
+        plan = mission.plan(MUSEUM_TRAILS)
+        pictures = [plot_plan(mission, plan), plot_mission(mission), plot_choices(mission, [plan])]
+        for ax in pictures:
+            assert note in " ".join(words(ax).split())
 
     def test_what_is_too_small_is_not_drawn_and_that_is_told(self):
         mission = load_mission("terrain", nodes=2000, seed=1, robots=1)
@@ -310,6 +338,17 @@ class TestPlan:
             plot_plan(mission, [[1], [1]])
         with pytest.raises(PlanError, match="expected 3 trails, got 2"):
             plot_plan(load("art_museum"), mission.plan([[1], [1]]))
+
+
+def rooms():
+    """A site of 6 x 10 rooms, all but the base with long names."""
+    nodes = {
+        f"room {i}" if i else "dock": {"reward": 1, "pos": [i % 10, i // 10]} for i in range(60)
+    }
+    names = list(nodes)
+    arcs = [(i, i + 1) for i in range(60) if i % 10 < 9] + [(i, i + 10) for i in range(50)]
+    ways = [(names[i], names[j], 0.9) for pair in arcs for i, j in (pair, pair[::-1])]
+    return make(nodes, ways, base="dock", robots=2)
 
 
 def tour(mission, most=math.inf):

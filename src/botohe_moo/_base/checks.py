@@ -73,6 +73,12 @@ def as_float(value: Any) -> float:
         return math.inf if value > 0 else -math.inf
 
 
+def check_frame(name: str, frame: Any) -> None:
+    """Refuse, with a TypeError, what is not a pandas.DataFrame; pandas need not be loaded."""
+    if not hasattr(frame, "columns"):
+        raise TypeError(f"Expected {name} to be a pandas.DataFrame, got {quoted(frame)}.")
+
+
 def check_choice(parameter: str, name: Any, known: Collection[str]) -> None:
     """Refuse a name that is not known; the ParameterError lists the known ones, nearest first."""
     if not isinstance(name, str) or name not in known:

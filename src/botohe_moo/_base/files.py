@@ -12,7 +12,7 @@ from pathlib import Path
 
 @contextlib.contextmanager
 def new_folder(wanted: Path) -> Iterator[Path]:
-    """Make a folder that was not there; it goes again, with its parents, if it is left empty.
+    """Make a folder that was not there; it is removed, with its parents, if it is left empty.
 
     Where there is a folder of the ``wanted`` name, ``-2``, ``-3`` and so on is added.
     """
@@ -41,8 +41,18 @@ def read_bytes(path: Path) -> bytes:
     return path.read_bytes()
 
 
+def check_parent(path: Path) -> None:
+    """Refuse, with an OSError that names the folder, a file in a folder that does not exist."""
+    folder = path.parent
+    if not folder.exists():
+        raise FileNotFoundError(errno.ENOENT, "there is no such folder", str(folder))
+    if not folder.is_dir():
+        raise NotADirectoryError(errno.ENOTDIR, "expected a folder, found a file", str(folder))
+
+
 def replace_file(path: Path, data: bytes) -> None:
     """Write ``data`` to a file in one step: it appears complete, or stays as it was."""
+    check_parent(path)
     temporary = path.with_name(f".{secrets.token_hex(8)}.tmp")
     try:
         with temporary.open("xb") as file:

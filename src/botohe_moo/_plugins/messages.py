@@ -18,6 +18,7 @@ _EXPECTED = {
     "tuple_type": "to be a tuple",
     "dict_type": "to be a mapping",
     "mapping_type": "to be a mapping",
+    "model_type": "to be a mapping",
     "literal_error": "to be {expected}",
     "enum": "to be {expected}",
     "is_instance_of": "to be of type {class}",

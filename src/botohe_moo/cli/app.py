@@ -20,7 +20,7 @@ with ending_on_interrupt:
 
     import typer
 
-    from botohe_moo.cli.choose import choose_plan, tell_choice
+    from botohe_moo.cli.choose import ChooseOption, choose_plan, tell_choice
     from botohe_moo.cli.describe import (
         brief,
         listing,
@@ -106,14 +106,7 @@ def solve_mission(
             "--out", "-o", help="Folder to write to; by default a new one, results/solve/MISSION."
         ),
     ] = None,
-    wish: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--choose",
-            metavar="WISH",
-            help='Then choose a plan, as `botohe choose` does: "survivors >= 2". Repeatable.',
-        ),
-    ] = None,
+    wish: ChooseOption = None,
     explore: Annotated[
         bool,
         typer.Option("--explore", help="Also write explorer.html, as `botohe explore` does."),
@@ -125,18 +118,21 @@ def solve_mission(
     names they replace those of an earlier search; without it, every search gets a new folder.
 
     Ctrl-C stops the search and writes what was found.
+
+    The exit status is 1 if nothing was found or it cannot be written, or if no plan meets all
+    wishes of --choose; 2 for bad input.
     """
     with failing():
         source = mission_source(mission, robots, mission_parameter)
         parameters = read_parameters(parameter or [])
         from botohe_moo.algorithms import make_algorithm
-        from botohe_moo.cli.checks import check_picture
+        from botohe_moo.cli.checks import check_places
         from botohe_moo.decide import parse_wishes
         from botohe_moo.mission import load_mission
         from botohe_moo.problem import BOTOHE
 
         loaded = load_mission(**source)
-        check_picture(loaded)
+        check_places(loaded)
         wishes = parse_wishes(loaded, wish) if wish else ()
         _check_plain(algorithm, parameters)
         built = make_algorithm(algorithm, **parameters)
@@ -149,14 +145,14 @@ def solve_mission(
         seed=seed,
         record={"algorithm": algorithm, "parameters": parameters, "source": source},
     )
+    choice = solution.choose(*wishes) if wishes else None
     if explore:
         from botohe_moo.solution.model import PAGE
 
-        write_page(solution, folder / PAGE, [" and ".join(wish)] if wish else [])
-    if wishes:
-        choice = solution.choose(*wishes)
+        write_page(solution, folder / PAGE, choice)
+    if choice is not None:
         tell("")
-        tell_choice(loaded, choice)
+        tell_choice(loaded, choice, folder)
         if not choice.met:
             fail("no plan meets all wishes.", FAILED)
 

@@ -5,7 +5,7 @@ import tempfile
 from pathlib import Path
 
 from botohe_moo.mission.model import Mission
-from botohe_moo.plots.draw.places import node_positions
+from botohe_moo.mission.places import given_places
 from botohe_moo.solution.model import FILES
 
 _OF_STUDIES = ("study.json", "study.yaml")
@@ -33,18 +33,9 @@ def check_folder(folder: Path) -> None:
                 path.rmdir()
 
 
-def check_picture(mission: Mission) -> None:
-    """Raise a ValueError that names a node whose ``pos`` is not a position."""
-    if fault := place_fault(mission):
-        raise ValueError(f"Mission {mission.name!r}: {fault}")
-
-
-def place_fault(mission: Mission) -> str | None:
-    """Name a node whose ``pos`` is not a position; None if there is none."""
-    if any(place is None for _, place in mission.graph.nodes(data="pos")):
-        return None  # the nodes will be laid out, which takes time
+def check_places(mission: Mission, source: object = None) -> None:
+    """Raise a ValueError that names the file, if any, and a node whose ``pos`` is wrong."""
     try:
-        node_positions(mission)
+        given_places(mission)
     except ValueError as error:
-        return str(error)
-    return None
+        raise ValueError(f"{source or f'Mission {mission.name!r}'}: {error}") from None

@@ -5,6 +5,7 @@ from __future__ import annotations
 from botohe_moo.cli.interrupt import ending_on_interrupt
 
 with ending_on_interrupt:
+    import shlex
     from pathlib import Path
     from typing import TYPE_CHECKING, Annotated
 
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from botohe_moo.trails import TrailPlan
 
 _N_SHOWN = 5
-
+_PICTURES = (".png", ".svg", ".pdf")
 
 FolderArgument = Annotated[Path, typer.Argument(metavar="DIR", help="Folder that `solve` wrote.")]
 WishArgument = Annotated[
@@ -52,13 +53,23 @@ PlanOption = Annotated[
     int | None,
     integer_option("--plan", metavar="ID", at_least=0, help="Take this plan of front.csv."),
 ]
+ChooseOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--choose",
+        metavar="WISH",
+        help='Choose a plan, as `botohe choose` does: "survivors >= 2". Repeatable; all wishes are '
+        "to be met.",
+    ),
+]
 PlanFileOption = Annotated[
     Path | None,
     typer.Option(
         "--out",
         "-o",
         metavar="FILE",
-        help="Write the plan to this file: .json, .csv (waypoints) or .geojson.",
+        help="Write the plan to this file: .json, .csv (waypoints), .geojson, or drawn on the map "
+        "as .png, .svg or .pdf.",
     ),
 ]
 
@@ -81,65 +92,86 @@ def choose_plan(
     different ones.
 
     The exit status is 1 if no plan meets all wishes; then the nearest one is shown, and no file is
-    written.
+    written. It is 2 for bad input, and if the file cannot be written.
     """
     with failing():
-        from botohe_moo.decide import write_plan
+        from botohe_moo._base.files import check_parent
+        from botohe_moo.cli.checks import check_places
+        from botohe_moo.decide.choosing import taken
         from botohe_moo.decide.export import check_plan_file
+        from botohe_moo.decide.fronts import check_row
         from botohe_moo.solution import read_solution
 
         asked = {"wishes": bool(wish), "--toward": toward is not None, "--plan": plan is not None}
         _check_options(asked, most, toward, out)
         if out is not None:
-            check_plan_file(out)
-            if not out.parent.is_dir():
-                raise ValueError(f"{out.parent}: there is no such folder.")
+            check_plan_file(out, also=_PICTURES)
+            check_parent(out)
         solution = read_solution(folder)
-        if not any(asked.values()):
-            tell(_overview(solution))
-            return
-        choice = None
+        if out is not None:
+            check_places(solution.mission, folder / "mission.json")
         if toward is not None:
             choice = solution.toward(reward=toward[0], survivors=toward[1])
         elif wish:
             choice = solution.choose(*wish, most=most)  # type: ignore[arg-type]
-        if choice is not None:
-            tell_choice(solution.mission, choice)
-            chosen = choice.plan
+        elif plan is not None:
+            row = check_row("--plan", plan, len(solution.plans))
+            choice = taken(solution.mission, solution.plans, row)
         else:
-            chosen = _plan(solution, plan or 0)
-    if choice is not None and wish and not choice.met:
+            tell(_overview(solution))
+            return
+        tell_choice(solution.mission, choice, folder)
+    if wish and not choice.met:
         fail("no plan meets all wishes" + ("; nothing is written." if out else "."), FAILED)
     if out is not None:
-        with failing(FAILED):
-            write_plan(solution.mission, chosen, out)
-        tell(f"wrote {out}")
+        _write(solution.mission, choice.plan, out)
+
+
+def _write(mission: Mission, plan: TrailPlan, path: Path) -> None:
+    from botohe_moo.decide import write_plan
+    from botohe_moo.solution.model import PictureError, draw_picture
+
+    with failing():
+        if path.suffix.lower() in _PICTURES:
+            from botohe_moo.plots import plot_plan
+
+            try:
+                draw_picture(path, plot_plan, mission, plan)
+            except PictureError as error:
+                fail(error)
+        else:
+            write_plan(mission, plan, path)
+    tell(f"wrote {path}")
 
 
 def _check_options(
     asked: dict[str, bool], most: str | None, toward: tuple[float, float] | None, out: Path | None
 ) -> None:
-    from botohe_moo._base.checks import check_number
+    from botohe_moo._base.checks import check_choice, check_number
+    from botohe_moo.decide.wishes import QUANTITIES
 
     given = [name for name, there in asked.items() if there]
     if len(given) > 1:
         raise ValueError(f"Expected only one of {', '.join(asked)}; got {' and '.join(given)}.")
-    if most and not asked["wishes"]:
+    if most is not None and not asked["wishes"]:
         raise ValueError("Expected wishes with --most, got none.")
+    if most is not None:
+        check_choice("--most", most, QUANTITIES)
     if out is not None and not given:
         raise ValueError("Expected wishes, --toward or --plan with --out, got none of them.")
     for name, value in zip(("REWARD", "SURVIVORS"), toward or (), strict=False):
         check_number(f"{name} of --toward", value, at_least=0)
 
 
-def tell_choice(mission: Mission, choice: Choice) -> None:
-    """Print a choice, and the trails of its plan."""
+def tell_choice(mission: Mission, choice: Choice, folder: Path) -> None:
+    """Print a choice, the trails of its plan, and how to look at it."""
     title, *sentences = str(choice).splitlines()
     tell("\n".join([title, *(paragraph(sentence) for sentence in sentences)]))
-    tell(f"\n{trails_text(mission, choice.plan)}")
+    tell(f"\n{_trails_text(mission, choice.plan)}")
+    tell(f"\n`botohe explore {shlex.quote(str(folder))}` makes a page that shows it on the map.")
 
 
-def trails_text(mission: Mission, plan: TrailPlan) -> str:
+def _trails_text(mission: Mission, plan: TrailPlan) -> str:
     """Write the trails of a plan, a line for each robot."""
     from botohe_moo.decide.wishes import label_text
 
@@ -153,20 +185,9 @@ def trails_text(mission: Mission, plan: TrailPlan) -> str:
     return "\n".join(lines)
 
 
-def _plan(solution: Solution, index: int) -> TrailPlan:
-    from botohe_moo.decide.fronts import check_row, short
-
-    index = check_row("--plan", index, len(solution.plans))
-    plan = solution.plans[index]
-    reward, survivors = map(short, solution.objectives[index].tolist())
-    tell(f"plan {index}: reward {reward}, survivors {survivors}")
-    tell(f"\n{trails_text(solution.mission, plan)}")
-    return plan
-
-
 def _overview(solution: Solution) -> str:
-    if not solution.plans:
-        raise ValueError("Expected at least one plan to choose from, got none.")
+    from botohe_moo._base.words import counted
+
     marked: dict[int, list[str]] = {}
     for mark in solution.knees():
         marked.setdefault(mark.index, []).append(mark.name)
@@ -177,7 +198,7 @@ def _overview(solution: Solution) -> str:
         reward, survivors = solution.objectives[index].tolist()
         lines.append(f"{index:4}  {reward:6.4g}  {survivors:9.4g}  {', '.join(marked[index])}")
     more = (
-        f"{len(solution.plans)} plans; marks, not verdicts. Say what you wish, as in "
+        f"{counted(len(solution.plans), 'plan')}; marks, not verdicts. Say what you wish, as in "
         '`botohe choose DIR "survivors >= 2"`, or look at one with `--plan ID`.'
     )
     return "\n".join([*lines, "", paragraph(more)])

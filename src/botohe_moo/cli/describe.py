@@ -10,6 +10,8 @@ from collections.abc import Mapping
 from enum import Enum
 from typing import TYPE_CHECKING
 
+from botohe_moo._base.words import counted
+
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
@@ -43,7 +45,7 @@ def describe(mission: Mission) -> str:
 
 
 def _team(mission: Mission) -> str:
-    return "1 robot" if mission.robots == 1 else f"{mission.robots} robots"
+    return counted(mission.robots, "robot")
 
 
 def parameter_text(parameter: Parameter) -> str:

@@ -10,12 +10,12 @@ with ending_on_interrupt:
 
     import typer
 
-    from botohe_moo.cli.choose import FolderArgument
-    from botohe_moo.cli.shell import FAILED, failing, say, tell
+    from botohe_moo.cli.choose import ChooseOption, FolderArgument
+    from botohe_moo.cli.describe import paragraph
+    from botohe_moo.cli.shell import failing, say, tell
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
+    from botohe_moo.decide import Choice
     from botohe_moo.solution import Solution
 
 
@@ -27,15 +27,7 @@ def explore_front(
             "--out", "-o", metavar="FILE.html", help="File to write; by default DIR/explorer.html."
         ),
     ] = None,
-    wish: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--choose",
-            metavar="WISH",
-            help="Mark the plan that `botohe choose` chooses for this wish. Repeatable; "
-            "wishes joined by ` and ` are to be met together.",
-        ),
-    ] = None,
+    wish: ChooseOption = None,
     open_page: Annotated[
         bool, typer.Option("--open", help="Open the page in the browser.")
     ] = False,
@@ -44,18 +36,23 @@ def explore_front(
 
     One HTML file that needs no network: the front beside the map of the site, distributions of
     reward and survivors, up to four plans side by side, filters, and export of plans.
+
+    The plan that --choose chooses is marked on it. If no plan meets all wishes, it is the nearest
+    one, and the exit status is still 0. It is 2 for bad input, and if the page cannot be written.
     """
     with failing():
-        from botohe_moo.decide import parse_wishes
+        from botohe_moo.cli.checks import check_places
         from botohe_moo.explorer.page import check_page_file
         from botohe_moo.solution import read_solution
         from botohe_moo.solution.model import PAGE
 
         solution = read_solution(folder)
+        check_places(solution.mission, folder / "mission.json")
         path = check_page_file(folder / PAGE if out is None else out)
-        for text in wish or []:
-            parse_wishes(solution.mission, [text])
-    write_page(solution, path, wish or [])
+        choice = solution.choose(*wish) if wish else None
+    if choice is not None:
+        tell(paragraph(choice.why))
+    write_page(solution, path, choice)
     if open_page:
         import webbrowser
 
@@ -63,8 +60,8 @@ def explore_front(
             say(f"there is no browser here that could be started; open {path} in one.")
 
 
-def write_page(solution: Solution, path: Path, wishes: Sequence[str]) -> None:
-    """Write the page of a solution, and say so."""
-    with failing(FAILED):
-        solution.explore(path, wishes=wishes)
+def write_page(solution: Solution, path: Path, choice: Choice | None) -> None:
+    """Write the page of a solution, with a choice marked, and say so."""
+    with failing():
+        solution.explore(path, wishes=() if choice is None else [choice])
     tell(f"wrote {path}")

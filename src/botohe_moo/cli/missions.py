@@ -65,13 +65,13 @@ def show_mission(
         tell(f"\n{parameter_text(parameter)}")
     if picture is None:
         return
-    from botohe_moo.cli.checks import check_picture
+    from botohe_moo._base.files import check_parent
+    from botohe_moo.cli.checks import check_places
     from botohe_moo.plots import plot_mission, save_plot
 
     with failing():
-        if not picture.parent.is_dir():
-            raise ValueError(f"{picture.parent}: there is no such folder.")
-        check_picture(loaded)
+        check_parent(picture)
+        check_places(loaded)
         save_plot(plot_mission(loaded), picture)
     tell(f"wrote {picture}")
 
@@ -81,15 +81,14 @@ def check_missions(
     files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Mission files.")],
 ) -> None:
     """Check mission files; name everything that is wrong with them."""
-    from botohe_moo.cli.checks import place_fault
+    from botohe_moo.cli.checks import check_places
     from botohe_moo.mission import read_mission
 
     failed = False
     for path in files:
         try:
             loaded = read_mission(path)
-            if fault := place_fault(loaded):
-                raise ValueError(f"{path}: {fault}")
+            check_places(loaded, path)
         except ValueError as error:
             say(error)
             failed = True
@@ -135,7 +134,7 @@ def import_mission(
     Labels are texts. Names of columns may be in upper or lower case; further columns become
     attributes. Everything that is wrong is named by file, row and column.
     """
-    from botohe_moo.cli.checks import check_picture
+    from botohe_moo.cli.checks import check_places
     from botohe_moo.mission import MissionError, mission_from_tables, save_mission
     from botohe_moo.mission.formats.tables import read_table
 
@@ -147,6 +146,6 @@ def import_mission(
             )
         except MissionError as error:
             raise MissionError(list(error.faults), f"The mission of {nodes} and {arcs}") from None
-        check_picture(loaded)
+        check_places(loaded, nodes)
         save_mission(loaded, out)
     tell(f"wrote {out}: {brief(loaded)}")

@@ -26,7 +26,8 @@ _UsageError: Any = typer.BadParameter.__mro__[1]
 def run(app: typer.Typer) -> NoReturn:
     """Run a command line and end the process.
 
-    The exit status is 0, or 1 where there is no result, 2 for bad input, 130 after Ctrl-C.
+    The exit status is 0, or 1 where there is no result, 2 for bad input or a file that cannot be
+    written, 130 after Ctrl-C.
     """
     end_on_interrupt()
     gc.set_threshold(100_000)  # what libraries make while they load stays, a million objects

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from botohe_moo._base.words import counted
 from botohe_moo.cli.interrupt import ending_on_interrupt
 from botohe_moo.cli.options import integer_option
 from botohe_moo.cli.shell import FAILED, fail, failing, say, tell
@@ -97,8 +98,10 @@ def run(
     tell(_outcome(tables))
     tell(f"\nThe tables are in {folder}; `botohe study report {folder}` makes the report.")
     if n_failed := int((tables.runs["status"] == "failed").sum()):
-        n_runs = "1 run" if n_failed == 1 else f"{n_failed} runs"
-        fail(f"{n_runs} failed: runs.csv says why; run the study again to retry.", FAILED)
+        fail(
+            f"{counted(n_failed, 'run')} failed: runs.csv says why; run the study again to retry.",
+            FAILED,
+        )
 
 
 def _outcome(tables: StudyTables) -> str:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from botohe_moo._base.checks import check_choice, check_number
-from botohe_moo.decide.fronts import scales, short
+from botohe_moo.decide.fronts import check_row, scales, short
 from botohe_moo.decide.grammar import parse_wishes
 from botohe_moo.decide.judging import N_SAMPLES, Candidates, effort
 from botohe_moo.decide.marking import ExchangeRate, Neighbours, exchange_rate, neighbours
@@ -56,8 +57,8 @@ class Choice:
         What 0.1 survivors cost in reward at this plan.
     met
         Whether it meets all wishes. If no plan does, it is the one that comes nearest.
-    missed
-        The wishes that it does not meet, and by how much.
+    wishes, missed
+        What was wished, and which of it the plan does not meet and by how much.
     """
 
     plan: TrailPlan
@@ -68,6 +69,7 @@ class Choice:
     cost: Neighbours
     rate: ExchangeRate
     met: bool
+    wishes: tuple[Wish, ...]
     missed: tuple[Miss, ...]
 
     def __str__(self) -> str:
@@ -116,9 +118,9 @@ def choose(
 
     Notes
     -----
-    Wishes are judged by the exact distributions of reward and survivors. Plans are judged from the
-    best one on, only until one meets all wishes. Where the exact distribution of a plan's reward
-    takes too long it is simulated, always with the same seed, and the answer says so.
+    Wishes are judged by the exact distributions of reward and survivors. Plans are judged in order
+    of preference, until one meets all wishes. Where the exact distribution of a plan's reward takes
+    too long, it is simulated, always with the same seed, and the answer says so.
 
     A weighted sum of both objectives is not offered, because it finds only plans on the convex hull
     of the front: 22 of the art museum's 470.
@@ -128,17 +130,21 @@ def choose(
     >>> from botohe_moo import load_mission
     >>> toy = load_mission("toy")
     >>> plans = [toy.plan([trail, [1]]) for trail in ([1], [1, 2, 4, 2, 1], [1, 3, 2, 4, 2, 3, 1])]
-    >>> print(choose(toy, plans, "survivors >= 1.6"))
-    plan 2: reward 4.14, survivors 1.656
+    >>> choice = choose(toy, plans, "survivors >= 1.6")
+    >>> print(choice.why)
     The best among these plans (3): plan 2 has the most reward with survivors >= 1.6 (1.656).
+    >>> print(choice.cost)
     Beside it on the front, plan 0 has 0.3439 more survivors for 4.14 less reward.
-    At plan 2, 0.1 survivors more cost 1.204 reward (to plan 0, 0.3439 survivors away).
     """
+    return best(Candidates(mission, plans), wishes, most)
+
+
+def best(front: Candidates, wishes: Iterable[str | Wish], most: Quantity | None = None) -> Choice:
+    """Choose one of the candidates; see :func:`choose`."""
+    wanted = parse_wishes(front.mission, wishes)
     if most is not None:
         check_choice("most", most, QUANTITIES)
-    wanted = parse_wishes(mission, wishes)
-    front = Candidates(mission, plans)
-    if most is None:
+    else:
         of_reward = all(isinstance(w, Expected) and w.quantity == "reward" for w in wanted)
         most = "survivors" if of_reward else "reward"
     first = QUANTITIES.index(most)
@@ -216,6 +222,13 @@ def toward(mission: Mission, plans: Plans, *, reward: float, survivors: float) -
     return _choice(front, i, why, wanted)
 
 
+def taken(mission: Mission, plans: Plans, index: int) -> Choice:
+    """Take the plan of a row, from 0, and say what it costs beside its neighbours."""
+    front = Candidates(mission, plans)
+    index = check_row("index", index, len(front))
+    return _choice(front, index, f"Taken by its number from these plans ({len(front)}).", ())
+
+
 def _missed(front: Candidates, i: int, wishes: tuple[Wish, ...]) -> tuple[Miss, ...]:
     lacking = [(wish, front.missing(wish, i)) for wish in wishes]
     return tuple(Miss(wish, front.value(wish, i), by) for wish, by in lacking if by)
@@ -233,6 +246,7 @@ def _choice(front: Candidates, i: int, why: str, wishes: tuple[Wish, ...]) -> Ch
         cost=neighbours(front.mission, front.objectives, i),
         rate=exchange_rate(front.mission, front.objectives, i),
         met=not missed,
+        wishes=wishes,
         missed=missed,
     )
 

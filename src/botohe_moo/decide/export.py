@@ -5,17 +5,15 @@ from __future__ import annotations
 import csv
 import io
 import json
-import math
 import os
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Iterable
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from botohe_moo._base.files import replace_file
 from botohe_moo.mission.formats.nodelink import plain_label
 from botohe_moo.mission.model import Mission, check_mission
+from botohe_moo.mission.places import given_places
 from botohe_moo.outcomes import reach_probabilities, team_reach
 from botohe_moo.trails import TrailPlan
 
@@ -64,7 +62,7 @@ def plan_csv(mission: Mission, plan: TrailPlan) -> str:
         As for :func:`plan_json`, which also says what is raised.
     """
     check_mission(mission).evaluate([plan])
-    places = _places(mission)
+    places = given_places(mission)
     text = io.StringIO(newline="")
     # The writer quotes what its end of a line has: with both signs, either of them in a label.
     writer = csv.writer(text, lineterminator="\r\n")
@@ -91,7 +89,7 @@ def plan_geojson(mission: Mission, plan: TrailPlan) -> str:
     """
     survival = check_mission(mission).robot_survival([plan])[0].tolist()
     reached = team_reach(reach_probabilities(mission, plan))
-    places = _places(mission)
+    places = given_places(mission)
     trails = mission.labels(plan)
     visited = sorted({node for trail in trails for node in trail}, key=mission.index)
     if missing := [node for node in visited if places[node] is None]:
@@ -123,14 +121,14 @@ _WRITERS: dict[str, Callable[[Mission, TrailPlan], str]] = {
 }
 
 
-def check_plan_file(path: str | os.PathLike[str]) -> None:
-    """Refuse a file name whose suffix is not one of a plan's formats, with a ValueError."""
+def check_plan_file(path: str | os.PathLike[str], *, also: Iterable[str] = ()) -> None:
+    """Refuse, with a ValueError, a suffix that is neither a plan's format nor one of ``also``."""
     suffix = Path(path).suffix
-    if suffix.lower() not in _WRITERS:
+    known = [*_WRITERS, *also]
+    if suffix.lower() not in known:
         found = f"the suffix {suffix!r}" if suffix else "no suffix"
-        known = ", ".join(_WRITERS)
         raise ValueError(
-            f"{path}: expected a file name that ends in one of {known}; found {found}."
+            f"{path}: expected a file name that ends in one of {', '.join(known)}; found {found}."
         )
 
 
@@ -165,22 +163,3 @@ def _feature(kind: str, coordinates: Any, **properties: Any) -> dict[str, Any]:
 
 def _cell(node: Hashable) -> str:
     return node if isinstance(node, str) else json.dumps(plain_label(node), ensure_ascii=False)
-
-
-def _places(mission: Mission) -> dict[Hashable, list[float] | None]:
-    """Give the position of each node; a ValueError names one that is not two finite numbers."""
-    places: dict[Hashable, list[float] | None] = {}
-    for node, place in mission.graph.nodes(data="pos"):
-        if place is None:
-            places[node] = None
-            continue
-        try:
-            x, y = (float(part) for part in place)
-        except (TypeError, ValueError):
-            x = y = np.nan
-        if not (math.isfinite(x) and math.isfinite(y)):
-            raise ValueError(
-                f"Node {node!r}: expected pos [x, y], two finite numbers, got {place!r}."
-            )
-        places[node] = [x, y]
-    return places

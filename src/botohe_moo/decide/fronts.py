@@ -1,8 +1,10 @@
 """Fronts: objectives and their scales, the plans that are not dominated, numbers in words."""
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from botohe_moo._base.checks import check_integer, quoted
 from botohe_moo._base.types import FloatArray, OffsetArray
@@ -24,10 +26,16 @@ def objectives_of(mission: Mission, given: PlansOrObjectives) -> FloatArray:
         points = np.empty(0, object)
     if points.dtype.kind not in "iuf" or points.size == 0:
         points = mission.evaluate(given)
-    if points.ndim != 2 or points.shape[1] != 2:
-        raise ValueError(f"Expected plans or objectives of shape (n, 2), got {points.shape}.")
-    if not len(points):
+    checked = check_objectives(points, "plans or objectives")
+    if not len(checked):
         raise ValueError("Expected at least one plan, got none.")
+    return checked
+
+
+def check_objectives(points: NDArray[Any], expected: str = "objectives") -> FloatArray:
+    """Check that objectives are of shape (n_plans, 2) and finite."""
+    if points.ndim != 2 or points.shape[1] != 2:
+        raise ValueError(f"Expected {expected} of shape (n, 2), got {points.shape}.")
     if not np.isfinite(points).all():
         row = int(np.argmin(np.isfinite(points).all(axis=1)))
         raise ValueError(f"Expected finite objectives, got {points[row].tolist()} in row {row}.")

@@ -3,11 +3,13 @@
 import ast
 import json
 import re
+import unicodedata
 from collections.abc import Callable, Hashable, Iterable
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 
-from botohe_moo._base.checks import nearest_first, quoted
+from botohe_moo._base.checks import ParameterError, nearest_first, quoted
 from botohe_moo.decide.wishes import (
     Chance,
     EveryRobot,
@@ -44,15 +46,24 @@ _SHAPES: dict[str, type[Wish]] = {
 }
 
 
-def _pattern(shape: str) -> re.Pattern[str]:
-    # Blanks in a shape stand for any blanks, or none; a wish ends with " and " or the text.
-    text = rf"\s*{shape} >= (?P<at_least>{_NUMBER})(?:\s+and\s+(?=\S)|\s*\Z)"
-    return re.compile(
-        text.replace(" ", r"\s*").replace(">=", "(?:>=|≥)"), re.IGNORECASE | re.DOTALL
-    )
+# How messages name the numbers of a wish.
+_SAID = {
+    "at_least": "the last number",
+    "value": "the number in P(...)",
+    "alpha": "the share in CVaR(...)",
+}
 
 
-_PATTERNS = [(_pattern(shape), kind) for shape, kind in _SHAPES.items()]
+def _pattern(shape: str, end: str) -> re.Pattern[str]:
+    # Blanks stand for any blanks, or none.
+    text = rf"\s*{shape} {end}".replace(" ", r"\s*").replace(">=", "(?:>=|≥)")
+    return re.compile(text, re.IGNORECASE | re.DOTALL)
+
+
+# A wish ends with " and " or the text.
+_END = rf">= (?P<at_least>{_NUMBER})(?:\s+and\s+(?=\S)|\s*\Z)"
+_PATTERNS = [(_pattern(shape, _END), kind) for shape, kind in _SHAPES.items()]
+_WITHOUT_NUMBER = [_pattern(shape, r"(?:>=)? \Z") for shape in _SHAPES]
 
 
 def parse_wishes(mission: Mission, wishes: Iterable[str | Wish]) -> tuple[Wish, ...]:
@@ -69,7 +80,8 @@ def parse_wishes(mission: Mission, wishes: Iterable[str | Wish]) -> tuple[Wish, 
         WISH and WISH          both
 
     A node is written as its label: a word or a number as it is, any other text in quotes, and a
-    tuple as in Python or, as in mission files, as a list.
+    tuple as in Python or, as in mission files, as a list. If no node has exactly this label, blanks
+    at its ends and the encoding of its accents are ignored, provided that only one node fits.
 
     Parameters
     ----------
@@ -103,10 +115,12 @@ def parse_wishes(mission: Mission, wishes: Iterable[str | Wish]) -> tuple[Wish, 
             raise ValueError(f"Expected a wish, a text such as {FORMS[0]!r}, got {quoted(wish)}.")
     if not found:
         raise ValueError(f"Expected at least one wish, got none. {_forms()}")
-    for wish in found:
-        if isinstance(wish, Reach):
-            _node(mission, wish.node, (wish.node,))
-    return tuple(found)
+    return tuple(
+        replace(wish, node=_node(mission, wish.node, (wish.node,)))
+        if isinstance(wish, Reach)
+        else wish
+        for wish in found
+    )
 
 
 def _parse(mission: Mission, text: str) -> list[Wish]:
@@ -116,10 +130,17 @@ def _parse(mission: Mission, text: str) -> list[Wish]:
         matches = ((pattern.match(text, start), kind) for pattern, kind in _PATTERNS)
         found, kind = next((pair for pair in matches if pair[0]), (None, Wish))
         if found is None:
-            where = f" at {quoted(text[start:])}" if start else ""
-            raise ValueError(f"Expected a wish, got {quoted(text)}{where}. {_forms()}")
+            rest = text[start:]
+            where = f" at {quoted(rest)}" if start else ""
+            ends = re.search(rf"{_NUMBER}\s*\Z", rest)
+            lacks = not ends and any(pattern.match(rest) for pattern in _WITHOUT_NUMBER)
+            fault = ", which lacks '>=' and a number at its end" if lacks else ""
+            raise ValueError(f"Expected a wish, got {quoted(text)}{where}{fault}. {_forms()}")
         try:
             wishes.append(_make(mission, kind, found.groupdict()))
+        except ParameterError as error:
+            said = str(error).replace(str(error.parameter), _SAID[str(error.parameter)], 1)
+            raise ValueError(f"Wish {quoted(text)}: {said}") from None
         except ValueError as error:
             raise ValueError(f"Wish {quoted(text)}: {error}") from None
         start = found.end()
@@ -158,10 +179,20 @@ def _node(mission: Mission, given: object, labels: Iterable[Hashable]) -> Hashab
         except (KeyError, TypeError):
             continue
         return label
-    known = ", ".join(nearest_first(str(given), map(str, mission.nodes))[:5])
+    looks = {_look(label) for label in labels if isinstance(label, str)}
+    alike = [node for node in mission.nodes if isinstance(node, str) and _look(node) in looks]
+    if len(alike) == 1:
+        return alike[0]
+    if re.match(r"[\"']", text := str(given)) and not re.fullmatch(_QUOTED, text, re.DOTALL):
+        raise ValueError(f"the quote before {quoted(text[1:])} is not closed.")
+    known = ", ".join(nearest_first(text, map(str, mission.nodes))[:5])
     raise ValueError(
         f"mission {mission.name!r} has no node {quoted(given)}; most alike are {known}."
     )
+
+
+def _look(label: str) -> str:
+    return unicodedata.normalize("NFC", label.strip())
 
 
 def _forms() -> str:

@@ -50,9 +50,9 @@ class Candidates:
             case Expected(quantity=quantity):
                 return float(self.objectives[i, QUANTITIES.index(quantity)])
             case Chance(quantity=quantity, value=value):
-                return self._distribution(quantity, i).at_least(value)
+                return self.distribution(quantity, i).at_least(value)
             case TailMean(quantity=quantity, alpha=alpha):
-                return self._distribution(quantity, i).cvar(alpha)
+                return self.distribution(quantity, i).cvar(alpha)
             case EveryRobot():
                 return float(self._weakest_robot[i])
             case Reach(node=node):
@@ -78,12 +78,8 @@ class Candidates:
         """Whether some plan's distribution of the reward had to be simulated."""
         return not all(found.exact for found in self._rewards.values())
 
-    @cached_property
-    def _weakest_robot(self) -> FloatArray:
-        lowest: FloatArray = self.mission.robot_survival(self.batch).min(axis=1)
-        return lowest
-
-    def _distribution(self, quantity: Quantity, i: int) -> Distribution:
+    def distribution(self, quantity: Quantity, i: int) -> Distribution:
+        """Compute the distribution of the reward or the survivors of plan ``i``."""
         if quantity == "survivors":
             return survivors_distribution(self.mission, self.plans[i])
         if i not in self._rewards:
@@ -92,6 +88,11 @@ class Candidates:
                 self.mission, self.plans[i], **limits, random_state=SEED
             )
         return self._rewards[i]
+
+    @cached_property
+    def _weakest_robot(self) -> FloatArray:
+        lowest: FloatArray = self.mission.robot_survival(self.batch).min(axis=1)
+        return lowest
 
 
 def effort(wish: Wish) -> int:

@@ -218,11 +218,14 @@ class ExchangeRate:
         parts = []
         for step, does in ((self.safer, "more cost"), (self.richer, "fewer bring")):
             if step is not None:
-                away = f"plan {step.index}, {short(abs(step.survivors))} survivors away"
+                distance = abs(step.survivors)
+                which = ", the nearest" if distance > self.window else ""
+                away = f"plan {step.index}{which}, {short(distance)} survivors away"
                 parts.append(f"0.1 survivors {does} {short(step.rate)} reward (to {away})")
         if not parts:
             return f"No plan of the front trades reward for survivors with plan {self.index}."
-        return f"At plan {self.index}, {'; '.join(parts)}."
+        within = f"within {short(self.window)} survivors"
+        return f"At plan {self.index}, {within}: {'; '.join(parts)}."
 
 
 def exchange_rate(
@@ -236,10 +239,8 @@ def exchange_rate(
 
     Parameters
     ----------
-    mission, plans
-        As for :func:`knees`.
-    index
-        Row of the plan, from 0.
+    mission, plans, index
+        As for :func:`neighbours`.
     window
         How many survivors more and fewer the other plan may have, above 0. A wider window averages
         over more of the front.
@@ -247,7 +248,7 @@ def exchange_rate(
     Raises
     ------
     ValueError
-        As for :func:`knees`, or if ``window`` or ``index`` is out of its range.
+        As for :func:`neighbours`, or if ``window`` is not a number above 0.
     """
     objectives = objectives_of(mission, plans)
     index = check_row("index", index, len(objectives))

@@ -11,14 +11,17 @@ from typing import Any, Protocol
 import numpy as np
 
 from botohe_moo._base.types import FloatArray
-from botohe_moo.decide import choose, compare, knees, representatives
-from botohe_moo.decide.judging import MAX_OUTCOMES, N_SAMPLES, SEED
+from botohe_moo._base.words import counted
+from botohe_moo.decide import Choice, compare, knees, representatives
+from botohe_moo.decide.choosing import best
+from botohe_moo.decide.judging import N_SAMPLES, Candidates
 from botohe_moo.decide.wishes import Wish, label_text
 from botohe_moo.explorer.numbers import bin_codes, bin_edges, probability_codes, texts
 from botohe_moo.explorer.thinning import thinned
 from botohe_moo.mission.formats.nodelink import plain_label
 from botohe_moo.mission.model import Mission
-from botohe_moo.outcomes import Outcomes, plan_outcomes, reach_probabilities, team_reach
+from botohe_moo.mission.places import given_places
+from botohe_moo.outcomes import Distribution, reach_probabilities, team_reach
 from botohe_moo.plots.draw.places import node_positions
 from botohe_moo.trails import TrailPlan
 
@@ -59,13 +62,14 @@ class Front(Protocol):
 
 
 def page_data(
-    front: Front, wishes: Iterable[str | Wish] = (), *, max_plans: int = MAX_PLANS
+    front: Front, wishes: Iterable[str | Wish | Choice] = (), *, max_plans: int = MAX_PLANS
 ) -> dict[str, Any]:
     """Compute the data of the page; plans are in order from the least reward to the most."""
     mission, n_plans = front.mission, len(front.plans)
     if not n_plans:
         raise ValueError("Expected at least one plan to explore, got none.")
-    marks = _marks(front, wishes)
+    candidates = Candidates(mission, front.plans)
+    marks = _marks(front, candidates, wishes)
     order = np.lexsort((-front.objectives[:, 1], front.objectives[:, 0]))
     place = {int(row): i for i, row in enumerate(order)}
     kept = [place[mark["plan"]] for mark in marks]
@@ -74,35 +78,30 @@ def page_data(
     for mark in marks:
         mark["plan"] = place[mark["plan"]]
     plans = [front.plans[row] for row in rows]
-    counted = _counted(n_plans, "plan")
-    spent = f"seed {front.seed}, {_counted(front.evaluations, 'evaluation')}"
+    spent = f"seed {front.seed}, {counted(front.evaluations, 'evaluation')}"
     thin = (
         f"The page shows {len(rows):,} of the {n_plans:,} plans: those that dominate the most area "
         "(hypervolume) alone, both ends of the front, and all that are marked."
     )
     return {
         "name": mission.name,
-        "about": f"{counted} by {front.algorithm}, {spent}; area {front.area:.4f}",
+        "about": f"{counted(n_plans, 'plan')} by {front.algorithm}, {spent}; area {front.area:.4f}",
         "thinned": thin if len(rows) < n_plans else "",
         "robots": mission.robots,
         **_site(mission),
         **_trails(mission, plans),
-        **_plans(mission, plans, front.objectives[rows]),
+        **_plans(candidates, rows),
         "ids": rows,
         "marks": marks,
         "words": _words(mission, plans, sorted({mark["plan"] for mark in marks})),
     }
 
 
-def _counted(number: int, thing: str) -> str:
-    return f"1 {thing}" if number == 1 else f"{number:,} {thing}s"
-
-
 def _site(mission: Mission) -> dict[str, Any]:
     """Nodes, their places on the map and their positions, and arcs."""
     places = node_positions(mission)
-    given = [mission.graph.nodes[node].get("pos") for node in mission.nodes]
-    pos = [None if xy is None else [float(part) for part in xy] for xy in given]
+    given = given_places(mission)
+    pos = [None if (xy := given[node]) is None else [*xy] for node in mission.nodes]
     arrays = mission.arrays
     return {
         "names": _names(mission.nodes),
@@ -124,7 +123,7 @@ def _names(nodes: Sequence[Hashable]) -> list[str]:
         label_text(node) if counts[name] > 1 or not name.strip() else name
         for node, name in zip(nodes, names, strict=True)
     ]
-    # A text may look like another one in quotes; what wishes have differs always.
+    # A text may look like another one in quotes; labels as wishes write them always differ.
     return shown if len({*shown}) == len(shown) else [label_text(node) for node in nodes]
 
 
@@ -152,13 +151,14 @@ def _trails(mission: Mission, plans: Sequence[TrailPlan]) -> dict[str, Any]:
     }
 
 
-def _plans(mission: Mission, plans: Sequence[TrailPlan], objectives: FloatArray) -> dict[str, Any]:
+def _plans(candidates: Candidates, rows: Sequence[int]) -> dict[str, Any]:
     """Objectives, distributions and other facts of each plan."""
-    limits = {"max_outcomes": MAX_OUTCOMES, "n_samples": N_SAMPLES}
-    outcomes = [plan_outcomes(mission, plan, **limits, random_state=SEED) for plan in plans]
-    edges = bin_edges(max(float(found.reward.values[-1]) for found in outcomes))
+    mission, objectives = candidates.mission, candidates.objectives[rows]
+    rewards = [candidates.distribution("reward", row) for row in rows]
+    survivors = [candidates.distribution("survivors", row) for row in rows]
+    edges = bin_edges(max(float(found.values[-1]) for found in rewards))
     team = np.arange(mission.robots + 1.0)
-    reach = [_reached(mission, plan) for plan in plans]
+    reach = [_reached(mission, candidates.plans[row]) for row in rows]
     total = mission.total_reward
     return {
         "objectives": objectives.tolist(),
@@ -169,19 +169,17 @@ def _plans(mission: Mission, plans: Sequence[TrailPlan], objectives: FloatArray)
         "reached": [probability_codes(values) for values in reach],
         "reached_values": [np.round(values, 6).tolist() for values in reach],
         "survivors": [
-            probability_codes(-np.diff(found.survivors.at_least(team), append=0))
-            for found in outcomes
+            probability_codes(-np.diff(found.at_least(team), append=0)) for found in survivors
         ],
-        "rewards_in": [bin_codes(found.reward, edges) for found in outcomes],
+        "rewards_in": [bin_codes(found, edges) for found in rewards],
         "bins": [f"{low:g} to {high:g}" for low, high in pairwise(edges.tolist())],
-        "facts": _facts(outcomes, total),
-        "simulated": [not found.reward.exact for found in outcomes],
+        "facts": _facts(rewards, total),
+        "simulated": [not found.exact for found in rewards],
         "n_samples": f"{N_SAMPLES:,}",
     }
 
 
-def _facts(outcomes: Sequence[Outcomes], total: float) -> dict[str, list[str]]:
-    rewards = [found.reward for found in outcomes]
+def _facts(rewards: Sequence[Distribution], total: float) -> dict[str, list[str]]:
     return {
         "Reward reached in 9 of 10 missions": texts((r.quantile(0.1) for r in rewards), total),
         "Median reward": texts((r.quantile(0.5) for r in rewards), total),
@@ -195,15 +193,21 @@ def _reached(mission: Mission, plan: TrailPlan) -> FloatArray:
     return reached
 
 
-def _marks(front: Front, wishes: Iterable[str | Wish]) -> list[dict[str, Any]]:
+def _marks(
+    front: Front, candidates: Candidates, wishes: Iterable[str | Wish | Choice]
+) -> list[dict[str, Any]]:
     """Plans that are marked, by their rows, what they are and why."""
     mission, objectives = front.mission, front.objectives
     marks: list[dict[str, Any]] = []
     for wish in wishes:
-        found = choose(mission, front.plans, wish)
+        found = wish if isinstance(wish, Choice) else best(candidates, [wish])
+        if candidates.plans[found.index : found.index + 1] != (found.plan,):
+            raise ValueError(
+                f"Expected a choice among these plans, got plan {found.index} of others."
+            )
         kind, said = ("choice", "meets") if found.met else ("miss", "comes nearest to")
-        why = [found.why, str(found.cost), str(found.rate)]
-        marks.append(_mark(kind, found.index, f"{said} {wish}", *why))
+        name = f"{said} {' and '.join(map(str, found.wishes))}" if found.wishes else "chosen"
+        marks.append(_mark(kind, found.index, name, found.why, str(found.cost), str(found.rate)))
     by_reward, by_survivors = np.lexsort(objectives.T[::-1])[-1], np.lexsort(objectives.T)[-1]
     return [
         *marks,

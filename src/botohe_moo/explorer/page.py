@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import errno
 import hashlib
 import html
 import json
@@ -16,7 +15,8 @@ from typing import Any
 
 import jinja2
 
-from botohe_moo._base.files import replace_file
+from botohe_moo._base.files import check_parent, replace_file
+from botohe_moo.decide import Choice
 from botohe_moo.decide.wishes import Wish
 from botohe_moo.explorer.data import Front, page_data
 
@@ -26,7 +26,7 @@ _NOTEBOOK_PLANS = 100  # which keeps the page with each output that shows it, an
 
 
 def explore(
-    front: Front, path: str | os.PathLike[str], *, wishes: Iterable[str | Wish] = ()
+    front: Front, path: str | os.PathLike[str], *, wishes: Iterable[str | Wish | Choice] = ()
 ) -> Path:
     """Write a page on which to walk along a front, look at its plans and compare them.
 
@@ -41,7 +41,7 @@ def explore(
         File to write or to replace; ends in ``.html``.
     wishes
         For each of them the plan that :func:`botohe_moo.decide.choose` chooses is marked; wishes
-        that are joined by ``and`` are to be met together.
+        that are joined by ``and`` are to be met together. A choice is marked as it is.
 
     Returns
     -------
@@ -51,8 +51,8 @@ def explore(
     Raises
     ------
     ValueError
-        If there is no plan, a wish cannot be read, the ``pos`` of a node is not two finite numbers,
-        or the path ends otherwise.
+        If there is no plan, a wish cannot be read, a choice is not of these plans, the ``pos`` of a
+        node is not two finite numbers, or the path ends otherwise.
     OSError
         If the file cannot be written.
     """
@@ -66,12 +66,11 @@ def check_page_file(path: str | os.PathLike[str]) -> Path:
     path = Path(path)
     if path.suffix.lower() not in (".html", ".htm"):
         raise ValueError(f"{path}: expected a file name that ends in .html.")
-    if not path.parent.is_dir():
-        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path.parent))
+    check_parent(path)
     return path
 
 
-def explorer_page(front: Front, *, wishes: Iterable[str | Wish] = ()) -> str:
+def explorer_page(front: Front, *, wishes: Iterable[str | Wish | Choice] = ()) -> str:
     """Make the page that :func:`explore` writes, as text.
 
     Fronts of more than 500 plans are thinned: the plans stay that dominate the most area alone,

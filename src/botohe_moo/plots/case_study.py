@@ -46,10 +46,8 @@ def plot_case_study(
 
     Parameters
     ----------
-    mission
-        The mission.
-    plans
-        The plans that were found, for example ``solution.plans`` or ``result.X``.
+    mission, plans
+        As for :func:`plot_choices`.
     chosen
         Rows of the plans to draw on maps, from 0. Default: the three representatives of
         :func:`botohe_moo.decide.representatives`.
@@ -68,10 +66,9 @@ def plot_case_study(
 
     Raises
     ------
-    PlanError
-        If the mission does not allow one of the plans.
-    TypeError
-        If ``mission`` is not a Mission, or something in ``plans`` not a TrailPlan.
+    PlanError, TypeError
+        As for :func:`plot_choices`; a TypeError also if ``trace`` or ``pheromone`` is not a
+        DataFrame.
     ValueError
         If there is no plan, ``chosen`` names none or no row of it, or as for :func:`plot_curves`
         and :func:`plot_pheromone`.

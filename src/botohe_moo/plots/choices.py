@@ -36,10 +36,8 @@ def plot_choices(
 
     Parameters
     ----------
-    mission
-        The mission.
-    plans
-        Its plans, for example ``solution.plans`` or ``result.X``.
+    mission, plans
+        As for :func:`botohe_moo.decide.choose`.
     k
         How many representatives, as for :func:`botohe_moo.decide.representatives`.
     title
@@ -81,7 +79,7 @@ def plot_choices(
         ax.legend(loc="best", framealpha=0.9, handletextpad=0.2)
         for row, own in zip(rows, others, strict=False):  # none beside given axes
             shown = PlanOnMap.of(mission, batch[row])
-            notes += shown.draw_team(own)
+            notes += shown.draw_team(own, one_of_many=True)
             signs = "".join(_SIGNS[mark.name][1] for mark in marks if mark.index == row)
             told = [f"plan {row} {signs}".strip() + f": {shown.objectives}", *shown.at_base]
             name_map(own, "; ".join(told))

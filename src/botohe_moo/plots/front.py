@@ -9,6 +9,8 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
 from botohe_moo._base.types import FloatArray
+from botohe_moo._base.words import counted
+from botohe_moo.decide.fronts import check_objectives
 from botohe_moo.mission import Mission
 from botohe_moo.plots.draw.labels import drawable
 from botohe_moo.plots.draw.panels import study_axes
@@ -53,7 +55,8 @@ def plot_front(
     ValueError
         If ``objectives`` has another shape or is not finite, or ``highlight`` names no row of it.
     """
-    points = _checked(objectives)
+    points = np.asarray(objectives, dtype=float)
+    points = check_objectives(points.reshape(-1, 2) if points.shape == (0,) else points)
     chosen = _rows(highlight, len(points))
     corners = staircase(points)
     summary = front_summary(points, corners, mission)
@@ -89,18 +92,6 @@ def staircase(objectives: FloatArray) -> FloatArray:
     return np.column_stack([right, up])
 
 
-def _checked(objectives: ArrayLike) -> FloatArray:
-    points = np.asarray(objectives, dtype=float)
-    if points.shape == (0,):
-        return np.empty((0, 2))
-    if points.ndim != 2 or points.shape[1] != 2:
-        raise ValueError(f"Expected objectives of shape (n, 2), got {points.shape}.")
-    if not np.isfinite(points).all():
-        row = int(np.argmin(np.isfinite(points).all(axis=1)))
-        raise ValueError(f"Expected finite objectives, got {points[row].tolist()} in row {row}.")
-    return points
-
-
 def _rows(
     highlight: int | Sequence[int] | Mapping[int, str] | None, n_plans: int
 ) -> dict[int, str]:
@@ -125,7 +116,7 @@ def _dominated(points: FloatArray) -> NDArray[np.bool_]:
 
 def front_summary(points: FloatArray, corners: FloatArray, mission: Mission | None) -> str:
     """Tell the area that plans dominate, and how many they are."""
-    plans = "1 plan" if len(points) == 1 else f"{len(points)} plans"
+    plans = counted(len(points), "plan")
     if mission is None:
         widths = np.diff(corners[1:-1:2, 0], prepend=0.0)
         return f"area {float(widths @ corners[1:-1:2, 1]):.3g}, {plans}"

@@ -13,10 +13,17 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from botohe_moo._base.words import counted
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.plots.draw.canvas import Canvas, add_colour_bar, bowed_arcs, open_axes
+from botohe_moo.plots.draw.canvas import (
+    MAX_LABELLED,
+    Canvas,
+    add_colour_bar,
+    bowed_arcs,
+    open_axes,
+)
 from botohe_moo.plots.draw.labels import drawable
-from botohe_moo.plots.draw.places import node_positions
+from botohe_moo.plots.draw.places import layout_notes, node_positions
 from botohe_moo.plots.draw.scales import title_above
 from botohe_moo.plots.draw.style import (
     MUTED,
@@ -42,7 +49,8 @@ def plot_mission(
     Nodes are coloured by reward, hollow where there is none, and the base is a square. Arcs are
     coloured by survival: one straight line where both directions are equally dangerous, an arrow
     bowed to its right for every other arc. From two to eight zones are shaded. Nodes lie at their
-    attribute ``pos``, or in a reproducible layout if any has none; up to 40 nodes are labelled.
+    attribute ``pos``, or in a reproducible layout if any has none; up to 40 nodes are labelled. The
+    line under the title says so where positions of some nodes are not used, or nodes not labelled.
 
     Parameters
     ----------
@@ -61,14 +69,16 @@ def plot_mission(
         If the ``pos`` of a node is not two finite numbers.
     """
     check_mission(mission)
-    words = ""
+    notes = layout_notes(mission)
+    if len(mission.nodes) > MAX_LABELLED:
+        notes.append(f"the {len(mission.nodes):,} nodes are not labelled")
     if plan is not None:
         reward, survivors = mission.evaluate([plan])[0]
-        words = f"E[R] = {reward:.2f}, E[S] = {survivors:.2f}"
+        notes.insert(0, f"E[R] = {reward:.2f}, E[S] = {survivors:.2f}")
     xy = node_positions(mission)
     with theme():
         ax = open_axes(xy, ax)
-        title_above(ax, mission.title, words)
+        title_above(ax, mission.title, "; ".join(notes))
         fills = _reward_fills(ax, mission)
         zones = _zones(mission)
         _add_legend(ax, mission, plan, zones)
@@ -152,7 +162,7 @@ def _shade_zones(canvas: Canvas, mission: Mission, zones: dict[str, Colour]) -> 
 def _add_legend(
     ax: Axes, mission: Mission, plan: TrailPlan | None, zones: dict[str, Colour]
 ) -> None:
-    team = "1 robot" if mission.robots == 1 else f"{mission.robots} robots"
+    team = counted(mission.robots, "robot")
     hollow: dict[str, Any] = {"linestyle": "none", "markerfacecolor": "white", "markersize": 9}
     square = {"marker": "s", "markeredgecolor": "black", "markeredgewidth": 2, **hollow}
     circle = {"marker": "o", "markeredgecolor": MUTED, "markeredgewidth": 1.1, **hollow}

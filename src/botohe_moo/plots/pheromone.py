@@ -6,10 +6,11 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
+from botohe_moo._base.checks import check_frame
 from botohe_moo._base.types import FloatArray
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.plots.draw.canvas import Canvas, add_colour_bar, open_axes
-from botohe_moo.plots.draw.places import node_positions
+from botohe_moo.plots.draw.places import layout_notes, node_positions
 from botohe_moo.plots.draw.scales import title_above
 from botohe_moo.plots.draw.style import colour_range, pheromone_palette, theme
 
@@ -48,7 +49,7 @@ def plot_pheromone(
     xy = node_positions(mission)
     with theme():
         ax = open_axes(xy, ax)
-        title_above(ax, mission.title, f"pheromone for {kind}")
+        title_above(ax, mission.title, "; ".join([f"pheromone for {kind}", *layout_notes(mission)]))
         palette = pheromone_palette()
         norm = colour_range(values, low=0.0) if len(values) else None
         if norm is not None:
@@ -72,6 +73,7 @@ def plot_pheromone(
 
 def _arc_values(mission: Mission, pheromone: pd.DataFrame, kind: Kind) -> FloatArray:
     """Pheromone of the mission's arcs, in the order of its arrays."""
+    check_frame("pheromone", pheromone)
     needed = ("tail", "head", kind)
     if missing := [column for column in needed if column not in pheromone.columns]:
         raise ValueError(f"Expected pheromone with columns {needed}, it lacks {missing}.")

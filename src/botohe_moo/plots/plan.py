@@ -10,8 +10,8 @@ from botohe_moo._base.types import FloatArray
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.outcomes import reach_probabilities, team_reach
 from botohe_moo.plots.draw.canvas import open_axes
-from botohe_moo.plots.draw.maps import draw_map
-from botohe_moo.plots.draw.places import node_positions
+from botohe_moo.plots.draw.maps import draw_map, name_room
+from botohe_moo.plots.draw.places import layout_notes, node_positions
 from botohe_moo.plots.draw.scales import title_above
 from botohe_moo.plots.draw.sheets import (
     add_reach_bar,
@@ -79,7 +79,7 @@ def plot_plan(
             title_above(ax, title, "; ".join([*shown.at_base, *shown.draw_team(ax)]))
             return ax
         robots = shown.out[:_MAX_MAPS]
-        first, *others = _open_maps(shown.xy, len(robots))
+        first, *others = _open_maps(shown, len(robots))
         notes = [*shown.at_base, *shown.draw_team(first)]
         name_map(first, "all robots" if mission.robots > 1 else "with the names of nodes")
         steps = [shown.draw_robot(own, i) for own, i in zip(others, robots, strict=True)]
@@ -129,19 +129,19 @@ class PlanOnMap:
         home = [style.name for i, style in enumerate(self.styles) if i not in self.out]
         if len(home) == len(self.styles):
             return [f"all {len(home)} robots stay at base" if len(home) > 1 else "R0 stays at base"]
-        told = ", ".join(home) if len(home) < 4 else f"{len(home)} robots"
-        return [f"{told} stay{'s' if len(home) == 1 else ''} at base"] if home else []
+        return [f"{', '.join(home)} stay{'s' if len(home) == 1 else ''} at base"] if home else []
 
-    def draw_team(self, ax: Axes) -> list[str]:
-        """Draw all trails; give what has to be said about the map."""
+    def draw_team(self, ax: Axes, *, one_of_many: bool = False) -> list[str]:
+        """Draw all trails; give what has to be said about the map, or about it and others."""
         any_robot = team_reach(self.reach)
         drawn = draw_map(ax, self.mission, self.xy, self.plan, self.styles, any_robot)
         # Robots first: a trail without a name is worse than a node without one.
         drawn.name_robots(self.plan, self.styles)
-        named = drawn.name_nodes(self.mission)
-        nodes, notes = len(self.xy), list(drawn.notes)
+        named = drawn.name_nodes(self.mission, self.plan)
+        nodes, notes = len(self.xy), [*layout_notes(self.mission), *drawn.notes]
         if named < nodes:
             some = f"{nodes - named} of {nodes:,}" if named else f"the {nodes:,}"
+            some = "some" if one_of_many else some
             notes.append(f"no room for the names of {some} nodes")
         return notes
 
@@ -156,7 +156,7 @@ class PlanOnMap:
         return step
 
     def add_legend(self, ax: Axes) -> None:
-        """Tell below a map which line is whose."""
+        """Add a legend below a map that tells which line belongs to which robot."""
         handles = [key_of(self._survives(robot), self.styles[robot]) for robot in self.out]
         if handles:
             look: dict[str, Any] = {"frameon": False, "fontsize": 9.0, "columnspacing": 1.2}
@@ -169,13 +169,17 @@ class PlanOnMap:
         return f"{self.styles[robot].name} survives with {shown}"
 
 
-def _open_maps(xy: FloatArray, n_robots: int) -> list[Axes]:
+def _open_maps(shown: PlanOnMap, n_robots: int) -> list[Axes]:
     """Open a figure with a map of all robots, and one for each of ``n_robots``.
 
     Between more than three, that of all robots is twice as wide and high: trails share its arcs.
+    It has room for the names of nodes, within reason, and all of them for numbers.
     """
+    xy = shown.xy
     span = 2 if n_robots == 2 or n_robots > 3 else 1
-    fig, places = open_sheet(map_size(xy, 6.4 if n_robots < 4 else 5.2), n_robots, span)
+    room = max(20.0, name_room(shown.mission) / span)
+    size = map_size(xy, 6.4 if n_robots < 4 else 5.2, room=room)
+    fig, places = open_sheet(size, n_robots, span)
     maps = [open_axes(xy, fig.add_axes(place)) for place in places]
     add_reach_bar(rightmost(maps))
     return maps

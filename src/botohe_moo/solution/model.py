@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from botohe_moo._base.types import FloatArray
+from botohe_moo._base.words import counted
 from botohe_moo.decide import choosing, marking, selecting
 from botohe_moo.decide.wishes import Quantity, Wish
 from botohe_moo.indicators import area_indicator
@@ -153,10 +154,10 @@ class Solution:
         return list(zip(*(column.tolist() for column in self._columns()), strict=True))
 
     def __repr__(self) -> str:
-        n_plans = "1 plan" if len(self.plans) == 1 else f"{len(self.plans)} plans"
         return (
-            f"<Solution of {self.mission.name!r} by {self.algorithm}, seed {self.seed}: {n_plans}, "
-            f"area {self.area:.4f}, {self.evaluations} evaluations>"
+            f"<Solution of {self.mission.name!r} by {self.algorithm}, seed {self.seed}: "
+            f"{counted(len(self.plans), 'plan')}, area {self.area:.4f}, "
+            f"{self.evaluations} evaluations>"
         )
 
     def describe(self) -> str:
@@ -170,12 +171,11 @@ class Solution:
             took = f" in {seconds:.1f} s{pace}"
             started = f", after {start:.1f} s to compile and start" if start else ""
         stopped = "stopped after" if self.interrupted else "spent"
-        n_plans = "1 plan" if len(self.plans) == 1 else f"{len(self.plans)} plans"
         return (
             f"{self._table_text() if self.plans else 'no plans'}\n\n"
             f"{self.algorithm}, seed {self.seed}: {stopped} {self.evaluations:,} evaluations"
             f"{took}{started}\n"
-            f"area {self.area:.4f}, {n_plans} on the front"
+            f"area {self.area:.4f}, {counted(len(self.plans), 'plan')} on the front"
         )
 
     def _table_text(self) -> str:
@@ -190,7 +190,9 @@ class Solution:
             for row in rows
         )
 
-    def explore(self, path: str | os.PathLike[str], *, wishes: Iterable[str | Wish] = ()) -> Path:
+    def explore(
+        self, path: str | os.PathLike[str], *, wishes: Iterable[str | Wish | choosing.Choice] = ()
+    ) -> Path:
         """Write a page on which to walk along the front, look at its plans and compare them.
 
         Parameters
@@ -263,8 +265,8 @@ class Solution:
             before_pictures()
         from botohe_moo.plots import plot_front, plot_mission
 
-        _draw(folder / "front.png", plot_front, self.objectives, self.mission)
-        _draw(folder / "mission.png", plot_mission, self.mission)
+        draw_picture(folder / "front.png", plot_front, self.objectives, self.mission)
+        draw_picture(folder / "mission.png", plot_mission, self.mission)
         return [folder / name for name in FILES if (folder / name).exists()]
 
     def _write_tables(self, folder: Path) -> None:
@@ -284,7 +286,8 @@ class Solution:
                     (folder / name).unlink(missing_ok=True)
 
 
-def _draw(path: Path, plot: Callable[..., Axes], *shown: Any) -> None:
+def draw_picture(path: Path, plot: Callable[..., Axes], *shown: Any) -> None:
+    """Draw a picture to a file; an OSError if that fails, a PictureError if the picture does."""
     from botohe_moo.plots import save_plot
 
     try:

@@ -9,6 +9,8 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, NonNegativeInt, ValidationError
 
 from botohe_moo._base.checks import quoted
+from botohe_moo._base.words import counted
+from botohe_moo._plugins.messages import wrong_value
 from botohe_moo.mission.digest import numbers_digest
 from botohe_moo.mission.formats.files import file_content, read_mission
 from botohe_moo.mission.formats.nodelink import decode, read_label
@@ -39,7 +41,7 @@ class _Record(BaseModel):
     evaluations: NonNegativeInt
     interrupted: bool
     mission_source: dict[str, Any]
-    mission_digest: str | None = None  # older solutions have none
+    mission_digest: str
     plans: list[_Plan]
 
 
@@ -79,7 +81,7 @@ def _read(folder: Path, mission: Mission | None) -> Solution:
         mission = read_mission(folder / "mission.json")
     path = folder / "plans.json"
     record = _record(path)
-    if record.mission_digest not in (None, numbers_digest(mission)):
+    if record.mission_digest != numbers_digest(mission):
         raise ValueError(
             f"{source}: expected the mission that the plans in {path} were made for, found one "
             f"whose nodes, arcs, rewards, survivals, base or robots are others."
@@ -112,6 +114,8 @@ def _check_folder(folder: Path) -> None:
             return
     except (OSError, ValueError) as error:  # ValueError: a path with a null character
         found = getattr(error, "strerror", None) or str(error)
+        if isinstance(error, FileNotFoundError):
+            found = "there is no such folder"
     expected = f"a folder with {', '.join(TABLES)}, as Solution.write makes it"
     raise ValueError(f"{folder}: expected {expected}, found: {found}.")
 
@@ -122,9 +126,9 @@ def _record(path: Path) -> _Record:
         return _Record.model_validate(json.loads(text))
     except ValidationError as error:
         first = error.errors()[0]
-        where = ".".join(map(str, first["loc"])) or "content"
-        found = "" if first["type"] == "missing" else f", got {quoted(first['input'])}"
-        raise ValueError(f"{path}: {where}: {first['msg']}{found}.") from None
+        way = first["loc"][:-1] if first["type"] == "missing" else first["loc"]
+        name = ".".join(map(str, way)) or "its content"
+        raise ValueError(f"{path}: {wrong_value(name, first)}") from None
     except json.JSONDecodeError as error:
         where = f"line {error.lineno}, column {error.colno}"
         raise ValueError(f"{path}: {where}: expected JSON, found: {error.msg}.") from None
@@ -147,8 +151,10 @@ def _check_front(path: Path, rows: list[tuple[int, float, float]]) -> None:
     lines = [",".join(COLUMNS), *(f"{i},{reward!r},{alive!r}" for i, reward, alive in rows)]
     found = _text(path).splitlines()
     if len(found) != len(lines):
-        expected = "1 line" if len(lines) == 1 else f"{len(lines)} lines"
-        raise ValueError(f"{path}: expected {expected}, got {len(found)}.")
+        made = f"for the {counted(len(rows), 'plan')} of {path.with_name('plans.json')}"
+        raise ValueError(
+            f"{path}: expected {counted(len(lines), 'line')}, {made}, got {len(found)}."
+        )
     for number, (line, expected) in enumerate(zip(found, lines, strict=True), 1):
         if line != expected:
             raise ValueError(

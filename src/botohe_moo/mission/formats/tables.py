@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import networkx as nx
 import numpy as np
 
-from botohe_moo._base.checks import as_float, quoted
+from botohe_moo._base.checks import as_float, check_frame, quoted
 from botohe_moo.mission.formats.files import file_content
 from botohe_moo.mission.formats.nodelink import decode
 from botohe_moo.mission.model import Mission
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 _NODES, _ARCS = ("label", "reward"), ("tail", "head", "survival")
 _SEPARATORS = ",;\t"
+_FILE = "botohe_moo file"  # a table's attribute, by which messages name it
 
 
 def mission_from_tables(
@@ -41,8 +42,8 @@ def mission_from_tables(
     Parameters
     ----------
     nodes
-        Columns ``label`` and ``reward`` (at least 0), optionally ``x`` and ``y``, the position, in
-        which a node may have neither. Further columns become attributes of the nodes.
+        Columns ``label`` and ``reward`` (at least 0), optionally both ``x`` and ``y``, the
+        position, where a node may have neither. Further columns become attributes of the nodes.
     arcs
         Columns ``tail`` and ``head``, labels of nodes, and ``survival`` (in (0, 1]), optionally
         ``length`` (at least 0). Further columns become attributes of the arcs.
@@ -126,6 +127,10 @@ def read_table(path: str | os.PathLike[str]) -> pd.DataFrame:
             for i, cells in rows.items()
             if len(cells) != len(header)
         ]
+        widths = {len(cells) for cells in rows.values()}
+        if len(faults) == len(rows) > 1 == len(widths):
+            found = f"found {widths.pop()} in all others"
+            faults = [f"expected {len(header)} cells, as the first row has, {found}"]
         if faults:
             raise MissionError(faults)
     except csv.Error as error:
@@ -133,7 +138,9 @@ def read_table(path: str | os.PathLike[str]) -> pd.DataFrame:
     except MissionError as error:
         raise MissionError(list(error.faults), str(path)) from None
     index = pd.Index(list(rows), dtype=int)
-    return pd.DataFrame(list(rows.values()), index=index, columns=header, dtype=object)
+    table = pd.DataFrame(list(rows.values()), index=index, columns=header, dtype=object)
+    table.attrs[_FILE] = str(path)
+    return table
 
 
 _Row = dict[str, Any]
@@ -143,8 +150,8 @@ def _rows(
     table: str, frame: pd.DataFrame, needed: tuple[str, ...], faults: list[str]
 ) -> Iterator[tuple[str, _Row]]:
     """Give each row with the words for where it is; none if a column is missing or there twice."""
-    if not hasattr(frame, "iloc"):
-        raise TypeError(f"{table}: expected a pandas.DataFrame, got {type(frame).__name__}.")
+    check_frame(table, frame)
+    table = frame.attrs.get(_FILE, table)
     names = [str(column).strip().lower() for column in frame.columns]
     found = ", ".join(map(str, frame.columns)) or "none"
     wrong = [f"a column {name!r}, found {found}" for name in needed if name not in names]
@@ -152,6 +159,11 @@ def _rows(
         f"one column {name!r}, found {names.count(name)}"
         for name in dict.fromkeys(names)
         if names.count(name) > 1 and name
+    ]
+    wrong += [
+        f"both columns 'x' and 'y' or neither, found only {name!r}"
+        for name, other in ("xy", "yx")
+        if name in names and other not in names
     ]
     if wrong:
         faults += [f"{table}: expected {fault}" for fault in wrong]
@@ -200,7 +212,7 @@ def _add_node(
     if label in known:
         faults.append(f"{where}: node {label!r} is listed more than once, first in {known[label]}")
         return
-    known[label] = where.partition(", ")[2]
+    known[label] = _row_of(where)
     reward = _number(row, "reward", where, _at_least_0, "a number >= 0", faults)
     place = [row.pop(axis, None) for axis in ("x", "y")]
     attributes: _Row = {key: value for key, value in row.items() if value is not None}
@@ -223,7 +235,7 @@ def _add_arc(
     known = True
     for column, label in zip(("tail", "head"), ends, strict=True):
         if label not in graph:
-            found = "nothing" if label is None else f"{quoted(label)}, which is not in nodes"
+            found = "nothing" if label is None else f"{quoted(label)}, which no row of nodes has"
             faults.append(
                 f"{where}, column {column!r}: expected the label of a node, found {found}"
             )
@@ -231,6 +243,9 @@ def _add_arc(
     survival = _number(row, "survival", where, _in_0_1, "a number in (0, 1]", faults)
     if row.get("length") is not None:
         row["length"] = _number(row, "length", where, _at_least_0, "a number >= 0", faults)
+    if known and ends[0] == ends[1]:
+        faults.append(f"{where}: expected an arc between two nodes, found both ends at {ends[0]!r}")
+        known = False
     if not known:
         return
     attributes = {key: value for key, value in row.items() if value is not None}
@@ -239,8 +254,12 @@ def _add_arc(
             before = drawn[tail, head]
             faults.append(f"{where}: arc {tail!r} -> {head!r} is there already, in {before}")
             continue
-        drawn[tail, head] = where.partition(", ")[2]
+        drawn[tail, head] = _row_of(where)
         graph.add_edge(tail, head, **{**attributes, "survival": survival})
+
+
+def _row_of(where: str) -> str:
+    return f"row {where.rpartition(', row ')[2]}"
 
 
 def _in_0_1(number: float) -> bool:

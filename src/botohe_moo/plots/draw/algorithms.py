@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from botohe_moo._base.checks import nearest_first
+from botohe_moo._base.checks import check_frame, nearest_first
 from botohe_moo.plots.draw.labels import UNBROKEN, WIDTH, display_names, drawable, wrapped
 from botohe_moo.plots.draw.style import MARKERS, Colour, colours
 
@@ -86,6 +86,7 @@ def chosen_algorithms(
     name: str, frame: pd.DataFrame, columns: Sequence[str], algorithms: Sequence[str] | None
 ) -> list[str]:
     """Check a table of one mission, and give the algorithms to draw: all by default."""
+    check_frame(name, frame)
     if missing := [column for column in columns if column not in frame.columns]:
         raise ValueError(f"Expected {name} with columns {tuple(columns)}, it lacks {missing}.")
     missions = list(frame["mission"].unique()) if "mission" in frame.columns else []

@@ -12,7 +12,7 @@ from botohe_moo._base.types import FloatArray
 from botohe_moo.mission import Mission
 from botohe_moo.plots.draw.canvas import MAX_LABELLED, Canvas
 from botohe_moo.plots.draw.labels import drawable
-from botohe_moo.plots.draw.space import Space, text_size, write_beside
+from botohe_moo.plots.draw.space import PAD, Space, text_size, write_beside
 from botohe_moo.plots.draw.style import INK, MUTED, reach_palette, readable_on
 from botohe_moo.plots.draw.trails import RobotStyle, draw_trails
 from botohe_moo.trails import TrailPlan
@@ -23,6 +23,7 @@ _LEGIBLE = 2.2  # points: radius of a node from which on arcs off the trails are
 _DOTS = 1.5  # points between nodes from which on those off the trails are drawn at all
 _INSIDE, _BESIDE, _NAMES = 5.8, 6.5, 8.0  # points of letters: least in a node, numbers, names
 _STEPS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
+_FAR, _NEAR = 30.0, 1.5  # points that texts may stand away from few nodes, and from many
 _SPOTS = 60  # where a robot's name may stand, on a part of its trail
 _LINE = 10  # columns of numbers beside a node before a new line
 
@@ -37,15 +38,22 @@ class PlanMap:
     space: Space
     notes: list[str]  # what has to be said about it
 
-    def name_nodes(self, mission: Mission) -> int:
-        """Write the names of nodes into them, of few nodes also beside; give how many fit."""
-        written = 0
-        for node, label in enumerate(mission.nodes):
-            text = drawable(str(label))
-            offset, size = np.zeros(2), self._inside(text)
-            if not size and len(mission.nodes) <= MAX_LABELLED:
-                size, beside = _NAMES, self._beside(self.space, node, text, _NAMES)
-                size, offset = (0.0, offset) if beside is None else (size, beside)
+    def name_nodes(self, mission: Mission, plan: TrailPlan) -> int:
+        """Write the names of nodes into or beside them, first of those visited; give how many fit.
+
+        Names of many nodes stand close to them, so that it is clear which node each belongs to.
+        """
+        named = [drawable(str(label)) for label in mission.nodes]
+        sizes = [self._inside(text) for text in named]
+        n_nodes, written = len(named), 0
+        far = _FAR if n_nodes <= MAX_LABELLED else _NEAR if self.canvas.radius >= _LEGIBLE else 0.0
+        away = np.ones(n_nodes, dtype=bool)
+        away[plan.nodes] = False
+        for node in np.argsort(away, kind="stable").tolist():
+            text, size, offset = named[node], sizes[node], np.zeros(2)
+            if not size and far:
+                beside = self._beside(self.space, node, text, _NAMES, reach=far)
+                size, offset = (0.0, offset) if beside is None else (_NAMES, beside)
             if size:
                 self._write(node, text, offset, size, "node name")
                 written += 1
@@ -125,13 +133,21 @@ class PlanMap:
         size = min(9.0, 0.6 * room, room / max(text_size(text, 1.0)[0], 1e-9))
         return size if size >= _INSIDE else 0.0
 
-    def _beside(self, room: Space, node: int, text: str, size: float) -> FloatArray | None:
-        return room.beside(self.canvas.xy[node] * self.canvas.scale, text, size)
+    def _beside(
+        self, room: Space, node: int, text: str, size: float, *, reach: float = _FAR
+    ) -> FloatArray | None:
+        return room.beside(self.canvas.xy[node] * self.canvas.scale, text, size, reach=reach)
 
     def _write(self, node: int, text: str, offset: FloatArray, size: float, gid: str) -> None:
         colour = INK if offset.any() else readable_on(self.fills[node])
         look: dict[str, Any] = {"radius": self.canvas.radius, "color": colour, "fontsize": size}
         write_beside(self.canvas.ax, self.canvas.xy[node], offset, text, gid=gid, **look)
+
+
+def name_room(mission: Mission) -> float:
+    """Give the points between nodes at which most of their names have room beside each other."""
+    widths = [text_size(drawable(str(node)), _NAMES)[0] for node in mission.nodes]
+    return float(np.percentile(widths, 80)) + 2 * PAD
 
 
 def draw_map(

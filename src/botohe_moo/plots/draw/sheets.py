@@ -21,12 +21,12 @@ _NAME, _ABOVE, _RIGHT, _GAP = 0.34, 0.8, 0.95, 0.15  # inches: over a map, the t
 _SHAPE, _EMPTY = 1.4, 0.25  # width of a figure in parts of its height; what an empty place costs
 
 
-def map_size(xy: FloatArray, widest: float) -> tuple[float, float]:
-    """Give the inches at which most nodes of a map have room for numbers, within reason."""
+def map_size(xy: FloatArray, widest: float, *, room: float = 20.0) -> tuple[float, float]:
+    """Give the inches at which most nodes have ``room`` points, by default for numbers."""
     _, half = frame_of(xy)
     spacing = crowding(xy) if len(xy) > 1 else np.inf
     # In points, on a map an inch wide; nodes may lie on each other.
-    wide = float(np.clip(20 / max(72 * spacing / (2 * half[0]), 1e-9), 4.2, widest))
+    wide = float(np.clip(room / max(72 * spacing / (2 * half[0]), 1e-9), 4.2, widest))
     return wide, wide * half[1] / half[0]
 
 

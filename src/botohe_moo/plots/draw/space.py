@@ -14,7 +14,7 @@ from botohe_moo.plots.draw.style import MUTED
 _SIDES = np.array([(1, 0), (1, 1), (1, -1), (0, 1), (0, -1), (-1, 1), (-1, -1), (-1, 0)])
 _AWAY = (1.5, 6.0, 12.0, 20.0, 30.0, 45.0, 60.0)  # points between a mark and its text
 _LEADER = 4.0  # points from which on a line ties them
-_PAD = 1.5  # points that texts keep from each other, on either side
+PAD = 1.5  # points that texts keep from each other, on either side
 
 
 def text_size(text: str, size: float, *, bold: bool = False) -> tuple[float, float]:
@@ -31,7 +31,7 @@ class Space:
     marks: FloatArray  # centres of discs that no text covers (n, 2)
     radius: float
     frame: tuple[FloatArray, FloatArray]  # lower left and upper right corner
-    lines: FloatArray  # points (n, 2) that texts had better not cover
+    lines: FloatArray  # points (n, 2) that texts should not cover if possible
     boxes: list[tuple[float, ...]] = field(default_factory=list)
 
     def copy(self) -> Self:
@@ -55,7 +55,7 @@ class Space:
 
         The best is where the box covers the fewest points of lines, of those equal the first.
         """
-        half = np.array([width / 2 + _PAD, height / 2])
+        half = np.array([width / 2 + PAD, height / 2])
         low, high = centres - half, centres + half
         free = ((low >= self.frame[0]) & (high <= self.frame[1])).all(axis=1)
         if self.boxes:

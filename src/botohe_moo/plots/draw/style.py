@@ -42,6 +42,7 @@ _COLOURBLIND = (
     *("#0173b2", "#de8f05", "#029e73", "#cc78bc", "#d55e00"),
     *("#56b4e9", "#ca9161", "#fbafe4", "#ece133", "#949494"),
 )
+N_COLOURS = len(_COLOURBLIND)
 with as_file(files(__package__) / "theme.mplstyle") as _path:
     _THEME = mpl.rc_params_from_file(_path, use_default_template=False)
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")  # so that fronts differ in a grey print too
@@ -69,7 +70,7 @@ def reach_palette() -> Colormap:
 
 def colours(n: int) -> list[Colour]:
     """Give ``n`` colours that colour-blind readers can tell apart; after ten they repeat."""
-    return [to_rgb(_COLOURBLIND[i % len(_COLOURBLIND)]) for i in range(n)]
+    return [to_rgb(_COLOURBLIND[i % N_COLOURS]) for i in range(n)]
 
 
 def tint(colour: Colour, strength: float) -> Colour:

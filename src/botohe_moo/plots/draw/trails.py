@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from botohe_moo._base.types import FloatArray, IntArray
 from botohe_moo.plots.draw.canvas import Canvas
-from botohe_moo.plots.draw.style import Colour, colours
+from botohe_moo.plots.draw.style import N_COLOURS, Colour, colours
 from botohe_moo.trails import TrailPlan
 
 # On and off, in widths of the line. Five differ at a glance; then colours differ, and names.
@@ -35,9 +35,9 @@ class RobotStyle:
 
 
 def robot_styles(n_robots: int) -> list[RobotStyle]:
-    """Give every robot of a team a name, a colour and a dash."""
+    """Give every robot a name, a colour and a dash; of the latter two, fifty pairs differ."""
     return [
-        RobotStyle(f"R{i}", _as_ink(colour), _DASHES[i % len(_DASHES)])
+        RobotStyle(f"R{i}", _as_ink(colour), _DASHES[(i + i // N_COLOURS) % len(_DASHES)])
         for i, colour in enumerate(colours(n_robots))
     ]
 

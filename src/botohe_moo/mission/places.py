@@ -1,0 +1,25 @@
+"""Where nodes lie: their attribute ``pos``."""
+
+import math
+from collections.abc import Hashable
+
+from botohe_moo.mission.model import Mission
+
+
+def given_places(mission: Mission) -> dict[Hashable, tuple[float, float] | None]:
+    """Give the position of each node, or None; a ValueError names one that is not two numbers."""
+    places: dict[Hashable, tuple[float, float] | None] = {}
+    for node, place in mission.graph.nodes(data="pos"):
+        places[node] = None
+        if place is None:
+            continue
+        try:
+            x, y = (float(part) for part in place)
+        except (TypeError, ValueError):
+            x = y = math.nan
+        if not (math.isfinite(x) and math.isfinite(y)):
+            raise ValueError(
+                f"Node {node!r}: expected pos [x, y], two finite numbers, got {place!r}."
+            )
+        places[node] = x, y
+    return places
