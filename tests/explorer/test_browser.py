@@ -700,3 +700,12 @@ class TestBrowsers:
             paper = page.evaluate("getComputedStyle(document.body).backgroundColor")
             assert paper == "rgb(255, 255, 255)"
             assert not page.is_visible("#filters")
+
+    @pytest.mark.parametrize("width", [680, 1000])  # of A4 upright and across, in CSS pixels
+    def test_the_printed_map_is_as_wide_as_the_page(self, opened, museum_page, width):
+        with opened(museum_page, viewport={"width": 1280, "height": 900}) as page:
+            page.emulate_media(media="print")
+            page.set_viewport_size({"width": width, "height": 900})
+            boxes = [page.locator(one).bounding_box()["width"] for one in ("#map", "#front")]
+            assert boxes[0] == pytest.approx(min(width, 186 / 25.4 * 96), rel=0.03)
+            assert boxes[1] < boxes[0]
