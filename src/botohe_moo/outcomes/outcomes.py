@@ -11,6 +11,7 @@ import numpy as np
 from botohe_moo._base.checks import check_integer
 from botohe_moo._base.types import FloatArray, Rng
 from botohe_moo.kernels.plans import simulate as kernels
+from botohe_moo.kernels.plans.ragged import Trails
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.outcomes.distribution import Distribution
 from botohe_moo.outcomes.joining import TooManyOutcomesError, follow, join_robots, merged
@@ -257,10 +258,10 @@ def _draws(plan: TrailPlan, n_missions: int, random_state: Seed) -> FloatArray:
 
 def _rewards(mission: Mission, plan: TrailPlan, draws: FloatArray) -> FloatArray:
     """Compute the team reward of each mission."""
-    trails, alive, _ = follow(mission, plan)
-    # Only nodes on the trails can pay: sums go over these alone, in their order.
-    visited, nodes = np.unique(trails.nodes, return_inverse=True)
+    trails, alive, pays = follow(mission, plan)
+    paying = np.flatnonzero(pays)
+    visited, nodes = np.unique(trails.nodes[paying], return_inverse=True)
+    stops = Trails(nodes, np.searchsorted(paying, trails.offsets))
     rewards = np.empty(len(draws))
-    reward = mission.arrays.reward[visited]
-    kernels.play_rewards(reward, trails._replace(nodes=nodes), alive, draws, rewards)
+    kernels.play_rewards(mission.arrays.reward[visited], stops, alive[paying], draws, rewards)
     return rewards

@@ -73,8 +73,12 @@ def play_rewards(
         reached[:] = False
         for robot in range(draws.shape[1]):
             drawn[:n] = draws[first : first + n, robot]
+            least = drawn.min()
             for i in range(offsets[robot], offsets[robot + 1]):
-                at_node, survival = reached[nodes[i]], alive[i]
+                survival = alive[i]
+                if survival <= least:  # none of these missions gets so far
+                    break
+                at_node = reached[nodes[i]]
                 for k in range(_AT_ONCE):
                     at_node[k] |= drawn[k] < survival
         totals[:] = 0.0
