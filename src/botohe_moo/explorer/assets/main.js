@@ -1,16 +1,16 @@
-// Puts the parts together: what the reader does changes the state, and the state is drawn.
+// Connects the parts: what the reader does changes the state, and the state is drawn.
 
 let front = null, map = null, stopAnimation = null;
 let preview = null; // a plan that the pointer is on
 const FILE_BUTTONS = [...document.querySelectorAll("[data-file]")];
 
-/** Say something to those who listen rather than look; the last of what comes at once. */
+/** Tell screen readers; of several texts at once only the last. */
 function say(text) {
   clearTimeout(say.timer);
   say.timer = setTimeout(() => { byId("status").textContent = text; }, 200);
 }
 
-/** Draw the state: pictures at once, tables too, unless somebody walks and waits for pictures. */
+/** Draw the state: pictures at once, and tables too, except on a walk: then after the pictures. */
 function render(walking = false) {
   stopAnimation?.();
   const plan = preview ?? state.plan;

@@ -1,4 +1,4 @@
-// The state of the view, which the address holds: a step of the history for what Back undoes.
+// The state of the view. The address holds it; each change that Back undoes is a step of the history.
 
 const MAX_PINS = 4, LETTERS = "ABCD";
 const FILTERS = ["reward", "survivors", "node", "reach"];
@@ -82,7 +82,7 @@ function remember(how) {
   }
 }
 
-/** Drop what was not written yet, since the address says something else now. */
+/** Drop what was not written yet: the address has changed. */
 function forget() {
   clearTimeout(past.timer);
   past.timer = null;

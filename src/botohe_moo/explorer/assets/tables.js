@@ -145,7 +145,7 @@ function showWords(plans) {
   byId("words-note").hidden = plans.length === 1 || blocks.every(({ sentences }) => sentences.length);
 }
 
-/** The nodes on the trails; only while they are looked at. */
+/** The table of the nodes on the trails, which is filled while it is open. */
 function showNodes(plan) {
   const reach = [...reachOf(plan)].filter(([node]) => node !== data.base);
   const counted = reach.length === 1 ? "1 node" : `${reach.length} nodes`;

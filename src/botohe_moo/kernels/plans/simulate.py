@@ -1,4 +1,4 @@
-"""What happens to the robots of one plan: played by chance, or joined fate by fate."""
+"""What happens to the robots of one plan: simulated, or all outcomes of all robots joined."""
 
 import numpy as np
 
