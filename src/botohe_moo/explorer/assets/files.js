@@ -49,7 +49,7 @@ function planGeojson(plan) {
 }
 
 /** Front and map side by side, in the colours of the screen. */
-function viewSvg(plan) {
+function viewSvg() {
   const both = ["front", "map"].map(byId);
   const [front, map] = both.map((svg) => svg.viewBox.baseVal);
   const [wide, high] = [front.width + map.width + 24, Math.max(front.height, map.height) + 34];
