@@ -249,9 +249,35 @@ class TestMuseum:
             assert page.inner_text("#matching") == f"{n} of {len(reached)} plans"
             page.fill("#filter-survivors", "3")
             assert page.inner_text("#matching") == f"0 of {len(reached)} plans"
+            assert page.inner_text("#filter-faults") == "No plan meets these filters."
             assert page.is_disabled("#walk")
             page.click("#clear")
             expect(page.locator("#matching")).to_have_text(f"{len(reached)} plans")
+
+    @pytest.mark.parametrize(
+        ("field", "value", "expected"),
+        [
+            ("reach", "1.5", "a probability from 0 to 1"),
+            ("reach", "-0.1", "a probability from 0 to 1"),
+            ("reward", "-1", "a reward of 0 or more"),
+            ("survivors", "-1", "a number of survivors of 0 or more"),
+        ],
+    )
+    def test_a_filter_that_cannot_be_is_off_and_says_so(
+        self, opened, museum, museum_page, field, value, expected
+    ):
+        with opened(museum_page) as page:
+            page.select_option("#filter-node", label="26")
+            said = page.inner_text("#matching")
+            assert said != f"0 of {len(museum.plans)} plans"
+            page.fill(f"#filter-{field}", value)
+            assert page.inner_text("#filter-faults") == f"Expected {expected}: this filter is off."
+            assert page.get_attribute(f"#filter-{field}", "aria-invalid") == "true"
+            assert page.inner_text("#matching") == said
+            expect(page.locator("#status")).to_contain_text(expected)
+            page.fill(f"#filter-{field}", "0.01")
+            assert page.is_hidden("#filter-faults")
+            assert page.get_attribute(f"#filter-{field}", "aria-invalid") == "false"
 
     def test_filters_by_node_are_exact(self, opened, tmp_path):
         graph = nx.DiGraph(base="dock", robots=1)
@@ -296,8 +322,62 @@ class TestMuseum:
 
     def test_a_plan_that_is_not_there(self, opened, museum_page):
         with opened(museum_page, "#plan=9999&pins=x,3&robot=8&node=-1&reward=abc") as page:
-            assert page.inner_text("#problem") == "Plan 9999 is not on this page."
+            said = "The page could not use this part of its address: "
+            parts = "plan=9999, pins=x,3, robot=8, node=-1, reward=abc."
+            assert page.inner_text("#problem") == said + parts
             assert pinned(page) == [3]
+            page.keyboard.press("ArrowLeft")
+            expect(page.locator("#problem")).to_be_hidden()
+            page.go_back()
+            expect(page.locator("#problem")).to_be_visible()
+
+    @pytest.mark.parametrize(
+        "part",
+        ["foo", "plan=abc", "pins=x", "reach=1.5", "robot=9", "pins=1,2,3,4,5", "a=1&b=2"],
+    )
+    def test_what_the_address_cannot_mean_is_said(self, opened, museum_page, part):
+        with opened(museum_page, f"#{part}") as page:
+            assert page.inner_text("#problem").endswith(f": {part.replace('&', ', ')}.")
+
+    @pytest.mark.parametrize("part", ["", "plan=50&pins=3,10", "node=3&reach=0.50", "robot=0"])
+    def test_nothing_is_said_of_addresses_that_are_right(self, opened, museum_page, part):
+        with opened(museum_page, f"#{part}") as page:
+            assert page.is_hidden("#problem")
+
+    def test_long_nonsense_in_the_address_is_cut(self, opened, museum_page):
+        with opened(museum_page, f"#{1000 * 'x'}") as page:
+            assert page.inner_text("#problem").endswith(f": {59 * 'x'}….")
+
+    def test_open_differences_stay_open_along_the_front(self, opened, museum, museum_page):
+        with opened(museum_page, "#plan=30") as page:
+            open_ones = page.locator("#words details[open]:not([hidden])")
+            assert open_ones.count() == 0
+            page.locator("#words summary").nth(1).click()
+            for plan in (29, 28):
+                page.keyboard.press("ArrowRight")
+                shows(page, plan)
+                page.wait_for_timeout(100)
+                expect(open_ones).to_have_count(1)
+                assert page.evaluate("document.activeElement.tagName") == "SUMMARY"
+                said = compare(museum.mission, museum.plans[plan], museum.plans[plan - 1])
+                assert open_ones.locator("li").all_text_contents() == list(said.sentences)
+            for key, plan in (("End", 0), ("ArrowLeft", 1)):  # the last plan has one neighbour
+                page.focus("#walk")
+                page.keyboard.press(key)
+                shows(page, plan)
+                page.wait_for_timeout(100)
+                visible = page.locator("#words details:not([hidden])")
+                expect(visible).to_have_count(2 if plan else 1)
+            expect(open_ones).to_have_count(1)
+
+    def test_survivals_descend_in_every_column(self, opened, museum_page):
+        with opened(museum_page, "#plan=60&pins=10,30,100") as page:
+            row = page.locator("#compare tr", has_text="Survivals of the robots")
+            found = row.locator("td").all_text_contents()
+        assert len(found) == 4
+        for text in found:
+            survivals = [TestNumbers.number(part) for part in text.split(", ")]
+            assert survivals == sorted(survivals, reverse=True)
 
     def test_it_is_said_aloud_and_by_keyboard(self, opened, museum_page):
         with opened(museum_page) as page:
@@ -466,6 +546,8 @@ NASTY = [
     "${window.hacked = 1}",
 ]
 
+SHOWN = [label.replace("\u202e", "⟨U+202E⟩") for label in NASTY]
+
 
 class TestTexts:
     @pytest.fixture
@@ -489,16 +571,40 @@ class TestTexts:
             assert page.evaluate("typeof window.hacked") == "undefined"
             assert page.evaluate("document.querySelector('h1').textContent") == mission.title
             names = page.locator("#nodes bdi").all_text_contents()
-            assert sorted(names) == sorted(NASTY)
+            assert sorted(names) == sorted(SHOWN)
             shown = page.evaluate("document.querySelector('#robots td:last-child').textContent")
-            assert shown.replace("\u2068", "").replace("\u2069", "").split(" → ")[1::2] == NASTY
+            assert shown.replace("\u2068", "").replace("\u2069", "").split(" → ")[1::2] == SHOWN
             options = page.locator("#filter-node option").all_text_contents()
-            assert options == ["any", "dock", *NASTY]
+            assert options == ["any", "dock", *SHOWN]
+            assert "\u202e" not in page.evaluate("document.documentElement.textContent")
+            sentences = page.evaluate("document.getElementById('words').textContent")
+            assert "\u2068" + json.dumps(NASTY[5], ensure_ascii=False) + "\u2069" in sentences
             assert page.locator("img").count() == 0
             content = json.loads(downloaded(page, "json"))
             rows = list(csv.reader(io.StringIO(downloaded(page, "csv"))))
-        assert mission.plan(content["trails"]) == plans[0]
+        assert mission.plan(content["trails"]) == plans[0]  # labels in files are as they were
         assert [row[2] for row in rows[2::2]][: len(NASTY)] == NASTY
+
+    @WIDTHS
+    def test_long_labels_keep_to_their_column(self, opened, tmp_path, viewport):
+        long, words = 300 * "x", " ".join(60 * ["word"])
+        graph = nx.DiGraph(base="dock", robots=1)
+        graph.add_node("dock", reward=0)
+        for label in (long, words):
+            graph.add_node(label, reward=1)
+            graph.add_edge("dock", label, survival=0.9)
+            graph.add_edge(label, "dock", survival=0.8)
+        mission = Mission(graph)
+        plans = [mission.plan([["dock", *way]]) for way in ((long, "dock"), (words, "dock"))]
+        path = explore(solution_of(mission, plans), tmp_path / "long.html")
+        with opened(path, "#plan=0&pins=0,1", viewport=viewport) as page:
+            for table in ("#nodes", "#compare", "#robots"):
+                fits = "(table) => table.clientWidth <= table.parentElement.clientWidth"
+                assert page.locator(table).evaluate(fits), table
+            widest = max(box.bounding_box()["width"] for box in page.locator("#nodes th").all())
+            assert widest <= 300
+            assert page.inner_text("#nodes bdi") == long
+            assert page.evaluate("document.documentElement.scrollWidth") <= viewport["width"]
 
 
 class TestSmallFronts:
@@ -530,7 +636,10 @@ class TestSmallFronts:
             nodes = page.locator("#map .nodes").locator("circle, rect")
             assert nodes.count() == len(mission.nodes)
             assert page.is_disabled('[data-file="geojson"]')
-            assert "has no position" in page.get_attribute('[data-file="geojson"]', "title")
+            said = "GeoJSON needs positions: node 1 has none."
+            assert page.locator("#no-files").inner_text() == said
+            said = "The places of the nodes on this map are made up: the mission has no positions."
+            assert page.locator("#placing").inner_text() == said
             rows = list(csv.reader(io.StringIO(downloaded(page, "csv"))))
         assert rows == list(csv.reader(io.StringIO(plan_csv(mission, plan))))
 
@@ -579,6 +688,8 @@ class TestBrowsers:
             inner.locator("#at-hand strong").wait_for()
             inner.locator("#pin").click()
             assert inner.locator("#cards article").count() == 1
+            assert "pins a plan." in inner.locator(".hint").inner_text()
+            assert "Back" not in inner.locator(".hint").inner_text()
 
     @pytest.mark.parametrize("scheme", ["light", "dark"])
     def test_colours_follow_the_system(self, opened, toy_page, scheme):
@@ -589,3 +700,12 @@ class TestBrowsers:
             paper = page.evaluate("getComputedStyle(document.body).backgroundColor")
             assert paper == "rgb(255, 255, 255)"
             assert not page.is_visible("#filters")
+
+    @pytest.mark.parametrize("width", [680, 1000])  # of A4 upright and across, in CSS pixels
+    def test_the_printed_map_is_as_wide_as_the_page(self, opened, museum_page, width):
+        with opened(museum_page, viewport={"width": 1280, "height": 900}) as page:
+            page.emulate_media(media="print")
+            page.set_viewport_size({"width": width, "height": 900})
+            boxes = [page.locator(one).bounding_box()["width"] for one in ("#map", "#front")]
+            assert boxes[0] == pytest.approx(min(width, 186 / 25.4 * 96), rel=0.03)
+            assert boxes[1] < boxes[0]

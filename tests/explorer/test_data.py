@@ -234,10 +234,17 @@ class TestSites:
         nx.set_node_attributes(graph, {1: (3, 3), "1": (3, 3)}, "pos")
         data = self.data(graph)
         assert data["pos"] == [[3, 3]] * 4
+        assert data["placing"].endswith("are made up: all nodes have the same position.")
         assert len({tuple(place) for place in data["places"]}) == 4
+
+    def test_controls_of_direction_are_visible_and_stay_in_files(self):
+        data = self.data(nx.relabel_nodes(self.graph(), {"y": "a\u202eb"}))
+        assert data["labels"] == ["x", "a\u202eb", 1, "1"]
+        assert data["names"] == ["x", "a⟨U+202E⟩b", "1", '"1"']
 
     def test_without_positions_there_is_a_layout(self):
         data = self.data(self.graph(x=(1, 2)))
+        assert data["placing"].endswith("are made up: 3 of 4 nodes have no position.")
         assert data["pos"] == [[1, 2], None, None, None]
         assert np.isfinite(data["places"]).all()
 
@@ -246,6 +253,7 @@ class TestSites:
         nx.set_node_attributes(graph, {1: (0, 0), "1": (5, 5)}, "pos")
         data = self.data(graph)
         assert data["pos"] is None
+        assert data["placing"] == ""
         assert data["places"] == [[1, 2], [0.1, 3], [0, 0], [5, 5]]
 
     def test_labels_that_json_cannot_hold(self):

@@ -116,7 +116,7 @@ LIGHT, DARK = (
 TEXTS = [
     *product(("ink", "muted", "tone"), ("page", "soft")),
     ("on-tone", "tone"),
-    ("warn", "page"),
+    *product(["warn"], ("page", "soft")),
 ]
 SHAPES = [
     *product(("edge", "tone", "ink", "warn"), ("page", "soft")),

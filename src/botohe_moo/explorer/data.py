@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
-from collections import Counter
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations, pairwise
 from typing import Any, Protocol
 
@@ -15,10 +13,10 @@ from botohe_moo._base.words import counted
 from botohe_moo.decide import Choice, compare, knees, representatives
 from botohe_moo.decide.choosing import best
 from botohe_moo.decide.judging import N_SAMPLES, Candidates
-from botohe_moo.decide.wishes import Wish, label_text
+from botohe_moo.decide.wishes import Wish
+from botohe_moo.explorer.labels import file_labels, isolating, shown_names
 from botohe_moo.explorer.numbers import bin_codes, bin_edges, probability_codes, texts
 from botohe_moo.explorer.thinning import thinned
-from botohe_moo.mission.formats.nodelink import plain_label
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.places import given_places
 from botohe_moo.outcomes import Distribution, reach_probabilities, team_reach
@@ -75,8 +73,10 @@ def page_data(
     kept = [place[mark["plan"]] for mark in marks]
     rows = order[thinned(front.objectives[order], kept, max_plans)].tolist()
     place = {row: i for i, row in enumerate(rows)}
+    isolated = isolating(mission.nodes)
     for mark in marks:
         mark["plan"] = place[mark["plan"]]
+        mark["name"], *mark["text"] = map(isolated, [mark["name"], *mark["text"]])
     plans = [front.plans[row] for row in rows]
     spent = f"seed {front.seed}, {counted(front.evaluations, 'evaluation')}"
     thin = (
@@ -102,39 +102,31 @@ def _site(mission: Mission) -> dict[str, Any]:
     places = node_positions(mission)
     given = given_places(mission)
     pos = [None if (xy := given[node]) is None else [*xy] for node in mission.nodes]
+    as_given = pos == places.tolist()
     arrays = mission.arrays
     return {
-        "names": _names(mission.nodes),
-        "labels": _labels(mission.nodes),
+        "names": shown_names(mission.nodes),
+        "labels": file_labels(mission.nodes),
         "base": mission.index(mission.base),
         "rewards": arrays.reward.tolist(),
         "reward_texts": [f"{reward:g}" for reward in arrays.reward.tolist()],
         "places": places.tolist(),
-        "pos": None if pos == places.tolist() else pos,  # None: the same as the places
+        "pos": None if as_given else pos,  # None: the same as the places
+        "placing": "" if as_given else _placing(pos),
         "arcs": [arrays.tail.tolist(), arrays.head.tolist(), probability_codes(arrays.survival)],
     }
 
 
-def _names(nodes: Sequence[Hashable]) -> list[str]:
-    """Names to show, which differ: texts as they are, in quotes where 1 and "1" are both there."""
-    names = [str(node) for node in nodes]
-    counts = Counter(names)
-    shown = [
-        label_text(node) if counts[name] > 1 or not name.strip() else name
-        for node, name in zip(nodes, names, strict=True)
-    ]
-    # A text may look like another one in quotes; labels as wishes write them always differ.
-    return shown if len({*shown}) == len(shown) else [label_text(node) for node in nodes]
-
-
-def _labels(nodes: Sequence[Hashable]) -> list[object] | None:
-    """Labels for files; None if JSON cannot hold them all, or a browser would round one."""
-    try:
-        labels = [plain_label(node) for node in nodes]
-    except ValueError:
-        return None
-    # To a browser, all numbers are floating-point ones.
-    return labels if json.loads(json.dumps(labels), parse_int=float) == labels else None
+def _placing(pos: Sequence[list[float] | None]) -> str:
+    """Say why places on the map are not the positions."""
+    n_without = pos.count(None)
+    if n_without == len(pos):
+        why = "the mission has no positions"
+    elif n_without:
+        why = f"{n_without} of {len(pos)} nodes have no position"
+    else:
+        why = "all nodes have the same position"
+    return f"The places of the nodes on this map are made up: {why}."
 
 
 def _trails(mission: Mission, plans: Sequence[TrailPlan]) -> dict[str, Any]:
@@ -233,4 +225,8 @@ def _words(
 ) -> Mapping[str, Sequence[str]]:
     """Differences in words, between neighbours and between marked plans: all pairs are too many."""
     pairs = {*pairwise(range(len(plans))), *combinations(marked, 2)}
-    return {f"{i}-{j}": compare(mission, plans[i], plans[j]).sentences for i, j in sorted(pairs)}
+    isolated = isolating(mission.nodes)
+    return {
+        f"{i}-{j}": tuple(map(isolated, compare(mission, plans[i], plans[j]).sentences))
+        for i, j in sorted(pairs)
+    }

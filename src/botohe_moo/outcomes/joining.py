@@ -67,14 +67,16 @@ def join_robots(reward: FloatArray, followed: Followed, max_outcomes: int) -> St
     (nodes, offsets), alive, pays = followed
     certain = np.unique(nodes[(alive == 1) & (pays > 0)])
     uncertain = (pays > 0) & (alive > 0) & ~np.isin(nodes, certain)
-    sharing: nx.Graph[int] = nx.Graph()
     chains = [i + np.flatnonzero(uncertain[i:j]) for i, j in pairwise(offsets.tolist())]
-    for robot, chain in enumerate(chains):  # vertices from 0 are robots, those below 0 are nodes
-        sharing.add_edges_from((robot, ~node) for node in nodes[chain].tolist())
+    reaching = np.zeros((len(chains), len(reward)), bool)
+    for row, chain in zip(reaching, chains, strict=True):
+        row[nodes[chain]] = True
+    sharing: nx.Graph[int] = nx.Graph()
+    sharing.add_edges_from(zip(*np.nonzero(reaching @ reaching.T), strict=True))
 
     parts = []
     for component in nx.connected_components(sharing):
-        group = [chains[robot] for robot in sorted(component) if robot >= 0]
+        group = [chains[robot] for robot in sorted(component)]
         part, max_outcomes = _join_group(reward, followed, group, max_outcomes)
         parts.append(part)
     total = parts[0] if parts else merged(np.zeros(1), np.ones(1))

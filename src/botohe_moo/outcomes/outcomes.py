@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from botohe_moo._base.checks import check_integer
-from botohe_moo._base.types import FloatArray, OffsetArray, Rng
+from botohe_moo._base.types import FloatArray, Rng
 from botohe_moo.kernels.plans import simulate as kernels
+from botohe_moo.kernels.plans.ragged import Trails
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.outcomes.distribution import Distribution
 from botohe_moo.outcomes.joining import TooManyOutcomesError, follow, join_robots, merged
@@ -197,7 +198,7 @@ def reward_distribution(
     try:
         found = join_robots(mission.arrays.reward, follow(mission, ordered), max_outcomes)
     except TooManyOutcomesError:
-        rewards, _ = _play(mission, ordered, n_samples, random_state)
+        rewards = _rewards(mission, ordered, _draws(ordered, n_samples, random_state))
         found = merged(rewards, np.full(n_samples, 1 / n_samples))
         return Distribution(found.values, found.probabilities, n_samples)
     return Distribution(found.values, found.probabilities)
@@ -241,19 +242,26 @@ def simulate(
 
     n_missions = check_integer("n_missions", n_missions, at_least=1)
     check_mission(mission).evaluate([plan])
-    rewards, hops = _play(mission, plan, n_missions, random_state)
+    draws = _draws(plan, n_missions, random_state)
+    hops = np.empty(draws.shape, np.int64)
+    kernels.play_hops(plan.offsets, follow(mission, plan).alive, draws, hops)
     frame = pd.DataFrame(hops, columns=[f"hops_{k}" for k in range(plan.n_robots)])
-    frame.insert(0, "reward", rewards)
+    frame.insert(0, "reward", _rewards(mission, plan, draws))
     frame.insert(1, "survivors", (hops == np.diff(plan.offsets) - 1).sum(axis=1))
     return frame
 
 
-def _play(
-    mission: Mission, plan: TrailPlan, n_missions: int, random_state: Seed
-) -> tuple[FloatArray, OffsetArray]:
-    """Simulate rewards (n_missions) and the hops of each robot (n_missions, n_robots)."""
-    trails, alive, _ = follow(mission, plan)
-    draws = np.random.default_rng(random_state).random((n_missions, plan.n_robots))
-    hops, rewards = np.empty(draws.shape, np.int64), np.empty(n_missions)
-    kernels.play(mission.arrays.reward, trails, alive, draws, hops, rewards)
-    return rewards, hops
+def _draws(plan: TrailPlan, n_missions: int, random_state: Seed) -> FloatArray:
+    """Draw what settles how far each robot gets in each mission (n_missions, n_robots)."""
+    return np.random.default_rng(random_state).random((n_missions, plan.n_robots))
+
+
+def _rewards(mission: Mission, plan: TrailPlan, draws: FloatArray) -> FloatArray:
+    """Compute the team reward of each mission."""
+    trails, alive, pays = follow(mission, plan)
+    paying = np.flatnonzero(pays)
+    visited, nodes = np.unique(trails.nodes[paying], return_inverse=True)
+    stops = Trails(nodes, np.searchsorted(paying, trails.offsets))
+    rewards = np.empty(len(draws))
+    kernels.play_rewards(mission.arrays.reward[visited], stops, alive[paying], draws, rewards)
+    return rewards

@@ -51,11 +51,14 @@ function make(tag, attributes = {}, ...children) {
   return element;
 }
 
-/** The name of a node within a text, whatever direction it is written in. */
-function isolated(node) {
-  const name = data.names[node];
-  return /[\u0590-\u{10ffff}]/u.test(name) ? `\u2068${name}\u2069` : name;
+/** A text of at most so many letters; a longer one ends in an ellipsis. */
+function shortened(text, most) {
+  const letters = [...text];
+  return letters.length > most ? `${letters.slice(0, most - 1).join("")}…` : text;
 }
+
+/** A name within a text, whatever direction it is written in. */
+const isolated = (name) => (/[\u0590-\u{10ffff}]/u.test(name) ? `\u2068${name}\u2069` : name);
 
 /** The name of a node, apart from the direction of the text around it. */
 const nodeName = (node) => make("bdi", {}, data.names[node]);

@@ -9,9 +9,9 @@ const positionOf = (node) => (data.pos ?? data.places)[node];
 
 /** Why the plan cannot be written in a format; empty if it can. */
 function missing(plan, kind) {
-  if (data.labels === null && kind !== "svg") return "the labels of this mission's nodes cannot be written to files";
-  const bare = kind === "geojson" && trailsOf(plan).flat().find((node) => positionOf(node) === null);
-  return typeof bare === "number" ? `node ${data.names[bare]} has no position` : "";
+  if (data.labels === null && kind !== "svg") return "The labels of this mission's nodes cannot be written to files.";
+  const bare = kind === "geojson" ? trailsOf(plan).flat().find((node) => positionOf(node) === null) : undefined;
+  return bare === undefined ? "" : `GeoJSON needs positions: node ${isolated(data.names[bare])} has none.`;
 }
 
 function planJson(plan) {
@@ -49,7 +49,7 @@ function planGeojson(plan) {
 }
 
 /** Front and map side by side, in the colours of the screen. */
-function viewSvg(plan) {
+function viewSvg() {
   const both = ["front", "map"].map(byId);
   const [front, map] = both.map((svg) => svg.viewBox.baseVal);
   const [wide, high] = [front.width + map.width + 24, Math.max(front.height, map.height) + 34];
@@ -59,7 +59,7 @@ function viewSvg(plan) {
   view.append("rect").attr("width", wide).attr("height", high).attr("fill", plain(style.backgroundColor));
   view.append("text").attr("x", 12).attr("y", 21).attr("font-size", 15).attr("font-family", "sans-serif")
     .attr("fill", plain(style.color))
-    .text(`${document.querySelector("h1").textContent}: ${byId("at-hand").firstChild.textContent}`);
+    .text(`${isolated(document.querySelector("h1").textContent)}: ${byId("at-hand").firstChild.textContent}`);
   both.forEach((svg, i) => {
     const part = view.append("g").attr("transform", `translate(${i * (front.width + 24)},34)`);
     if (i && byId("ground").width > 0 && data.arcs[0].length > MANY) {

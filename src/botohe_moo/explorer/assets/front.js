@@ -51,10 +51,8 @@ class FrontChart {
 
   /** One symbol a plan, the first that it has. */
   drawMarks() {
-    const first = new Map();
-    for (const mark of data.marks) {
-      if (SYMBOLS[mark.kind] && !first.has(mark.plan)) first.set(mark.plan, mark);
-    }
+    const drawn = data.marks.filter((mark) => SYMBOLS[mark.kind]);
+    const first = d3.rollup(drawn, (marks) => marks[0], (mark) => mark.plan);
     this.symbols.selectAll("path").data([...first.values()]).join("path")
       .attr("class", (mark) => `mark ${mark.kind}`)
       .attr("d", (mark) => d3.symbol(SYMBOLS[mark.kind], 110)())

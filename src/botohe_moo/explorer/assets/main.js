@@ -1,15 +1,16 @@
-// Puts the parts together: what the reader does changes the state, and the state is drawn.
+// Connects the parts: what the reader does changes the state, and the state is drawn.
 
 let front = null, map = null, stopAnimation = null;
 let preview = null; // a plan that the pointer is on
+const FILE_BUTTONS = [...document.querySelectorAll("[data-file]")];
 
-/** Say something to those who listen rather than look; the last of what comes at once. */
+/** Tell screen readers; of several texts at once only the last. */
 function say(text) {
   clearTimeout(say.timer);
   say.timer = setTimeout(() => { byId("status").textContent = text; }, 200);
 }
 
-/** Draw the state: pictures at once, tables too, unless somebody walks and waits for pictures. */
+/** Draw the state: pictures at once, and tables too, except on a walk: then after the pictures. */
 function render(walking = false) {
   stopAnimation?.();
   const plan = preview ?? state.plan;
@@ -31,11 +32,9 @@ function renderTables() {
   showComparison(plan);
   showNodes(plan);
   showPinned(go, togglePin);
-  for (const button of document.querySelectorAll("[data-file]")) {
-    const fault = missing(plan, button.dataset.file);
-    button.disabled = fault !== "";
-    button.title = fault;
-  }
+  const faults = FILE_BUTTONS.map((button) => missing(plan, button.dataset.file));
+  FILE_BUTTONS.forEach((button, i) => { button.disabled = faults[i] !== ""; });
+  byId("no-files").textContent = [...new Set(faults)].join(" ").trim();
 }
 
 /** Keys work on the plan at hand: show it, not the one that the pointer rests on. */
@@ -63,6 +62,7 @@ function showAnimate(plan) {
 
 function act(changes, walking = false) {
   preview = null;
+  complain(""); // what was wrong with the address no longer matters
   change(changes, walking);
   render(walking);
 }
@@ -92,19 +92,24 @@ function togglePin(plan) {
 }
 
 function filter() {
-  state.filters = Object.fromEntries(FILTERS.map((name) => [name, filterValue(byId(`filter-${name}`).value)]));
+  state.filters = Object.fromEntries(FILTERS.map((name) => [name, filterValue(name, byId(`filter-${name}`).value)]));
   findMatching();
   const nearest = d3.least(matching, (plan) => Math.abs(plan - state.plan)); // itself, if it meets them
   act({ plan: nearest ?? state.plan }, true);
   showFilters();
-  say(byId("matching").textContent);
+  say(`${byId("matching").textContent} ${byId("filter-faults").textContent}`);
 }
 
 function showFilters() {
+  const faults = matching.length ? [] : ["No plan meets these filters."];
   for (const name of FILTERS) {
     const field = byId(`filter-${name}`);
-    if (filterValue(field.value) !== state.filters[name]) field.value = state.filters[name] ?? "";
+    if (filterValue(name, field.value) !== state.filters[name]) field.value = state.filters[name] ?? "";
+    const wrong = state.filters[name] === null && (field.value !== "" || field.validity.badInput);
+    field.setAttribute("aria-invalid", wrong);
+    if (wrong) faults.push(`Expected ${field.dataset.expected}: this filter is off.`);
   }
+  byId("filter-faults").textContent = faults.join(" ");
   byId("filter-reach").disabled = state.filters.node === null;
   const all = data.ids.length === 1 ? "1 plan" : `${data.ids.length} plans`;
   byId("matching").textContent = matching.length === data.ids.length ? all : `${matching.length} of ${all}`;
@@ -153,26 +158,20 @@ function listen() {
   document.addEventListener("keydown", onKey);
   window.addEventListener("popstate", restore);
   byId("walk").addEventListener("input", (event) => act({ plan: matching[event.target.value] }, true));
-  byId("less").addEventListener("click", () => step(-1));
-  byId("more").addEventListener("click", () => step(1));
-  byId("pin").addEventListener("click", () => togglePin(state.plan));
-  byId("animate").addEventListener("click", toggleAnimation);
-  byId("larger").addEventListener("click", () => zoom(2));
-  byId("smaller").addEventListener("click", () => zoom(0.5));
+  const clicks = { less: () => step(-1), more: () => step(1), pin: () => togglePin(state.plan),
+    animate: toggleAnimation, larger: () => zoom(2), smaller: () => zoom(0.5) };
+  for (const [id, answer] of Object.entries(clicks)) byId(id).addEventListener("click", answer);
   byId("filters").addEventListener("input", filter);
   byId("filters").addEventListener("reset", () => setTimeout(filter));
   byId("filters").addEventListener("submit", (event) => event.preventDefault());
   byId("nodes-details").addEventListener("toggle", () => showNodes(preview ?? state.plan));
-  const files = document.querySelectorAll("[data-file]");
-  for (const one of files) one.addEventListener("click", () => download(state.plan, one.dataset.file));
+  for (const one of FILE_BUTTONS) one.addEventListener("click", () => download(state.plan, one.dataset.file));
   const chart = byId("front");
   chart.addEventListener("click", (event) => {
     const plan = front.nearest(event);
     if (plan !== null) togglePin(plan);
   });
-  chart.addEventListener("pointermove", (event) => {
-    if (event.pointerType !== "touch") hover(front.nearest(event));
-  });
+  chart.addEventListener("pointermove", (event) => event.pointerType !== "touch" && hover(front.nearest(event)));
   chart.addEventListener("pointerleave", () => hover(null));
   byId("map").addEventListener("pointermove", (event) => tellNode(map.nearest(event)));
   byId("map").addEventListener("pointerleave", () => tellNode(null));
@@ -224,7 +223,10 @@ async function start() {
   data = await unpack(byId("data").textContent);
   byId("about").textContent = data.about;
   byId("thinned").textContent = data.thinned;
-  byId("filter-node").append(...data.names.map((name, node) => make("option", { value: node, dir: "auto" }, name)));
+  byId("placing").textContent = data.placing;
+  byId("address").hidden = location.href === "about:srcdoc"; // a frame in a notebook has no history of its own
+  byId("filter-node").append(...data.names.map((name, node) =>
+    make("option", { value: node, dir: "auto" }, shortened(name, 60))));
   byId("nodes-details").open = data.names.length <= 60;
   byId("main").hidden = false;
   front = new FrontChart(byId("front"));

@@ -125,8 +125,7 @@ class SiteMap {
     const found = [];
     const order = d3.sort(d3.range(taken.length), (node) => (node === data.base ? -Infinity : -data.rewards[node]));
     for (const node of order.slice(0, 300)) {
-      const letters = [...data.names[node]];
-      const text = letters.length > 18 ? `${letters.slice(0, 17).join("")}…` : data.names[node];
+      const text = shortened(data.names[node], 18);
       const [half, away, [x, y]] = [pen.measureText(text).width / 2 + 2, this.size[node] + 2, this.at[node]];
       const around = [[x + away + half, y], [x - away - half, y], [x, y - away - 7], [x, y + away + 7]];
       const free = around.map((at) => ({ text, at, box: box(at, half, 7) })).find((name) =>

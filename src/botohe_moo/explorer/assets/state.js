@@ -1,4 +1,4 @@
-// The state of the view, which the address holds: a step of the history for what Back undoes.
+// The state of the view. The address holds it; each change that Back undoes is a step of the history.
 
 const MAX_PINS = 4, LETTERS = "ABCD";
 const FILTERS = ["reward", "survivors", "node", "reach"];
@@ -16,7 +16,7 @@ function toHash() {
   return `#${said.toString().replaceAll("%2C", ",")}`;
 }
 
-/** Read the state from the address; what it does not say, or says wrongly, is as at the start. */
+/** Read the state from the address, else take it as at the start; tells what of the address was not used. */
 function readHash() {
   const said = new URLSearchParams(location.hash.slice(1));
   const ids = new Map(data.ids.map((id, plan) => [String(id), plan]));
@@ -25,26 +25,26 @@ function readHash() {
   state.plan = ids.get(said.get("plan")) ?? firstPlan();
   state.pins = [...new Set(pins)].slice(0, MAX_PINS).map((id) => ids.get(id));
   state.robot = whole(said.get("robot"), data.robots);
-  for (const name of FILTERS) state.filters[name] = filterValue(said.get(name));
+  for (const name of FILTERS) state.filters[name] = filterValue(name, said.get(name));
   state.filters.node = whole(said.get("node"), data.names.length);
   findMatching();
-  const asked = said.get("plan");
-  return asked === null || ids.has(asked) ? "" : `Plan ${asked} is not on this page.`;
+  const used = new URLSearchParams(toHash().slice(1));
+  const same = (one, other) => one === other || (one !== null && Number(one) === Number(other));
+  const unused = [...said].filter(([name, value]) => !same(used.get(name), value));
+  const named = shortened(unused.map((part) => part.filter(Boolean).join("=")).join(", "), 60);
+  return named && `The page could not use this part of its address: ${named}.`;
 }
 
-function firstPlan() {
-  const knee = data.marks.find((mark) => mark.kind === "choice") ?? data.marks.find((mark) => mark.kind === "knee");
-  return knee ? knee.plan : 0;
-}
+/** The answer to the first wish, else the first knee. */
+const firstPlan = () => data.marks.find((mark) => ["choice", "knee"].includes(mark.kind))?.plan ?? 0;
 
-function filterValue(text) {
+/** The number in a field; null if there is none, or the filter cannot have it. */
+function filterValue(name, text) {
   const value = text === null || text.trim() === "" ? NaN : Number(text);
-  return Number.isFinite(value) && value >= 0 ? value : null;
+  return value >= 0 && value <= (name === "reach" ? 1 : Number.MAX_VALUE) ? value : null;
 }
 
-function findMatching() {
-  matching = d3.range(data.ids.length).filter(meets);
-}
+const findMatching = () => { matching = d3.range(data.ids.length).filter(meets); };
 
 function meets(plan) {
   const { reward, survivors, node, reach } = state.filters;
@@ -82,7 +82,7 @@ function remember(how) {
   }
 }
 
-/** Drop what was not written yet, since the address says something else now. */
+/** Drop what was not written yet: the address has changed. */
 function forget() {
   clearTimeout(past.timer);
   past.timer = null;

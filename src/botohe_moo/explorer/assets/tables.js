@@ -13,10 +13,7 @@ function barCell(code) {
   return make("td", { class: "number" }, make("span", { class: "room" }, bar), probability(code));
 }
 
-function letterOf(plan) {
-  const i = state.pins.indexOf(plan);
-  return i < 0 ? "" : ` (${LETTERS[i]})`;
-}
+const letterOf = (plan) => (state.pins.includes(plan) ? ` (${LETTERS[state.pins.indexOf(plan)]})` : "");
 
 function showAtHand(plan) {
   const said = `${title(plan)}${letterOf(plan)}: reward ${rewardOf(plan)}, survivors ${survivorsOf(plan)}`;
@@ -59,7 +56,8 @@ function showRobots(plan, alone) {
   };
   const head = [columnHead("robot", false), columnHead("survives"), columnHead("nodes"), columnHead("trail", false)];
   const rows = trails.map((trail, robot) => {
-    const way = make("td", { class: "way" }, trail.length > 1 ? trail.map(isolated).join(" → ") : "stays at base");
+    const names = trail.map((node) => isolated(data.names[node]));
+    const way = make("td", { class: "way" }, trail.length > 1 ? names.join(" → ") : "stays at base");
     const code = data.trail_codes[data.plans[plan][robot]];
     return make("tr", {}, rowHead(make("span", { class: "robot" }, sample(robot), robot)), barCell(code),
       cell(new Set(trail).size - 1), way);
@@ -130,21 +128,24 @@ function differingRows(plans, row, group) {
 function showWords(plans) {
   const beside = d3.pairs([plans[0] - 1, plans[0], plans[0] + 1]);
   const pairs = plans.length > 1 ? plans.flatMap((one, i) => plans.slice(i + 1).map((other) => [one, other])) : beside;
-  const blocks = pairs.flatMap((pair) => {
+  const blocks = pairs.map((pair, i) => {
     const [first, second] = pair.sort(ascending);
-    const sentences = data.words[`${first}-${second}`];
-    if (!sentences) return [];
     const name = `From ${title(first).toLowerCase()} (first) to ${title(second).toLowerCase()} (second)`;
-    const list = make("ul", { class: "sentences" }, ...sentences.map((text) => make("li", {}, text)));
-    const open = pairs.length === 1 ? "" : null;
-    return [make("details", { class: "words", open }, make("summary", {}, name), list)];
+    return { name, sentences: data.words[`${first}-${second}`] ?? [], key: `${i} of ${pairs.length}` };
   });
-  const some = plans.length > 1 && blocks.length < pairs.length;
-  const note = "Neighbours on the front and marked plans are also compared in words; the table has all differences.";
-  byId("words").replaceChildren(...blocks, ...(some ? [make("p", { class: "caption" }, note)] : []));
+  const details = d3.select("#words").selectAll("details").data(blocks, (block) => block.key).join((enter) => {
+    const added = enter.append("details").attr("open", pairs.length === 1 ? "" : null);
+    added.append("summary");
+    added.append("ul").attr("class", "sentences");
+    return added;
+  });
+  details.attr("hidden", ({ sentences }) => (sentences.length ? null : "")); // stays, and so does whether it is open
+  details.select("summary").text(({ name }) => name);
+  details.select("ul").selectAll("li").data(({ sentences }) => sentences).join("li").text(String);
+  byId("words-note").hidden = plans.length === 1 || blocks.every(({ sentences }) => sentences.length);
 }
 
-/** The nodes on the trails; only while they are looked at. */
+/** The table of the nodes on the trails, which is filled while it is open. */
 function showNodes(plan) {
   const reach = [...reachOf(plan)].filter(([node]) => node !== data.base);
   const counted = reach.length === 1 ? "1 node" : `${reach.length} nodes`;

@@ -1,4 +1,4 @@
-"""What happens to the robots of one plan: played by chance, or joined fate by fate."""
+"""What happens to the robots of one plan: simulated, or all outcomes of all robots joined."""
 
 import numpy as np
 
@@ -7,6 +7,8 @@ from botohe_moo.kernels.compile import kernel
 from botohe_moo.kernels.graph.arcs import find_arc
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.plans.ragged import Trails
+
+_AT_ONCE = 64  # missions
 
 
 @kernel
@@ -33,23 +35,14 @@ def follow(graph: Graph, trails: Trails, alive: FloatArray, pays: FloatArray) ->
 
 
 @kernel
-def play(
-    reward: FloatArray,
-    trails: Trails,
-    alive: FloatArray,
-    draws: FloatArray,
-    hops: OffsetArray,
-    rewards: FloatArray,
+def play_hops(
+    offsets: OffsetArray, alive: FloatArray, draws: FloatArray, hops: OffsetArray
 ) -> None:
     """Play missions: one draw settles how far a robot gets, by inverse transform.
 
     ``draws`` are uniform in [0, 1), and ``hops``, the arcs that each robot survived, are written
-    (n_missions, n_robots). Team rewards (n_missions) are each summed in the order of the nodes, so
-    that the same nodes always bring the same floating-point number.
+    (n_missions, n_robots). ``alive`` is what ``follow`` wrote.
     """
-    nodes, offsets = trails.nodes, trails.offsets
-    n_nodes = reward.shape[0]
-    reached_in = np.full(n_nodes, -1, np.int64)
     for mission in range(draws.shape[0]):
         for robot in range(draws.shape[1]):
             start = offsets[robot]
@@ -61,13 +54,39 @@ def play(
                 else:
                     high = middle
             hops[mission, robot] = low - start
-            for i in range(start, low + 1):
-                reached_in[nodes[i]] = mission
-        total = 0.0
-        for node in range(n_nodes):
-            if reached_in[node] == mission:
-                total += reward[node]
-        rewards[mission] = total
+
+
+@kernel
+def play_rewards(
+    reward: FloatArray, trails: Trails, alive: FloatArray, draws: FloatArray, rewards: FloatArray
+) -> None:
+    """Write the team rewards (n_missions) of the missions that ``play_hops`` plays.
+
+    Each is summed in the order of the nodes, so that the same nodes always bring the same
+    floating-point number. Missions are played ``_AT_ONCE`` at a time, which vectorises.
+    """
+    nodes, offsets = trails.nodes, trails.offsets
+    reached = np.empty((reward.shape[0], _AT_ONCE), np.bool_)
+    drawn, totals = np.zeros(_AT_ONCE), np.empty(_AT_ONCE)
+    for first in range(0, draws.shape[0], _AT_ONCE):
+        n = min(_AT_ONCE, draws.shape[0] - first)
+        reached[:] = False
+        for robot in range(draws.shape[1]):
+            drawn[:n] = draws[first : first + n, robot]
+            least = drawn.min()
+            for i in range(offsets[robot], offsets[robot + 1]):
+                survival = alive[i]
+                if survival <= least:  # none of these missions gets so far
+                    break
+                at_node = reached[nodes[i]]
+                for k in range(_AT_ONCE):
+                    at_node[k] |= drawn[k] < survival
+        totals[:] = 0.0
+        for node in range(reward.shape[0]):
+            at_node, gain = reached[node], reward[node]
+            for k in range(_AT_ONCE):
+                totals[k] += gain if at_node[k] else 0.0
+        rewards[first : first + n] = totals[:n]
 
 
 @kernel
