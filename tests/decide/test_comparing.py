@@ -76,7 +76,7 @@ def test_more_redundancy_and_one_robot_less_at_home():
         "The second plan has 0.18 more reward and 0.1 fewer survivors.",
         "More robots visit b.",
         "Fewer robots stay at base (0 instead of 1).",
-        "Robot 1 also visits b, and survives with 0.9 instead of 1.",
+        "Robot 1 leaves the base and visits b, and survives with 0.9 instead of 1.",
     )
 
 
@@ -153,3 +153,24 @@ def test_what_holds_for_all(front):
     for node, (before, after) in found.visitors.items():
         assert before == sum(node in trail for trail in trails[0])
         assert after == sum(node in trail for trail in trails[1])
+
+
+def test_a_robot_that_leaves_the_base():
+    found = compare(MISSION, trips(MISSION, "a"), trips(MISSION, "a", "b"))
+    assert found.sentences[-1] == (
+        "Robot 1 leaves the base and visits b, and survives with 0.9 instead of 1."
+    )
+    assert found.robots[1].stayed
+    assert not found.robots[0].stayed
+
+
+def test_survivals_that_differ_are_written_so_that_they_do():
+    arcs = [("dock", "far", 0.9), ("dock", "near", 1.0), ("near", "far", 0.900001)]
+    mission = both_ways(arcs, robots=1)
+    there = mission.plan([["dock", "far", "near", "dock"]])
+    back = mission.plan([["dock", "near", "far", "near", "dock"]])
+    [*_, said] = compare(mission, there, back).sentences
+    assert said == (
+        "Robot 0 visits the same nodes by a safer trail: "
+        "it survives with 0.810002 instead of 0.810001."
+    )

@@ -216,3 +216,28 @@ class TestExchangeRate:
             within = [distance for distance in away if distance <= window]
             assert abs(step.survivors) == (within[-1] if within else away[0])
             assert step.rate > 0
+
+
+def test_pymoos_negatives_are_refused():
+    expected = r"^Expected objectives of at least 0, got \[-7\.0, -1\.0\] in row 1; .* -result\.F"
+    for function in (knees, lambda *given: neighbours(*given, 0), lambda *g: exchange_rate(*g, 0)):
+        with pytest.raises(ValueError, match=expected):
+            function(TOY, np.array([[0.0, 2.0], [-7.0, -1.0]]))
+
+
+def test_neither_mark_depends_on_the_units():
+    for factors in ([1000, 0.01], [0.001, 7]):
+        assert [m.index for m in knees(TOY, np.multiply(BENT, factors))] == [1, 1]
+
+
+def test_steps_that_trade_nothing_have_no_rate():
+    found = neighbours(TOY, [[5, 1], [4, 1]], 1)
+    assert (found.richer, found.safer) == (Step(0, 1.0, 0.0), None)
+    assert np.isnan(found.richer.rate)
+    assert np.isnan(Step(0, 1.0, 0.5).rate)
+
+
+def test_differences_of_rounding_make_no_neighbours():
+    found = neighbours(TOY, [[5, 1], [5 + 1e-13, 1 - 1e-13], [5 - 1e-13, 1 + 1e-13]], 0)
+    assert found == Neighbours(None, None)
+    assert str(found) == "No plan of the front has more reward or more survivors."

@@ -16,7 +16,7 @@ from botohe_moo.explorer.data import page_data
 from botohe_moo.explorer.numbers import bin_codes, bin_edges, decimals, probability_codes
 from botohe_moo.explorer.thinning import thinned
 from botohe_moo.outcomes import Distribution
-from tests.decide.made import MISSION, NAMES, PLANS, trips
+from tests.decide.made import MISSION, NAMES, PLANS, star, trips
 from tests.explorer.conftest import solution_of, toy_plans
 
 FRONT = [PLANS[NAMES.index(name)] for name in ("AB", "AC", "BC", "C")]
@@ -313,3 +313,17 @@ class TestBadInput:
         page = explorer_page(solution_of(mission, [mission.plan([[1], [1]])]))
         assert "<title>a\ufffdb: explorer</title>" in page
         page.encode()
+
+
+def test_a_reward_that_is_reached_in_just_nine_of_ten_missions():
+    mission = star({"b": (2, 0.9)}, robots=1)
+    facts = page_data(solution_of(mission, [trips(mission, "b")]))["facts"]
+    assert facts["Reward reached in 9 of 10 missions"] == ["2.0000"]
+
+
+def test_one_wish_may_stand_alone_and_what_is_not_a_solution_is_named():
+    front = solution_of(MISSION, FRONT)
+    assert page_data(front, WISHES[0])["marks"] == page_data(front, [WISHES[0]])["marks"]
+    for wrong in (MISSION, FRONT):
+        with pytest.raises(TypeError, match=r"^Expected a Solution, got "):
+            page_data(wrong)

@@ -1,4 +1,4 @@
-"""Numbers in messages."""
+"""Numbers in messages and pictures."""
 
 
 def counted(number: int, thing: str) -> str:
@@ -8,3 +8,18 @@ def counted(number: int, thing: str) -> str:
     ('1 plan', '1,200 plans')
     """
     return f"1 {thing}" if number == 1 else f"{number:,} {thing}s"
+
+
+def chance(probability: float, decimals: int) -> str:
+    """Write a probability; only 0 and 1 themselves are written as such.
+
+    >>> chance(0.25, 2), chance(0.9996, 3), chance(1e-9, 2), chance(1, 2)
+    ('0.25', '>0.999', '<0.01', '1.00')
+    """
+    unit = 10.0**-decimals
+    text = f"{probability:.{decimals}f}"
+    if float(text) == 0 < probability:
+        return f"<{unit:.{decimals}f}"
+    if float(text) == 1 and probability < 1 - 1e-12:
+        return f">{1 - unit:.{decimals}f}"
+    return text

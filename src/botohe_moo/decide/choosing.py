@@ -10,13 +10,13 @@ import numpy as np
 from botohe_moo._base.checks import check_choice, check_number
 from botohe_moo.decide.fronts import check_row, scales, short
 from botohe_moo.decide.grammar import parse_wishes
-from botohe_moo.decide.judging import N_SAMPLES, Candidates, effort
+from botohe_moo.decide.judging import N_SAMPLES, Candidates, effort, takes_reward_distribution
 from botohe_moo.decide.marking import ExchangeRate, Neighbours, exchange_rate, neighbours
 from botohe_moo.decide.wishes import QUANTITIES, Expected, Quantity, Wish
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import Plans, TrailPlan
 
-_AUGMENTATION = 1e-4
+_SLACK = 1e-9  # below, objectives differ by rounding
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ def choose(
     too long, it is simulated, always with the same seed, and the answer says so.
 
     A weighted sum of both objectives is not offered, because it finds only plans on the convex hull
-    of the front: 22 of the art museum's 470.
+    of the front: some 20 of the art museum's 470.
 
     Examples
     --------
@@ -155,7 +155,7 @@ def best(front: Candidates, wishes: Iterable[str | Wish], most: Quantity | None 
             held = " and ".join(f"{wish} ({short(front.value(wish, i))})" for wish in wanted)
             why = (
                 f"The best among these plans ({len(front)}): plan {i} has the most {most} with "
-                f"{held}.{_simulated(front)}"
+                f"{held}.{_simulated(front, wanted)}"
             )
             return _choice(front, i, why, wanted)
     spans = np.array([front.span(wish) for wish in wanted])
@@ -164,7 +164,7 @@ def best(front: Candidates, wishes: Iterable[str | Wish], most: Quantity | None 
     said = " and ".join(map(str, wanted))
     why = (
         f"None of these plans ({len(front)}) has {said}. Plan {nearest} comes nearest: it misses "
-        f"{' and '.join(map(str, _missed(front, nearest, wanted)))}.{_simulated(front)}"
+        f"{' and '.join(map(str, _missed(front, nearest, wanted)))}.{_simulated(front, wanted)}"
     )
     return _choice(front, nearest, why, wanted)
 
@@ -192,11 +192,11 @@ def toward(mission: Mission, plans: Plans, *, reward: float, survivors: float) -
 
     Notes
     -----
-    The largest value of the augmented achievement scalarising function
-    min_i z_i + 0.0001 · Σ_i z_i, where z_i is by how much the plan exceeds the reference point in
-    objective i, divided by the total reward or by the number of robots, never by the range of the
-    front: Wierzbicki, "The use of reference objectives in multiobjective optimization", 1980. Every
-    non-dominated plan is chosen for some reference point.
+    The largest value of the achievement scalarising function min_i z_i, of equal ones that of the
+    largest Σ_i z_i, where z_i is by how much the plan exceeds the reference point in objective i,
+    divided by the total reward or by the number of robots, never by the range of the front:
+    Wierzbicki, "The use of reference objectives in multiobjective optimization", 1980. Every
+    non-dominated plan is chosen for some reference point: its own objectives.
 
     Examples
     --------
@@ -214,7 +214,9 @@ def toward(mission: Mission, plans: Plans, *, reward: float, survivors: float) -
     front = Candidates(mission, plans)
     reference = np.array([wish.at_least for wish in wanted])
     beyond = (front.objectives - reference) / scales(mission)
-    i = int((beyond.min(axis=1) + _AUGMENTATION * beyond.sum(axis=1)).argmax())
+    least = beyond.min(axis=1)
+    equal = least >= least.max() - _SLACK
+    i = int(np.where(equal, beyond.sum(axis=1), -np.inf).argmax())
     missed = _missed(front, i, wanted)
     point = f"reward {short(reference[0])} and survivors {short(reference[1])}"
     how = f"misses {' and '.join(map(str, missed))}" if missed else "has at least as much of both"
@@ -251,8 +253,8 @@ def _choice(front: Candidates, i: int, why: str, wishes: tuple[Wish, ...]) -> Ch
     )
 
 
-def _simulated(front: Candidates) -> str:
-    if not front.simulated:
+def _simulated(front: Candidates, wishes: tuple[Wish, ...]) -> str:
+    if not (front.simulated and any(takes_reward_distribution(wish) for wish in wishes)):
         return ""
     return (
         f" Some rewards were simulated with {N_SAMPLES:,} missions, because their exact "

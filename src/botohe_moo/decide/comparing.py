@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from botohe_moo.decide.fronts import more, short
+from botohe_moo.decide.fronts import more
 from botohe_moo.decide.selecting import arc_counts, distances
 from botohe_moo.decide.wishes import label_text
 from botohe_moo.mission.model import Mission, check_mission
@@ -30,8 +30,9 @@ class Change:
         Probabilities that they survive.
     gained, lost
         Nodes that only the second, or only the first of them visits.
-    same, stays
-        Whether their trails are the same, and whether the second of them stays at base.
+    same, stayed, stays
+        Whether their trails are the same, whether the first of them stays at base, and whether the
+        second does.
     """
 
     robot: int
@@ -41,10 +42,11 @@ class Change:
     gained: tuple[Hashable, ...]
     lost: tuple[Hashable, ...]
     same: bool
+    stayed: bool
     stays: bool
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Difference:
     """What the second of two plans has that the first has not; ``str`` says it in sentences.
 
@@ -126,6 +128,7 @@ def compare(mission: Mission, first: TrailPlan, second: TrailPlan) -> Difference
             gained=_in_order(mission, others - ours),
             lost=_in_order(mission, ours - others),
             same=trails[0][robot] == trails[1][other],
+            stayed=len(trails[0][robot]) == 1,
             stays=len(trails[1][other]) == 1,
         )
         robots.append(change)
@@ -202,17 +205,26 @@ def _sentence(change: Change) -> str:
     if change.stays:
         return f"{robot} stays at base instead of visiting {_named(change.lost)}."
     before, after = change.survival, change.other_survival
-    survives = f"survives with {short(after)} instead of {short(before)}"
     as_safe = abs(after - before) <= 1e-9
+    survives = f"survives with {' instead of '.join(_apart(after, before))}"
     if not change.gained and not change.lost:
         if as_safe:
             return f"{robot} visits the same nodes by another trail that is as safe."
         kind = "safer" if after > before else "more dangerous"
         return f"{robot} visits the same nodes by a {kind} trail: it {survives}."
-    parts = [f"also visits {_named(change.gained)}"] if change.gained else []
+    visits = "leaves the base and visits" if change.stayed else "also visits"
+    parts = [f"{visits} {_named(change.gained)}"] if change.gained else []
     parts += [f"no longer visits {_named(change.lost)}"] if change.lost else []
     end = "at the same survival" if as_safe else f"and {survives}"
     return f"{robot} {' and '.join(parts)}, {end}."
+
+
+def _apart(one: float, other: float) -> tuple[str, str]:
+    """Write two probabilities with as many digits as tell them apart, at least four."""
+    digits = 4
+    while digits < 12 and f"{one:.{digits}g}" == f"{other:.{digits}g}":
+        digits += 1
+    return f"{one:.{digits}g}", f"{other:.{digits}g}"
 
 
 def _named(nodes: Sequence[Hashable]) -> str:

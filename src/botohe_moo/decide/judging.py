@@ -97,6 +97,11 @@ class Candidates:
 
 def effort(wish: Wish) -> int:
     """Give the rank of how long it takes to judge: the distribution of the reward takes longest."""
-    if isinstance(wish, Chance | TailMean):
-        return 2 if wish.quantity == "reward" else 1
-    return int(isinstance(wish, Reach))
+    if takes_reward_distribution(wish):
+        return 2
+    return int(isinstance(wish, Chance | TailMean | Reach))
+
+
+def takes_reward_distribution(wish: Wish) -> bool:
+    """Tell whether a wish is judged by the distribution of the reward."""
+    return isinstance(wish, Chance | TailMean) and wish.quantity == "reward"

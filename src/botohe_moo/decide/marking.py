@@ -1,5 +1,6 @@
 """Marks on a front: its knee, a plan's neighbours, and what survivors cost in reward."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,12 +44,11 @@ class Mark:
         return f"plan {self.index} ({where}): {self.definition}"
 
 
-_SLACK = 1e-9  # of the robots: below, survivors differ by rounding
+_SLACK = 1e-9  # of the total reward and of the robots: below, objectives differ by rounding
 
 _CHORD = (
     "farthest from the chord",
-    "farthest above the chord between the end points of the front, in objectives divided by the "
-    "total reward and the number of robots",
+    "farthest above the chord between the end points of the front",
 )
 _PRODUCT = ("largest product", "largest product of expected reward and expected survivors")
 
@@ -78,8 +78,8 @@ def knees(mission: Mission, plans: PlansOrObjectives) -> tuple[Mark, ...]:
     Notes
     -----
     Distances from the chord: Das, "On characterizing the knee of the Pareto curve based on
-    normal-boundary intersection", Structural Optimization 18, 1999. Objectives are scaled by what
-    the mission offers, never by the range of the front.
+    normal-boundary intersection", Structural Optimization 18, 1999. Neither mark depends on the
+    units of the objectives; the chord's depends on where the front ends.
 
     Examples
     --------
@@ -115,7 +115,7 @@ class Step:
     index
         Row of the other plan.
     reward, survivors
-        What it has more, in E[R] and in E[S]; below 0 if it has less.
+        E[R] and E[S] of the other plan minus those of this one.
     """
 
     index: int
@@ -124,7 +124,9 @@ class Step:
 
     @property
     def rate(self) -> float:
-        """Reward for 0.1 survivors."""
+        """Reward for 0.1 survivors; nan where one plan has no less of both."""
+        if self.reward * self.survivors >= 0:
+            return math.nan
         return -0.1 * self.reward / self.survivors
 
 
@@ -173,13 +175,9 @@ def neighbours(mission: Mission, plans: PlansOrObjectives, index: int) -> Neighb
     """
     objectives = objectives_of(mission, plans)
     index = check_row("index", index, len(objectives))
-    return _beside(objectives, index)
-
-
-def _beside(objectives: FloatArray, index: int) -> Neighbours:
     rows = front_rows(objectives)
-    gain = objectives[rows] - objectives[index]
-    richer, safer = rows[gain[:, 0] > 0], rows[gain[:, 1] > 0]  # by descending reward
+    gain = (objectives[rows] - objectives[index]) / scales(mission)
+    richer, safer = rows[gain[:, 0] > _SLACK], rows[gain[:, 1] > _SLACK]  # by descending reward
     return Neighbours(
         _step(objectives, index, richer[-1:]),
         _step(objectives, index, safer[:1]),

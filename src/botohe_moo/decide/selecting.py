@@ -4,9 +4,8 @@ import numpy as np
 
 from botohe_moo._base.checks import check_integer
 from botohe_moo._base.types import FloatArray, OffsetArray
-from botohe_moo.decide.fronts import front_rows, scales
-from botohe_moo.decide.judging import Candidates
-from botohe_moo.mission.model import Mission
+from botohe_moo.decide.fronts import front_rows, objectives_of, scales
+from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.trails import PlanBatch, Plans
 
 
@@ -52,12 +51,13 @@ def representatives(mission: Mission, plans: Plans, k: int = 5) -> tuple[int, ..
     (3, 0)
     """
     k = check_integer("k", k, at_least=1)
-    front = Candidates(mission, plans)
-    rows = front_rows(front.objectives)
-    dominated = np.setdiff1d(np.arange(len(front)), rows)
+    batch = check_mission(mission).batch(plans)
+    objectives = objectives_of(mission, batch)
+    rows = front_rows(objectives)
+    dominated = np.setdiff1d(np.arange(len(batch)), rows)
     order = np.append(rows, dominated)
-    counts = arc_counts(front.batch.take(order), per_robot=False)
-    segments = _segments(front.objectives[rows] / scales(mission), k)
+    counts = arc_counts(batch.take(order), per_robot=False)
+    segments = _segments(objectives[rows] / scales(mission), k)
     chosen = []
     for segment in np.unique(segments):
         members = np.flatnonzero(segments == segment)
@@ -66,7 +66,7 @@ def representatives(mission: Mission, plans: Plans, k: int = 5) -> tuple[int, ..
     for end in (len(rows), len(order)):  # others only if the front has too few
         _add_farthest(chosen, counts[:end], k)
     found = order[chosen]
-    by_reward = np.lexsort((front.objectives[found, 1], -front.objectives[found, 0]))
+    by_reward = np.lexsort((objectives[found, 1], -objectives[found, 0]))
     return tuple(found[by_reward].tolist())
 
 

@@ -1,4 +1,4 @@
-"""What planners may wish of a plan: each wish is at least so much of something."""
+"""What planners may wish of a plan: each wish is a lower limit on a quantity."""
 
 import json
 import re
@@ -18,7 +18,7 @@ _PLAIN_LABEL = re.compile(r"(?!(?:True|False)\Z)[^\W\d]\w*")
 
 @dataclass(frozen=True, kw_only=True)
 class Wish:
-    """At least so much of something that a plan has; ``str`` writes it as planners do.
+    """A lower limit on a quantity of a plan; ``str`` writes it as planners do.
 
     One of `Expected`, `Chance`, `TailMean`, `EveryRobot` and `Reach`.
 
@@ -40,7 +40,7 @@ class Wish:
 
     @property
     def subject(self) -> str:
-        """What there is to be so much of."""
+        """The quantity, as in the text of the wish."""
         raise NotImplementedError
 
     def __str__(self) -> str:

@@ -8,6 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from botohe_moo._base.checks import quoted
 from botohe_moo._base.types import FloatArray
 from botohe_moo._base.words import counted
 from botohe_moo.decide import Choice, compare, knees, representatives
@@ -63,6 +64,10 @@ def page_data(
     front: Front, wishes: Iterable[str | Wish | Choice] = (), *, max_plans: int = MAX_PLANS
 ) -> dict[str, Any]:
     """Compute the data of the page; plans are in order from the least reward to the most."""
+    if not all(hasattr(front, name) for name in ("mission", "plans", "objectives")):
+        raise TypeError(f"Expected a Solution, got {quoted(front)}.")
+    if isinstance(wishes, str | Wish | Choice):
+        wishes = [wishes]
     mission, n_plans = front.mission, len(front.plans)
     if not n_plans:
         raise ValueError("Expected at least one plan to explore, got none.")
@@ -88,6 +93,7 @@ def page_data(
         "about": f"{counted(n_plans, 'plan')} by {front.algorithm}, {spent}; area {front.area:.4f}",
         "thinned": thin if len(rows) < n_plans else "",
         "robots": mission.robots,
+        "total": mission.total_reward,
         **_site(mission),
         **_trails(mission, plans),
         **_plans(candidates, rows),
@@ -173,10 +179,16 @@ def _plans(candidates: Candidates, rows: Sequence[int]) -> dict[str, Any]:
 
 def _facts(rewards: Sequence[Distribution], total: float) -> dict[str, list[str]]:
     return {
-        "Reward reached in 9 of 10 missions": texts((r.quantile(0.1) for r in rewards), total),
+        "Reward reached in 9 of 10 missions": texts((_safe(r, 0.9) for r in rewards), total),
         "Median reward": texts((r.quantile(0.5) for r in rewards), total),
         "Mean of the lowest tenth of rewards": texts((r.cvar(0.1) for r in rewards), total),
     }
+
+
+def _safe(rewards: Distribution, probability: float) -> float:
+    """Give the largest reward that is reached with a probability of at least so much."""
+    reached = rewards.at_least(rewards.values) >= probability - 1e-9
+    return float(rewards.values[reached][-1])
 
 
 def _reached(mission: Mission, plan: TrailPlan) -> FloatArray:

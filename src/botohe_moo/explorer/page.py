@@ -23,7 +23,7 @@ from botohe_moo.explorer.labels import visible
 
 SCRIPTS = ("data", "state", "front", "map", "tables", "files", "main")
 _HEIGHT = 900  # pixels of a frame in a notebook
-_NOTEBOOK_PLANS = 100  # which keeps the page with each output that shows it, and should not wait
+_NOTEBOOK_PLANS = 100  # each output keeps its page: small, and quick to make
 
 
 def explore(

@@ -1,6 +1,8 @@
 """The picture of what may happen to plans: distributions of reward and survivors."""
 
 from collections.abc import Sequence
+from itertools import cycle, islice
+from string import ascii_uppercase
 from typing import Any
 
 import matplotlib.pyplot as plt
@@ -11,6 +13,7 @@ from matplotlib.legend_handler import HandlerTuple
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
+from botohe_moo._base.words import chance
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.outcomes import Distribution, Outcomes, plan_outcomes
 from botohe_moo.plots.draw.labels import drawable, wrapped
@@ -73,7 +76,7 @@ def plot_outcomes(
     if not plans:
         raise ValueError("Expected at least one plan, got none.")
     if names is None:
-        names = [f"plan {i + 1}" for i in range(len(plans))]
+        names = [f"plan {letter}" for letter in islice(cycle(ascii_uppercase), len(plans))]
     elif isinstance(names, str) or len(names) != len(plans):
         raise ValueError(f"Expected {len(plans)} names, one a plan, got {names!r}.")
     mission.evaluate(plans)  # names the plan that is not valid
@@ -158,7 +161,7 @@ def _draw_survivors(
         )
         drawn.append(bars)
         if few:
-            heights = [f"{p:.2f}" if p >= 0.005 else "<0.01" for p in survivors.probabilities]
+            heights = [chance(p, 2) for p in survivors.probabilities.tolist()]
             ax.bar_label(bars, heights, padding=2, fontsize=8.5)
         triangle: dict[str, Any] = {"marker": "^", "markersize": 10, "markeredgecolor": "white"}
         mean = [survivors.mean]

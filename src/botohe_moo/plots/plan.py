@@ -7,6 +7,7 @@ from typing import Any, Self
 from matplotlib.axes import Axes
 
 from botohe_moo._base.types import FloatArray
+from botohe_moo._base.words import chance
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.outcomes import reach_probabilities, team_reach
 from botohe_moo.plots.draw.canvas import open_axes
@@ -164,9 +165,7 @@ class PlanOnMap:
             ax.legend(handles=handles, ncols=min(3, len(handles)), **look)
 
     def _survives(self, robot: int) -> str:
-        chance = self.survival[robot]
-        shown = f"{chance:.2f}" if chance >= 0.005 else "<0.01"
-        return f"{self.styles[robot].name} survives with {shown}"
+        return f"{self.styles[robot].name} survives with {chance(self.survival[robot], 2)}"
 
 
 def _open_maps(shown: PlanOnMap, n_robots: int) -> list[Axes]:

@@ -30,7 +30,7 @@ function planCsv(plan) {
   const rows = trailsOf(plan).flatMap((trail, robot) =>
     trail.map((node, step) =>
       [robot, step, quoted(name(data.labels[node])), ...(positionOf(node) ?? ["", ""])].join(",")));
-  return `${["robot,step,node,x,y", ...rows].join("\n")}\n`;
+  return ["robot,step,node,x,y", ...rows, ""].join("\r\n");
 }
 
 /** As from Python, but probabilities to be reached have six decimals. */

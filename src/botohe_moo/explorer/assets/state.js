@@ -49,7 +49,7 @@ const findMatching = () => { matching = d3.range(data.ids.length).filter(meets);
 function meets(plan) {
   const { reward, survivors, node, reach } = state.filters;
   const [expected, alive] = data.objectives[plan];
-  if (reward !== null && expected < reward - SLACK * d3.sum(data.rewards)) return false;
+  if (reward !== null && expected < reward - SLACK * data.total) return false;
   if (survivors !== null && alive < survivors - SLACK * data.robots) return false;
   if (node === null) return true;
   if (reach === null) return reachCode(plan, node) > 0;
