@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import pytest
 
-from botohe_moo import load_mission
+from botohe_moo import load_mission, read_solution, solve
 
 BOTOHE = Path(sys.executable).parent / "botohe"
 FILES = ["front.csv", "front.png", "mission.json", "mission.png", "plans.json"]
@@ -1406,3 +1406,12 @@ def test_signals_are_as_before_once_libraries_are_loaded(thread):
     """
     done = subprocess.run([sys.executable, "-c", code, str(thread)], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("name", ["plans.json", "../found/plans.json", "front.csv", "front.png"])
+def test_files_of_a_solution_are_not_replaced_by_a_plan(refused, tmp_path, name):
+    solution = solve(load_mission("toy"), evaluations=200, seed=1)
+    solution.write(tmp_path / "found")
+    said = refused("choose", "found", "survivors >= 1", "--out", f"found/{name}")
+    assert "a file of the solution itself; give another name" in said
+    assert read_solution(tmp_path / "found").plans == solution.plans

@@ -677,6 +677,19 @@ class TestSmallFronts:
         with opened(path) as page:
             assert at_hand(page) == 0
 
+    def test_a_fifth_pin_is_refused_and_back_undoes_the_step_before(self, opened, museum_page):
+        with opened(museum_page, "#plan=10&pins=1,2,3,4") as page:
+            page.keyboard.press("ArrowRight")
+            expect(page.locator("#plan-title")).to_contain_text("Plan 9")
+            steps = page.evaluate("history.length")
+            for _ in range(3):
+                page.keyboard.press("Enter")
+            refused = page.locator("#at-hand", has_text="four plans are pinned: unpin one first")
+            expect(refused).to_be_visible()
+            assert page.evaluate("history.length") == steps
+            page.go_back()
+            expect(page.locator("#plan-title")).to_contain_text("Plan 10")
+
 
 class TestBrowsers:
     def test_one_that_cannot_unpack_is_told(self, opened, toy_page):

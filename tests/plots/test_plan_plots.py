@@ -268,7 +268,7 @@ class TestPlan:
         graph = nx.DiGraph(mission.graph)
         del graph.nodes[3]["pos"]
         mission = Mission(graph, base=1, robots=3)
-        note = "places are made up, as only 26 of 27 nodes have a position"
+        note = "the places of the nodes on this map are made up: 1 of 27 nodes have no position"
         plan = mission.plan(MUSEUM_TRAILS)
         pictures = [plot_plan(mission, plan), plot_mission(mission), plot_choices(mission, [plan])]
         for ax in pictures:
@@ -365,3 +365,17 @@ def tour(mission, most=math.inf):
 
 def plan_of(mission, trail):
     return mission.plan([trail, *[[mission.base]] * (mission.robots - 1)])
+
+
+@pytest.mark.parametrize(
+    ("places", "why"),
+    [({}, "the mission has no positions"), ({1: (3, 3)}, "26 of 27 nodes have no position")],
+)
+def test_why_places_are_made_up(places, why):
+    graph = nx.DiGraph(load("art_museum").graph)
+    for node in graph:
+        graph.nodes[node].pop("pos", None)
+    nx.set_node_attributes(graph, places, "pos")
+    mission = Mission(graph, base=1, robots=3)
+    said = " ".join(words(plot_plan(mission, mission.plan(MUSEUM_TRAILS))).split())
+    assert f"the places of the nodes on this map are made up: {why}" in said

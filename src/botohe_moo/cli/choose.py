@@ -107,6 +107,7 @@ def choose_plan(
         if out is not None:
             check_plan_file(out, also=_PICTURES)
             check_parent(out)
+            _check_own(folder, out)
         solution = read_solution(folder)
         if out is not None:
             check_places(solution.mission, folder / "mission.json")
@@ -125,6 +126,13 @@ def choose_plan(
         fail("no plan meets all wishes" + ("; nothing is written." if out else "."), FAILED)
     if out is not None:
         _write(solution.mission, choice.plan, out)
+
+
+def _check_own(folder: Path, out: Path) -> None:
+    from botohe_moo.solution.model import FILES
+
+    if any(out.resolve() == (folder / name).resolve() for name in FILES):
+        raise ValueError(f"{out}: a file of the solution itself; give another name.")
 
 
 def _write(mission: Mission, plan: TrailPlan, path: Path) -> None:

@@ -21,7 +21,7 @@ from botohe_moo.explorer.thinning import thinned
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.places import given_places
 from botohe_moo.outcomes import Distribution, reach_probabilities, team_reach
-from botohe_moo.plots.draw.places import node_positions
+from botohe_moo.plots.draw.places import layout_notes, node_positions
 from botohe_moo.trails import TrailPlan
 
 MAX_PLANS = 500
@@ -118,21 +118,9 @@ def _site(mission: Mission) -> dict[str, Any]:
         "reward_texts": [f"{reward:g}" for reward in arrays.reward.tolist()],
         "places": places.tolist(),
         "pos": None if as_given else pos,  # None: the same as the places
-        "placing": "" if as_given else _placing(pos),
+        "placing": "".join(f"{note[0].upper()}{note[1:]}." for note in layout_notes(mission)),
         "arcs": [arrays.tail.tolist(), arrays.head.tolist(), probability_codes(arrays.survival)],
     }
-
-
-def _placing(pos: Sequence[list[float] | None]) -> str:
-    """Say why places on the map are not the positions."""
-    n_without = pos.count(None)
-    if n_without == len(pos):
-        why = "the mission has no positions"
-    elif n_without:
-        why = f"{n_without} of {len(pos)} nodes have no position"
-    else:
-        why = "all nodes have the same position"
-    return f"The places of the nodes on this map are made up: {why}."
 
 
 def _trails(mission: Mission, plans: Sequence[TrailPlan]) -> dict[str, Any]:

@@ -5,6 +5,8 @@ from collections.abc import Hashable
 
 from botohe_moo.mission.model import Mission
 
+_FARTHEST = 1e100  # the square of a distance is to be a number
+
 
 def given_places(mission: Mission) -> dict[Hashable, tuple[float, float] | None]:
     """Give the position of each node, or None; a ValueError names one that is not two numbers."""
@@ -17,9 +19,10 @@ def given_places(mission: Mission) -> dict[Hashable, tuple[float, float] | None]
             x, y = (float(part) for part in place)
         except (TypeError, ValueError):
             x = y = math.nan
-        if not (math.isfinite(x) and math.isfinite(y)):
+        if not (abs(x) <= _FARTHEST and abs(y) <= _FARTHEST):
+            hint = "" if not math.isfinite(x + y) else f", beyond {_FARTHEST:g}"
             raise ValueError(
-                f"Node {node!r}: expected pos [x, y], two finite numbers, got {place!r}."
+                f"Node {node!r}: expected pos [x, y], two finite numbers, got {place!r}{hint}."
             )
         places[node] = x, y
     return places

@@ -101,7 +101,8 @@ function filter() {
 }
 
 function showFilters() {
-  const faults = matching.length ? [] : ["No plan meets these filters."];
+  const none = data.thinned ? "None of the plans shown" : "No plan";
+  const faults = matching.length ? [] : [`${none} meets these filters.`];
   for (const name of FILTERS) {
     const field = byId(`filter-${name}`);
     if (filterValue(name, field.value) !== state.filters[name]) field.value = state.filters[name] ?? "";

@@ -75,11 +75,10 @@ function change(changes, walking = false) {
 
 function remember(how) {
   forget();
+  if (location.hash === toHash()) return; // Back undoes something each time
   try {
     history[how](null, "", toHash());
-  } catch {
-    // A frame in a notebook may have no address: then the view is not kept.
-  }
+  } catch { /* a frame in a notebook may have no address: then the view is not kept */ }
 }
 
 /** Drop what was not written yet: the address has changed. */

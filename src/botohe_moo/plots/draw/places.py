@@ -34,9 +34,15 @@ def node_positions(mission: Mission) -> FloatArray:
 
 
 def layout_notes(mission: Mission) -> list[str]:
-    """Say that positions of nodes are not used, if only some nodes have one."""
-    places = given_places(mission).values()
-    n_given = sum(place is not None for place in places)
-    if n_given in (0, len(places)):
+    """Say that places on the map are made up, and why; nothing where they are the positions."""
+    places = list(given_places(mission).values())
+    n_without = places.count(None)
+    if len(places) == 1 or (not n_without and len({*places}) > 1):
         return []
-    return [f"places are made up, as only {n_given} of {len(places)} nodes have a position"]
+    if n_without == len(places):
+        why = "the mission has no positions"
+    elif n_without:
+        why = f"{n_without} of {len(places)} nodes have no position"
+    else:
+        why = "all nodes have the same position"
+    return [f"the places of the nodes on this map are made up: {why}"]
