@@ -71,6 +71,14 @@ def there_and_back(survival, robots):
     return Mission(graph), TrailPlan([[0, 1, 0]] * robots)
 
 
+def large_and_small():
+    """A mission of two rewards, of which one is lost beside the other in outcomes of both."""
+    graph = nx.DiGraph(base=0, robots=1)
+    graph.add_nodes_from((i, {"reward": reward}) for i, reward in enumerate([0.0, 1e-14, 1.0]))
+    graph.add_weighted_edges_from([(0, 2, 0.1), (2, 1, 0.5), (1, 0, 1.0)], weight="survival")
+    return Mission(graph), TrailPlan([[0, 2, 1, 0]])
+
+
 @settings(max_examples=400)
 @given(missions_with_plans())
 def test_kernel_twin_and_enumeration_agree(drawn):
@@ -94,6 +102,7 @@ all_survivals = st.one_of(tiny, tiny.map(lambda p: 1.0 - p), st.floats(1e-300, 1
 @example(there_and_back(1e-300, robots=4))
 @example(there_and_back(1e-14, robots=3))
 @example(there_and_back(1.0 - 1e-15, robots=3))
+@example(large_and_small())
 def test_small_chances_keep_their_digits(drawn):
     """Against fractions, which do not round: the error is relative, whatever the survivals."""
     mission, plan = drawn

@@ -48,7 +48,10 @@ class States(NamedTuple):
 def merged(
     values: FloatArray, probabilities: FloatArray, reached: SeedArray | None = None
 ) -> States:
-    """Merge outcomes that agree in reward, up to rounding, and in the nodes reached."""
+    """Merge outcomes that agree in reward, up to rounding, and in the nodes reached.
+
+    Their mean stays, to the last digits.
+    """
     if reached is None:
         reached = np.empty((len(values), 0), np.uint64)
     order = np.lexsort((values, *reached.T))
@@ -56,10 +59,13 @@ def merged(
     differs = np.diff(values) > ROUNDING * values[1:]
     differs |= (reached[1:] != reached[:-1]).any(axis=1)
     starts = np.append(0, 1 + np.flatnonzero(differs))
-    probabilities = np.add.reduceat(probabilities[order], starts)
+    probabilities = probabilities[order]
+    beyond = values - np.repeat(values[starts], np.diff(starts, append=len(values)))
+    beyond = np.add.reduceat(probabilities * beyond, starts)
+    probabilities = np.add.reduceat(probabilities, starts)
     kept = probabilities > 0  # a product of many small ones may underflow
-    starts = starts[kept]
-    return States(values[starts], probabilities[kept], reached[starts])
+    starts, probabilities = starts[kept], probabilities[kept]
+    return States(values[starts] + beyond[kept] / probabilities, probabilities, reached[starts])
 
 
 def join_robots(reward: FloatArray, followed: Followed, max_outcomes: int) -> States:
