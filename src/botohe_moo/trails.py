@@ -49,8 +49,9 @@ class TrailPlan:
     # No __len__ and __getitem__: numpy would take a plan for a sequence and unpack it.
     __slots__ = ("_hash", "_key", "_nodes", "_offsets")
 
-    _nodes: IntArray
-    _offsets: OffsetArray
+    # In bytes, since most plans are only compared or packed; `nodes` and `offsets` are views.
+    _nodes: bytes
+    _offsets: bytes
     _key: tuple[bytes, ...] | None
     _hash: int | None
 
@@ -60,47 +61,43 @@ class TrailPlan:
         arrays = [_indices(trail, robot) for robot, trail in enumerate(trails)]
         if not arrays:
             raise ValueError("Expected at least one trail, got none.")
-        self._adopt(np.concatenate(arrays), _offsets([len(array) for array in arrays]))
-
-    def _adopt(self, nodes: IntArray, offsets: OffsetArray) -> None:
-        # Copies in bytes objects: arrays above them can never be made writable.
-        self._nodes = np.frombuffer(nodes.tobytes(), nodes.dtype)
-        self._offsets = np.frombuffer(offsets.tobytes(), offsets.dtype)
+        self._nodes = np.concatenate(arrays).tobytes()
+        self._offsets = _offsets([len(array) for array in arrays]).tobytes()
         self._key = self._hash = None
 
     @classmethod
-    def _wrap(cls, nodes: IntArray, offsets: OffsetArray) -> Self:
-        """Copy arrays that are known to be well-formed."""
+    def _wrap(cls, nodes: bytes, offsets: bytes) -> Self:
+        """Take the bytes of arrays (int32, int64) that are known to be well-formed."""
         plan = cls.__new__(cls)
-        plan._adopt(nodes, offsets)
+        plan._nodes, plan._offsets = nodes, offsets
+        plan._key = plan._hash = None
         return plan
 
     @property
     def nodes(self) -> IntArray:
         """Node indices of all trails, one after another (read-only)."""
-        return self._nodes
+        return np.frombuffer(self._nodes, np.int32)
 
     @property
     def offsets(self) -> OffsetArray:
         """Where each trail begins in ``nodes``, and their length at the end (n_robots + 1)."""
-        return self._offsets
+        return np.frombuffer(self._offsets, np.int64)
 
     @property
     def n_robots(self) -> int:
         """Number of trails."""
-        return len(self._offsets) - 1
+        return len(self._offsets) // 8 - 1
 
     @property
     def trails(self) -> tuple[tuple[int, ...], ...]:
         """The trails as tuples of node indices, robot by robot."""
-        flat, cuts = self._nodes.tolist(), self._offsets.tolist()
+        flat, cuts = self.nodes.tolist(), self.offsets.tolist()
         return tuple(tuple(flat[i:j]) for i, j in pairwise(cuts))
 
     def _multiset(self) -> tuple[bytes, ...]:
         if self._key is None:
-            raw, size = self._nodes.tobytes(), self._nodes.itemsize
-            cuts = (self._offsets * size).tolist()
-            self._key = tuple(sorted(raw[i:j] for i, j in pairwise(cuts)))
+            cuts = (4 * self.offsets).tolist()
+            self._key = tuple(sorted(self._nodes[i:j] for i, j in pairwise(cuts)))
         return self._key
 
     def __eq__(self, other: object) -> bool:
@@ -228,13 +225,15 @@ class PlanBatch:
                 raise TypeError(
                     f"Plan {i}: expected a TrailPlan, got {quoted(plan)}; {_remedy(plan)}"
                 )
-            if len(plan._offsets) != n_robots + 1:
+            if plan.n_robots != n_robots:
                 raise ValueError(f"Plan {i}: expected {n_robots} trails, got {plan.n_robots}.")
         if not listed:
             return cls._wrap(np.empty(0, np.int32), np.zeros(1, np.int64), n_robots)
-        cuts = np.concatenate([plan._offsets for plan in listed]).reshape(-1, n_robots + 1)
-        nodes = np.concatenate([plan._nodes for plan in listed])
-        return cls._wrap(nodes, _offsets(np.diff(cuts, axis=1)), n_robots)
+        # Joined in bytearrays, since kernels are compiled for writable arrays.
+        nodes = np.frombuffer(bytearray().join([plan._nodes for plan in listed]), np.int32)
+        cuts = np.frombuffer(b"".join([plan._offsets for plan in listed]), np.int64)
+        lengths = np.diff(cuts.reshape(-1, n_robots + 1), axis=1)
+        return cls._wrap(nodes, _offsets(lengths), n_robots)
 
     @classmethod
     def concatenate(cls, batches: Sequence[Self]) -> Self:
@@ -262,7 +261,8 @@ class PlanBatch:
         except IndexError:
             raise IndexError(f"Expected a plan index below {len(self)}, got {index}.") from None
         offsets = self.offsets[cut : cut + self.n_robots + 1]
-        return TrailPlan._wrap(self.nodes[offsets[0] : offsets[-1]], offsets - offsets[0])
+        nodes = self.nodes[offsets[0] : offsets[-1]]
+        return TrailPlan._wrap(nodes.tobytes(), (offsets - offsets[0]).tobytes())
 
     def take(self, plans: ArrayLike) -> Self:
         """Return some of the plans, by their indices in that order or a mask (n_plans,)."""
@@ -278,10 +278,11 @@ class PlanBatch:
         n_plans, n_robots = len(self), self.n_robots
         starts = self.offsets[:-1].reshape(n_plans, n_robots)
         stops = self.offsets[n_robots::n_robots]
-        cuts = np.column_stack([starts, stops]) - starts[:, :1] if n_plans else starts
-        nodes = self.nodes
-        for start, stop, own in zip(starts[:, 0].tolist(), stops.tolist(), cuts, strict=True):
-            yield TrailPlan._wrap(nodes[start:stop], own)
+        offsets = (np.column_stack([starts, stops]) - starts[:, :1]).tobytes()
+        nodes, width = self.nodes.tobytes(), 8 * (n_robots + 1)
+        cuts = zip((4 * starts[:, 0]).tolist(), (4 * stops).tolist(), strict=True)
+        for i, (start, stop) in enumerate(cuts):
+            yield TrailPlan._wrap(nodes[start:stop], offsets[i * width : (i + 1) * width])
 
     def to_array(self) -> ObjectArray:
         """Unpack into an object array of shape (n_plans, 1), as pymoo holds it in ``X``."""
