@@ -6,6 +6,7 @@ from typing import Any, Self
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patheffects import withStroke
+from numpy.typing import NDArray
 
 from botohe_moo._base.types import FloatArray
 from botohe_moo.plots.draw.labels import columns
@@ -47,8 +48,20 @@ class Space:
         # On a diagonal, a box comes closer to a disc.
         sides = np.where(_SIDES.all(axis=1), 0.7, 1.0)[:, None] * _SIDES
         away = [sides * (self.radius + gap) + _SIDES * half for gap in _AWAY if gap <= reach]
-        found = self.place(at + np.concatenate(away), width, height)
-        return None if found is None else found - at
+        centres = at + np.concatenate(away)
+        clear = self._is_clear(centres, half, at)
+        for some in (centres[clear], centres[~clear]):
+            found = self.place(some, width, height) if len(some) else None
+            if found is not None:
+                return np.asarray(found - at)
+        return None
+
+    def _is_clear(self, centres: FloatArray, half: FloatArray, at: FloatArray) -> NDArray[np.bool_]:
+        """Tell which boxes a line ties to their mark, or are much nearer to it than others are."""
+        own = _gaps(centres, half, at[None])[:, 0]
+        others = _gaps(centres, half, self.marks[(self.marks != at).any(axis=1)])
+        tied = own > self.radius + _LEADER
+        return np.asarray(tied | (others.min(axis=1, initial=np.inf) > own + _LEADER))
 
     def place(self, centres: FloatArray, width: float, height: float) -> FloatArray | None:
         """Take room for a box at the best of ``centres`` (n, 2), and give it; None without room.
@@ -76,6 +89,12 @@ class Space:
             return None
         self.boxes.append((*low[best], *high[best]))
         return np.asarray(centres[best])
+
+
+def _gaps(centres: FloatArray, half: FloatArray, points: FloatArray) -> FloatArray:
+    """Compute how far points (m, 2) are from boxes around centres (n, 2), as (n, m)."""
+    beyond = (np.abs(points - centres[:, None]) - half).clip(min=0.0)
+    return np.asarray(np.hypot(beyond[..., 0], beyond[..., 1]))
 
 
 def _within(points: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
