@@ -7,7 +7,7 @@ from functools import partial
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, event, given
 from hypothesis import strategies as st
 
 from botohe_moo import Mission
@@ -254,14 +254,23 @@ def test_where_it_is_not_plain_what_is_meant_nothing_is_offered(text, fault):
     assert "did you mean" not in str(caught.value)
 
 
-@given(st.text("rewadsuviop=><,.;%E[R]( 05'a", max_size=30))
-def test_whatever_is_offered_can_be_read(text):
-    try:
-        parse_wishes(MISSION, [text])
-    except ValueError as error:
-        if "did you mean " in str(error):
-            offered = str(error).split("did you mean ")[1].split("? Wishes are")[0]
-            assert parse_wishes(MISSION, [ast.literal_eval(offered)])
+subjects = ["S", "rewrad", "E[R]", "P(reward > 1)", "CVAR(S; 5%)", "evry robot", "reech 'b'", "no"]
+near_wishes = st.tuples(
+    st.sampled_from(subjects),
+    st.sampled_from([" > ", "=>", " = ", "<"]),
+    st.sampled_from(["0,5", "50 %", "1,000", "1e0"]),
+).map("".join)
+
+
+@given(st.lists(near_wishes, min_size=1, max_size=3), st.sampled_from([" and ", "; ", ",", " or "]))
+def test_whatever_is_offered_can_be_read(texts, joint):
+    with pytest.raises(ValueError, match=r"^Expected a wish, got ") as caught:
+        parse_wishes(MISSION, [joint.join(texts)])
+    _, *offered = str(caught.value).partition("; did you mean ")
+    event(f"something is offered: {bool(offered[0])}")
+    if offered[0]:
+        text = ast.literal_eval(offered[1].partition("? Wishes are")[0])
+        assert len(parse_wishes(MISSION, [text])) == len(texts)
 
 
 CAFE, DECOMPOSED = "caf\u00e9", "cafe\u0301"

@@ -71,8 +71,8 @@ _FAULTS = (
     (r"\d\s*%", "; write reward and survivors as numbers, not as percentages"),
 )
 
-# Most of what is nearly a wish becomes one by correcting its words, then by some of these repairs,
-# each made after those before it. Percentages of reward and survivors stay: of what, is not known.
+# Texts that are nearly wishes: their words are corrected, then these repairs are made one after the
+# other, until the text can be read. A percentage of a reward stays: it does not say of what.
 _LONGEST_REPAIRED = 500
 _WORDS = ("reward", "survivors", "p", "cvar", "every", "robot", "reach", "and")
 _WORD = r"\bE\s*[(\[]\s*(?P<inner>\w+)\s*[)\]]|\b[^\W\d]\w*"
