@@ -596,7 +596,7 @@ class TestBadMissions:
             ({"nodes": [("a", 0), ("b", -1)]}, "node 'b': expected a finite reward >= 0, got -1"),
             ({"arcs": [("b", "a", 0.8)]}, "node 'b': cannot be reached from base 'a'"),
             ({"arcs": [("a", "b", 0.8)]}, "node 'b': has no way back to base 'a'"),
-            ({"base": "dock"}, "base 'dock': there is no such node"),
+            ({"base": "dock"}, "base 'dock': there is no such node; most alike are a, b"),
             ({"robots": 0}, "expected robots to be an integer >= 1, got 0"),
             ({"robots": 2.5}, "expected robots to be an integer >= 1, got 2.5"),
         ],
