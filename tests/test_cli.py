@@ -16,9 +16,10 @@ import threading
 from pathlib import Path
 from typing import NamedTuple
 
+import networkx as nx
 import pytest
 
-from botohe_moo import load_mission, read_solution, solve
+from botohe_moo import Mission, load_mission, read_solution, save_mission, solve
 
 BOTOHE = Path(sys.executable).parent / "botohe"
 FILES = ["front.csv", "front.png", "mission.json", "mission.png", "plans.json"]
@@ -595,7 +596,7 @@ class TestBadMissions:
             ({"nodes": [("a", 0), ("b", -1)]}, "node 'b': expected a finite reward >= 0, got -1"),
             ({"arcs": [("b", "a", 0.8)]}, "node 'b': cannot be reached from base 'a'"),
             ({"arcs": [("a", "b", 0.8)]}, "node 'b': has no way back to base 'a'"),
-            ({"base": "dock"}, "base 'dock': there is no such node"),
+            ({"base": "dock"}, "base 'dock': there is no such node; most alike are a, b"),
             ({"robots": 0}, "expected robots to be an integer >= 1, got 0"),
             ({"robots": 2.5}, "expected robots to be an integer >= 1, got 2.5"),
         ],
@@ -1322,8 +1323,33 @@ class TestImport:
         )
         assert "expected an integer >= 1, got 0" in refused(*args, "--robots", 0, "--out", "s.json")
         base = ["--base", "dock", "--both-ways", "--out", "site.json"]
-        assert "base 'dock': there is no such node" in refused(*args, *base)
+        message = refused(*args, *base)
+        assert "base 'dock': there is no such node; most alike are 1, 10, 11, 12, 13\n" in message
         assert "Missing option '--out'" in refused(*args)
+
+
+class TestWhatATerminalWouldObey:
+    CODES = "\x1b]0;x\x07\x9b31m\u202e"
+
+    def test_is_written_as_escapes_but_kept_in_files(self, botohe, tmp_path):
+        label, title = f"reef{self.CODES}", f"Pier{self.CODES}, 漁夫 👨\u200d👩"
+        graph = nx.DiGraph(title=title)
+        for node, reward in ((f"dock{self.CODES}", 0), (label, 1)):
+            graph.add_node(node, reward=reward)
+        graph.add_edge(f"dock{self.CODES}", label, survival=0.9)
+        graph.add_edge(label, f"dock{self.CODES}", survival=0.9)
+        mission = Mission(graph, base=f"dock{self.CODES}", robots=1)
+        save_mission(mission, tmp_path / "pier.json")
+        shown = botohe("missions", "show", "pier.json")
+        assert r"Pier\x1b]0;x\x07\x9b31m\u202e, 漁夫 👨‍👩" in shown.out
+        assert botohe("solve", "pier.json", "-n", 100, "--out", "found").status == 0
+        chosen = botohe("choose", "found", "reward >= 0.5", "--out", "plan.json")
+        assert r"reef\u001b]0;x\u0007\x9b31m\u202e" in chosen.out  # partly escaped in its quotes
+        assert label in json.loads((tmp_path / "plan.json").read_text())["trails"][0]
+        unknown = botohe("choose", "found", "reach ref >= 0.5")
+        assert r"has no node 'ref'; most alike are reef\x1b]0;x\x07\x9b31m\u202e" in unknown.err
+        for text in (*shown[1:], *chosen[1:], *unknown[1:]):
+            assert not set(text) & set(self.CODES) - set("]0;x31m")
 
 
 class TestHelp:

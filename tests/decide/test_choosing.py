@@ -119,6 +119,34 @@ class TestTheImpossible:
             "it misses survivors >= 2 by 0.1 (it has 1.9) and reward >= 3.5 by 0.7 (it has 2.8)."
         )
 
+    @pytest.mark.parametrize(
+        ("wish", "has"),
+        [
+            ("survivors >= 2.1", "2 robots"),
+            ("reward >= 8", "a total reward of 7"),
+            ("P(reward >= 8) >= 0.1", "a total reward of 7"),
+            ("CVaR(survivors, 0.1) >= 3 and reach a >= 1", "2 robots"),
+            ("reward >= 8 and survivors >= 3 and P(survivors >= 3) >= 1", None),
+        ],
+    )
+    def test_what_no_plan_can_have_is_said(self, wish, has):
+        because = f"the mission has {has or 'a total reward of 7 and 2 robots'}"
+        start = f"None of these plans (6) has {wish}; no plan can, because {because}. Plan "
+        assert choose(MISSION, PLANS, wish).why.startswith(start)
+
+    @pytest.mark.parametrize(
+        "wish", ["reward >= 7", "P(survivors >= 2) >= 1 and P(reward >= 8) >= 0 and reward >= 2"]
+    )
+    def test_what_a_plan_might_have_is_not(self, wish):
+        assert "no plan can" not in choose(MISSION, PLANS, wish).why
+
+    def test_a_total_that_is_rounded_is_within_reach(self):
+        mission = star({"a": (0.1, 0.5), "b": (0.2, 0.5)})
+        assert mission.total_reward > 0.3  # by rounding
+        for reward in (0.3, 0.3 + 1e-12):
+            why = choose(mission, [trips(mission, "a")], f"reward >= {reward!r}").why
+            assert "no plan can" not in why
+
     def test_wishes_that_are_met_are_not_missed(self):
         choice = choose(MISSION, PLANS, "P(reward >= 4) >= 0.9 and reach a >= 0.5")
         assert NAMES[choice.index] == "AA"

@@ -1,12 +1,13 @@
 """Wishes: what planners may write, and what they are told when they write something else."""
 
+import ast
 import re
 from functools import partial
 
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, event, given
 from hypothesis import strategies as st
 
 from botohe_moo import Mission
@@ -195,6 +196,81 @@ def test_a_missing_number_is_named(text):
         parse_wishes(MISSION, [f"reward >= 1 and {text}"])
     with pytest.raises(ValueError, match=r"got 'reach >= 0\.5'\. Wishes"):  # its node is missing
         parse_wishes(MISSION, ["reach >= 0.5"])
+
+
+@pytest.mark.parametrize(
+    ("text", "meant"),
+    [
+        ("reward > 5", "reward >= 5"),
+        ("reward=5", "reward >= 5"),
+        ("reward => 5", "reward >= 5"),
+        ("P(survivors > 2) > 0.9", "P(survivors >= 2) >= 0.9"),
+        ("reward >= 2,5", "reward >= 2.5"),
+        ("reward >= 0,125", "reward >= 0.125"),
+        ("P(survivors >= 2) >= 80%", "P(survivors >= 2) >= 0.8"),
+        ("every robot >= 99.99999 %", "every robot >= 0.9999999"),
+        ("CVaR(reward, 12,5 %) >= 2", "CVaR(reward, 0.125) >= 2"),
+        ("rewrad >= 5", "reward >= 5"),
+        ("suvivors >= 2", "survivors >= 2"),
+        ("every robots >= 0.5", "every robot >= 0.5"),
+        ("reech a >= 0.9", "reach a >= 0.9"),
+        ("CVAR(reward; 0.1) >= 2e0", "CVAR(reward, 0.1) >= 2e0"),
+        ("E[S] >= 2 and E(R) >= 1", "survivors >= 2 and reward >= 1"),
+        ("reward >= 5; suvivors > 2, reach 'b' > 90%", None),
+    ],
+)
+def test_what_is_nearly_a_wish_gets_the_wish_that_is_meant(text, meant):
+    meant = meant or "reward >= 5 and survivors >= 2 and reach 'b' >= 0.9"
+    asked = f"Expected a wish, got {text!r}; did you mean {meant!r}? Wishes are {FORMS[0]}; "
+    with pytest.raises(ValueError, match="^" + re.escape(asked)):
+        parse_wishes(MISSION, [text])
+    parse_wishes(MISSION, [meant])
+
+
+def test_labels_are_left_as_they_are_where_a_wish_is_repaired():
+    mission = labelled(["rewards", "a > b", "n1, 50%"])
+    for node in ("rewards", "'a > b'", '"n1, 50%"'):
+        with pytest.raises(ValueError, match=re.escape(repr(f"reach {node} >= 0.5"))):
+            parse_wishes(mission, [f"reech {node} > 50%"])
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("survivors <= 2", "; wishes are lower limits, written with '>='."),
+        ("P(survivors ≤ 1) >= 0.1", "; wishes are lower limits, written with '>='."),
+        ("reward >= 1,000", "; write numbers as 2.5 and 1500, without commas."),
+        ("rewrad >= 80%", "; write reward and survivors as numbers, not as percentages."),
+        ("CVaR(reward, 0.1) >= 20%", "; write reward and survivors as numbers, not as"),
+        ("reach 'a < 1' or 'a'", ". Wishes"),  # what is in quotes is no limit
+        ("robots >= 2", ". Wishes"),  # "robot >= 2" could not be read either
+        ("rewrad >= 5" + " " * 500, ". Wishes"),
+    ],
+)
+def test_where_it_is_not_plain_what_is_meant_nothing_is_offered(text, fault):
+    with pytest.raises(ValueError, match=r"^Expected a wish, got ") as caught:
+        parse_wishes(MISSION, [text])
+    assert fault in str(caught.value)
+    assert "did you mean" not in str(caught.value)
+
+
+subjects = ["S", "rewrad", "E[R]", "P(reward > 1)", "CVAR(S; 5%)", "evry robot", "reech 'b'", "no"]
+near_wishes = st.tuples(
+    st.sampled_from(subjects),
+    st.sampled_from([" > ", "=>", " = ", "<"]),
+    st.sampled_from(["0,5", "50 %", "1,000", "1e0"]),
+).map("".join)
+
+
+@given(st.lists(near_wishes, min_size=1, max_size=3), st.sampled_from([" and ", "; ", ",", " or "]))
+def test_whatever_is_offered_can_be_read(texts, joint):
+    with pytest.raises(ValueError, match=r"^Expected a wish, got ") as caught:
+        parse_wishes(MISSION, [joint.join(texts)])
+    _, *offered = str(caught.value).partition("; did you mean ")
+    event(f"something is offered: {bool(offered[0])}")
+    if offered[0]:
+        text = ast.literal_eval(offered[1].partition("? Wishes are")[0])
+        assert len(parse_wishes(MISSION, [text])) == len(texts)
 
 
 CAFE, DECOMPOSED = "caf\u00e9", "cafe\u0301"

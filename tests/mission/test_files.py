@@ -298,7 +298,7 @@ class TestJSON:
         ]
         assert json_faults(content(graph={"base": [{}], "robots": 1.0})) == [
             "expected robots to be an integer >= 1, got 1.0",
-            "base [{}]: there is no such node",
+            "base [{}]: there is no such node; most alike are a, b",
         ]
 
     @pytest.mark.parametrize(

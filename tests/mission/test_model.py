@@ -186,9 +186,17 @@ class TestFaults:
             "expected the label of the base, found no graph attribute 'base'",
         ]
 
-    @pytest.mark.parametrize("base", ["deck", ["dock"], math.nan])
-    def test_unknown_base(self, graph, base):
-        assert faults(graph, base=base, robots=1) == [f"base {base!r}: there is no such node"]
+    @pytest.mark.parametrize(
+        ("base", "near"),
+        [
+            ("deck", "dock, reef, ('buoy', 2)"),
+            (["dock"], "dock, ('buoy', 2), reef"),
+            (math.nan, "('buoy', 2), dock, reef"),
+        ],
+    )
+    def test_unknown_base(self, graph, base, near):
+        fault = f"base {base!r}: there is no such node; most alike are {near}"
+        assert faults(graph, base=base, robots=1) == [fault]
 
     def test_all_at_once(self, graph):
         graph.add_node("wreck")
@@ -215,7 +223,7 @@ class TestFaults:
         assert (twin.faults, str(twin)) == (error.faults, str(error))
 
     def test_one_fault_is_one_line(self, graph):
-        with pytest.raises(MissionError, match=r"^The mission: base 'x': there is no such node$"):
+        with pytest.raises(MissionError, match=r"^The mission: base 'x': there is no such node.*$"):
             Mission(graph, base="x", robots=1)
 
     @pytest.mark.parametrize(

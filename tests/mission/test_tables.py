@@ -209,7 +209,7 @@ def test_files_are_named_by_row(tmp_path):
 def test_the_mission_is_checked():
     assert faults_of(robots=0, base="pier") == [
         "expected robots to be an integer >= 1, got 0",
-        "base 'pier': there is no such node",
+        "base 'pier': there is no such node; most alike are cave, reef, dock",
     ]
     assert faults_of(both_ways=False) == [
         "node 'reef': has no way back to base 'dock'",
@@ -261,7 +261,14 @@ class TestReading:
             (b"", "expected a first row of column names, found an empty file"),
             (b"\n , \n", "expected a first row of column names, found an empty file"),
             (b"label,reward\na,1,5\nb\n", "row 2: expected 2 cells, as the first row has, found 3"),
-            (b"label\xff", "expected text in UTF-8"),
+            (
+                "label,reward\ncafé,1\n".encode("cp1252"),
+                "UTF-8, found the byte 0xe9 at position 16",
+            ),
+            (
+                "label,reward\ncafé,1\n".encode("cp1252"),
+                "text in UTF-8, found the byte 0xe9 at position 16; save it as 'CSV UTF-8'",
+            ),
             (b"label,reward\n" + b"x" * 200_000, r"expected a table \(CSV\), found: field larger"),
         ],
     )

@@ -153,6 +153,12 @@ def nearest_first(word: str, words: Iterable[str]) -> list[str]:
     return sorted(words, key=lambda w: (-SequenceMatcher(None, word, w[:_LONG].lower()).ratio(), w))
 
 
+def most_alike(word: str, words: Iterable[str]) -> str:
+    """Say which five words look most like ``word``; nothing if there are none."""
+    near = nearest_first(word, words)[:5]
+    return f"; most alike are {', '.join(near)}" if near else ""
+
+
 def quoted(value: object) -> str:
     """Write a value as ``repr`` does; of a long one, which may be a whole file, only a part."""
     if not isinstance(value, str):

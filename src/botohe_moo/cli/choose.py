@@ -173,7 +173,7 @@ def _check_options(
 
 def tell_choice(mission: Mission, choice: Choice, folder: Path) -> None:
     """Print a choice, the trails of its plan, and how to look at it."""
-    title, *sentences = str(choice).splitlines()
+    title, *sentences = str(choice).split("\n")  # labels may hold other ends of lines
     tell("\n".join([title, *(paragraph(sentence) for sentence in sentences)]))
     tell(f"\n{_trails_text(mission, choice.plan)}")
     tell(f"\n`botohe explore {shlex.quote(str(folder))}` makes a page that shows it on the map.")

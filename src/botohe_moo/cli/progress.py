@@ -10,6 +10,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Self
 
+from botohe_moo.cli.shell import harmless
+
 if TYPE_CHECKING:
     from rich.progress import Progress as Bar
 
@@ -78,9 +80,10 @@ def showing_trials(say: Callable[[str], None]) -> Iterator[Callable[[str], None]
     """Show the words given to what it yields, in a line that changes, or in one now and then."""
     if is_terminal():
         from rich.console import Console
+        from rich.text import Text
 
         with Console(stderr=True).status("reading") as status:
-            yield lambda tried: status.update(_trial(tried))
+            yield lambda tried: status.update(Text(harmless(_trial(tried))))
         return
     said_at = -math.inf
 

@@ -5,6 +5,7 @@ import gc
 import logging
 import os
 import sys
+import unicodedata
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -66,10 +67,27 @@ def _drop_what_nobody_reads() -> None:
                 os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
+_KEPT = "\n\t\u200c\u200d"  # joiners belong to words and to emoji
+
+
+def harmless(message: object) -> str:
+    r"""Write as escapes what steers a terminal, or reorders a line, in labels, titles and paths.
+
+    >>> print(harmless("\x1b[31m nodes \u202e"))
+    \x1b[31m nodes \u202e
+    """
+    return "".join(
+        letter.encode("unicode_escape").decode()
+        if unicodedata.category(letter) in ("Cc", "Cf") and letter not in _KEPT
+        else letter
+        for letter in str(message)
+    )
+
+
 def tell(message: object) -> None:
     """Print something on standard output, if somebody reads it."""
     try:
-        typer.echo(message)
+        typer.echo(harmless(message))
     except OSError as error:
         # `| head` or a closed terminal must not lose a search.
         if error.errno not in _NOBODY_READS:
@@ -79,7 +97,7 @@ def tell(message: object) -> None:
 def say(message: object) -> None:
     """Print a message on standard error, if it is still open."""
     with suppress(OSError):
-        typer.echo(f"botohe: {message}", err=True)
+        typer.echo(harmless(f"botohe: {message}"), err=True)
 
 
 def fail(message: object, status: int = BAD_INPUT) -> NoReturn:

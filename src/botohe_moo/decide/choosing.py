@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from botohe_moo._base.checks import check_choice, check_number
+from botohe_moo._base.words import counted
 from botohe_moo.decide.fronts import check_row, scales, short
 from botohe_moo.decide.grammar import parse_wishes
 from botohe_moo.decide.judging import N_SAMPLES, Candidates, effort, takes_reward_distribution
@@ -163,8 +164,9 @@ def best(front: Candidates, wishes: Iterable[str | Wish], most: Quantity | None 
     nearest = order[int(shortfalls.max(axis=1).argmin())]
     said = " and ".join(map(str, wanted))
     why = (
-        f"None of these plans ({len(front)}) has {said}. Plan {nearest} comes nearest: it misses "
-        f"{' and '.join(map(str, _missed(front, nearest, wanted)))}.{_simulated(front, wanted)}"
+        f"None of these plans ({len(front)}) has {said}{_no_plan(front, wanted)}. Plan {nearest} "
+        f"comes nearest: it misses {' and '.join(map(str, _missed(front, nearest, wanted)))}."
+        f"{_simulated(front, wanted)}"
     )
     return _choice(front, nearest, why, wanted)
 
@@ -251,6 +253,18 @@ def _choice(front: Candidates, i: int, why: str, wishes: tuple[Wish, ...]) -> Ch
         wishes=wishes,
         missed=missed,
     )
+
+
+def _no_plan(front: Candidates, wishes: tuple[Wish, ...]) -> str:
+    """Say why no plan at all can meet the wishes, if they ask for more than the mission has."""
+    mission = front.mission
+    has = {
+        "reward": f"a total reward of {mission.total_reward:g}",
+        "survivors": counted(mission.robots, "robot"),
+    }
+    beyond = dict.fromkeys(front.beyond(wish) for wish in wishes)
+    why = " and ".join(has[quantity] for quantity in beyond if quantity)
+    return f"; no plan can, because the mission has {why}" if why else ""
 
 
 def _simulated(front: Candidates, wishes: tuple[Wish, ...]) -> str:

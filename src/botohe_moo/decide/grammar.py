@@ -4,12 +4,13 @@ import ast
 import json
 import re
 import unicodedata
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Callable, Hashable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
+from difflib import get_close_matches
 from typing import Any
 
-from botohe_moo._base.checks import ParameterError, nearest_first, quoted
+from botohe_moo._base.checks import ParameterError, most_alike, quoted
 from botohe_moo.decide.wishes import (
     Chance,
     EveryRobot,
@@ -64,6 +65,28 @@ def _pattern(shape: str, end: str) -> re.Pattern[str]:
 _END = rf">= (?P<at_least>{_NUMBER})(?:\s+and\s+(?=\S)|\s*\Z)"
 _PATTERNS = [(_pattern(shape, _END), kind) for shape, kind in _SHAPES.items()]
 _WITHOUT_NUMBER = [_pattern(shape, r"(?:>=)? \Z") for shape in _SHAPES]
+_FAULTS = (
+    (rf"[<≤]\s*=?\s*{_NUMBER}", "; wishes are lower limits, written with '>='"),
+    (r"\d,\d", "; write numbers as 2.5 and 1500, without commas"),
+    (r"\d\s*%", "; write reward and survivors as numbers, not as percentages"),
+)
+
+# Texts that are nearly wishes: their words are corrected, then these repairs are made one after the
+# other, until the text can be read. A percentage of a reward stays: it does not say of what.
+_LONGEST_REPAIRED = 500
+_WORDS = ("reward", "survivors", "p", "cvar", "every", "robot", "reach", "and")
+_WORD = r"\bE\s*[(\[]\s*(?P<inner>\w+)\s*[)\]]|\b[^\W\d]\w*"
+_AMOUNT = r"(?:reward|survivors|CVaR\s*\([^)]*\))"
+_REPAIRS: list[tuple[str, Callable[[re.Match[str]], str]]] = [
+    (r"\s*(?:[=>≥≧⩾]\s*)+", lambda _: " >= "),
+    (r"(?<=\d),(?=\d)(?!\d{3}\b)|(?<=\b0),(?=\d)", lambda _: "."),  # 1,000 may be a thousand
+    (
+        rf"(?P<kept>{_AMOUNT} >= {_NUMBER}\s*%)|(?P<number>{_NUMBER})\s*%",
+        lambda found: found["kept"] or f"{float(found['number']) / 100:.12g}",
+    ),
+    (r"\s*;\s*(?=[\d.])", lambda _: ", "),
+    (r"\s*[,;&]+\s*(?=[^\W\d])", lambda _: " and "),
+]
 
 
 def parse_wishes(mission: Mission, wishes: Iterable[str | Wish]) -> tuple[Wish, ...]:
@@ -110,7 +133,7 @@ def parse_wishes(mission: Mission, wishes: Iterable[str | Wish]) -> tuple[Wish, 
         if isinstance(wish, Wish):
             found.append(wish)
         elif isinstance(wish, str):
-            found += _parse(mission, wish)
+            found += _parse(mission, wish, lambda text: _meant(mission, text))
         else:
             raise ValueError(f"Expected a wish, a text such as {FORMS[0]!r}, got {quoted(wish)}.")
     if not found:
@@ -123,19 +146,16 @@ def parse_wishes(mission: Mission, wishes: Iterable[str | Wish]) -> tuple[Wish, 
     )
 
 
-def _parse(mission: Mission, text: str) -> list[Wish]:
+def _parse(mission: Mission, text: str, hint: Callable[[str], str] = lambda _: "") -> list[Wish]:
     wishes: list[Wish] = []
     start = 0
     while start < len(text) or not wishes:
         matches = ((pattern.match(text, start), kind) for pattern, kind in _PATTERNS)
         found, kind = next((pair for pair in matches if pair[0]), (None, Wish))
         if found is None:
-            rest = text[start:]
-            where = f" at {quoted(rest)}" if start else ""
-            ends = re.search(rf"{_NUMBER}\s*\Z", rest)
-            lacks = not ends and any(pattern.match(rest) for pattern in _WITHOUT_NUMBER)
-            fault = ", which lacks '>=' and a number at its end" if lacks else ""
-            raise ValueError(f"Expected a wish, got {quoted(text)}{where}{fault}. {_forms()}")
+            where = f" at {quoted(text[start:])}" if start else ""
+            fault = hint(text) or f"{_fault(text[start:])}."
+            raise ValueError(f"Expected a wish, got {quoted(text)}{where}{fault} {_forms()}")
         try:
             wishes.append(_make(mission, kind, found.groupdict()))
         except ParameterError as error:
@@ -145,6 +165,50 @@ def _parse(mission: Mission, text: str) -> list[Wish]:
             raise ValueError(f"Wish {quoted(text)}: {error}") from None
         start = found.end()
     return wishes
+
+
+def _fault(rest: str) -> str:
+    """Say what is wrong with a text that is not a wish, if that is plain."""
+    ends = re.search(rf"{_NUMBER}\s*\Z", rest)
+    if not ends and any(pattern.match(rest) for pattern in _WITHOUT_NUMBER):
+        return ", which lacks '>=' and a number at its end"
+    bare = re.sub(_QUOTED, "", rest)
+    return next((words for pattern, words in _FAULTS if re.search(pattern, bare)), "")
+
+
+def _meant(mission: Mission, text: str) -> str:
+    """Ask whether the first repaired text that can be read is meant."""
+    if len(text) > _LONGEST_REPAIRED:
+        return ""
+    for repaired in _repaired(mission, text):
+        with suppress(ValueError):
+            _parse(mission, repaired)
+            return f"; did you mean {quoted(repaired)}?"
+    return ""
+
+
+def _repaired(mission: Mission, text: str) -> Iterator[str]:
+    labels = {word for node in mission.nodes for word in re.findall(r"\w+", str(node))}
+
+    def correct(found: re.Match[str]) -> str:
+        word = found["inner"] or found[0]
+        if word.lower() in _WORDS or word in labels:
+            return word
+        longer = [known for known in _WORDS if known.startswith(word.lower())]  # the S of E[S]
+        return next(iter(longer or get_close_matches(word.lower(), _WORDS, 1)), word)
+
+    for pattern, repair in ((_WORD, correct), *_REPAIRS):
+        text = _outside_quotes(pattern, repair, text)
+        yield text.strip()
+
+
+def _outside_quotes(pattern: str, repair: Callable[[re.Match[str]], str], text: str) -> str:
+    return re.sub(
+        rf"(?P<quoted>{_QUOTED})|{pattern}",
+        lambda found: found["quoted"] or repair(found),
+        text,
+        flags=re.IGNORECASE,
+    )
 
 
 def _make(mission: Mission, kind: Callable[..., Wish], parts: dict[str, str]) -> Wish:
@@ -185,10 +249,8 @@ def _node(mission: Mission, given: object, labels: Iterable[Hashable]) -> Hashab
         return alike[0]
     if re.match(r"[\"']", text := str(given)) and not re.fullmatch(_QUOTED, text, re.DOTALL):
         raise ValueError(f"the quote before {quoted(text[1:])} is not closed.")
-    known = ", ".join(nearest_first(text, map(str, mission.nodes))[:5])
-    raise ValueError(
-        f"mission {mission.name!r} has no node {quoted(given)}; most alike are {known}."
-    )
+    near = most_alike(text, map(str, mission.nodes))
+    raise ValueError(f"mission {mission.name!r} has no node {quoted(given)}{near}.")
 
 
 def _look(label: str) -> str:

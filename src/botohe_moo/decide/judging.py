@@ -68,10 +68,22 @@ class Candidates:
     def span(self, wish: Wish) -> float:
         """Give the range of what a plan can have, by which shortfalls are scaled."""
         if isinstance(wish, Expected | TailMean):
-            if wish.quantity == "reward":
-                return self.mission.total_reward or 1.0
-            return float(self.mission.robots)
+            return self._most(wish.quantity) or 1.0
         return 1.0
+
+    def beyond(self, wish: Wish) -> Quantity | None:
+        """Give the quantity of which a wish needs more than any plan can have, if it does."""
+        if isinstance(wish, Expected | TailMean):
+            needed = wish.at_least
+        elif isinstance(wish, Chance) and wish.at_least > _SLACK:
+            needed = wish.value
+        else:
+            return None
+        most = self._most(wish.quantity)
+        return wish.quantity if needed > most + _SLACK * (most or 1.0) else None
+
+    def _most(self, quantity: Quantity) -> float:
+        return self.mission.total_reward if quantity == "reward" else float(self.mission.robots)
 
     @property
     def simulated(self) -> bool:

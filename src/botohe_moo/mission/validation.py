@@ -10,7 +10,7 @@ from typing import Any
 import networkx as nx
 import numpy as np
 
-from botohe_moo._base.checks import as_float, quoted
+from botohe_moo._base.checks import as_float, most_alike, quoted
 from botohe_moo.kernels.plans import evaluate as kernels
 from botohe_moo.mission.memory import MAX_ROBOTS, in_gib, team_bytes
 from botohe_moo.trails import PlanBatch
@@ -74,7 +74,8 @@ def mission_faults(graph: Any, base: Hashable, robots: object, *, ways: bool = T
     if base is None:
         faults.append("expected the label of the base, found no graph attribute 'base'")
     elif base not in graph:
-        faults.append(f"base {quoted(base)}: there is no such node")
+        near = most_alike(str(base), map(str, graph))
+        faults.append(f"base {quoted(base)}: there is no such node{near}")
     elif ways:
         faults += _way_faults(graph, base)
     return faults

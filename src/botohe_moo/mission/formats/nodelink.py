@@ -47,13 +47,13 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return content
 
 
-def decode(data: bytes) -> str:
-    """Decode UTF-8, with or without a byte order mark; raises MissionError."""
+def decode(data: bytes, remedy: str = "") -> str:
+    """Decode UTF-8, with or without a byte order mark; a MissionError ends with the remedy."""
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         found = f"the byte {data[error.start]:#04x} at position {error.start}"
-        raise MissionError(f"expected text in UTF-8, found {found}") from None
+        raise MissionError(f"expected text in UTF-8, found {found}{remedy}") from None
 
 
 def graph_from(content: object) -> tuple[nx.Graph[Any], list[str]]:

@@ -115,7 +115,7 @@ def read_table(path: str | os.PathLike[str]) -> pd.DataFrame:
 
     path = Path(path)
     try:
-        text = decode(file_content(path))
+        text = decode(file_content(path), "; save it as 'CSV UTF-8', as spreadsheets call it")
         separator = max(_SEPARATORS, key=text.partition("\n")[0].count)
         lines = enumerate(csv.reader(io.StringIO(text, newline=""), delimiter=separator), 1)
         rows = {i: cells for i, cells in lines if any(cell.strip() for cell in cells)}
