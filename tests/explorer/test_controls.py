@@ -84,7 +84,7 @@ class TestFocus:
             page.wait_for_timeout(200)
             assert downloads == []
             page.keyboard.press("ArrowLeft")
-            shows(page, 1)
+            expect(page.locator('[data-file="geojson"]')).to_be_enabled()
             with page.expect_download():
                 page.keyboard.press("Enter")
 

@@ -124,7 +124,7 @@ class SiteMap {
     const taken = this.at.map((at, node) => box(at, this.size[node], this.size[node]));
     const found = [];
     const order = d3.sort(d3.range(taken.length), (node) => (node === data.base ? -Infinity : -data.rewards[node]));
-    for (const node of order.slice(0, 300)) {
+    for (const node of order) {
       const text = shortened(data.names[node], 18);
       const [half, away, [x, y]] = [pen.measureText(text).width / 2 + 2, this.size[node] + 2, this.at[node]];
       const around = [[x + away + half, y], [x - away - half, y], [x, y - away - 7], [x, y + away + 7]];
@@ -188,8 +188,9 @@ class SiteMap {
     const badges = drawn.map((way) => {
       const middles = way.hops.map(({ tie, 0: from, 1: to }) => {
         const at = [(from[0] + to[0]) / 2, (from[1] + to[1]) / 2];
+        const own = box(at, 9, 9);
         const covered = d3.sum(taken, (other) => apart(other, at) < 17)
-          + d3.sum(this.named, (name) => overlap(name.box, box(at, 9, 9)));
+          + d3.sum(this.named, (name) => overlap(name.box, own));
         return { at, good: apart(from, to) - 10_000 * covered - 100 * this.used.get(tie) };
       });
       const { at } = d3.greatest(middles, (middle) => middle.good);
