@@ -335,7 +335,16 @@ class TestMuseum:
 
     @pytest.mark.parametrize(
         "part",
-        ["foo", "plan=abc", "pins=x", "reach=1.5", "robot=9", "pins=1,2,3,4,5", "a=1&b=2"],
+        [
+            "foo",
+            "plan=abc",
+            "pins=x",
+            "reach=1.5",
+            "robot=9",
+            "pins=1,2,3,4,5",
+            "a=1&b=2",
+            "reach=0.9",
+        ],
     )
     def test_what_the_address_cannot_mean_is_said(self, opened, museum_page, part):
         with opened(museum_page, f"#{part}") as page:
@@ -610,6 +619,8 @@ class TestTexts:
         plans = [mission.plan([["dock", *way]]) for way in ((long, "dock"), (words, "dock"))]
         path = explore(solution_of(mission, plans), tmp_path / "long.html")
         with opened(path, "#plan=0&pins=0,1", viewport=viewport) as page:
+            page.evaluate("document.getElementById('nodes-details').open = true")
+            page.locator("#nodes th").first.wait_for()
             for table in ("#nodes", "#compare", "#robots"):
                 fits = "(table) => table.clientWidth <= table.parentElement.clientWidth"
                 assert page.locator(table).evaluate(fits), table
@@ -667,7 +678,7 @@ class TestSmallFronts:
                 "[...document.querySelectorAll('#map .arcs path')].map((one) => one.outerHTML)"
             )
             assert "".join(drawn).count("Z") == 2
-            assert "one way only" in page.inner_text(".key")
+            assert "one way only" in page.inner_text("#key")
 
     def test_a_mission_of_one_place(self, opened, tmp_path):
         graph = nx.DiGraph(base="dock", robots=1)

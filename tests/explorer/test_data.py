@@ -1,7 +1,9 @@
 """The data of the page: thinned fronts, rounded numbers, marks and words."""
 
 import json
+import re
 
+import matplotlib.pyplot as plt
 import networkx as nx
 import numpy as np
 import pytest
@@ -16,6 +18,7 @@ from botohe_moo.explorer.data import page_data
 from botohe_moo.explorer.numbers import bin_codes, bin_edges, decimals, probability_codes
 from botohe_moo.explorer.thinning import thinned
 from botohe_moo.outcomes import Distribution
+from botohe_moo.plots import plot_outcomes
 from tests.decide.made import MISSION, NAMES, PLANS, star, trips
 from tests.explorer.conftest import solution_of, toy_plans
 
@@ -192,6 +195,30 @@ class TestData:
         assert kept == expected | {mark.index for mark in museum.knees()}
         assert f"40 of the {len(museum.plans)} plans" in data["thinned"]
         assert np.array_equal(data["objectives"], museum.objectives[data["ids"]])
+
+    def test_thinned_fronts_keep_the_plans_that_sentences_name(self, museum):
+        wishes = ["survivors >= 1.234", "reward >= 99", "survivors >= 2.5"]
+        data = page_data(museum, wishes, max_plans=20)
+        texts = [text for mark in data["marks"] for text in mark["text"]]
+        named = {int(number) for text in texts for number in re.findall(r"plan (\d+)", text)}
+        assert len(named) > len(wishes) + 5  # each is compared with up to four others
+        assert named <= set(data["ids"])
+        assert len(data["ids"]) < len(museum.plans)
+
+    def test_pictures_show_the_same_simulation(self, museum, monkeypatch):
+        monkeypatch.setattr("botohe_moo.decide.judging.MAX_OUTCOMES", 1)
+        data = page_data(museum, max_plans=12)
+        plans = [museum.plans[row] for row in data["ids"]]
+        pen = plt.figure()
+        left, _ = plot_outcomes(museum.mission, *plans, axes=pen.subplots(1, 2))
+        edges = np.array([0, *(float(name.split(" to ")[1]) for name in data["bins"])])
+        curves = [line.get_data() for line in left.lines if line.get_gid() == "reward"]
+        plt.close(pen)
+        assert len(curves) == len(plans) == 12
+        for (values, beyond), codes in zip(curves, data["rewards_in"], strict=True):
+            # The curve falls where a reward can be reached: first just before it, then after it.
+            drawn = Distribution(values[1:-1:2], beyond[:-2:2] - beyond[2::2])
+            assert bin_codes(drawn, edges) == codes
 
     def test_rewards_that_are_simulated_are_marked(self, museum, monkeypatch):
         monkeypatch.setattr("botohe_moo.decide.judging.MAX_OUTCOMES", 1)

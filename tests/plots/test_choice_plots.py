@@ -1,7 +1,5 @@
 """What the pictures show that plans are compared and chosen by, and those of case studies."""
 
-from functools import partial
-
 import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
@@ -9,10 +7,9 @@ import pandas as pd
 import pytest
 from hypothesis import given, settings
 
-from botohe_moo.decide import knees, representatives
+from botohe_moo.decide import judging, knees, representatives
 from botohe_moo.mission import PlanError
-from botohe_moo.outcomes import plan_outcomes, reward_distribution, survivors_distribution
-from botohe_moo.plots import outcomes as outcomes_picture
+from botohe_moo.outcomes import reward_distribution, survivors_distribution
 from botohe_moo.plots import plot_case_study, plot_choices, plot_outcomes, save_plot
 from tests.plots.test_plan_plots import arcs_drawn, arcs_of, map_name, maps_of
 from tests.plots.test_plots import (
@@ -103,8 +100,8 @@ class TestOutcomes:
 
     def test_simulated_rewards_are_told(self, monkeypatch):
         mission = load("art_museum")
-        few = partial(plan_outcomes, max_outcomes=1, n_samples=500)
-        monkeypatch.setattr(outcomes_picture, "plan_outcomes", few)
+        monkeypatch.setattr(judging, "MAX_OUTCOMES", 1)
+        monkeypatch.setattr(judging, "N_SAMPLES", 500)
         left, _ = plot_outcomes(mission, mission.plan(MUSEUM_TRAILS))
         (told,) = legend_texts(left)
         assert told.endswith("; R from 500 simulated missions")

@@ -72,11 +72,13 @@ def page_data(
     if not n_plans:
         raise ValueError("Expected at least one plan to explore, got none.")
     candidates = Candidates(mission, front.plans)
-    marks = _marks(front, candidates, wishes)
+    choices = [_chosen(candidates, wish) for wish in wishes]
+    marks = _marks(front, choices)
     order = np.lexsort((-front.objectives[:, 1], front.objectives[:, 0]))
     place = {int(row): i for i, row in enumerate(order)}
-    kept = [place[mark["plan"]] for mark in marks]
-    rows = order[thinned(front.objectives[order], kept, max_plans)].tolist()
+    kept = {mark["plan"] for mark in marks}.union(*map(_named, choices))
+    kept_places = [place[row] for row in kept]
+    rows = order[thinned(front.objectives[order], kept_places, max_plans)].tolist()
     place = {row: i for i, row in enumerate(rows)}
     isolated = isolating(mission.nodes)
     for mark in marks:
@@ -86,7 +88,8 @@ def page_data(
     spent = f"seed {front.seed}, {counted(front.evaluations, 'evaluation')}"
     thin = (
         f"The page shows {len(rows):,} of the {n_plans:,} plans: those that dominate the most area "
-        "(hypervolume) alone, both ends of the front, and all that are marked."
+        "(hypervolume) alone, both ends of the front, all that are marked, and those with which "
+        "a chosen plan is compared."
     )
     return {
         "name": mission.name,
@@ -185,18 +188,25 @@ def _reached(mission: Mission, plan: TrailPlan) -> FloatArray:
     return reached
 
 
-def _marks(
-    front: Front, candidates: Candidates, wishes: Iterable[str | Wish | Choice]
-) -> list[dict[str, Any]]:
+def _chosen(candidates: Candidates, wish: str | Wish | Choice) -> Choice:
+    """Choose a plan by a wish; a choice is taken as it is, if it is one of these plans."""
+    found = wish if isinstance(wish, Choice) else best(candidates, [wish])
+    if candidates.plans[found.index : found.index + 1] != (found.plan,):
+        raise ValueError(f"Expected a choice among these plans, got plan {found.index} of others.")
+    return found
+
+
+def _named(choice: Choice) -> set[int]:
+    """Rows of the plans that the sentences about a choice name."""
+    steps = (choice.cost.richer, choice.cost.safer, choice.rate.richer, choice.rate.safer)
+    return {step.index for step in steps if step is not None}
+
+
+def _marks(front: Front, choices: Iterable[Choice]) -> list[dict[str, Any]]:
     """Plans that are marked, by their rows, what they are and why."""
     mission, objectives = front.mission, front.objectives
     marks: list[dict[str, Any]] = []
-    for wish in wishes:
-        found = wish if isinstance(wish, Choice) else best(candidates, [wish])
-        if candidates.plans[found.index : found.index + 1] != (found.plan,):
-            raise ValueError(
-                f"Expected a choice among these plans, got plan {found.index} of others."
-            )
+    for found in choices:
         kind, said = ("choice", "meets") if found.met else ("miss", "comes nearest to")
         name = f"{said} {' and '.join(map(str, found.wishes))}" if found.wishes else "chosen"
         marks.append(_mark(kind, found.index, name, found.why, str(found.cost), str(found.rate)))

@@ -75,8 +75,8 @@ def explorer_page(front: Front, *, wishes: Iterable[str | Wish | Choice] = ()) -
     """Make the page that :func:`explore` writes, as text.
 
     Fronts of more than 500 plans are thinned: the plans stay that dominate the most area alone,
-    the ends, and those that are marked. Where the exact distribution of a plan's reward takes too
-    long, it is simulated, and the page says so.
+    the ends, those that are marked, and those with which a chosen plan is compared. Where the exact
+    distribution of a plan's reward takes too long, it is simulated, and the page says so.
 
     Parameters
     ----------

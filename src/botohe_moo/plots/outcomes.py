@@ -14,8 +14,9 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from botohe_moo._base.words import chance
+from botohe_moo.decide.judging import Candidates
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.outcomes import Distribution, Outcomes, plan_outcomes
+from botohe_moo.outcomes import Distribution
 from botohe_moo.plots.draw.labels import drawable, wrapped
 from botohe_moo.plots.draw.scales import stack_above
 from botohe_moo.plots.draw.style import INK, dress, theme
@@ -68,9 +69,9 @@ def plot_outcomes(
 
     Notes
     -----
-    The distributions are those of :func:`botohe_moo.plan_outcomes`: exact, or where that takes too
-    long, the rewards of 100 000 simulated missions; the legend says so. The seed is always the
-    same.
+    The distributions are those by which :func:`botohe_moo.decide.choose` judges plans and which
+    the explorer shows: exact, or where that takes too long, the rewards of 10 000 simulated
+    missions, always with the same seed; the legend says so.
     """
     check_mission(mission)
     if not plans:
@@ -79,15 +80,17 @@ def plot_outcomes(
         names = [f"plan {letter}" for letter in islice(cycle(ascii_uppercase), len(plans))]
     elif isinstance(names, str) or len(names) != len(plans):
         raise ValueError(f"Expected {len(plans)} names, one a plan, got {names!r}.")
-    mission.evaluate(plans)  # names the plan that is not valid
-    found = [plan_outcomes(mission, plan, random_state=0) for plan in plans]
+    judged = Candidates(mission, plans)
+    rewards = [judged.distribution("reward", i) for i in range(len(plans))]
+    survivors = [judged.distribution("survivors", i) for i in range(len(plans))]
     styles = robot_styles(len(plans))
-    told = [_told(drawable(str(name)), each) for name, each in zip(names, found, strict=True)]
+    parts = zip(names, rewards, survivors, strict=True)
+    told = [_told(drawable(str(name)), reward, alive) for name, reward, alive in parts]
     with theme():
         left, right = _two_axes() if axes is None else axes
         left.set(xlim=(0.0, mission.total_reward or 1.0), ylim=(0.0, 1.02))
-        curves = [_draw_reward(left, each.reward, s) for each, s in zip(found, styles, strict=True)]
-        bars = _draw_survivors(right, [each.survivors for each in found], styles)
+        curves = [_draw_reward(left, *one) for one in zip(rewards, styles, strict=True)]
+        bars = _draw_survivors(right, survivors, styles)
         left.set(xlabel="team reward R", ylabel="probability of at least R")
         right.set(xlim=(-0.5, mission.robots + 0.5), ylim=(0.0, 1.12 * right.dataLim.ymax))
         right.set(xlabel="number of survivors S", ylabel="probability of exactly S")
@@ -102,9 +105,9 @@ def plot_outcomes(
     return left, right
 
 
-def _told(name: str, outcomes: Outcomes) -> str:
-    expected = f"E[R] = {outcomes.reward.mean:.2f}, E[S] = {outcomes.survivors.mean:.2f}"
-    n_samples = outcomes.reward.n_samples
+def _told(name: str, reward: Distribution, survivors: Distribution) -> str:
+    expected = f"E[R] = {reward.mean:.2f}, E[S] = {survivors.mean:.2f}"
+    n_samples = reward.n_samples
     source = f"; R from {n_samples:,} simulated missions" if n_samples else ""
     return wrapped(f"{name}: {expected}{source}", 90)
 

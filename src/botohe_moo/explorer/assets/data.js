@@ -63,3 +63,9 @@ const isolated = (name) => (/[\u0590-\u{10ffff}]/u.test(name) ? `\u2068${name}\u
 /** The name of a node, apart from the direction of the text around it. */
 const nodeName = (node) => make("bdi", {}, data.names[node]);
 const byId = (id) => document.getElementById(id);
+
+/** Switch a control on or off. It can have the focus all the same, so that nobody loses it here. */
+function enable(control, on) {
+  control.setAttribute("aria-disabled", !on);
+  control.readOnly = !on;
+}

@@ -7,7 +7,7 @@ const NEAR = 50; // pixels within which the pointer finds a plan
 class FrontChart {
   constructor(svg) {
     this.svg = d3.select(svg);
-    for (const layer of ["axes", "points", "symbols", "pins", "hand"]) {
+    for (const layer of ["axes", "points", "symbols", "stalks", "pins", "hand"]) {
       this[layer] = this.svg.append("g").attr("class", layer);
     }
   }
@@ -67,9 +67,7 @@ class FrontChart {
 
   show(plan) {
     const [x, y] = this.place(plan);
-    const lines = [[this.left, y, x, y], [x, this.low, x, y]];
-    this.hand.selectAll("line").data(lines).join("line")
-      .attr("x1", (d) => d[0]).attr("y1", (d) => d[1]).attr("x2", (d) => d[2]).attr("y2", (d) => d[3]);
+    this.hand.selectAll("path").data([plan]).join("path").attr("d", `M${this.left},${y}H${x}V${this.low}`);
     this.hand.selectAll("circle").data([plan]).join("circle").attr("r", 7).attr("cx", x).attr("cy", y);
     this.showPins();
   }
@@ -77,23 +75,15 @@ class FrontChart {
   /** A letter for each pin, right above its plan, higher where another is in the way. */
   showPins() {
     const taken = [];
-    const flags = state.pins.map((plan, i) => ({ plan, letter: LETTERS[i], at: this.place(plan) }));
+    const flags = state.pins.map((plan, i) => ({ label: LETTERS[i], at: this.place(plan) }));
     for (const flag of d3.sort(flags, (one) => one.at[0])) {
       const [x, y] = flag.at;
       flag.to = [x + 12, Math.max(y - 20, 10)];
       while (taken.some(([a, b]) => Math.hypot(a - flag.to[0], b - flag.to[1]) < 19)) flag.to[0] += 8;
       taken.push(flag.to);
     }
-    const groups = this.pins.selectAll("g").data(flags).join((enter) => {
-      const added = enter.append("g");
-      for (const part of ["line", "circle", "text"]) added.append(part);
-      return added;
-    });
-    groups.select("line").attr("x1", (d) => d.at[0]).attr("y1", (d) => d.at[1])
-      .attr("x2", (d) => d.to[0]).attr("y2", (d) => d.to[1]);
-    groups.select("circle").attr("r", 9).attr("cx", (d) => d.to[0]).attr("cy", (d) => d.to[1]);
-    groups.select("text").attr("x", (d) => d.to[0]).attr("y", (d) => d.to[1]).attr("dy", "0.35em")
-      .attr("text-anchor", "middle").text((d) => d.letter);
+    this.stalks.selectAll("path").data(flags).join("path").attr("d", (flag) => line([flag.at, flag.to]));
+    markers(this.pins, flags, (flag) => `translate(${flag.to})`);
   }
 
   /** The plan that the pointer means, among those that meet the filters. */

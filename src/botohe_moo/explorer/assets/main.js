@@ -20,6 +20,7 @@ function render(walking = false) {
   showWalk(said);
   byId("pin").textContent = state.pins.includes(plan) ? "Unpin" : "Pin";
   showAnimate(plan);
+  tellNode(tellNode.node ?? null); // of this plan
   if (preview === null) say(said);
   cancelAnimationFrame(render.later);
   if (walking) render.later = requestAnimationFrame(() => setTimeout(renderTables));
@@ -33,7 +34,7 @@ function renderTables() {
   showNodes(plan);
   showPinned(go, togglePin);
   const faults = FILE_BUTTONS.map((button) => missing(plan, button.dataset.file));
-  FILE_BUTTONS.forEach((button, i) => { button.disabled = faults[i] !== ""; });
+  FILE_BUTTONS.forEach((button, i) => enable(button, faults[i] === ""));
   byId("no-files").textContent = [...new Set(faults)].join(" ").trim();
 }
 
@@ -48,14 +49,14 @@ function showWalk(said) {
   const walk = byId("walk");
   walk.max = Math.max(matching.length - 1, 0);
   walk.value = d3.bisectLeft(matching, state.plan);
-  walk.disabled = !matching.length;
+  enable(walk, matching.length > 0);
   walk.setAttribute("aria-valuetext", said);
-  byId("less").disabled = beside(-1) === undefined;
-  byId("more").disabled = beside(1) === undefined;
+  enable(byId("less"), beside(-1) !== undefined);
+  enable(byId("more"), beside(1) !== undefined);
 }
 
 function showAnimate(plan) {
-  byId("animate").disabled = trailsOf(plan).every((trail) => trail.length === 1);
+  enable(byId("animate"), trailsOf(plan).some((trail) => trail.length > 1));
   byId("animate").textContent = stopAnimation ? "Stop" : "Animate";
   if (!stopAnimation) byId("moment").textContent = "";
 }
@@ -80,15 +81,11 @@ function step(by) {
 }
 
 function togglePin(plan) {
-  if (state.pins.includes(plan)) {
-    act({ pins: state.pins.filter((pin) => pin !== plan) });
-  } else if (state.pins.length < MAX_PINS) {
-    act({ plan, pins: [...state.pins, plan] });
-  } else {
-    act({ plan });
-    byId("at-hand").append(make("span", { class: "tag" }, "four plans are pinned: unpin one first"));
-    say("Four plans are pinned: unpin one first.");
-  }
+  if (state.pins.includes(plan)) return act({ pins: state.pins.filter((pin) => pin !== plan) });
+  if (state.pins.length < MAX_PINS) return act({ plan, pins: [...state.pins, plan] });
+  act({ plan });
+  byId("at-hand").append(make("span", { class: "tag" }, "four plans are pinned: unpin one first"));
+  return say("Four plans are pinned: unpin one first.");
 }
 
 function filter() {
@@ -111,7 +108,7 @@ function showFilters() {
     if (wrong) faults.push(`Expected ${field.dataset.expected}: this filter is off.`);
   }
   byId("filter-faults").textContent = faults.join(" ");
-  byId("filter-reach").disabled = state.filters.node === null;
+  enable(byId("filter-reach"), state.filters.node !== null);
   const all = data.ids.length === 1 ? "1 plan" : `${data.ids.length} plans`;
   byId("matching").textContent = matching.length === data.ids.length ? all : `${matching.length} of ${all}`;
   front.sift();
@@ -144,19 +141,19 @@ function onKey(event) {
   if (event.altKey || event.ctrlKey || event.metaKey || event.defaultPrevented) return;
   if (key === "Escape") stopAnimation?.();
   if (target.id !== "walk" && target.closest("input, select, textarea")) return;
-  if (key === "Enter" && !target.closest("button, a, summary")) {
-    togglePin(state.plan);
-  } else if (["ArrowLeft", "ArrowRight"].includes(key) && !target.closest(".scroll, .frame")) {
-    step(key === "ArrowRight" ? 1 : -1);
-  } else {
-    return;
-  }
+  const by = { ArrowLeft: -1, ArrowRight: 1 }[key];
+  if (key === "Enter" && !target.closest("button, a, summary")) togglePin(state.plan);
+  else if (by && !target.closest(".scroll, .frame")) step(by);
+  else return;
   event.preventDefault();
 }
 
 function listen() {
   for (const cause of ["keydown", "focusin"]) document.addEventListener(cause, endPreview);
   document.addEventListener("keydown", onKey);
+  document.addEventListener("click", (event) => {
+    if (event.target.closest('[aria-disabled="true"]')) event.stopPropagation();
+  }, true);
   window.addEventListener("popstate", restore);
   byId("walk").addEventListener("input", (event) => act({ plan: matching[event.target.value] }, true));
   const clicks = { less: () => step(-1), more: () => step(1), pin: () => togglePin(state.plan),
@@ -174,8 +171,9 @@ function listen() {
   });
   chart.addEventListener("pointermove", (event) => event.pointerType !== "touch" && hover(front.nearest(event)));
   chart.addEventListener("pointerleave", () => hover(null));
-  byId("map").addEventListener("pointermove", (event) => tellNode(map.nearest(event)));
-  byId("map").addEventListener("pointerleave", () => tellNode(null));
+  const onMap = (event) => tellNode(map.nearest(event));
+  for (const cause of ["pointermove", "pointerdown"]) byId("map").addEventListener(cause, onMap);
+  byId("map").addEventListener("pointerleave", (event) => event.pointerType !== "touch" && tellNode(null));
 }
 
 function hover(plan) {
@@ -187,6 +185,7 @@ function hover(plan) {
 }
 
 function tellNode(node) {
+  tellNode.node = node;
   const plan = preview ?? state.plan;
   if (node === null) return byId("node").replaceChildren();
   const reached = probability(reachCode(plan, node));
@@ -211,8 +210,11 @@ function zoom(factor) {
   byId("map").parentElement.style.width = zoom.factor > 1 ? `${width}px` : "";
   if (zoom.factor === 1) frame.style.maxHeight = `${map.height + 2}px`;
   frame.scrollTo(x * ratio - frame.clientWidth / 2, y * ratio - frame.clientHeight / 2);
-  byId("smaller").disabled = zoom.factor === 1;
-  byId("larger").disabled = zoom.factor === 8;
+  enable(byId("smaller"), zoom.factor > 1);
+  enable(byId("larger"), zoom.factor < 8);
+  const [all, unnamed] = [data.names.length, data.names.length - map.named.length];
+  byId("unnamed").textContent = unnamed === 0 ? ""
+    : `Names of ${unnamed} of ${all} nodes have no room on the map: point at a node to read it.`;
   render();
 }
 
@@ -228,7 +230,9 @@ async function start() {
   byId("address").hidden = location.href === "about:srcdoc"; // a frame in a notebook has no history of its own
   byId("filter-node").append(...data.names.map((name, node) =>
     make("option", { value: node, dir: "auto" }, shortened(name, 60))));
-  byId("nodes-details").open = data.names.length <= 60;
+  const narrow = window.matchMedia("(max-width: 30rem)").matches;
+  byId("key").open = !narrow;
+  byId("nodes-details").open = !narrow && data.names.length <= 60;
   byId("main").hidden = false;
   front = new FrontChart(byId("front"));
   map = new SiteMap(byId("map"), byId("ground"));

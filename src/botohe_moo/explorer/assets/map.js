@@ -124,7 +124,7 @@ class SiteMap {
     const taken = this.at.map((at, node) => box(at, this.size[node], this.size[node]));
     const found = [];
     const order = d3.sort(d3.range(taken.length), (node) => (node === data.base ? -Infinity : -data.rewards[node]));
-    for (const node of order.slice(0, 300)) {
+    for (const node of order) {
       const text = shortened(data.names[node], 18);
       const [half, away, [x, y]] = [pen.measureText(text).width / 2 + 2, this.size[node] + 2, this.at[node]];
       const around = [[x + away + half, y], [x - away - half, y], [x, y - away - 7], [x, y + away + 7]];
@@ -135,6 +135,7 @@ class SiteMap {
       taken.push(free.box);
       found.push(free);
     }
+    this.named = found;
     this.names.selectAll("text").data(found).join("text").attr("text-anchor", "middle").attr("dy", "0.35em")
       .attr("x", (name) => name.at[0]).attr("y", (name) => name.at[1]).text((name) => name.text);
   }
@@ -150,9 +151,9 @@ class SiteMap {
       mark.classList.toggle("unreached", code === 0);
     }
     const styles = stylesOf(plan);
-    this.ways = this.layOut(trails).map((hops, i) => ({ robot: i, hops, ...styles[i] }));
+    this.ways = this.layOut(trails).map((hops, i) => ({ label: i, hops, ...styles[i] }));
     this.ways = this.ways.filter((way) => way.hops.length);
-    const faint = (way) => robot !== null && way.robot !== robot;
+    const faint = (way) => robot !== null && way.label !== robot;
     const wide = this.small ? 1.3 : Math.min(Math.max(this.lane * 0.75, 1.4), 2.4);
     this.trails.selectAll("path.trail").data(this.ways).join("path").attr("class", "trail")
       .attr("d", (way) => line(way.hops.flat())).attr("stroke-width", wide)
@@ -181,14 +182,16 @@ class SiteMap {
     }));
   }
 
-  /** A number on each trail: on a long arc that few use, where no other number is. */
+  /** A number on each trail: on a long arc that few use, where it covers no name and no other number. */
   showBadges(drawn, faint) {
     const taken = [];
     const badges = drawn.map((way) => {
       const middles = way.hops.map(({ tie, 0: from, 1: to }) => {
         const at = [(from[0] + to[0]) / 2, (from[1] + to[1]) / 2];
-        const crowd = d3.sum(taken, (other) => apart(other, at) < 17);
-        return { at, good: apart(from, to) - 1000 * crowd - 100 * this.used.get(tie) };
+        const own = box(at, 9, 9);
+        const covered = d3.sum(taken, (other) => apart(other, at) < 17)
+          + d3.sum(this.named, (name) => overlap(name.box, own));
+        return { at, good: apart(from, to) - 10_000 * covered - 100 * this.used.get(tie) };
       });
       const { at } = d3.greatest(middles, (middle) => middle.good);
       taken.push(at);
@@ -227,17 +230,17 @@ class SiteMap {
   }
 }
 
-/** Numbered circles in the colours of the robots. */
-function markers(layer, ways, transform) {
-  const groups = layer.selectAll("g").data(ways).join((enter) => {
+/** Circles with a number or a letter: robots in their colours, and pins. */
+function markers(layer, labelled, transform) {
+  const groups = layer.selectAll("g").data(labelled).join((enter) => {
     const added = enter.append("g");
     added.append("circle").attr("r", 7.5);
     added.append("text").attr("text-anchor", "middle").attr("dy", "0.35em");
     return added;
   });
   groups.attr("transform", transform);
-  groups.select("circle").style("stroke", (way) => way.colour);
-  groups.select("text").text((way) => way.robot);
+  groups.select("circle").style("stroke", (one) => one.colour);
+  groups.select("text").text((one) => one.label);
   return groups;
 }
 

@@ -13,6 +13,7 @@ function toHash() {
   if (state.pins.length) said.set("pins", state.pins.map((plan) => data.ids[plan]).join(","));
   if (state.robot !== null) said.set("robot", state.robot);
   for (const name of FILTERS) if (state.filters[name] !== null) said.set(name, state.filters[name]);
+  if (state.filters.node === null) said.delete("reach"); // which is the probability of a node
   return `#${said.toString().replaceAll("%2C", ",")}`;
 }
 
@@ -27,6 +28,7 @@ function readHash() {
   state.robot = whole(said.get("robot"), data.robots);
   for (const name of FILTERS) state.filters[name] = filterValue(name, said.get(name));
   state.filters.node = whole(said.get("node"), data.names.length);
+  if (state.filters.node === null) state.filters.reach = null;
   findMatching();
   const used = new URLSearchParams(toHash().slice(1));
   const same = (one, other) => one === other || (one !== null && Number(one) === Number(other));
@@ -65,12 +67,9 @@ function change(changes, walking = false) {
   if (!goesOn && past.timer !== null) remember("replaceState");
   past.walked = walking ? now : -Infinity;
   Object.assign(state, changes);
-  if (goesOn) {
-    clearTimeout(past.timer); // browsers refuse hundreds of changes within seconds
-    past.timer = setTimeout(() => remember("replaceState"), 150);
-  } else {
-    remember("pushState");
-  }
+  if (!goesOn) return remember("pushState");
+  clearTimeout(past.timer); // browsers refuse hundreds of changes within seconds
+  past.timer = setTimeout(() => remember("replaceState"), 150);
 }
 
 function remember(how) {

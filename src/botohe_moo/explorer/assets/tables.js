@@ -167,8 +167,7 @@ function showPinned(go, unpin) {
   showPinned.last = String(state.pins);
   const within = byId("cards").contains(document.activeElement);
   byId("cards").replaceChildren(...state.pins.map((plan, i) => {
-    const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
-    svg.setAttribute("role", "img");
+    const svg = d3.create("svg").attr("role", "img").node();
     const map = new SiteMap(svg);
     map.resize(260, true);
     map.show(plan);
