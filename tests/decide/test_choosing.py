@@ -140,6 +140,11 @@ class TestTheImpossible:
     def test_what_a_plan_might_have_is_not(self, wish):
         assert "no plan can" not in choose(MISSION, PLANS, wish).why
 
+    def test_what_the_mission_has_is_told_in_all_digits(self):
+        mission = star({"a": (99.99999, 0.5)})
+        why = choose(mission, [trips(mission, "a")], "reward >= 100").why
+        assert "because the mission has a total reward of 99.99999." in why
+
     def test_a_total_that_is_rounded_is_within_reach(self):
         mission = star({"a": (0.1, 0.5), "b": (0.2, 0.5)})
         assert mission.total_reward > 0.3  # by rounding

@@ -234,14 +234,36 @@ def test_labels_are_left_as_they_are_where_a_wish_is_repaired():
             parse_wishes(mission, [f"reech {node} > 50%"])
 
 
+def test_no_other_node_is_offered_than_the_one_written():
+    mission = labelled(["n1,5", "n1.5", "50%", "0.5"])
+    for node in ("n1,5", "50%"):
+        with pytest.raises(ValueError, match=re.escape(repr(f"reach {node} >= 0.9"))):
+            parse_wishes(mission, [f"reach {node} > 90%"])
+
+
+def test_labels_do_not_stand_in_the_way_of_symbols():
+    with pytest.raises(ValueError, match="did you mean 'survivors >= 2'"):
+        parse_wishes(labelled(["S", "R"]), ["E[S] >= 2"])
+
+
+def test_an_offer_is_written_in_full():
+    with pytest.raises(ValueError, match=r"did you mean '(survivors >= 1 and ){9}survivors >= 1'"):
+        parse_wishes(MISSION, [" and ".join(["survivors > 1"] * 10)])
+
+
 @pytest.mark.parametrize(
     ("text", "fault"),
     [
         ("survivors <= 2", "; wishes are lower limits, written with '>='."),
         ("P(survivors ≤ 1) >= 0.1", "; wishes are lower limits, written with '>='."),
         ("reward >= 1,000", "; write numbers as 2.5 and 1500, without commas."),
-        ("rewrad >= 80%", "; write reward and survivors as numbers, not as percentages."),
-        ("CVaR(reward, 0.1) >= 20%", "; write reward and survivors as numbers, not as"),
+        ("rewrad >= 80%", "; write probabilities as 0.8, and other numbers without '%'."),
+        ("every robot >= 120%", "; write probabilities as 0.8, and other numbers without '%'."),
+        ("reach zz >= 90%", "; write probabilities as 0.8, and other numbers without '%'."),
+        (
+            "CVaR(reward, 0.1) >= 20%",
+            "; write probabilities as 0.8, and other numbers without '%'.",
+        ),
         ("reach 'a < 1' or 'a'", ". Wishes"),  # what is in quotes is no limit
         ("robots >= 2", ". Wishes"),  # "robot >= 2" could not be read either
         ("rewrad >= 5" + " " * 500, ". Wishes"),
@@ -262,7 +284,7 @@ near_wishes = st.tuples(
 ).map("".join)
 
 
-@given(st.lists(near_wishes, min_size=1, max_size=3), st.sampled_from([" and ", "; ", ",", " or "]))
+@given(st.lists(near_wishes, min_size=1, max_size=8), st.sampled_from([" and ", "; ", ",", " or "]))
 def test_whatever_is_offered_can_be_read(texts, joint):
     with pytest.raises(ValueError, match=r"^Expected a wish, got ") as caught:
         parse_wishes(MISSION, [joint.join(texts)])

@@ -24,6 +24,7 @@ from botohe_moo.plots import (
 )
 from botohe_moo.plots.draw.labels import drawable
 from botohe_moo.plots.draw.places import node_positions
+from botohe_moo.plots.draw.space import Space, text_size
 from botohe_moo.plots.draw.style import reach_palette
 from botohe_moo.plots.draw.trails import robot_styles
 from tests.plots.test_plots import (
@@ -379,3 +380,15 @@ def test_why_places_are_made_up(places, why):
     mission = Mission(graph, base=1, robots=3)
     said = " ".join(words(plot_plan(mission, mission.plan(MUSEUM_TRAILS))).split())
     assert f"the places of the nodes on this map are made up: {why}" in said
+
+
+def test_names_go_where_they_belong_to_one_mark():
+    marks = np.array([[50.0, 50.0], [75.0, 50.0]])
+    frame = np.array([0.0, 0.0]), np.array([200.0, 100.0])
+    space = Space(marks, 5.0, frame, np.empty((0, 2)))
+    alone = Space(marks[:1], 5.0, frame, np.empty((0, 2)))
+    assert alone.beside(marks[0], "ab", 6.0)[0] > 0  # to the right, where there is room
+    beside = space.beside(marks[0], "ab", 6.0)
+    half = np.array(text_size("ab", 6.0)) / 2
+    gaps = np.hypot(*(np.abs(marks[0] + beside - marks) - half).clip(min=0.0).T)
+    assert gaps[1] > gaps[0] + 4.0

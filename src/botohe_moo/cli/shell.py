@@ -4,8 +4,8 @@ import errno
 import gc
 import logging
 import os
+import re
 import sys
-import unicodedata
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -67,7 +67,9 @@ def _drop_what_nobody_reads() -> None:
                 os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
-_KEPT = "\n\t\u200c\u200d"  # joiners belong to words and to emoji
+# What steers a terminal, but not the ends of our own lines; what ends a line for some readers only;
+# and what changes the direction of the letters behind it, which no right-to-left label needs.
+_STEERING = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
 
 
 def harmless(message: object) -> str:
@@ -76,12 +78,7 @@ def harmless(message: object) -> str:
     >>> print(harmless("\x1b[31m nodes \u202e"))
     \x1b[31m nodes \u202e
     """
-    return "".join(
-        letter.encode("unicode_escape").decode()
-        if unicodedata.category(letter) in ("Cc", "Cf") and letter not in _KEPT
-        else letter
-        for letter in str(message)
-    )
+    return _STEERING.sub(lambda found: found[0].encode("unicode_escape").decode(), str(message))
 
 
 def tell(message: object) -> None:

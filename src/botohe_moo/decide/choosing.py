@@ -13,7 +13,7 @@ from botohe_moo.decide.fronts import check_row, scales, short
 from botohe_moo.decide.grammar import parse_wishes
 from botohe_moo.decide.judging import N_SAMPLES, Candidates, effort, takes_reward_distribution
 from botohe_moo.decide.marking import ExchangeRate, Neighbours, exchange_rate, neighbours
-from botohe_moo.decide.wishes import QUANTITIES, Expected, Quantity, Wish
+from botohe_moo.decide.wishes import QUANTITIES, Expected, Quantity, Wish, exact
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import Plans, TrailPlan
 
@@ -259,7 +259,7 @@ def _no_plan(front: Candidates, wishes: tuple[Wish, ...]) -> str:
     """Say why no plan at all can meet the wishes, if they ask for more than the mission has."""
     mission = front.mission
     has = {
-        "reward": f"a total reward of {mission.total_reward:g}",
+        "reward": f"a total reward of {exact(mission.total_reward)}",
         "survivors": counted(mission.robots, "robot"),
     }
     beyond = dict.fromkeys(front.beyond(wish) for wish in wishes)

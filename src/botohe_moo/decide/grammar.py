@@ -65,10 +65,11 @@ def _pattern(shape: str, end: str) -> re.Pattern[str]:
 _END = rf">= (?P<at_least>{_NUMBER})(?:\s+and\s+(?=\S)|\s*\Z)"
 _PATTERNS = [(_pattern(shape, _END), kind) for shape, kind in _SHAPES.items()]
 _WITHOUT_NUMBER = [_pattern(shape, r"(?:>=)? \Z") for shape in _SHAPES]
+_LABEL = r"\breach\s+.+?(?=>=)"  # no part of it is repaired
 _FAULTS = (
     (rf"[<≤]\s*=?\s*{_NUMBER}", "; wishes are lower limits, written with '>='"),
     (r"\d,\d", "; write numbers as 2.5 and 1500, without commas"),
-    (r"\d\s*%", "; write reward and survivors as numbers, not as percentages"),
+    (r"\d\s*%", "; write probabilities as 0.8, and other numbers without '%'"),
 )
 
 # Texts that are nearly wishes: their words are corrected, then these repairs are made one after the
@@ -133,7 +134,7 @@ def parse_wishes(mission: Mission, wishes: Iterable[str | Wish]) -> tuple[Wish, 
         if isinstance(wish, Wish):
             found.append(wish)
         elif isinstance(wish, str):
-            found += _parse(mission, wish, lambda text: _meant(mission, text))
+            found += _parse(mission, wish)
         else:
             raise ValueError(f"Expected a wish, a text such as {FORMS[0]!r}, got {quoted(wish)}.")
     if not found:
@@ -146,7 +147,7 @@ def parse_wishes(mission: Mission, wishes: Iterable[str | Wish]) -> tuple[Wish, 
     )
 
 
-def _parse(mission: Mission, text: str, hint: Callable[[str], str] = lambda _: "") -> list[Wish]:
+def _parse(mission: Mission, text: str, *, offer: bool = True) -> list[Wish]:
     wishes: list[Wish] = []
     start = 0
     while start < len(text) or not wishes:
@@ -154,7 +155,7 @@ def _parse(mission: Mission, text: str, hint: Callable[[str], str] = lambda _: "
         found, kind = next((pair for pair in matches if pair[0]), (None, Wish))
         if found is None:
             where = f" at {quoted(text[start:])}" if start else ""
-            fault = hint(text) or f"{_fault(text[start:])}."
+            fault = (offer and _meant(mission, text)) or f"{_fault(text[start:])}."
             raise ValueError(f"Expected a wish, got {quoted(text)}{where}{fault} {_forms()}")
         try:
             wishes.append(_make(mission, kind, found.groupdict()))
@@ -169,7 +170,7 @@ def _parse(mission: Mission, text: str, hint: Callable[[str], str] = lambda _: "
 
 def _fault(rest: str) -> str:
     """Say what is wrong with a text that is not a wish, if that is plain."""
-    ends = re.search(rf"{_NUMBER}\s*\Z", rest)
+    ends = re.search(rf"{_NUMBER}\s*%?\s*\Z", rest)
     if not ends and any(pattern.match(rest) for pattern in _WITHOUT_NUMBER):
         return ", which lacks '>=' and a number at its end"
     bare = re.sub(_QUOTED, "", rest)
@@ -177,13 +178,13 @@ def _fault(rest: str) -> str:
 
 
 def _meant(mission: Mission, text: str) -> str:
-    """Ask whether the first repaired text that can be read is meant."""
+    """Offer the first repaired text that can be read."""
     if len(text) > _LONGEST_REPAIRED:
         return ""
     for repaired in _repaired(mission, text):
         with suppress(ValueError):
-            _parse(mission, repaired)
-            return f"; did you mean {quoted(repaired)}?"
+            _parse(mission, repaired, offer=False)
+            return f"; did you mean {repaired!r}?"
     return ""
 
 
@@ -192,20 +193,25 @@ def _repaired(mission: Mission, text: str) -> Iterator[str]:
 
     def correct(found: re.Match[str]) -> str:
         word = found["inner"] or found[0]
-        if word.lower() in _WORDS or word in labels:
+        if word.lower() in _WORDS or (word in labels and not found["inner"]):
             return word
         longer = [known for known in _WORDS if known.startswith(word.lower())]  # the S of E[S]
         return next(iter(longer or get_close_matches(word.lower(), _WORDS, 1)), word)
 
-    for pattern, repair in ((_WORD, correct), *_REPAIRS):
-        text = _outside_quotes(pattern, repair, text)
+    text = _repair(_QUOTED, _WORD, correct, text)
+    yield text.strip()
+    (sign, write), *others = _REPAIRS
+    text = _repair(_QUOTED, sign, write, text)
+    yield text.strip()
+    for pattern, repair in others:
+        text = _repair(rf"{_QUOTED}|{_LABEL}", pattern, repair, text)
         yield text.strip()
 
 
-def _outside_quotes(pattern: str, repair: Callable[[re.Match[str]], str], text: str) -> str:
+def _repair(kept: str, pattern: str, repair: Callable[[re.Match[str]], str], text: str) -> str:
     return re.sub(
-        rf"(?P<quoted>{_QUOTED})|{pattern}",
-        lambda found: found["quoted"] or repair(found),
+        rf"(?P<as_it_is>{kept})|{pattern}",
+        lambda found: found["as_it_is"] or repair(found),
         text,
         flags=re.IGNORECASE,
     )

@@ -64,7 +64,7 @@ const isolated = (name) => (/[\u0590-\u{10ffff}]/u.test(name) ? `\u2068${name}\u
 const nodeName = (node) => make("bdi", {}, data.names[node]);
 const byId = (id) => document.getElementById(id);
 
-/** Switch a control on or off. It can have the focus all the same, so that nobody loses it here. */
+/** Switch a control on or off; not by `disabled`, which takes the focus away. Only fields heed `readOnly`. */
 function enable(control, on) {
   control.setAttribute("aria-disabled", !on);
   control.readOnly = !on;

@@ -15,6 +15,7 @@ from botohe_moo.plots.draw.style import MUTED
 _SIDES = np.array([(1, 0), (1, 1), (1, -1), (0, 1), (0, -1), (-1, 1), (-1, -1), (-1, 0)])
 _AWAY = (1.5, 6.0, 12.0, 20.0, 30.0, 45.0, 60.0)  # points between a mark and its text
 _LEADER = 4.0  # points from which on a line ties them
+_FARTHER = 4.0  # points by which other marks are farther from a text that is not tied
 PAD = 1.5  # points that texts keep from each other, on either side
 
 
@@ -57,11 +58,11 @@ class Space:
         return None
 
     def _is_clear(self, centres: FloatArray, half: FloatArray, at: FloatArray) -> NDArray[np.bool_]:
-        """Tell which boxes a line ties to their mark, or are much nearer to it than others are."""
+        """Tell where a text belongs to its mark: a line ties them, or all others are farther."""
         own = _gaps(centres, half, at[None])[:, 0]
         others = _gaps(centres, half, self.marks[(self.marks != at).any(axis=1)])
         tied = own > self.radius + _LEADER
-        return np.asarray(tied | (others.min(axis=1, initial=np.inf) > own + _LEADER))
+        return np.asarray(tied | (others.min(axis=1, initial=np.inf) > own + _FARTHER))
 
     def place(self, centres: FloatArray, width: float, height: float) -> FloatArray | None:
         """Take room for a box at the best of ``centres`` (n, 2), and give it; None without room.
