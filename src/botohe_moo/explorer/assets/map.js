@@ -42,7 +42,8 @@ class SiteMap {
     const radius = this.nodeRadius();
     const most = d3.max(data.rewards) || 1;
     this.size = data.rewards.map((reward, node) =>
-      radius * (node === data.base ? 1.1 : 0.5 + 0.7 * Math.sqrt(reward / most)));
+      node === data.base ? Math.max(1.1 * radius, this.small ? 3 : 5.5)
+        : radius * (0.5 + 0.7 * Math.sqrt(reward / most)));
     this.lane = Math.min(Math.max(0.42 * radius, 1.3), 3.4);
     this.drawGround();
     this.drawNodes();
@@ -75,7 +76,7 @@ class SiteMap {
     });
     const shades = paths.map((found, shade) => ({ d: found.join(""), opacity: FAINTEST + 0.08 * shade }));
     const scale = (this.small ? 0.6 : 1) * (tails.length > 400 ? 0.8 : 1.4);
-    const wide = ({ opacity }) => scale * (1 + 2.5 * (opacity - FAINTEST));
+    const wide = ({ opacity }) => scale * (0.7 + 1.5 * (opacity - FAINTEST)); // less than trails
     if (this.canvas === null || tails.length <= MANY) {
       this.arcs.selectAll("path").data(shades).join("path").attr("d", (shade) => shade.d)
         .attr("stroke-opacity", (shade) => shade.opacity).attr("stroke-width", wide);
@@ -154,7 +155,7 @@ class SiteMap {
     this.ways = this.layOut(trails).map((hops, i) => ({ label: i, hops, ...styles[i] }));
     this.ways = this.ways.filter((way) => way.hops.length);
     const faint = (way) => robot !== null && way.label !== robot;
-    const wide = this.small ? 1.3 : Math.min(Math.max(this.lane * 0.75, 1.4), 2.4);
+    const wide = this.small ? 1.3 : Math.min(Math.max(this.lane * 0.75, 2), 2.4);
     this.trails.selectAll("path.trail").data(this.ways).join("path").attr("class", "trail")
       .attr("d", (way) => line(way.hops.flat())).attr("stroke-width", wide)
       .attr("stroke-dasharray", (way) => way.dash)
@@ -189,7 +190,7 @@ class SiteMap {
       const middles = way.hops.map(({ tie, 0: from, 1: to }) => {
         const at = [(from[0] + to[0]) / 2, (from[1] + to[1]) / 2];
         const own = box(at, 9, 9);
-        const covered = d3.sum(taken, (other) => apart(other, at) < 17)
+        const covered = d3.sum([...taken, this.at[data.base]], (other) => apart(other, at) < 17)
           + d3.sum(this.named, (name) => overlap(name.box, own));
         return { at, good: apart(from, to) - 10_000 * covered - 100 * this.used.get(tie) };
       });
