@@ -155,7 +155,7 @@ def nearest_first(word: str, words: Iterable[str]) -> list[str]:
 
 def most_alike(word: str, words: Iterable[str]) -> str:
     """Say which five words look most like ``word``; nothing if there are none."""
-    near = [quoted(other)[1:-1] for other in nearest_first(word, words)[:5]]
+    near = [repr(other[:_LONG])[1:-1] for other in nearest_first(word, words)[:5]]
     return f"; most alike are {', '.join(near)}" if near else ""
 
 
