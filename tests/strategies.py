@@ -11,11 +11,24 @@ from tests.twins import all_trails
 
 survivals = st.one_of(st.just(1.0), st.floats(0.01, 1.0))
 rewards = st.one_of(st.just(0.0), st.floats(0.0, 10.0))
+lengths = st.one_of(st.sampled_from([0.0, 0.1, 0.2, 1.0, 2.0, 3.0]), st.floats(0.0, 3.0))
+_LENGTHS = lengths
 
 
 @st.composite
-def missions(draw, min_nodes=2, max_nodes=7, max_robots=3, one_way=None, survivals=survivals):
-    """Strongly connected missions; one-way ones have nodes with more arcs in than out."""
+def missions(
+    draw,
+    min_nodes=2,
+    max_nodes=7,
+    max_robots=3,
+    one_way=None,
+    survivals=survivals,
+    lengths=None,
+):
+    """Strongly connected missions; one-way ones have nodes with more arcs in than out.
+
+    In half of them some arcs, or all, have a length; with ``lengths`` all arcs have one of these.
+    """
     n_nodes = draw(st.integers(min_nodes, max_nodes))
     one_way = draw(st.booleans()) if one_way is None else one_way
     graph = nx.DiGraph()
@@ -38,6 +51,11 @@ def missions(draw, min_nodes=2, max_nodes=7, max_robots=3, one_way=None, surviva
                 graph.add_edge(head, tail)
     for tail, head in graph.edges:
         graph.edges[tail, head]["survival"] = draw(survivals)
+    arcs = list(graph.edges)
+    if lengths is None:
+        lengths, arcs = _LENGTHS, draw(st.sampled_from([[], [], arcs[::2], arcs]))
+    for arc in arcs:
+        graph.edges[arc]["length"] = draw(lengths)
     return Mission(graph, base=0, robots=draw(st.integers(1, max_robots)), name="drawn")
 
 

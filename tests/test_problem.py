@@ -1,6 +1,8 @@
 """BOTOHE through pymoo's own machinery, with foreign algorithms, and what pymoo prints."""
 
 import copy
+import itertools
+import math
 import pickle
 import re
 
@@ -377,6 +379,100 @@ class TestFrontOutput:
     def test_pymoo_s_own_output_works_too(self, toy, capsys):
         minimize(BOTOHE(toy), foreign(), ("n_gen", 3), seed=1, verbose=True)
         assert "n_nds" in printed(capsys)[0]
+
+
+def there_and_back(*lengths, **own):
+    """A base with as many islands, each as far away as half of a length."""
+    graph = nx.DiGraph(base="dock", robots=1, **own)
+    graph.add_node("dock", reward=0)
+    for island, length in enumerate(lengths):
+        graph.add_node(island, reward=1)
+        graph.add_edge("dock", island, survival=0.9, length=length)
+        graph.add_edge(island, "dock", survival=0.9, length=0)
+    return Mission(graph)
+
+
+class TestTravelBudget:
+    def constraints(self, mission, *trails, **limits):
+        batch = mission.batch([mission.plan([trail]) for trail in trails])
+        return BOTOHE(mission, **limits).constrain_batch(batch)
+
+    def test_by_hand(self, toy, plans):
+        # Hops of the longest trails: none, 2 and 6.
+        problem = BOTOHE(toy, max_length=4)
+        assert (problem.n_ieq_constr, problem.max_length) == (1, 4)
+        G = problem.constrain_batch(toy.batch(plans))
+        assert G[:, 0] == pytest.approx([-1, -0.5, 0.5])
+        out = problem.evaluate(toy.batch(plans).to_array(), return_as_dictionary=True)
+        assert out["G"].tolist() == G.tolist()
+
+    def test_beside_the_survival_floor_and_invalid_plans(self, toy, plans):
+        problem = BOTOHE(toy, min_survival=0.5, max_length=4).allowing_invalid()
+        G = problem.constrain_batch(toy.batch(plans))
+        floor = [0.5 - 1, 0.5 - 0.81, 0.5 - 0.81**2 * 0.729**2]
+        assert G.T.tolist() == [[0, 0, 0], pytest.approx(floor), pytest.approx([-1, -0.5, 0.5])]
+        drafts = [TrailPlan([[0, 2, 0, 1, 3, 4, 3], [1]])]  # not back at base; from elsewhere
+        G = problem.constrain_batch(PlanBatch.from_plans(drafts, 2))
+        assert G[0, ::2].tolist() == [3, pytest.approx(6 / 4 - 1)]
+
+    def test_a_trail_just_as_long_as_the_budget_is_kept_whatever_rounding_does(self):
+        lengths = [0.1, 0.2, 0.3, 0.7, 1.1]
+        mission = there_and_back(*lengths)
+        budget = math.fsum(lengths)
+        sums = set()
+        for order in itertools.permutations(range(5)):
+            trail = ["dock"]
+            for island in order:
+                trail += [island, "dock"]
+            sums.add(float(mission.trail_lengths([mission.plan([trail])])[0, 0]))
+            assert self.constraints(mission, trail, max_length=budget) <= 0
+            assert self.constraints(mission, trail, max_length=budget - 1e-9) > 0
+        assert len(sums) > 1  # the order makes a difference
+        assert max(sums) > budget
+        planning = BOTOHE(mission, max_length=budget).planning_limits.max_length
+        assert max(sums) <= planning < BOTOHE(mission, max_length=budget).travel_budget
+
+    def test_a_budget_of_nothing(self):
+        mission = there_and_back(0, 3)
+        trails = [["dock"], ["dock", 0, "dock"], ["dock", 1, "dock"]]
+        G = self.constraints(mission, *trails, max_length=0)
+        assert G[:, 0].tolist() == [0, 0, 3]  # of what cannot be reached and left is no fault
+
+    @pytest.mark.parametrize("budget", [5e-324, 1e-300, 1e300, math.nextafter(math.inf, 0)])
+    def test_constraints_are_finite(self, budget):
+        mission = there_and_back(1e300)
+        trail = ["dock", 0, "dock"]
+        problem = BOTOHE(mission, max_length=budget)
+        x = mission.batch([mission.plan([trail])]).to_array()
+        G = problem.evaluate(x, return_as_dictionary=True)["G"]
+        assert (G <= 0).all() == (budget >= 1e300)
+
+    def test_the_mission_s_own(self):
+        mission = there_and_back(3, max_length=2.5)
+        trail = ["dock", 0, "dock"]
+        assert BOTOHE(mission).max_length == 2.5
+        assert self.constraints(mission, trail) == pytest.approx(0.5 / 2.5)
+        assert self.constraints(mission, trail, max_length=6) == pytest.approx(-0.5)
+        assert self.constraints(mission, trail, max_length=None).shape == (1, 1)
+
+    def test_no_budget_is_no_constraint(self, toy):
+        for problem in (BOTOHE(toy), BOTOHE(toy, max_length=math.inf)):
+            assert (problem.n_ieq_constr, problem.max_length) == (0, None)
+            assert problem.planning_limits == (0.0, math.inf)
+            assert not problem.planning_limits.bind
+        lifted = BOTOHE(there_and_back(3, max_length=2.5), max_length=math.inf)
+        assert (lifted.n_ieq_constr, lifted.max_length) == (0, None)
+
+    @pytest.mark.parametrize("budget", [-0.1, -math.inf, math.nan, "far", True])
+    def test_it_is_a_length(self, toy, budget):
+        with pytest.raises(ValueError, match=r"Expected max_length .*got"):
+            BOTOHE(toy, max_length=budget)
+
+    def test_copies(self):
+        problem = BOTOHE(there_and_back(3), max_length=2)
+        for twin in (copy.deepcopy(problem), pickle.loads(pickle.dumps(problem))):
+            assert (twin.max_length, twin.n_ieq_constr) == (2, 1)
+            assert twin.mission == problem.mission
 
 
 class TestSurvivalFloor:

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from fractions import Fraction
 from importlib import import_module
 from itertools import combinations_with_replacement, pairwise, product
-from math import exp, log, prod
+from math import log, prod
 from pkgutil import iter_modules
 
 import networkx as nx
@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from botohe_moo.kernels import local_search
+from botohe_moo.kernels.graph.graph import NO_LIMITS
 
 
 def evaluate(mission, trails):
@@ -33,6 +34,12 @@ def evaluate(mission, trails):
     )
     expected_survivors = sum(prod(survival[arc] for arc in pairwise(trail)) for trail in trails)
     return expected_reward, expected_survivors
+
+
+def trail_lengths(mission, trails):
+    """How long each of the label trails is: the sum over its hops, one long by default."""
+    arcs = mission.graph.edges
+    return [sum(arcs[hop].get("length", 1.0) for hop in pairwise(trail)) for trail in trails]
 
 
 def exact_figures(mission, trails):
@@ -79,26 +86,33 @@ class Ant:
     """An ant of the colony, one rule a line.
 
     ``rule`` is a ColonyRule, ``pheromone`` holds one dict a robot from arcs (the base's self-loop
-    among them) to (τ_R, τ_S), ``weight`` is the ant's λ, and ``floor`` the survival floor.
+    among them) to (τ_R, τ_S), ``weight`` is the ant's λ, and ``limits`` are what trails keep.
     """
 
-    def __init__(self, mission, rule, pheromone, weight, floor=0.0):
+    def __init__(self, mission, rule, pheromone, weight, limits=NO_LIMITS):
         self.mission, self.rule, self.pheromone, self.weight = mission, rule, pheromone, weight
-        self.floor = floor
+        self.limits = limits
         self.survival = {(u, v): s for u, v, s in mission.graph.edges(data="survival")}
+        self.length = {(u, v): d for u, v, d in mission.graph.edges(data="length", default=1.0)}
         self.reward = dict(mission.graph.nodes(data="reward"))
         self.loop = (mission.base, mission.base)
 
     def leads_back(self, used, node):
-        """Whether unused arcs lead home, and the whole trail is survived as the floor demands."""
+        """Whether the safest or the shortest way over unused arcs leads home within the limits."""
         left = nx.DiGraph(arc for arc in self.mission.graph.edges if arc not in used)
         left.add_nodes_from(self.mission.graph)
         if not nx.has_path(left, node, self.mission.base):
             return False
-        for u, v in left.edges:
-            left.edges[u, v]["cost"] = -log(self.survival[u, v])
-        home = exp(-nx.dijkstra_path_length(left, node, self.mission.base, weight="cost"))
-        return prod(self.survival[arc] for arc in used) * home >= self.floor
+        for arc in left.edges:
+            left.edges[arc].update(cost=-log(self.survival[arc]), length=self.length[arc])
+        for weight in ("cost", "length"):
+            way = nx.dijkstra_path(left, node, self.mission.base, weight=weight)
+            trail = [*used, *pairwise(way)]
+            alive = prod(self.survival[arc] for arc in trail)
+            length = sum(self.length[arc] for arc in trail)
+            if alive >= self.limits.min_survival and length <= self.limits.max_length:
+                return True
+        return False
 
     def attraction(self, arc, trail, unreached, robot):
         survival = self.survival.get(arc, 1.0)
@@ -120,7 +134,7 @@ class Ant:
         attractions = [self.attraction(arc, trail, unreached, robot) for arc in free + loop]
         floor = self.rule.exploration * sum(attractions) / len(attractions) ** 2
         weights = dict(zip(free + loop, [a + floor for a in attractions], strict=True))
-        if self.floor or not self.mission.balanced:
+        if self.limits.bind or not self.mission.balanced:
             home = [arc for arc in free if self.leads_back(used | {arc}, arc[1])]
             weights = {arc: weights[arc] for arc in home + loop}
         total = sum(weights.values())
@@ -314,6 +328,22 @@ def all_trails(mission, max_steps=20_000):
 def survival_of(mission, trail):
     survival = arc_survivals(mission)
     return prod(survival[arc] for arc in pairwise(trail))
+
+
+def length_of(mission, trail):
+    arrays = mission.arrays
+    arcs = zip(arrays.tail.tolist(), arrays.head.tolist(), strict=True)
+    length = dict(zip(arcs, arrays.length.tolist(), strict=True))
+    return sum(length[arc] for arc in pairwise(trail))
+
+
+def within(mission, trails, least, longest):
+    """The trails that keep a survival floor and a travel budget."""
+    return [
+        trail
+        for trail in trails
+        if survival_of(mission, trail) >= least and length_of(mission, trail) <= longest
+    ]
 
 
 def worth(mission, objectives, weight):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from typing import Any
 
 import numpy as np
@@ -12,8 +13,9 @@ from pymoo.util.display.output import Output
 
 from botohe_moo._base.types import FloatArray, ObjectArray
 from botohe_moo._plugins.checks import checked
-from botohe_moo._plugins.types import Probability
+from botohe_moo._plugins.types import Probability, TravelBudget
 from botohe_moo.indicators import area_indicator
+from botohe_moo.kernels.graph.graph import Limits
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.trails import PlanBatch
 
@@ -33,6 +35,11 @@ class BOTOHE(Problem):
     min_survival
         Survival floor: every robot has to survive with at least this probability, in [0, 1]. It
         becomes an inequality constraint of pymoo's; 0 sets none.
+    max_length
+        Travel budget: the arcs of every robot's trail are at most so long together, in the unit of
+        their ``length`` (1 a hop where a mission has none), at least 0. It becomes an inequality
+        constraint, too. Default: the mission's own (:attr:`Mission.max_length`), if it has one;
+        ``math.inf`` sets none.
     allow_invalid
         Evaluate invalid plans, too, and count their faults as constraint violation, as operators
         without a repair need (:class:`~botohe_moo.operators.PenaltyOnly`).
@@ -52,13 +59,21 @@ class BOTOHE(Problem):
 
     @checked
     def __init__(
-        self, mission: Mission, *, min_survival: Probability = 0.0, allow_invalid: bool = False
+        self,
+        mission: Mission,
+        *,
+        min_survival: Probability = 0.0,
+        max_length: TravelBudget | None = None,
+        allow_invalid: bool = False,
     ) -> None:
         check_mission(mission)
-        n_constraints = int(allow_invalid) + int(min_survival > 0)
+        max_length = mission.max_length if max_length is None else max_length
+        max_length = None if max_length == math.inf else max_length
+        n_constraints = int(allow_invalid) + int(min_survival > 0) + int(max_length is not None)
         super().__init__(n_var=1, n_obj=2, n_ieq_constr=n_constraints, vtype=object)
         self.mission = mission
         self.min_survival = min_survival
+        self.max_length = max_length  # None without a travel budget
         self.allow_invalid = allow_invalid
 
     def evaluate_batch(self, batch: PlanBatch) -> FloatArray:
@@ -77,8 +92,10 @@ class BOTOHE(Problem):
     def constrain_batch(self, batch: PlanBatch) -> FloatArray:
         """Compute the inequality constraints G (n, n_ieq_constr), at most 0 where they are kept.
 
-        With ``allow_invalid`` the number of faults (:meth:`Mission.evaluate_drafts`), and with a
-        survival floor by how much the robot in the greatest danger falls short of it.
+        With ``allow_invalid`` the number of faults (:meth:`Mission.evaluate_drafts`), with a
+        survival floor by how much the robot in the greatest danger falls short of it, and with a
+        travel budget what share of it the longest trail takes beyond it (of a budget of 0: how long
+        that trail is).
 
         Parameters
         ----------
@@ -91,6 +108,11 @@ class BOTOHE(Problem):
         if self.min_survival > 0:
             least = self.mission.robot_survival(batch).min(axis=1)
             columns.append(self.survival_floor - least)
+        if self.max_length is not None:
+            longest = self.mission.trail_lengths(batch).max(axis=1)
+            with np.errstate(over="ignore"):  # of budgets near 0 or near the largest number
+                beyond = (longest - self.travel_budget) / (self.max_length or 1.0)
+            columns.append(np.nan_to_num(beyond))
         return np.column_stack(columns) if columns else np.empty((len(batch), 0))
 
     @property
@@ -99,9 +121,15 @@ class BOTOHE(Problem):
         return self.min_survival * (1.0 - _ROUNDING)
 
     @property
-    def planning_floor(self) -> float:
+    def travel_budget(self) -> float:
+        """The travel budget and what rounding may add to a sum of lengths; without one, inf."""
+        return math.inf if self.max_length is None else self.max_length * (1.0 + _ROUNDING)
+
+    @property
+    def planning_limits(self) -> Limits:
         """What planners hold robots to: halfway, so that rounding never makes a plan infeasible."""
-        return self.min_survival * (1.0 - _ROUNDING / 2)
+        longest = math.inf if self.max_length is None else self.max_length * (1.0 + _ROUNDING / 2)
+        return Limits(self.min_survival * (1.0 - _ROUNDING / 2), longest)
 
     def allowing_invalid(self) -> BOTOHE:
         """Give the same problem with ``allow_invalid``."""

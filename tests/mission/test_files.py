@@ -642,8 +642,11 @@ class TestBenchmark:
     @pytest.mark.parametrize(
         ("options", "message"),
         [
-            ({"neighbours": 0}, "Expected neighbours >= 1, got 0."),
-            ({"neighbours": 1.5}, "Expected neighbours to be an integer >= 1, got 1.5."),
+            ({"neighbours": 0}, "Expected neighbours >= 1 or 'all', got 0."),
+            (
+                {"neighbours": 1.5},
+                "Expected neighbours to be an integer >= 1 or 'all', got 1.5.",
+            ),
             ({"scale": 0}, "Expected scale > 0, got 0."),
             ({"scale": math.inf}, "Expected scale to be a finite number > 0, got inf."),
             ({"scale": "9"}, "Expected scale to be a number > 0, got '9'."),

@@ -157,10 +157,15 @@ class TestRefusals:
         ("name", "parameters", "message"),
         [
             ("terrain", {"node": 3}, r"there is no parameter 'node'; known are nodes, .*robots"),
-            ("toy", {"seed": 3, "nodes": 2}, r"no parameter 'seed' or 'nodes'; known are robots\."),
+            (
+                "toy",
+                {"seed": 3, "nodes": 2},
+                "no parameter 'seed' or 'nodes'; known are robots, l",
+            ),
             ("random", {"arc_probabilty": 1}, r"known are arc_probability, "),
             ("terrain", {"nodes": 1}, r"Expected nodes >= 2, got 1\."),
             ("toy", {"robots": 0}, r"Mission 'toy': Expected robots >= 1, got 0\."),
+            ("toy", {"lengths_from_pos": 1}, r"Expected lengths_from_pos to be true or f.*, got 1"),
         ],
     )
     def test_parameters(self, name, parameters, message):
@@ -258,7 +263,11 @@ class TestCheck:
     def test_names_and_types_at_once_and_nothing_is_made(self, install):
         install("reef-missions", TYPED, wreck="wreck")
         assert check_mission("wreck", {"depht": 1, "depth": 2.5, "robots": 2}) == [
-            ("depht", "there is no parameter 'depht'; known are depth, danger, robots, known."),
+            (
+                "depht",
+                "there is no parameter 'depht'; known are depth, danger, lengths_from_pos, robots, "
+                "known.",
+            ),
             ("danger", "missing a required parameter 'danger'."),
             ("depth", "Expected depth to be an integer >= 1, got 2.5."),
         ]

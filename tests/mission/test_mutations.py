@@ -59,7 +59,18 @@ VALUES = [
     *(nested(60), nested(300), {}, {"a": 1}, {"a": [float("nan")]}, {"\ud800": 1}, {"id": {}}),
 ]
 KEYS = ["id", "source", "target", "name", "title", "base", "robots", "pos", "zone", "reward"]
-KEYS += ["survival", "length", "node_default", "x", "y", "", "\ud800", "\0", "directed"]
+KEYS += [
+    "survival",
+    "length",
+    "max_length",
+    "node_default",
+    "x",
+    "y",
+    "",
+    "\ud800",
+    "\0",
+    "directed",
+]
 TOKENS = [
     *(b"NaN", b"-Infinity", b"nan", b"inf", b"1e999", b"1" * 30, b"9" * 5000, b"\xff", b"\0"),
     *(b"&#13;", b"&#10;", b"&amp;", b"&x;", b"&#xFFFE;", b"]]>", b"<!DOCTYPE a []>", b"\r", b" "),

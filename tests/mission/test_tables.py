@@ -72,6 +72,7 @@ def test_what_tables_hold_is_what_the_mission_has(mission):
     graph = mission.graph
     nodes = pd.DataFrame(graph.nodes(data="reward"), columns=["label", "reward"])
     arcs = pd.DataFrame(graph.edges(data="survival"), columns=["tail", "head", "survival"])
+    arcs["length"] = pd.Series([length for *_, length in graph.edges(data="length")], dtype=float)
     assert mission_from_tables(nodes, arcs, base=0, robots=mission.robots) == mission
 
 

@@ -110,10 +110,9 @@ def robustness(
 def _evaluate(mission: Mission, batch: PlanBatch, survival: FloatArray) -> FloatArray:
     """Compute the objectives (n_plans, 2) with other survivals of the arcs."""
     survival.setflags(write=False)  # as numba has compiled it
-    n, n_robots = len(batch), batch.n_robots
-    values = kernels.Values(np.empty((n, 2)), np.empty(n), np.empty((n, n_robots)))
+    values = kernels.new_values(len(batch), batch.n_robots)
     graph = mission.arrays._replace(survival=survival)
-    kernels.evaluate(graph, batch.nodes, batch.offsets, n_robots, True, values)
+    kernels.evaluate(graph, batch.nodes, batch.offsets, batch.n_robots, True, values)
     return values.objectives
 
 

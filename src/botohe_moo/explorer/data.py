@@ -109,7 +109,7 @@ def page_data(
 def _site(mission: Mission) -> dict[str, Any]:
     """Nodes, their places on the map and their positions, and arcs."""
     places = node_positions(mission)
-    given = given_places(mission)
+    given = given_places(mission.graph)
     pos = [None if (xy := given[node]) is None else [*xy] for node in mission.nodes]
     as_given = pos == places.tolist()
     arrays = mission.arrays
@@ -127,14 +127,18 @@ def _site(mission: Mission) -> dict[str, Any]:
 
 
 def _trails(mission: Mission, plans: Sequence[TrailPlan]) -> dict[str, Any]:
-    """Each trail once, with its survival, and which ones each plan has."""
+    """Each trail once, with its survival and length, and which ones each plan has."""
     survival: dict[tuple[int, ...], float] = {}
-    for plan, alive in zip(plans, mission.robot_survival(plans).tolist(), strict=True):
+    length: dict[tuple[int, ...], float] = {}
+    survivals, lengths = mission.robot_survival(plans), mission.trail_lengths(plans)
+    for plan, alive, far in zip(plans, survivals.tolist(), lengths.tolist(), strict=True):
         survival |= zip(plan.trails, alive, strict=True)
+        length |= zip(plan.trails, far, strict=True)
     number = {trail: i for i, trail in enumerate(survival)}
     return {
         "trails": list(survival),
         "trail_survival": list(survival.values()),
+        "trail_lengths": list(length.values()),
         "trail_codes": probability_codes(list(survival.values())),
         "plans": [[number[trail] for trail in plan.trails] for plan in plans],
     }

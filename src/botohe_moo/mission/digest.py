@@ -9,7 +9,7 @@ from botohe_moo.mission.model import Mission
 
 
 def mission_digest(mission: Mission) -> str:
-    """Give the digest of labels, base, robots, arcs, survivals and rewards."""
+    """Give the digest of labels, base, robots, arcs, survivals, rewards, lengths and max_length."""
     return _digest(mission, [[repr(node) for node in mission.nodes], repr(mission.base)])
 
 
@@ -19,11 +19,14 @@ def numbers_digest(mission: Mission) -> str:
 
 
 def _digest(mission: Mission, first: list[object]) -> str:
-    text = json.dumps([*first, mission.robots], separators=(",", ":"))
+    limits = [] if mission.max_length is None else [mission.max_length]
+    text = json.dumps([*first, mission.robots, *limits], separators=(",", ":"))
     hashed = hashlib.sha256(text.encode())
     arrays = mission.arrays
     for ends in (arrays.tail, arrays.head):
         hashed.update(np.ascontiguousarray(ends, "<i8").tobytes())
     for values in (arrays.survival, arrays.reward):
         hashed.update(np.ascontiguousarray(values, "<f8").tobytes())
+    if (arrays.length != 1.0).any():  # without lengths every hop is one long
+        hashed.update(np.ascontiguousarray(arrays.length, "<f8").tobytes())
     return hashed.hexdigest()[:16]

@@ -6,7 +6,7 @@ from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any
 
-from botohe_moo._base.checks import mapping_of
+from botohe_moo._base.checks import ParameterError, mapping_of, quoted
 from botohe_moo._plugins.checks import Fault, call_factory, check_values, checked, raised_fault
 from botohe_moo._plugins.docstrings import summary_of
 from botohe_moo._plugins.entry_points import PluginError, PluginGroup
@@ -17,6 +17,7 @@ from botohe_moo.mission.formats.files import SUFFIXES, read_mission
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.validation import MissionError
 
+COMMON = ("robots", "lengths_from_pos")  # parameters that every mission takes
 _PLUGINS = PluginGroup("botohe_moo.missions", "mission")
 
 
@@ -64,7 +65,11 @@ def _packaged(name: str, robots: int | None) -> Mission:
 
 
 def load_mission(
-    name_or_path: str | os.PathLike[str], *, robots: int | None = None, **parameters: Any
+    name_or_path: str | os.PathLike[str],
+    *,
+    robots: int | None = None,
+    lengths_from_pos: bool = False,
+    **parameters: Any,
 ) -> Mission:
     """Give the mission of that name, or the one in that file.
 
@@ -78,6 +83,8 @@ def load_mission(
         importing the module runs it.
     robots
         Team size; default: the mission's own.
+    lengths_from_pos
+        Whether every arc is as long as its nodes are apart: :meth:`Mission.with_lengths_from_pos`.
     parameters
         Those of the named mission, such as ``nodes`` of a generator, or options of `read_mission`.
 
@@ -101,10 +108,17 @@ def load_mission(
     >>> len(load_mission("terrain", nodes=50, seed=1).nodes)
     50
     """
+    if not isinstance(lengths_from_pos, bool):
+        expected = "lengths_from_pos to be true or false"
+        raise ParameterError(
+            f"Expected {expected}, got {quoted(lengths_from_pos)}.", "lengths_from_pos"
+        )
     function = _factory(name_or_path)
     if function is None:
-        return read_mission(name_or_path, robots=robots, **parameters)
-    return _make(function, _PLUGINS.source(name_or_path), robots, parameters)
+        mission = read_mission(name_or_path, robots=robots, **parameters)
+    else:
+        mission = _make(function, _PLUGINS.source(name_or_path), robots, parameters)
+    return mission.with_lengths_from_pos() if lengths_from_pos else mission
 
 
 def check_mission(
@@ -115,7 +129,8 @@ def check_mission(
 ) -> list[Fault]:
     """Say everything that keeps `load_mission` from giving a mission.
 
-    As :func:`~botohe_moo.algorithms.registry.check_algorithm` does; ``robots`` is a parameter, too.
+    As :func:`~botohe_moo.algorithms.registry.check_algorithm` does; ``robots`` and
+    ``lengths_from_pos`` are parameters, too.
 
     Examples
     --------
@@ -127,7 +142,7 @@ def check_mission(
         function = _factory(name_or_path)
         if function is not None:
             accepted = accepted_parameters(function)
-            if faults := check_values(accepted, given, plain=plain, also=("robots",)):
+            if faults := check_values(accepted, given, plain=plain, also=COMMON):
                 return faults
         load_mission(name_or_path, **given)
     except MissionError as error:
@@ -203,7 +218,7 @@ def _make(
     if robots is not None and (accepted.any_name or "robots" in accepted.names):
         parameters = {**parameters, "robots": robots}
     mission = call_factory(
-        source, function, accepted, parameters, also=("robots",), passing=(MissionError,)
+        source, function, accepted, parameters, also=COMMON, passing=(MissionError,)
     )
     if not isinstance(mission, Mission):
         raise MissionError(f"expected its function to return a Mission, got {mission!r}", source)

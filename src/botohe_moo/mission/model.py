@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Hashable, Iterable, Sequence
 from operator import index
 from typing import Any, Self
@@ -13,6 +14,7 @@ from botohe_moo._base.checks import quoted
 from botohe_moo._base.types import FloatArray
 from botohe_moo.kernels.graph.graph import Graph, new_graph
 from botohe_moo.kernels.plans import evaluate as kernels
+from botohe_moo.mission.places import given_places
 from botohe_moo.mission.validation import (
     MissionError,
     PlanError,
@@ -31,8 +33,9 @@ class Mission:
     ----------
     graph
         Directed graph with the node attribute ``reward`` (finite, at least 0) and the arc
-        attribute ``survival`` (probability in (0, 1]). Node labels are anything hashable. The
-        mission keeps a frozen copy.
+        attribute ``survival`` (probability in (0, 1]). Arcs may have a ``length`` (finite, at
+        least 0; default 1), and the graph a ``max_length``, the travel budget. Node labels are
+        anything hashable. The mission keeps a frozen copy.
     base
         Label of the node that all robots leave from and return to; default: the graph's own
         attribute ``base``.
@@ -86,12 +89,15 @@ class Mission:
 
     def _as_arrays(self) -> Graph:
         index = self._index
-        labelled: Iterable[tuple[Any, Any, float]] = self.graph.edges(data="survival")
-        arcs = sorted((index[u], index[v], s) for u, v, s in labelled)
+        arcs = sorted(
+            (index[u], index[v], arc["survival"], arc.get("length", 1.0))
+            for u, v, arc in self.graph.edges(data=True)
+        )
         return new_graph(
-            tail=np.array([u for u, _, _ in arcs], np.int64),
-            head=np.array([v for _, v, _ in arcs], np.int64),
-            survival=np.array([s for _, _, s in arcs], np.float64),
+            tail=np.array([u for u, *_ in arcs], np.int64),
+            head=np.array([v for _, v, *_ in arcs], np.int64),
+            survival=np.array([s for _, _, s, _ in arcs], np.float64),
+            length=np.array([d for *_, d in arcs], np.float64),
             reward=np.array([r for _, r in self.graph.nodes(data="reward")], np.float64),
             base=index[self.base],
         )
@@ -105,6 +111,15 @@ class Mission:
     def total_reward(self) -> float:
         """Sum of the rewards of all nodes, the upper bound of the team reward."""
         return float(self.arrays.reward.sum())
+
+    @property
+    def max_length(self) -> float | None:
+        """The graph's attribute ``max_length``: how long every trail may be; None for no limit.
+
+        It is the default travel budget of :class:`~botohe_moo.BOTOHE`; plans are valid without it.
+        """
+        budget = self.graph.graph.get("max_length")
+        return None if budget is None else float(budget)
 
     @property
     def balanced(self) -> bool:
@@ -124,6 +139,30 @@ class Mission:
         other = object.__new__(Mission)
         other.__dict__.update(self.__dict__, robots=index(robots))
         return other
+
+    def with_lengths_from_pos(self) -> Mission:
+        """Return the same mission with the distance between its nodes as every arc's ``length``.
+
+        Distances are Euclidean, in the unit of the node attribute ``pos`` [x, y]. Lengths that arcs
+        have are replaced; ``max_length`` stays. A MissionError names nodes without a ``pos``, or
+        one whose ``pos`` is not two numbers.
+        """
+        source = f"Mission {self.name!r}"
+        try:
+            places = given_places(self.graph)
+        except ValueError as error:
+            raise MissionError(str(error), source) from None
+        if missing := [repr(node) for node, place in places.items() if place is None]:
+            more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
+            raise MissionError(
+                "expected pos [x, y] of every node to take lengths from, found none of "
+                f"{', '.join(missing[:3])}{more}",
+                source,
+            )
+        graph = self.graph.copy()
+        for tail, head, attributes in graph.edges(data=True):
+            attributes["length"] = math.dist(places[tail], places[head])  # type: ignore[arg-type]
+        return Mission(graph, base=self.base, robots=self.robots, name=self.name)
 
     def index(self, label: Hashable) -> int:
         """Return the index of a node, by which kernels know it.
@@ -224,6 +263,22 @@ class Mission:
         """
         return self._values(plans, strict=False).alive
 
+    def trail_lengths(self, plans: Plans) -> FloatArray:
+        """Compute how long each robot's trail is: the sum of the lengths of its arcs.
+
+        Parameters
+        ----------
+        plans
+            Trail plans, as for ``batch``.
+
+        Returns
+        -------
+        numpy.ndarray
+            Shape (n_plans, robots), in the unit of the arcs' ``length``, robots in the order of
+            each plan's trails; a trail that is not valid counts up to its first fault.
+        """
+        return self._values(plans, strict=False).lengths
+
     def evaluate_drafts(self, plans: Plans) -> tuple[FloatArray, FloatArray]:
         """Compute the objectives of plans that need not be valid.
 
@@ -246,9 +301,10 @@ class Mission:
 
     def _values(self, plans: Plans, *, strict: bool) -> kernels.Values:
         batch = self.batch(plans)
-        n, n_robots = len(batch), batch.n_robots
-        values = kernels.Values(np.empty((n, 2)), np.empty(n), np.empty((n, n_robots)))
-        fault = kernels.evaluate(self.arrays, batch.nodes, batch.offsets, n_robots, strict, values)
+        values = kernels.new_values(len(batch), batch.n_robots)
+        fault = kernels.evaluate(
+            self.arrays, batch.nodes, batch.offsets, batch.n_robots, strict, values
+        )
         if fault[0] != kernels.VALID:
             raise PlanError(fault_text(self.name, self.nodes, self.base, batch, fault))
         return values
@@ -285,10 +341,11 @@ class Mission:
         if not isinstance(other, Mission):
             return NotImplemented
         return self is other or (
-            (self.nodes, self.base, self.robots) == (other.nodes, other.base, other.robots)
+            (self.nodes, self.base, self.robots, self.max_length)
+            == (other.nodes, other.base, other.robots, other.max_length)
             and all(
                 np.array_equal(getattr(self.arrays, key), getattr(other.arrays, key))
-                for key in ("first", "head", "survival", "reward")
+                for key in ("first", "head", "survival", "length", "reward")
             )
         )
 
@@ -302,9 +359,11 @@ class Mission:
         return self  # immutable, and pymoo deep-copies algorithms together with their problem
 
     def __repr__(self) -> str:
+        limit = "" if self.max_length is None else f", max_length {self.max_length:g}"
         return (
             f"<Mission {self.name!r}: {len(self.nodes)} nodes, {self.arrays.n_arcs} arcs, "
-            f"{self.robots} robots at base {self.base!r}, total reward {self.total_reward:g}>"
+            f"{self.robots} robots at base {self.base!r}, total reward {self.total_reward:g}"
+            f"{limit}>"
         )
 
 

@@ -1,17 +1,20 @@
 """Where nodes lie: their attribute ``pos``."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Hashable
+from typing import Any
 
-from botohe_moo.mission.model import Mission
+import networkx as nx
 
 _FARTHEST = 1e100  # the square of a distance is to be a number
 
 
-def given_places(mission: Mission) -> dict[Hashable, tuple[float, float] | None]:
+def given_places(graph: nx.DiGraph[Any]) -> dict[Hashable, tuple[float, float] | None]:
     """Give the position of each node, or None; a ValueError names one that is not two numbers."""
     places: dict[Hashable, tuple[float, float] | None] = {}
-    for node, place in mission.graph.nodes(data="pos"):
+    for node, place in graph.nodes(data="pos"):
         places[node] = None
         if place is None:
             continue

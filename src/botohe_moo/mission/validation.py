@@ -67,10 +67,13 @@ def mission_faults(graph: Any, base: Hashable, robots: object, *, ways: bool = T
         faults.append("expected robots to be an integer >= 1, found no graph attribute 'robots'")
     elif fault := team_size_fault(robots):
         faults.append(fault)
+    budget = graph.graph.get("max_length")
+    if budget is not None and not _is_length(budget):
+        faults.append(f"expected a finite max_length >= 0, got {quoted(budget)}")
     faults += _reward_faults(graph)
     faults += _arc_faults(graph)
-    if not faults and not math.isfinite(sum(r for _, r in graph.nodes(data="reward"))):
-        faults.append("expected rewards with a finite sum, got an infinite one")
+    if not faults:
+        faults += _sum_faults(graph)
     if base is None:
         faults.append("expected the label of the base, found no graph attribute 'base'")
     elif base not in graph:
@@ -126,6 +129,21 @@ def _arc_faults(graph: nx.DiGraph[Any]) -> Iterator[str]:
         if not 0 < as_float(attributes.get("survival")) <= 1:
             found = _found(attributes, "survival")
             yield f"arc {tail!r} -> {head!r}: expected survival in (0, 1], {found}"
+        if not _is_length(attributes.get("length", 1.0)):
+            found = _found(attributes, "length")
+            yield f"arc {tail!r} -> {head!r}: expected a finite length >= 0, {found}"
+
+
+def _is_length(value: object) -> bool:
+    return 0 <= as_float(value) < math.inf
+
+
+def _sum_faults(graph: nx.DiGraph[Any]) -> Iterator[str]:
+    rewards = sum(float(node["reward"]) for _, node in graph.nodes(data=True))
+    lengths = sum(float(arc.get("length", 1.0)) for _, _, arc in graph.edges(data=True))
+    for name, total in (("rewards", rewards), ("lengths", lengths)):
+        if not math.isfinite(total):
+            yield f"expected {name} with a finite sum, got an infinite one"
 
 
 def _way_faults(graph: nx.DiGraph[Any], base: Hashable) -> Iterator[str]:

@@ -19,7 +19,7 @@ function planJson(plan) {
   const content = {
     mission: data.name, robots: data.robots, reward, survivors,
     robot_survival: data.plans[plan].map((trail) => data.trail_survival[trail]),
-    trails: trailsOf(plan).map(labelsOf),
+    trail_lengths: data.plans[plan].map((trail) => data.trail_lengths[trail]), trails: trailsOf(plan).map(labelsOf),
   };
   return `${JSON.stringify(content, null, 1)}\n`;
 }

@@ -25,6 +25,7 @@ class Graph(NamedTuple):
     # Probability to survive each arc, in (0, 1], and −log of it, at least 0 (n_arcs).
     survival: FloatArray
     cost: FloatArray
+    length: FloatArray  # length of each arc, at least 0 (n_arcs)
     # The arc from each arc's head to its tail, −1 where there is none (n_arcs).
     reverse: OffsetArray
     # The arcs that enter node v are ``entering[first_entering[v]:first_entering[v + 1]]``.
@@ -53,8 +54,28 @@ class Graph(NamedTuple):
         return _read_only, tuple(self)  # numpy unpickles arrays as writable ones
 
 
+class Limits(NamedTuple):
+    """What every robot of a plan has to keep."""
+
+    min_survival: float = 0.0  # survival floor; 0 sets none
+    max_length: float = math.inf  # travel budget: how long the arcs of its trail are at most
+
+    @property
+    def bind(self) -> bool:
+        """Whether there is any limit."""
+        return self.min_survival > 0.0 or self.max_length < math.inf
+
+
+NO_LIMITS = Limits()
+
+
 def new_graph(
-    tail: OffsetArray, head: OffsetArray, survival: FloatArray, reward: FloatArray, base: int
+    tail: OffsetArray,
+    head: OffsetArray,
+    survival: FloatArray,
+    length: FloatArray,
+    reward: FloatArray,
+    base: int,
 ) -> Graph:
     """Prepare a valid mission's graph; its arcs are sorted by tail, then by head."""
     n_nodes, n_arcs = len(reward), len(head)
@@ -66,13 +87,14 @@ def new_graph(
     found = np.minimum(np.searchsorted(there, back), max(0, n_arcs - 1))
     first_entering = np.concatenate([[0], np.cumsum(n_entering)])
     entering = np.argsort(head, kind="stable")
-    homeward, home = _safest_ways_home(tail, survival, cost, first_entering, entering, base)
+    homeward, _, home = _ways_home(tail, cost, survival, first_entering, entering, base)
     return _read_only(
         first,
         tail,
         head,
         survival,
         cost,
+        length,
         np.where(there[found] == back, found, -1),
         first_entering,
         entering,
@@ -84,18 +106,40 @@ def new_graph(
     )
 
 
-def _safest_ways_home(
+def measured_by_length(graph: Graph) -> Graph:
+    """Give the same graph with lengths in the place of costs, so that path searches minimise them.
+
+    ``cost`` is the length of each arc, ``homeward`` leads along the shortest way home, and ``home``
+    is the length of that way, 0 at the base.
+    """
+    return with_costs(graph, graph.length)
+
+
+def with_costs(graph: Graph, cost: FloatArray) -> Graph:
+    """Give the same graph with other costs of arcs, so that path searches minimise these.
+
+    ``homeward`` leads along the cheapest way home then, and ``home`` is the cost of that way, 0 at
+    the base.
+    """
+    ends = graph.first_entering, graph.entering, graph.base
+    homeward, home, _ = _ways_home(graph.tail, cost, graph.survival, *ends)
+    for field in (cost, homeward, home):
+        field.setflags(write=False)
+    return graph._replace(cost=cost, homeward=homeward, home=home)
+
+
+def _ways_home(
     tail: OffsetArray,
-    survival: FloatArray,
     cost: FloatArray,
+    survival: FloatArray,
     first_entering: OffsetArray,
     entering: OffsetArray,
     base: int,
-) -> tuple[OffsetArray, FloatArray]:
-    """Find ``homeward`` and ``home`` by Dijkstra's algorithm, from the base backwards.
+) -> tuple[OffsetArray, FloatArray, FloatArray]:
+    """Find the cheapest way home from every node by Dijkstra's algorithm, from the base backwards.
 
-    In Python, for it runs once for every mission: compiling it would take longer. Ties go to the
-    node of the smallest index.
+    Gives the first arc of each way, its cost and its survival. In Python, for it runs once for
+    every mission: compiling it would take longer. Ties go to the node of the smallest index.
     """
     n_nodes = len(first_entering) - 1
     distance, homeward, home = [math.inf] * n_nodes, np.full(n_nodes, -1), np.ones(n_nodes)
@@ -113,7 +157,7 @@ def _safest_ways_home(
                 distance[here], homeward[here] = reached, arc
                 home[here] = survival[arc] * home[there]
                 heapq.heappush(heap, (reached, here))
-    return homeward, home
+    return homeward, np.array(distance), home
 
 
 def _read_only(*fields: object) -> Graph:

@@ -32,6 +32,13 @@ class Values(NamedTuple):
     # (n_plans).
     faults: FloatArray
     alive: FloatArray  # the probability that each robot survives (n_plans, n_robots)
+    lengths: FloatArray  # how long each trail is, up to its first fault (n_plans, n_robots)
+
+
+def new_values(n_plans: int, n_robots: int) -> Values:
+    """Make room for what plans are worth."""
+    teams = (n_plans, n_robots)
+    return Values(np.empty((n_plans, 2)), np.empty(n_plans), np.empty(teams), np.empty(teams))
 
 
 class _Scratch(NamedTuple):
@@ -110,11 +117,11 @@ def _walk(
     stop: int,
     plan: int,
     trail: int,
-) -> tuple[float, int, int, int]:
+) -> tuple[float, float, int, int, int]:
     """Walk a trail up to its first fault, where the robot is lost.
 
-    Gives with what probability it survives, how many faults there are, and kind and position of
-    the first.
+    Gives with what probability it survives, how long the trail is, how many faults there are, and
+    kind and position of the first.
     """
     here = int(nodes[start]) if stop > start else -1
     kind = position = n_faults = 0
@@ -124,13 +131,14 @@ def _walk(
         kind = EMPTY_TRAIL if stop <= start else NOT_FROM_BASE if known else UNKNOWN_NODE
     else:
         _reach(scratch, plan, trail, here, 1.0)
-    alive = 1.0
+    alive, length = 1.0, 0.0
     i = start + 1
     while kind == VALID and i < stop:
         there = int(nodes[i])
         arc, kind = _hop(graph, scratch, trail, here, there)
         if kind == VALID:
             alive *= graph.survival[arc]
+            length += graph.length[arc]
             _reach(scratch, plan, trail, there, alive)
             here = there
             i += 1
@@ -144,7 +152,7 @@ def _walk(
         n_faults += 1
         if kind == VALID:
             kind, position = NOT_BACK_AT_BASE, stop - start - 1
-    return alive if kind == VALID else 0.0, n_faults, kind, position
+    return alive if kind == VALID else 0.0, length, n_faults, kind, position
 
 
 @kernel
@@ -191,12 +199,13 @@ def evaluate(
         for k in range(n_robots):
             trail = order[k]
             start, stop = offsets[trail], offsets[trail + 1]
-            alive, n, kind, at = _walk(graph, scratch, nodes, start, stop, plan, trail)
+            alive, length, n, kind, at = _walk(graph, scratch, nodes, start, stop, plan, trail)
             if strict and kind != VALID:
                 return kind, plan, trail - plan * n_robots, at
             n_faults += n
             survivors += alive
             values.alive[plan, trail - plan * n_robots] = alive
+            values.lengths[plan, trail - plan * n_robots] = length
         expected_reward = 0.0
         for i in range(scratch.n_touched[0]):
             node = scratch.touched[i]

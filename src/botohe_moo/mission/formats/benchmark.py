@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import networkx as nx
 import numpy as np
@@ -25,7 +25,7 @@ def read_benchmark(
     data: bytes,
     /,
     *,
-    neighbours: Annotated[int, Field(ge=1)] = 8,
+    neighbours: Annotated[int, Field(ge=1)] | Literal["all"] = 8,
     scale: Positive | None = None,
 ) -> tuple[nx.DiGraph[Any], list[str]]:
     """Read a team-orienteering instance as a nearest-neighbours mission.
@@ -34,8 +34,10 @@ def read_benchmark(
     separators are spaces, tabs and semicolons. Its points become the nodes 0 to N − 1, point 0 the
     base, M the number of robots, and scores rewards. Arcs lead both ways between each point and the
     ``neighbours`` nearest ones, of equally distant ones the first, and along the edges of a
-    Euclidean minimum spanning tree, so that the base reaches all points. An arc's survival is
-    exp(−distance / ``scale``), with tmax as the default scale.
+    Euclidean minimum spanning tree, so that the base reaches all points. With ``"all"`` there is an
+    arc from every point to every other, as the benchmark means it: within a travel budget the best
+    tours may need any of them. An arc's length is the distance, its survival
+    exp(−distance / ``scale``), with tmax as the default scale; tmax is the mission's travel budget.
 
     Gives the graph and an empty list of faults. A MissionError is raised if a line is missing,
     superfluous or wrong, or an arc's survival is 0 in floating-point numbers.
@@ -48,20 +50,24 @@ def read_benchmark(
     robots, tmax, points, scores = _parse(decode(data))
     if scale is None and tmax <= 0:
         raise MissionError(f"expected tmax > 0 to be the scale, got {tmax:g}; give a scale")
+    if tmax < 0:
+        raise MissionError(f"expected tmax >= 0, the travel budget, got {tmax:g}")
     check_memory("points", len(points), nodes=len(points), arcs=0, remedy="their number")
-    arcs = 2 * len(points) * (min(neighbours, len(points) - 1) + 1)
-    check_memory("neighbours", neighbours, nodes=len(points), arcs=arcs)
+    degree = len(points) - 1 if neighbours == "all" else min(neighbours, len(points) - 1)
+    arcs = 2 * len(points) * (degree + 1)
+    given = degree if neighbours == "all" else neighbours
+    check_memory("neighbours", given, nodes=len(points), arcs=arcs)
     title = f"Team orienteering benchmark: {len(points)} points, tmax {tmax:g}"
-    graph: nx.DiGraph[Any] = nx.DiGraph(base=0, robots=robots, title=title)
+    graph: nx.DiGraph[Any] = nx.DiGraph(base=0, robots=robots, title=title, max_length=tmax)
     for node, (point, score) in enumerate(zip(points.tolist(), scores, strict=True)):
         graph.add_node(node, reward=score, pos=point)
-    _add_arcs(graph, points, neighbours, tmax if scale is None else scale)
+    _add_arcs(graph, points, degree, tmax if scale is None else scale)
     return graph, []
 
 
-def _add_arcs(graph: nx.DiGraph[Any], points: FloatArray, neighbours: int, scale: float) -> None:
+def _add_arcs(graph: nx.DiGraph[Any], points: FloatArray, degree: int, scale: float) -> None:
     faults = []
-    for tail, head in sorted({*_nearest_pairs(points, neighbours), *spanning_pairs(points)}):
+    for tail, head in sorted({*_nearest_pairs(points, degree), *spanning_pairs(points)}):
         distance = math.dist(points[tail], points[head])
         survival = math.exp(-distance / scale)
         if survival == 0:
@@ -69,8 +75,8 @@ def _add_arcs(graph: nx.DiGraph[Any], points: FloatArray, neighbours: int, scale
                 f"arc {tail} -> {head}: expected survival in (0, 1], got exp(-{distance:g} / "
                 f"{scale:g}), which is 0 in floating-point numbers; give a larger scale"
             )
-        graph.add_edge(tail, head, survival=survival)
-        graph.add_edge(head, tail, survival=survival)
+        graph.add_edge(tail, head, survival=survival, length=distance)
+        graph.add_edge(head, tail, survival=survival, length=distance)
     if faults:
         raise MissionError(faults)
 
@@ -153,14 +159,13 @@ def near_pairs(points: FloatArray, radius: float) -> list[tuple[int, int]]:
     return pairs
 
 
-def _nearest_pairs(points: FloatArray, neighbours: int) -> Iterator[tuple[int, int]]:
-    neighbours = min(neighbours, len(points) - 1)
-    for i in range(len(points) if neighbours else 0):
+def _nearest_pairs(points: FloatArray, degree: int) -> Iterator[tuple[int, int]]:
+    for i in range(len(points) if degree else 0):
         squares = _squares(points, points[i])
         squares[i] = np.inf
-        near = np.flatnonzero(squares <= np.partition(squares, neighbours - 1)[neighbours - 1])
+        near = np.flatnonzero(squares <= np.partition(squares, degree - 1)[degree - 1])
         near = near[near != i]  # for coordinates so large that all squares are infinite
-        for j in near[squares[near].argsort(kind="stable")][:neighbours].tolist():
+        for j in near[squares[near].argsort(kind="stable")][:degree].tolist():
             yield min(i, j), max(i, j)
 
 

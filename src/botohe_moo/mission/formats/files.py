@@ -42,18 +42,19 @@ def read_mission(
 
         - ``.json``: networkx node-link JSON (``nx.node_link_data(graph, edges="edges")``) in UTF-8,
           with the graph attributes ``base`` and ``robots``, optionally ``name`` and ``title``, the
-          node attribute ``reward`` and the arc attribute ``survival``. Lists as labels become
-          tuples.
+          node attribute ``reward`` and the arc attribute ``survival``, optionally the arc attribute
+          ``length`` and the graph attribute ``max_length``. Lists as labels become tuples.
         - ``.graphml``: the same attributes; node labels are strings, and the node attributes ``x``
           and ``y`` become ``pos`` [x, y].
         - ``.txt``: the team-orienteering benchmark of Chao, Golden and Wasil, made into a
-          nearest-neighbours mission; see ``options``.
+          nearest-neighbours mission whose arcs are as long as points are apart, and whose
+          ``max_length`` is tmax; see ``options``.
     robots
         Team size; default: the file's.
     options
         For ``.txt`` only: ``neighbours`` (at least 1, default 8), the number of nearest points that
-        each point has arcs to, and ``scale`` (above 0, default: the file's tmax) in the survival
-        exp(−distance / scale).
+        each point has arcs to, or ``"all"`` for arcs between all points, and ``scale`` (above 0,
+        default: the file's tmax) in the survival exp(−distance / scale).
 
     Raises
     ------

@@ -19,7 +19,11 @@ from botohe_moo.mission.validation import MissionError
 
 _MAX_DEPTH = 50
 # Checked by the validation of the mission.
-_CHECKED = {"the graph": ("base", "robots"), "node": ("reward",), "arc": ("survival",)}
+_CHECKED = {
+    "the graph": ("base", "robots", "max_length"),
+    "node": ("reward",),
+    "arc": ("survival", "length"),
+}
 
 
 def read_node_link(data: bytes, /) -> tuple[nx.Graph[Any], list[str]]:

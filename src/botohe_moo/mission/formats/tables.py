@@ -34,6 +34,7 @@ def mission_from_tables(
     base: Hashable,
     robots: int,
     both_ways: bool = False,
+    max_length: float | None = None,
     name: str | None = None,
     title: str | None = None,
 ) -> Mission:
@@ -46,13 +47,16 @@ def mission_from_tables(
         position, where a node may have neither. Further columns become attributes of the nodes.
     arcs
         Columns ``tail`` and ``head``, labels of nodes, and ``survival`` (in (0, 1]), optionally
-        ``length`` (at least 0). Further columns become attributes of the arcs.
+        ``length`` (at least 0; an arc without one is 1 long). Further columns become attributes of
+        the arcs.
     base
         Label of the base.
     robots
         Team size, at least 1.
     both_ways
         Whether every row is an arc in both directions.
+    max_length
+        Travel budget of every robot, at least 0, in the unit of ``length``; default: none.
     name, title
         Of the mission.
 
@@ -85,8 +89,8 @@ def mission_from_tables(
     if faults:
         raise MissionError(faults)
     graph: nx.DiGraph[Any] = nx.DiGraph(base=_stripped(base), robots=robots)
-    if title:
-        graph.graph["title"] = title
+    own = {"title": title or None, "max_length": max_length}
+    graph.graph.update((key, value) for key, value in own.items() if value is not None)
     known: dict[Hashable, str] = {}
     for where, row in node_rows:
         _add_node(graph, known, where, row, faults)

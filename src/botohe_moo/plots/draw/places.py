@@ -17,7 +17,7 @@ def node_positions(mission: Mission) -> FloatArray:
 
     There is also a layout where all nodes are at one place.
     """
-    given = given_places(mission)
+    given = given_places(mission.graph)
     places = [given[node] for node in mission.nodes]
     if None not in places and (len(places) == 1 or len({*places}) > 1):
         return np.array(places)
@@ -35,7 +35,7 @@ def node_positions(mission: Mission) -> FloatArray:
 
 def layout_notes(mission: Mission) -> list[str]:
     """Say that places on the map are made up, and why; nothing where they are the positions."""
-    places = list(given_places(mission).values())
+    places = list(given_places(mission.graph).values())
     n_without = places.count(None)
     if len(places) == 1 or (not n_without and len({*places}) > 1):
         return []

@@ -1,0 +1,305 @@
+"""Lengths of arcs and travel budgets: in missions, in trails, in files, and taken from places."""
+
+import json
+import math
+import pickle
+import re
+from decimal import Decimal
+from fractions import Fraction
+from pathlib import Path
+
+import networkx as nx
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from botohe_moo.mission import (
+    Mission,
+    MissionError,
+    load_mission,
+    mission_from_tables,
+    read_mission,
+    save_mission,
+)
+from botohe_moo.mission.digest import mission_digest, numbers_digest
+from botohe_moo.trails import TrailPlan
+from tests import twins
+from tests.strategies import missions, missions_with_plans
+
+ROOT = Path(__file__).parents[2]
+NOT_LENGTHS = [-0.1, math.inf, math.nan, "5", None, True, 1j, Decimal(1), np.array([0.5]), 10**400]
+
+
+def ring(lengths=(1, 2.5, 0), **own):
+    """Three nodes in a ring, the arcs from 0, 1 and 2 of these lengths; None for no length."""
+    graph = nx.DiGraph(base=0, robots=2, **own)
+    graph.add_nodes_from(range(3), reward=1)
+    for tail, length in enumerate(lengths):
+        known = {} if length is None else {"length": length}
+        graph.add_edge(tail, (tail + 1) % 3, survival=0.5, **known)
+    return graph
+
+
+def faults(graph):
+    with pytest.raises(MissionError) as caught:
+        Mission(graph)
+    return list(caught.value.faults)
+
+
+class TestTrails:
+    def test_by_hand(self):
+        mission = Mission(ring())
+        plan = mission.plan([[0, 1, 2, 0], [0]])
+        assert mission.arrays.length.tolist() == [1, 2.5, 0]
+        assert mission.trail_lengths([plan, plan]).tolist() == [[3.5, 0]] * 2
+
+    def test_an_arc_without_a_length_is_one_hop(self):
+        mission = Mission(ring((None, 2.5, None)))
+        assert mission.trail_lengths([mission.plan([[0, 1, 2, 0]] * 2)]).tolist() == [[4.5, 4.5]]
+        toy = load_mission("toy")
+        plan = toy.plan([[1, 2, 4, 5, 4, 2, 1], [1, 3, 1]])
+        assert toy.trail_lengths([plan]).tolist() == [[6, 2]]
+
+    @given(missions_with_plans())
+    def test_they_are_their_readable_twin(self, drawn):
+        mission, plan = drawn
+        expected = twins.trail_lengths(mission, mission.labels(plan))
+        assert mission.trail_lengths([plan]).tolist() == [pytest.approx(expected, abs=1e-12)]
+
+    def test_up_to_the_first_fault(self):
+        mission = Mission(ring())
+        drafts = [TrailPlan([[0, 1, 2], [0, 2, 0]]), TrailPlan([[1, 2, 0], [0, 1, 0, 1, 2, 0]])]
+        # Not back at base; a missing arc; not from base; a missing arc after the first hop.
+        found = mission.trail_lengths(drafts)
+        lengths = {
+            trail: length
+            for draft, own in zip(drafts, found.tolist(), strict=True)
+            for trail, length in zip(draft.trails, own, strict=True)
+        }
+        expected = {(0, 1, 2): 3.5, (0, 2, 0): 0, (1, 2, 0): 0, (0, 1, 0, 1, 2, 0): 1}
+        assert lengths == expected
+
+    def test_plans_without_a_budget_may_be_long(self):
+        mission = Mission(ring(max_length=1))
+        assert len(mission.evaluate([mission.plan([[0, 1, 2, 0]] * 2)])) == 1
+
+
+class TestFaults:
+    @pytest.mark.parametrize("length", NOT_LENGTHS)
+    def test_lengths(self, length):
+        (fault,) = faults(ring((1, length, 1)) if length is not None else _with_none())
+        assert fault.startswith("arc 1 -> 2: expected a finite length >= 0, got ")
+
+    @pytest.mark.parametrize("budget", [b for b in NOT_LENGTHS if b is not None])
+    def test_budgets(self, budget):
+        (fault,) = faults(ring(max_length=budget))
+        assert fault.startswith("expected a finite max_length >= 0, got ")
+
+    def test_a_sum_beyond_floating_point(self):
+        fault = "expected lengths with a finite sum, got an infinite one"
+        assert faults(ring((1e308, 1e308, 0))) == [fault]
+
+    def test_numbers_of_other_kinds(self):
+        graph = ring((Fraction(1, 2), np.float32(0.25), 3), max_length=Fraction(1, 4))
+        mission = Mission(graph)
+        assert mission.arrays.length.tolist() == [0.5, 0.25, 3]
+        assert mission.max_length == 0.25
+
+    def test_it_is_read_only(self):
+        with pytest.raises(ValueError, match="read-only"):
+            Mission(ring()).arrays.length[0] = 0
+
+
+def _with_none():
+    graph = ring()
+    graph.edges[1, 2]["length"] = None
+    return graph
+
+
+class TestIdentity:
+    def test_what_makes_missions_equal(self):
+        mission = Mission(ring((1, 1, 1)))
+        assert mission == Mission(ring((None, None, None), max_length=None))
+        for other in (ring((1, 1, 2)), ring((1, 1, 1), max_length=3)):
+            assert Mission(other) != mission
+            assert mission_digest(Mission(other)) != mission_digest(mission)
+            assert numbers_digest(Mission(other)) != numbers_digest(mission)
+
+    def test_copies(self):
+        mission = Mission(ring(max_length=3))
+        twin = pickle.loads(pickle.dumps(mission))
+        assert twin == mission
+        assert mission_digest(twin) == mission_digest(mission)
+        assert not twin.arrays.length.flags.writeable
+        assert mission.with_robots(5).max_length == 3
+
+    def test_digests_of_missions_without_lengths_stay(self):
+        """Stored studies know their missions by them."""
+        manifest = json.loads((ROOT / "results" / "smoke" / "study.json").read_text())
+        for entry in manifest["missions"].values():
+            name = entry["source"]["name_or_path"]
+            assert mission_digest(load_mission(name)) == entry["digest"]
+        assert mission_digest(Mission(ring((None, 1, 1.0)))) == mission_digest(
+            Mission(ring((None, None, None)))
+        )
+
+    def test_repr_names_the_budget(self):
+        text = "<Mission 'mission': 3 nodes, 3 arcs, 2 robots at base 0, total reward 3{}>"
+        assert repr(Mission(ring())) == text.format("")
+        assert repr(Mission(ring(max_length=7.5))) == text.format(", max_length 7.5")
+        assert (Mission(ring()).max_length, Mission(ring(max_length=7)).max_length) == (None, 7.0)
+
+
+class TestFromPos:
+    def test_by_hand(self):
+        graph = ring((None, 9, None), max_length=3, title="Ring")
+        for node, place in enumerate([[0, 0], [3, 4], [3, 0]]):
+            graph.nodes[node]["pos"] = place
+        mission = Mission(graph, name="ring")
+        measured = mission.with_lengths_from_pos()
+        assert measured.arrays.length.tolist() == [5, 4, 3]
+        assert (measured.name, measured.title, measured.robots) == ("ring", "Ring", 2)
+        assert measured.max_length == 3
+        assert mission.arrays.length.tolist() == [1, 9, 1]
+        assert measured.with_lengths_from_pos() == measured
+
+    @pytest.mark.parametrize(
+        ("n_nodes", "named"),
+        [(1, "0"), (3, "0, 1, 2"), (5, "0, 1, 2 and 2 more")],
+    )
+    def test_nodes_without_a_place(self, n_nodes, named):
+        graph = nx.DiGraph([(i, i + 1) for i in range(5)] + [(5, 0)], base=0, robots=1)
+        nx.set_edge_attributes(graph, 1, "survival")
+        nx.set_node_attributes(graph, 1, "reward")
+        nx.set_node_attributes(graph, {i: [i, 0] for i in range(n_nodes, 6)}, "pos")
+        fault = f"expected pos [x, y] of every node to take lengths from, found none of {named}"
+        with pytest.raises(MissionError) as caught:
+            Mission(graph, name="row").with_lengths_from_pos()
+        assert str(caught.value) == f"Mission 'row': {fault}"
+
+    def test_a_place_that_is_none(self):
+        graph = ring()
+        graph.nodes[1]["pos"] = [1, "east"]
+        with pytest.raises(MissionError, match=r"Node 1: expected pos .x, y., two finite numbers"):
+            Mission(graph).with_lengths_from_pos()
+
+    def test_generators(self):
+        mission = load_mission("terrain", nodes=20).with_lengths_from_pos()
+        places = dict(mission.graph.nodes(data="pos"))
+        for tail, head, length in mission.graph.edges(data="length"):
+            assert length == math.dist(places[tail], places[head])
+
+
+def held(mission):
+    arcs = {arc: mission.graph.edges[arc] for arc in mission.graph.edges}
+    return {arc: own["length"] for arc, own in arcs.items() if "length" in own}
+
+
+class TestFiles:
+    @pytest.mark.parametrize("suffix", [".json", ".graphml"])
+    @given(mission=missions(), budget=st.none() | st.floats(0, 1e9) | st.integers(0, 99))
+    def test_they_come_back_bit_for_bit(self, tmp_path_factory, suffix, mission, budget):
+        graph = nx.relabel_nodes(mission.graph, str)
+        if budget is not None:
+            graph.graph["max_length"] = budget
+        mission = Mission(graph, base="0", robots=mission.robots)
+        path = tmp_path_factory.getbasetemp() / f"lengths{suffix}"
+        save_mission(mission, path)
+        read = read_mission(path)
+        assert read == mission
+        assert read.arrays.length.tobytes() == mission.arrays.length.tobytes()
+        assert held(read) == held(mission)  # and no arc has been given one
+        assert read.max_length == budget
+        assert ("max_length" in path.read_text()) == (budget is not None)
+
+    @pytest.mark.parametrize("literal", ["-1", '"5"', "NaN", "Infinity", "true", "null", "1e999"])
+    def test_json_that_holds_no_length(self, tmp_path, literal):
+        path = tmp_path / "bad.json"
+        save_mission(Mission(ring((1, 2.5, 0), max_length=3)), path)
+        path.write_text(path.read_text().replace("2.5", literal))
+        with pytest.raises(MissionError) as caught:
+            read_mission(path)
+        (fault,) = caught.value.faults
+        assert fault.startswith("arc 1 -> 2: expected a finite length >= 0, got ")
+        assert str(caught.value).startswith(str(path))
+
+    @pytest.mark.parametrize("literal", ["-1", '"5"', "NaN", "Infinity", "[1]"])
+    def test_json_that_holds_no_budget(self, tmp_path, literal):
+        path = tmp_path / "bad.json"
+        save_mission(Mission(ring(max_length=2.25)), path)
+        path.write_text(path.read_text().replace("2.25", literal))
+        with pytest.raises(MissionError, match="expected a finite max_length >= 0, got "):
+            read_mission(path)
+
+    def test_graphml_that_holds_no_length(self, tmp_path):
+        path = tmp_path / "bad.graphml"
+        save_mission(Mission(nx.relabel_nodes(ring(), str), base="0"), path)
+        path.write_text(path.read_text().replace(">2.5<", ">far<"))
+        fault = "arc '1' -> '2': expected a finite length >= 0, got 'far'"
+        with pytest.raises(MissionError, match=re.escape(fault)):
+            read_mission(path)
+
+
+class TestTables:
+    nodes = pd.DataFrame({"label": ["a", "b"], "reward": [0, 1]})
+    arcs = pd.DataFrame({"tail": ["a", "b"], "head": ["b", "a"], "survival": [0.5, 0.5]})
+
+    def mission(self, lengths, **options):
+        arcs = self.arcs.assign(length=lengths)
+        return mission_from_tables(self.nodes, arcs, base="a", robots=1, **options)
+
+    def test_lengths_and_budget(self):
+        mission = self.mission(["0.1", " 12 "], max_length=20)
+        assert mission.arrays.length.tolist() == [0.1, 12]
+        assert mission.max_length == 20
+        assert mission.graph.graph == {"base": "a", "robots": 1, "max_length": 20}
+
+    def test_cells_that_are_empty(self):
+        mission = self.mission([None, 3])
+        assert mission.arrays.length.tolist() == [1, 3]
+        assert "length" not in mission.graph.edges["a", "b"]
+
+    def test_without_the_column(self):
+        mission = mission_from_tables(self.nodes, self.arcs, base="a", robots=1)
+        assert held(mission) == {}
+        assert mission.max_length is None
+
+    def test_a_budget_that_is_none(self):
+        with pytest.raises(MissionError, match=r"expected a finite max_length >= 0, got -1"):
+            self.mission([1, 1], max_length=-1)
+
+
+class TestBenchmark:
+    points = ROOT / "tests" / "data" / "points.txt"
+
+    def test_distances_and_tmax(self):
+        mission = read_mission(self.points, neighbours=1)
+        assert mission.max_length == 10
+        lengths = {(u, v): d for u, v, d in mission.graph.edges(data="length") if u < v}
+        assert lengths == {(0, 1): 5, (1, 2): 0, (1, 3): 45, (0, 4): 5}
+        assert mission.with_lengths_from_pos() == mission
+
+    def test_scale_changes_survivals_only(self):
+        mission = read_mission(self.points, scale=1e6)
+        assert mission.max_length == 10
+        assert mission.arrays.length.tolist() == read_mission(self.points).arrays.length.tolist()
+
+    def test_arcs_between_all_points(self, tmp_path):
+        path = tmp_path / "row.txt"
+        rows = "\n".join(f"{x} 0 1" for x in range(12))
+        path.write_text(f"n 12\nm 1\ntmax 9\n{rows}\n")
+        assert read_mission(path).arrays.n_arcs < 12 * 11
+        assert read_mission(path, neighbours="all").arrays.n_arcs == 12 * 11
+        assert read_mission(path, neighbours="all") == read_mission(path, neighbours=99)
+
+    def test_neighbours_are_a_number_or_all(self):
+        with pytest.raises(ValueError, match=r"Expected neighbours .*'all'.*, got 'every'\."):
+            read_mission(self.points, neighbours="every")
+
+    def test_a_budget_below_0(self, tmp_path):
+        path = tmp_path / "back.txt"
+        path.write_text("n 1\nm 1\ntmax -3\n0 0 0\n")
+        with pytest.raises(MissionError, match="expected tmax >= 0, the travel budget, got -3"):
+            read_mission(path, scale=1)
