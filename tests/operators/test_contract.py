@@ -30,7 +30,7 @@ from botohe_moo.operators import (
     TrailSplice,
     TruncateRepair,
 )
-from tests.strategies import missions, plans
+from tests.strategies import lengths, missions, plans
 
 SAMPLINGS = {
     "random": RandomTrailSampling,
@@ -90,14 +90,19 @@ def situations(draw, n_plans):
 
 @pytest.mark.parametrize("name", SAMPLINGS)
 @settings(max_examples=60, deadline=None)
-@given(mission=missions(max_nodes=8), floor=st.sampled_from([0.0, 0.5, 0.9]), n=st.integers(1, 7))
-def test_samplings(name, mission, floor, n):
-    problem = BOTOHE(mission, min_survival=floor)
+@given(
+    mission=missions(max_nodes=8, lengths=lengths),
+    floor=st.sampled_from([0.0, 0.5, 0.9]),
+    budget=st.sampled_from([None, 0.0, 3.0, 7.0]),
+    n=st.integers(1, 7),
+)
+def test_samplings(name, mission, floor, budget, n):
+    problem = BOTOHE(mission, min_survival=floor, max_length=budget)
     pop = SAMPLINGS[name]()(problem, n, random_state=generator(n))
     assert len(pop) == n
     batch = mission.batch(pop.get("X"))
     mission.evaluate(batch)
-    assert (mission.robot_survival(batch) >= floor * (1 - 1e-12)).all()
+    assert (problem.constrain_batch(batch) <= 0).all()
     again = SAMPLINGS[name]()(problem, n, random_state=generator(n))
     assert trails_of(again) == trails_of(pop)
 

@@ -82,7 +82,7 @@ class Exact(ArchiveAlgorithm):
         super()._setup(problem)
         self._search = FrontSearch(
             problem.mission,
-            min_survival=problem.planning_floor,
+            **problem.planning_limits._asdict(),
             time_limit=self.time_limit,
             memory_limit=self.memory_limit,
         )

@@ -56,6 +56,9 @@ class Greedy(ArchiveAlgorithm):
     for some weight lie on the convex hull of the front; plans for fewer robots fill some of what is
     between.
 
+    Where the problem has a travel budget, robots go home by the safest way or by the shortest one;
+    trails that could only end by a compromise between both are not found.
+
     A plan that comes up again is not evaluated again, and partial trails do not count as
     evaluations: to compare efforts, compare times. Robots are planned for the mission's own
     objectives, also where a problem overrides ``evaluate_batch``.
@@ -78,7 +81,7 @@ class Greedy(ArchiveAlgorithm):
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
         super()._setup(problem)
         self.planner = SequentialPlanner(
-            problem.mission, beam_width=self.beam_width, min_survival=problem.planning_floor
+            problem.mission, beam_width=self.beam_width, **problem.planning_limits._asdict()
         )
         self._waiting = _coarse_first(self.n_weights)[::-1]
         self._evaluated = set(self.sampling)

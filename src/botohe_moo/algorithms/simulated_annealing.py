@@ -82,7 +82,7 @@ class SimulatedAnnealing(ArchiveAlgorithm):
     follow the share of the reward that a node pays: those that suit 27 nodes keep a plan for 200
     from growing. Four short passes beat one long one where plans take many steps to grow.
 
-    A move that would take a robot below the survival floor is drawn again before anything is
+    A move after which a robot would not keep the problem's limits is drawn again before anything is
     evaluated. The first weight starts with everybody at base, or from the best of the plans to
     start from. Where the schedule has run out and pymoo asks for more, another sweep begins.
 
@@ -129,7 +129,7 @@ class SimulatedAnnealing(ArchiveAlgorithm):
         self._search = Annealing(
             problem.mission,
             AnnealingSchedule(**settings_of(self, AnnealingSchedule)),
-            min_survival=problem.planning_floor,
+            limits=problem.planning_limits,
             random_state=self.random_state,
         )
 

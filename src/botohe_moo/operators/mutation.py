@@ -11,6 +11,7 @@ from botohe_moo._base.checks import check_weights
 from botohe_moo._base.types import ObjectArray, Rng
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Count, Probability
+from botohe_moo.kernels.graph.graph import NO_LIMITS
 from botohe_moo.kernels.plans.change import MoveRule, change_plans
 from botohe_moo.kernels.plans.ragged import read_trails
 from botohe_moo.kernels.plans.vary import join_pieces, ruin, send_home, share, whole_trails
@@ -116,7 +117,7 @@ class TrailMoves(PlanMutation):
     def _draft(self, mission: Mission, plans: PlanBatch, rng: Rng) -> PlanBatch:
         valid = mission.evaluate_drafts(plans)[1] == 0
         movable = plans if valid.all() else plans.take(valid)
-        rule = MoveRule(self.weights, self.max_tries, self.every_robot, min_survival=0.0)
+        rule = MoveRule(self.weights, self.max_tries, self.every_robot, NO_LIMITS)
         given, states = read_trails(movable.nodes, movable.offsets), draw_state(rng)
         trails = change_plans(mission.arrays, rule, given, plans.n_robots, states)
         moved = PlanBatch._wrap(*trails, plans.n_robots)

@@ -10,12 +10,12 @@ from botohe_moo._base.types import ObjectArray, Rng
 from botohe_moo.operators.base import Mixture, check_part
 from botohe_moo.problem import BOTOHE
 from botohe_moo.search.colony import Colony, ColonyRule
-from botohe_moo.search.sequential import plan_sequentially
+from botohe_moo.search.sequential import SequentialPlanner
 from botohe_moo.trails import PlanBatch, TrailPlan, listed_plans
 
 
 class PlanSampling(Sampling):
-    """A pymoo sampling of valid trail plans, which keep the problem's survival floor."""
+    """A pymoo sampling of valid trail plans, which keep the problem's limits."""
 
     def sample_batch(self, problem: BOTOHE, n_samples: int, random_state: Rng) -> PlanBatch:
         """Give plans to start from.
@@ -45,7 +45,7 @@ class RandomTrailSampling(PlanSampling):
     """Random trails: every arc that a trail has not used yet is equally likely.
 
     At base the end of the trail is as likely as each arc. What leads into a dead end, or to where
-    the survival floor could not be kept, is not taken.
+    no way home is found within the limits, is not taken.
     """
 
     def _sample(self, problem: BOTOHE, n_samples: int, rng: Rng) -> PlanBatch:
@@ -80,7 +80,7 @@ def _walk(problem: BOTOHE, n_samples: int, rng: Rng, *, heuristic: bool) -> Plan
         problem.mission,
         rule,
         n_ants=n_samples,
-        min_survival=problem.planning_floor,
+        limits=problem.planning_limits,
         random_state=rng,
     )
     return colony.construct(n_samples)
@@ -102,7 +102,7 @@ class CornerSampling(PlanSampling):
     def _sample(self, problem: BOTOHE, n_samples: int, rng: Rng) -> PlanBatch:
         mission = problem.mission
         home = TrailPlan([[mission.arrays.base]] * mission.robots)
-        greedy = plan_sequentially(mission, 1.0, min_survival=problem.planning_floor)
+        greedy = SequentialPlanner(mission, **problem.planning_limits._asdict()).plan(1.0)
         corners = PlanBatch.from_plans([home, greedy], mission.robots)
         return _filled(corners[:n_samples], self.rest, problem, n_samples, rng)
 
@@ -119,7 +119,7 @@ def _filled(
 class GivenSampling(PlanSampling):
     """Given plans, and others where they are too few.
 
-    All of them are used, also where fewer are wanted or they do not keep the survival floor.
+    All of them are used, also where fewer are wanted or they do not keep the limits.
 
     Parameters
     ----------

@@ -12,6 +12,7 @@ import numpy as np
 from botohe_moo._base.types import FloatArray
 from botohe_moo.kernels.anneal.schedule import anneal, score
 from botohe_moo.kernels.anneal.state import AnnealRule, AnnealState, new_records, new_state
+from botohe_moo.kernels.graph.graph import Limits
 from botohe_moo.kernels.plans.change import MoveRule, needs_detours
 from botohe_moo.kernels.plans.marks import new_move_scratch
 from botohe_moo.kernels.rng import seed_states
@@ -62,13 +63,13 @@ class Annealing:
         mission: Mission,
         schedule: AnnealingSchedule,
         *,
-        min_survival: float,
+        limits: Limits,
         random_state: np.random.Generator,
     ) -> None:
         self.mission, self.schedule = mission, schedule
         graph, random = mission.arrays, seed_states(random_state, 1)
         # Without one-way arcs detours are hardly ever needed, and compile when they are.
-        detours = needs_detours(graph) or min_survival > 0.0
+        detours = needs_detours(graph) or limits.bind
         self.state: AnnealState = new_state(graph, mission.robots, random, detours=detours)
         self._records = new_records(mission.robots, _RECORDS, _RECORDS * _NODES_EACH)
         self._sweep = (0, 1, 0)  # its steps, weights, and passes through them
@@ -80,7 +81,7 @@ class Annealing:
         if returning is None:
             returning = 0.0 if schedule.journal else 0.003
         self._rule = AnnealRule(
-            moves=MoveRule(self.kinds_of_moves(), _MAX_TRIES, schedule.journal, min_survival),
+            moves=MoveRule(self.kinds_of_moves(), _MAX_TRIES, schedule.journal, limits),
             record=not schedule.journal,
             total_reward=mission.total_reward or 1.0,
             weight=0.0,

@@ -21,6 +21,8 @@ from botohe_moo.kernels.colony.pheromone import (
 )
 from botohe_moo.kernels.colony.weighing import BuildRule, Weights
 from botohe_moo.kernels.graph.arcs import Links
+from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
+from botohe_moo.kernels.graph.homing import new_budget
 from botohe_moo.kernels.graph.paths import Paths, new_paths
 from botohe_moo.kernels.rng import seed_states
 from botohe_moo.mission.model import Mission
@@ -92,14 +94,15 @@ class Colony:
         *,
         n_ants: int,
         threads: AntThreads | None = None,
-        min_survival: float = 0.0,
+        limits: Limits = NO_LIMITS,
         random_state: np.random.Generator,
     ) -> None:
         self.rule = rule
         self.n_robots = mission.robots
         self.threads = threads or AntThreads(1)
-        self.min_survival = min_survival
+        self.limits = limits
         self._graph = mission.arrays
+        self._budget = new_budget(mission.arrays, limits)
         self._links = Links(mission.arrays.first, mission.arrays.head)
         self._states = seed_states(random_state, n_ants)
         self._pheromone = _new_pheromone(mission, rule)
@@ -136,9 +139,12 @@ class Colony:
         """Let the ants ``begin`` to ``end`` build."""
         n_robots, rule, graph = self.n_robots, self.rule, self._graph
         concurrent = rule.allocation == "concurrent"
-        build = BuildRule(n_robots, n_ants, concurrent, rule.exploration, self.min_survival)
+        limits, budget = self.limits, self._budget
+        build = BuildRule(
+            n_robots, n_ants, concurrent, rule.exploration, limits.min_survival, budget
+        )
         if part not in self._rooms:
-            careful = not graph.balanced or self.min_survival > 0.0
+            careful = not graph.balanced or limits.bind
             plans = new_plans(4096, len(self._states) * n_robots)
             self._rooms[part] = plans, new_paths(graph) if careful else None
         plans, paths = self._rooms[part]

@@ -13,6 +13,7 @@ from botohe_moo.kernels.exact import tables, teams
 from botohe_moo.kernels.plans.evaluate import either
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.search.exact_trails import TrailSearch
+from botohe_moo.search.limits import check_limits
 from botohe_moo.search.sequential import SequentialPlanner
 from botohe_moo.trails import PlanBatch, TrailPlan
 
@@ -47,6 +48,7 @@ def exact_front(
     mission: Mission,
     *,
     min_survival: float = 0.0,
+    max_length: float | None = None,
     time_limit: float = TIME_LIMIT,
     memory_limit: float = MEMORY_LIMIT,
 ) -> PlanBatch:
@@ -59,6 +61,9 @@ def exact_front(
     min_survival
         Survival floor: every robot survives with at least this probability, in [0, 1]; 0 sets
         none.
+    max_length
+        Travel budget: the arcs of every robot's trail are at most so long together, at least 0;
+        None sets none.
     time_limit
         Seconds that the search may take, above 0; compiling it for the first time does not count.
     memory_limit
@@ -99,7 +104,11 @@ def exact_front(
     [[7.09, 0.35], [4.14, 0.66], [0.9, 0.81], [0.0, 1.0]]
     """
     search = FrontSearch(
-        mission, min_survival=min_survival, time_limit=time_limit, memory_limit=memory_limit
+        mission,
+        min_survival=min_survival,
+        max_length=max_length,
+        time_limit=time_limit,
+        memory_limit=memory_limit,
     )
     while search.plans is None:
         search.advance()
@@ -132,11 +141,12 @@ class FrontSearch:
         mission: Mission,
         *,
         min_survival: float = 0.0,
+        max_length: float | None = None,
         time_limit: float = TIME_LIMIT,
         memory_limit: float = MEMORY_LIMIT,
     ) -> None:
         self.mission = check_mission(mission)
-        self.min_survival = check_number("min_survival", min_survival, at_least=0, at_most=1)
+        self.limits = check_limits(min_survival, max_length)
         self.time_limit = check_number("time_limit", time_limit, above=0)
         self.memory_limit = check_number("memory_limit", memory_limit, above=0)
         self.plans: PlanBatch | None = None
@@ -175,21 +185,20 @@ class FrontSearch:
     def _begin(self) -> TrailSearch:
         self._guides = self._guiding_plans()
         known = sorted({trail for plan in self._guides for trail in plan.trails})
-        return TrailSearch(self.mission, self.min_survival, known)
+        return TrailSearch(self.mission, self.limits, known)
 
     def _guiding_plans(self) -> list[TrailPlan]:
         """Good plans that the search begins with: what they are as good as need not be found."""
-        planner = SequentialPlanner(
-            self.mission, beam_width=_GUIDE_WIDTH, min_survival=self.min_survival
-        )
+        planner = SequentialPlanner(self.mission, beam_width=_GUIDE_WIDTH, **self.limits._asdict())
         begun, found = time.perf_counter(), [*planner.plans(1.0)]
         for weight in np.linspace(0.0, 1.0, _N_GUIDES)[:-1]:
             if time.perf_counter() - begun > self.time_limit / _N_GUIDES:
                 break  # they save work, and on large missions take long
             found += planner.plans(weight)
         plans = list(dict.fromkeys(found))
-        least = self.mission.robot_survival(plans).min(axis=1)
-        return [p for p, alive in zip(plans, least, strict=True) if alive >= self.min_survival]
+        safe = self.mission.robot_survival(plans).min(axis=1) >= self.limits.min_survival
+        short = self.mission.trail_lengths(plans).max(axis=1) <= self.limits.max_length
+        return [plan for plan, keeps in zip(plans, safe & short, strict=True) if keeps]
 
     def _advance_trails(self, trails: TrailSearch) -> None:
         self._require(0)

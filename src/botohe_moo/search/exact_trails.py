@@ -13,7 +13,8 @@ from botohe_moo.kernels.exact import tables
 from botohe_moo.kernels.exact.labels import look_around, put
 from botohe_moo.kernels.exact.trails import add_trails, as_column, grow
 from botohe_moo.kernels.graph.arcs import find_arc
-from botohe_moo.kernels.graph.graph import Graph
+from botohe_moo.kernels.graph.graph import Graph, Limits
+from botohe_moo.kernels.graph.homing import new_budget
 from botohe_moo.kernels.rng import hash_keys
 from botohe_moo.mission.model import Mission
 
@@ -25,14 +26,14 @@ _MAX_DIVES, _MAX_MET = 1_000, 30_000
 class TrailSearch:
     """The search for all trails of a mission that some best team may need, a portion at a time.
 
-    ``least`` is the survival floor. What ``known`` trails are as good as need not be found.
+    Every trail keeps the limits. What ``known`` trails are as good as need not be found.
     """
 
     def __init__(
-        self, mission: Mission, least: float, known: Iterable[tuple[int, ...]] = ()
+        self, mission: Mission, limits: Limits, known: Iterable[tuple[int, ...]] = ()
     ) -> None:
         self.graph = graph = mission.arrays
-        self.rule = rule = _rule_of(graph, mission.robots == 1, least)
+        self.rule = rule = _rule_of(graph, mission.robots == 1, limits)
         n_goals, n_columns = len(rule.reward), 1 if rule.single else len(rule.reward)
         n_words = graph.n_arcs // 64 + 1
         self._here = tables.new_here(graph.n_nodes, n_goals, n_words, n_columns)
@@ -183,7 +184,8 @@ class TrailSearch:
             return list(self._known[-1 - label])
         here.used[:] = self._labels.used[label]
         put(here.used, arc)
-        look_around(graph, here, int(graph.head[arc]))
+        here.length[:] = self._labels.rows["length"][label] + graph.length[arc]
+        look_around(graph, self.rule, here, int(graph.head[arc]))
         home = [graph.base]
         while (last := here.entry[home[-1]]) >= 0:
             home.append(int(graph.tail[last]))
@@ -204,14 +206,15 @@ class TrailSearch:
         return alive, reached
 
 
-def _rule_of(graph: Graph, single: bool, least: float) -> tables.Rule:
+def _rule_of(graph: Graph, single: bool, limits: Limits) -> tables.Rule:
     is_goal = (graph.reward > 0) & (np.arange(graph.n_nodes) != graph.base)
-    keys = hash_keys(2 * graph.n_nodes)
+    keys, budget = hash_keys(2 * graph.n_nodes), new_budget(graph, limits)
     return tables.Rule(
         goal=np.where(is_goal, np.cumsum(is_goal) - 1, -1),
         reward=graph.reward[is_goal],
         node_keys=keys[: graph.n_nodes].copy(),
         goal_keys=keys[graph.n_nodes :].copy(),
         single=single,
-        least=least,
+        limits=limits,
+        shortest=np.empty(0) if budget is None else budget.short.home.copy(),
     )

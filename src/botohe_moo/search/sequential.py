@@ -12,7 +12,9 @@ from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.beam.labels import new_beam
 from botohe_moo.kernels.beam.prospects import Near, Rule, dangers, find_near
 from botohe_moo.kernels.beam.search import MAX_LABELS, best_trail
+from botohe_moo.kernels.graph.homing import Budget, new_budget
 from botohe_moo.mission.model import Mission, check_mission
+from botohe_moo.search.limits import check_limits
 from botohe_moo.trails import TrailPlan
 
 BEAM_WIDTH = 100
@@ -21,6 +23,9 @@ MAX_BEAM_WIDTH = 100_000
 # Nodes that the search looks ahead to from each node: on 200 nodes as good as all of them.
 _N_NEAR = 64
 
+# What planners need not keep when they are pickled.
+_DERIVED = {"_near", "_budget"}
+
 
 def plan_sequentially(
     mission: Mission,
@@ -28,6 +33,7 @@ def plan_sequentially(
     *,
     beam_width: int = BEAM_WIDTH,
     min_survival: float = 0.0,
+    max_length: float | None = None,
 ) -> TrailPlan:
     """Plan one robot after another, each for the greatest gain given those before it.
 
@@ -48,6 +54,9 @@ def plan_sequentially(
     min_survival
         Survival floor: every robot survives with at least this probability, in [0, 1]; 0 sets
         none.
+    max_length
+        Travel budget: the arcs of every robot's trail are at most so long together, at least 0;
+        None sets none.
 
     Returns
     -------
@@ -68,7 +77,8 @@ def plan_sequentially(
     environments with survival constraints", Autonomous Robots 42(4), 2018. A plan's worth is a
     monotone submodular function of its trails, so that K robots with best trails each come to at
     least 1 − (1 − 1/K)^K of what the best plan is worth. A beam that is too narrow need not find
-    the best trail.
+    the best trail. Nor need any beam where there is a travel budget: robots go home by the safest
+    way or by the shortest one, and a way that compromises between both is not looked for.
 
     Examples
     --------
@@ -79,7 +89,9 @@ def plan_sequentially(
     >>> bool(reward > 10)
     True
     """
-    planner = SequentialPlanner(mission, beam_width=beam_width, min_survival=min_survival)
+    planner = SequentialPlanner(
+        mission, beam_width=beam_width, min_survival=min_survival, max_length=max_length
+    )
     return planner.plan(weight)
 
 
@@ -87,17 +99,26 @@ class SequentialPlanner:
     """Plans of one mission for many weights; :func:`plan_sequentially` documents parameters."""
 
     def __init__(
-        self, mission: Mission, *, beam_width: int = BEAM_WIDTH, min_survival: float = 0.0
+        self,
+        mission: Mission,
+        *,
+        beam_width: int = BEAM_WIDTH,
+        min_survival: float = 0.0,
+        max_length: float | None = None,
     ) -> None:
         self.mission = check_mission(mission)
         self.beam_width = check_integer(
             "beam_width", beam_width, at_least=1, at_most=MAX_BEAM_WIDTH
         )
-        self.min_survival = check_number("min_survival", min_survival, at_least=0, at_most=1)
+        self.limits = check_limits(min_survival, max_length)
 
     @cached_property
     def _near(self) -> Near:
         return find_near(self.mission.arrays, _N_NEAR)
+
+    @cached_property
+    def _budget(self) -> Budget | None:
+        return new_budget(self.mission.arrays, self.limits)
 
     def plan(self, weight: float) -> TrailPlan:
         """Plan the whole team, for a weight on reward."""
@@ -121,18 +142,20 @@ class SequentialPlanner:
         weight = check_number("weight", weight, at_least=0, at_most=1)
         mission, graph = self.mission, self.mission.arrays
         share = graph.reward / (mission.total_reward or 1.0)
-        least = self.min_survival
+        least, budget = self.limits.min_survival, self._budget
         if weight > 0:
             share, survival_weight = weight * share, (1.0 - weight) / mission.robots
         else:  # everything that risks nothing is worth the same: the most reward decides
             survival_weight, least = 1.0, 1.0
+            if budget is not None:
+                budget = budget._replace(limits=self.limits._replace(min_survival=least))
         unreached = np.ones(graph.n_nodes)
         unreached[graph.base] = 0.0  # what everybody collects must not drown the differences
         danger, beam = dangers(graph, self._near, survival_weight), new_beam(graph)
         trails: list[list[int]] = []
         for _ in range(mission.robots):
             worth = share * unreached
-            rule = Rule(worth, danger, survival_weight, least, self.beam_width, MAX_LABELS)
+            rule = Rule(worth, danger, survival_weight, least, budget, self.beam_width, MAX_LABELS)
             arcs, _, _ = best_trail(graph, self._near, rule, beam)
             if len(arcs) == 0:  # and nothing changes for those that come after
                 break
@@ -147,4 +170,4 @@ class SequentialPlanner:
         unreached[nodes] *= 1.0 - np.cumprod(graph.survival[arcs])[positions]
 
     def __getstate__(self) -> dict[str, Any]:
-        return {key: value for key, value in self.__dict__.items() if key != "_near"}
+        return {key: value for key, value in self.__dict__.items() if key not in _DERIVED}

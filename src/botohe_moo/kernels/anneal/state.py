@@ -13,7 +13,7 @@ from botohe_moo.kernels.plans.marks import MoveScratch, new_move_scratch
 class AnnealRule(NamedTuple):
     """How to anneal."""
 
-    # How trails are changed. Every robot of every plan keeps its floor, that of the first plan
+    # How trails are changed. Every robot of every plan keeps its limits, that of the first plan
     # included.
     moves: MoveRule
     record: bool  # whether to record the plans that are evaluated

@@ -21,6 +21,7 @@ LABEL = np.dtype(
         ("arc", np.int64),  # the arc by which, −1 for the first one
         ("node", np.int64),  # where it ends
         ("alive", np.float64),  # probability to get there
+        ("length", np.float64),  # how long it is
         ("value", np.float64),  # worth collected
         ("left", np.float64),  # worth of all nodes not visited
         ("used", np.uint64),  # hash of the set of arcs used

@@ -8,13 +8,13 @@ from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.beam.labels import Standing
 from botohe_moo.kernels.compile import helper, inlined, kernel
 from botohe_moo.kernels.graph.graph import Graph
+from botohe_moo.kernels.graph.homing import Budget, way_within
 from botohe_moo.kernels.graph.paths import (
     ANYWHERE,
     Paths,
     leads_home,
     new_paths,
     search_paths,
-    way_home,
 )
 
 # Share of what still looks worth its danger that counts when labels are ranked. Measured on the
@@ -40,6 +40,7 @@ class Rule(NamedTuple):
     danger: FloatArray
     survival_weight: float  # what surviving for sure is worth, at least 0
     least: float  # survival floor: the least probability to survive the trail; 0 sets none
+    budget: Budget | None  # travel budget, with the floor; what it needs is compiled only with one
     width: int  # labels that go on from each level, at least 1
     max_labels: int  # how many labels are kept at most
 
@@ -97,7 +98,8 @@ def judge(near: Near, rule: Rule, ahead: FloatArray, child: Any, stay: float) ->
     """Write ``bound`` and ``rank`` of a child of the label at hand.
 
     That is, the most that all nodes not visited could bring together, and what those near promise
-    over the danger of going there before going home.
+    over the danger of going there before going home. Nodes near that are too far from home for the
+    travel budget do not count.
     """
     node = child.node
     n_nodes, n_near = near.near.shape
@@ -105,9 +107,11 @@ def judge(near: Near, rule: Rule, ahead: FloatArray, child: Any, stay: float) ->
     for i in range(n_near):
         there = near.near[node, i]
         worth = ahead[there]
+        nearby += worth
+        if _is_too_far(rule.budget, there, child.length):
+            continue
         brings = near.reach[node, i] * worth
         most += brings
-        nearby += worth
         promise += max(0.0, brings - rule.danger[node, i])
     if n_near < n_nodes - 1:
         most += max(0.0, child.left - nearby) * near.reach[node, n_near - 1]
@@ -116,10 +120,26 @@ def judge(near: Near, rule: Rule, ahead: FloatArray, child: Any, stay: float) ->
 
 
 @inlined
+def has_no_limits(rule: Rule) -> bool:
+    """Tell whether a robot may take any way home."""
+    return rule.least == 0.0 and rule.budget is None
+
+
+@inlined
 def is_hopeless(graph: Graph, rule: Rule, child: Any, stay: float, enough: float) -> bool:
-    """Tell cheaply that a label cannot keep the floor, or cannot come to more than ``enough``."""
+    """Tell cheaply that a label cannot keep the limits, or cannot come to more than ``enough``."""
+    if _is_too_far(rule.budget, child.node, child.length):
+        return True
     most = child.value + child.alive * child.left + stay
     return bool(child.alive * graph.home[child.node] < rule.least or most <= enough)
+
+
+@inlined
+def _is_too_far(budget: Budget | None, node: int, length: float) -> bool:
+    """Tell whether no trail that has a length before it visits a node keeps the travel budget."""
+    if budget is None:
+        return False
+    return bool(length + budget.short.home[node] > budget.limits.max_length)
 
 
 @helper
@@ -135,14 +155,14 @@ def close(
     """Send a child of the label at hand home: give value and survival of the closed trail.
 
     The value is −1 where that cannot be the best trail known; the survival −1 where no way leads
-    home.
+    home, or none is known that keeps a travel budget.
     """
-    used, ahead = standing.used, standing.ahead
+    used, ahead, free = standing.used, standing.ahead, has_no_limits(rule)
     value, survives, node = child.value, child.alive, child.node
-    if rule.least == 0.0 and value + stay <= best_value and _is_blocked(graph, used, node):
+    if free and value + stay <= best_value and _is_blocked(graph, used, node):
         back = graph.balanced or leads_home(graph, paths, used, 1, node)
         return -1.0, survives if back else -1.0
-    n_hops = way_home(graph, paths, used, 1, node)
+    n_hops = way_within(graph, rule.budget, paths, used, 1, node, survives, child.length)
     if n_hops < 0:
         return -1.0, -1.0
     for i in range(n_hops):

@@ -12,13 +12,14 @@ from botohe_moo.kernels.beam.prospects import (
     Near,
     Rule,
     close,
+    has_no_limits,
     is_hopeless,
     judge,
     write_gathered,
 )
 from botohe_moo.kernels.compile import helper, kernel
 from botohe_moo.kernels.graph.graph import Graph
-from botohe_moo.kernels.graph.paths import way_home
+from botohe_moo.kernels.graph.homing import way_within
 from botohe_moo.kernels.plans.order import sort_descending
 
 # A search keeps no more labels than this, whatever its width: a few hundred megabytes.
@@ -39,11 +40,13 @@ def best_trail(graph: Graph, near: Near, rule: Rule, beam: Beam) -> tuple[Offset
 
     Labels go on hop by hop, also those that are back at base. Each is closed at once by the safest
     way home over arcs it has not used, so that no good trail is lost when labels are dropped;
-    where there is no such way the label is dropped. (Where the usual way home is blocked, another
-    one is looked for only if it may lead to the best trail known.) Labels that end at the same node
-    and have used the same arcs are one state, of which the most valuable stays. A label is left out
-    if it could not beat the best trail known, were every node not visited reached by its safest
-    path. Of the rest the ``width`` go on that rank highest by
+    where there is no such way the label is dropped. With a travel budget it is closed by the way
+    that ``way_within`` finds, so that trails are lost whose way home compromises. (Where the usual
+    way home is blocked, another one is looked for only if there are limits, or it may lead to the
+    best trail known.) Labels that end at the same node and have used the same arcs are one state,
+    of which the most valuable stays. A label is left out if it could not beat the best trail known,
+    were every node not visited reached by its safest path. Of the rest the ``width`` go
+    on that rank highest by
 
     value + survival_weight · (survival of going home) + FORESIGHT · (probability to be here) ·
     Σ over near nodes v not visited of max(0, worth of v · reach of v − what the detour over v
@@ -55,8 +58,8 @@ def best_trail(graph: Graph, near: Near, rule: Rule, beam: Beam) -> tuple[Offset
     ``max_labels``.
 
     Gives the arcs of the trail (none for the trail that stays at base), its value, and whether any
-    label was dropped for want of width. If none was, no trail is better by more than a 10⁻¹² of the
-    value (but for a collision of 64-bit hashes).
+    label was dropped for want of width. If none was, and there is no travel budget, no trail is
+    better by more than a 10⁻¹² of the value (but for a collision of 64-bit hashes).
     """
     state = beam.state[0]
     state["high"] = _STARTING
@@ -104,7 +107,8 @@ def _start_at_base(graph: Graph, rule: Rule, beam: Beam) -> None:
         standing.visits[node], standing.ahead[node] = 0, worth[node]
     standing.visits[base], standing.ahead[base] = 1, 0.0
     label.parent = label.arc = -1
-    label.node, label.alive, label.value, label.left = base, 1.0, worth[base], left - worth[base]
+    label.node, label.alive, label.length = base, 1.0, 0.0
+    label.value, label.left = worth[base], left - worth[base]
     label.used = label.seen = np.uint64(0)
     state.low, state.high, state.at, state.cut = 0, 1, 0, 0
     state.value, state.label, state.arc = worth[base] + rule.survival_weight, -1, -1
@@ -115,8 +119,8 @@ def _start_at_base(graph: Graph, rule: Rule, beam: Beam) -> None:
 def _expand(graph: Graph, near: Near, rule: Rule, beam: Beam, n_most: int) -> int:
     """Go on by one hop from the labels of the last level; give how many children there are.
 
-    A child is left out that cannot get home, or home with probability ``least``; that cannot beat
-    the best trail known; or that another child equals in node and arcs used, at no less value.
+    A child is left out that cannot get home within the limits; that cannot beat the best trail
+    known; or that another child equals in node and arcs used, at no less value.
     """
     state, labels, level, standing = beam.state[0], beam.labels, beam.level, beam.standing
     children, table, used, ahead = level.children, level.table, standing.used, standing.ahead
@@ -124,7 +128,7 @@ def _expand(graph: Graph, near: Near, rule: Rule, beam: Beam, n_most: int) -> in
     for slot in range(size):
         table[slot] = -1
     # Where a robot that may take any way home surely gets there, only the best go home.
-    some = graph.balanced and rule.least == 0.0
+    some = graph.balanced and has_no_limits(rule)
     n = 0
     for parent in range(state.low, state.high):
         stand_at(labels, standing, rule.worth, state.at, parent)
@@ -137,6 +141,7 @@ def _expand(graph: Graph, near: Near, rule: Rule, beam: Beam, n_most: int) -> in
             fresh, enough = ahead[node], state.value + TOLERANCE * state.value
             child.parent, child.arc, child.node = parent, arc, node
             child.alive = label.alive * graph.survival[arc]
+            child.length = label.length + graph.length[arc]
             child.value = label.value + child.alive * fresh
             child.left = label.left - fresh
             stay = rule.survival_weight * child.alive * graph.home[node]
@@ -231,7 +236,10 @@ def _write_trail(graph: Graph, rule: Rule, beam: Beam) -> None:
     for i in range(n // 2):
         trail[i], trail[n - 1 - i] = trail[n - 1 - i], trail[i]
     trail[n] = state.arc
-    n_home = way_home(graph, beam.paths, used, 1, graph.head[state.arc])
+    last = labels[state.label]
+    alive, length = last.alive * graph.survival[state.arc], last.length + graph.length[state.arc]
+    node, paths = graph.head[state.arc], beam.paths
+    n_home = way_within(graph, rule.budget, paths, used, 1, node, alive, length)
     for i in range(n_home):
-        trail[n + 1 + i] = beam.paths.path[i]
+        trail[n + 1 + i] = paths.path[i]
     state.n_hops = n + 1 + n_home

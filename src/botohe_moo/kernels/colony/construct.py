@@ -16,9 +16,10 @@ from botohe_moo.kernels.colony.weighing import (
     tabulate_node,
     weigh,
 )
-from botohe_moo.kernels.compile import inlined, kernel
+from botohe_moo.kernels.compile import helper, inlined, kernel
 from botohe_moo.kernels.graph.graph import Graph
-from botohe_moo.kernels.graph.paths import Paths, survives_home
+from botohe_moo.kernels.graph.homing import Budget, survives_home, way_within
+from botohe_moo.kernels.graph.paths import Paths
 from botohe_moo.kernels.rng import uniform
 
 
@@ -53,9 +54,10 @@ def _choose(
 
     Where some node has more arcs in than out (the graph is not balanced), an arc from which no
     unused arcs lead home is drawn again: the walk never enters a dead end. Likewise for an arc from
-    which the robot could not get home with probability ``min_survival`` over all.
+    which the robot could not get home with probability ``min_survival`` over all, or from which
+    ``way_within`` finds no way home within the travel budget.
     """
-    loop, least = graph.head.shape[0], rule.min_survival
+    loop = graph.head.shape[0]
     n_rejected = 0
     while True:
         n, total, arc = weigh(graph, weights, scratch, ant, here)
@@ -65,14 +67,63 @@ def _choose(
         ant.used[arc] = ant.trail
         if n == 1 or arc == loop:
             break
-        node, arriving = graph.head[arc], alive * graph.survival[arc]
-        if survives_home(graph, paths, ant.used, ant.trail, node, arriving, least):
+        length = scratch.length[ant.robot]
+        if _leads_home(graph, rule, rule.budget, paths, ant, arc, alive, length):
             break
         scratch.rejected[n_rejected] = arc
         n_rejected += 1
     for i in range(n_rejected):
         ant.used[scratch.rejected[i]] = -1
     return arc
+
+
+@inlined
+def _leads_home(
+    graph: Graph,
+    rule: BuildRule,
+    budget: Budget | None,
+    paths: Paths | None,
+    ant: Ant,
+    arc: int,
+    alive: float,
+    length: float,
+) -> bool:
+    """Tell whether a way home within the limits is known from the head of an arc.
+
+    ``alive`` and ``length`` are those of the trail up to the arc.
+    """
+    node, arriving = graph.head[arc], alive * graph.survival[arc]
+    if paths is None:
+        return True
+    if budget is None:
+        return survives_home(graph, paths, ant.used, ant.trail, node, arriving, rule.min_survival)
+    return _leads_home_within(graph, budget, paths, ant, arc, arriving, length)
+
+
+@helper
+def _leads_home_within(
+    graph: Graph,
+    budget: Budget,
+    paths: Paths,
+    ant: Ant,
+    arc: int,
+    arriving: float,
+    length: float,
+) -> bool:
+    """Tell the same where there is a travel budget, and note the way home that is found.
+
+    No ant gets stuck: the arc by which the way that was noted last goes on can always be taken.
+    For the rest of a safest (or shortest) way is the safest (or shortest) from there, and would be
+    found again; as another one may be as safe but longer, it is not looked for again. Plans are
+    lost where the only ways home are neither the safest nor the shortest ones.
+    """
+    if ant.onward[graph.tail[arc]] == arc:
+        return True
+    node, length = graph.head[arc], length + graph.length[arc]
+    n = way_within(graph, budget, paths, ant.used, ant.trail, node, arriving, length)
+    for i in range(n):
+        ant.onward[graph.tail[paths.path[i]]] = paths.path[i]
+    return n >= 0
 
 
 @inlined
@@ -108,9 +159,11 @@ def _walk(
     ant = Ant(
         number,
         trail,
+        robot,
         1.0 - (number * (1.0 / (rule.n_ants - 1)) if rule.n_ants > 1 else 0.5),
         scratch.used[row],
         scratch.visited[row],
+        scratch.onward[row],
         scratch.seen[which, number - block * BLOCK],
         scratch.fresh[which, number - block * BLOCK],
     )
@@ -126,6 +179,8 @@ def _walk(
             here = -1
             break
         alive *= graph.survival[arc]
+        if rule.budget is not None:
+            scratch.length[robot] += graph.length[arc]
         here = graph.head[arc]
         _visit(scratch, ant, here, alive)
         if rule.concurrent:
@@ -142,7 +197,7 @@ def _begin_plan(graph: Graph, rule: BuildRule, scratch: Scratch, plans: Plans, a
         scratch.unreached[scratch.touched[i]] = 1.0
     scratch.n_touched[0] = 0
     for robot in range(rule.n_robots):
-        scratch.here[robot], scratch.alive[robot] = graph.base, 1.0
+        scratch.here[robot], scratch.alive[robot], scratch.length[robot] = graph.base, 1.0, 0.0
         plans.offsets[ant * rule.n_robots + robot + 1] = 0
 
 
@@ -187,10 +242,10 @@ def construct(
     reaches its head, by the trails as they are so far)`` times that of a head already in this
     trail.
 
-    ``paths`` is scratch of searches for ways home; None where the graph is balanced and there is no
-    floor, so that there always is one. ``states`` of random numbers, one for each ant (n_ants, 2),
-    are advanced: what an ant builds depends on its own numbers only. Plans are written to
-    ``plans``.
+    ``paths`` is scratch of searches for ways home; None where the graph is balanced and there are
+    no limits, so that there always is one. ``states`` of random numbers, one for each ant
+    (n_ants, 2), are advanced: what an ant builds depends on its own numbers only. Plans are written
+    to ``plans``.
 
     Gives the ant whose plan might not have had room; ``end`` if all had.
     """

@@ -11,6 +11,7 @@ import numpy as np
 from botohe_moo._base.types import FloatArray, OffsetArray, SeedArray
 from botohe_moo.kernels.compile import helper, inlined
 from botohe_moo.kernels.graph.graph import Graph
+from botohe_moo.kernels.graph.homing import Budget
 
 # Ants whose weights are tabulated together: enough to share the exponentials, few enough that
 # the tables of a small mission stay in the fastest caches.
@@ -32,6 +33,7 @@ class BuildRule(NamedTuple):
     exploration: float
     # Survival floor: the least probability with which every robot gets home; 0 sets none.
     min_survival: float
+    budget: Budget | None  # travel budget, with the floor; what it needs is compiled only with one
 
 
 class Weights(NamedTuple):
@@ -59,9 +61,14 @@ class Scratch(NamedTuple):
     # (n_rows, n_nodes): a row for each robot that is out at once.
     used: OffsetArray
     visited: OffsetArray
-    # Where each robot is, −1 where its trail has ended, and with what probability (n_robots).
+    # With a travel budget: of each node on the way home that a robot knows, the arc by which that
+    # way goes on; −1 at the base (n_rows, n_nodes).
+    onward: OffsetArray
+    # Where each robot is, −1 where its trail has ended, with what probability, and with a travel
+    # budget how long its trail is (n_robots).
     here: OffsetArray
     alive: FloatArray
+    length: FloatArray
     unreached: FloatArray  # probability that no robot reaches each node (n_nodes)
     # The nodes where that is below 1, and how many they are (n_nodes), (1).
     touched: OffsetArray
@@ -82,7 +89,9 @@ def new_scratch(graph: Graph, rule: BuildRule, n_maps: int, states: SeedArray) -
         np.empty((n_maps, n_nodes), np.int64),
         np.empty((n_rows, n_arcs), np.int64),
         np.empty((n_rows, n_nodes), np.int64),
+        np.empty((n_rows, n_nodes), np.int64),
         np.empty(rule.n_robots, np.int64),
+        np.empty(rule.n_robots),
         np.empty(rule.n_robots),
         np.empty(n_nodes),
         np.empty(n_nodes, np.int64),
@@ -92,7 +101,7 @@ def new_scratch(graph: Graph, rule: BuildRule, n_maps: int, states: SeedArray) -
         states,
     )
     scratch.tabulated[:], scratch.used[:], scratch.visited[:] = -1, -1, -1
-    scratch.unreached[:], scratch.n_touched[:] = 1.0, 0
+    scratch.onward[:, graph.base], scratch.unreached[:], scratch.n_touched[:] = -1, 1.0, 0
     return scratch
 
 
@@ -101,9 +110,11 @@ class Ant(NamedTuple):
 
     number: int
     trail: int
+    robot: int
     power: float
     used: OffsetArray
     visited: OffsetArray
+    onward: OffsetArray
     seen: FloatArray
     fresh: FloatArray
 

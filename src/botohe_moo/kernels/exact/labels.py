@@ -5,8 +5,10 @@ every goal at least as probably, and is alive at least as probably. Proof: any w
 from A, too. A goal that B first reaches on it, with alive(B) · x, A either reaches there, too, with
 alive(A) · x, or has reached before, with no less than alive(A); both are no less. Goals that B has
 reached before, A has reached at least as probably. And A survives with alive(A) times what the way
-on is survived with. What B may still need are the unused arcs that lie between it and the base: an
-arc that no unused arcs lead to, or from which none lead home, counts as used.
+on is survived with. With a travel budget A must be no longer than B, too, so that it can go
+wherever B can. What B may still need are the unused arcs that lie between it and the base: an
+arc that no unused arcs lead to, or from which none lead home, counts as used; with a travel budget
+also one over which B cannot get home within it.
 
 For one robot the objective is linear in the probabilities, and less is needed for A to stand for
 B: its collected reward, less what B could still collect at goals that only A has reached, is at
@@ -17,12 +19,17 @@ each other. For a single robot more labels are kept this way (half as many again
 and the search still ends sooner.
 """
 
+import math
+
 import numpy as np
 
 from botohe_moo._base.types import SeedArray
 from botohe_moo.kernels.compile import helper, inlined
 from botohe_moo.kernels.exact.tables import Here, Labels, Records, Rule
 from botohe_moo.kernels.graph.graph import Graph
+
+# What a limit is missed by less, when it is computed in another order, goes on.
+ROUNDING = 1e-12
 
 
 @inlined
@@ -37,15 +44,24 @@ def put(bits: SeedArray, i: int) -> None:
     bits[i >> 6] |= np.uint64(1) << np.uint64(i & 63)
 
 
+@inlined
+def has_budget(rule: Rule) -> bool:
+    """Tell whether there is a travel budget."""
+    return rule.limits.max_length < math.inf
+
+
 @helper
-def look_around(graph: Graph, here: Here, node: int) -> None:
+def look_around(graph: Graph, rule: Rule, here: Here, node: int) -> None:
     """Find the safest ways from a node over arcs that can be used, and give up arcs of no use.
 
-    ``here.used`` is read, and gets the arcs of no use. This is not ``search_paths``: used arcs are
-    bits, few nodes wait at a time, and figures are compared that must be products of survivals.
+    ``here.used`` and ``here.length`` are read; the former gets the arcs of no use. This is not
+    ``search_paths``: used arcs are bits, few nodes wait at a time, and figures are compared that
+    must be products of survivals.
     """
     reach, entry, waiting, used = here.reach, here.entry, here.waiting, here.used
     n_nodes, n_arcs = reach.shape[0], graph.head.shape[0]
+    if has_budget(rule):
+        _give_up_what_is_too_far(graph, rule, here, node)
     for v in range(n_nodes):
         reach[v], entry[v] = 0.0, -1
     reach[node], waiting[0] = 1.0, node
@@ -67,19 +83,49 @@ def look_around(graph: Graph, here: Here, node: int) -> None:
                     waiting[n] = there
                     n += 1
                 reach[there], entry[there] = alive, arc
-    _look_home(graph, here)
+    _look_home(graph, rule, here)
     for arc in range(n_arcs):
         if reach[graph.tail[arc]] == 0.0 or here.homeward[graph.head[arc]] == 0:
             put(used, arc)
 
 
 @helper
-def _look_home(graph: Graph, here: Here) -> None:
+def _give_up_what_is_too_far(graph: Graph, rule: Rule, here: Here, node: int) -> None:
+    """Give up the arcs over which the label at hand cannot get home within the travel budget."""
+    distance, waiting, used = here.distance, here.waiting, here.used
+    longest = rule.limits.max_length * (1.0 + ROUNDING)
+    for v in range(distance.shape[0]):
+        distance[v] = math.inf
+    distance[node], waiting[0] = here.length[0], node
+    n = 1
+    while n > 0:
+        first = 0  # of those that wait the nearest
+        for i in range(1, n):
+            if distance[waiting[i]] < distance[waiting[first]]:
+                first = i
+        at = waiting[first]
+        n -= 1
+        waiting[first] = waiting[n]
+        for arc in range(graph.first[at], graph.first[at + 1]):
+            there = graph.head[arc]
+            length = distance[at] + graph.length[arc]
+            if length + rule.shortest[there] > longest:
+                put(used, arc)
+            if length < distance[there] and not has(used, arc):
+                if distance[there] == math.inf:
+                    waiting[n] = there
+                    n += 1
+                distance[there] = length
+
+
+@helper
+def _look_home(graph: Graph, rule: Rule, here: Here) -> None:
     """Find the nodes from which arcs that can be used lead home."""
     homeward, waiting = here.homeward, here.waiting
+    everywhere = graph.balanced and not has_budget(rule)  # what can be reached leads home
     for v in range(homeward.shape[0]):
-        homeward[v] = 1 if graph.balanced else 0  # what can be reached leads home
-    if graph.balanced:
+        homeward[v] = 1 if everywhere else 0
+    if everywhere:
         return
     homeward[graph.base], waiting[0] = 1, graph.base
     n = 1
@@ -95,24 +141,26 @@ def _look_home(graph: Graph, here: Here) -> None:
 
 
 @helper
-def look_ahead(graph: Graph, rule: Rule, here: Here, alive: float) -> float:
+def look_ahead(graph: Graph, rule: Rule, here: Here, node: int, alive: float) -> float:
     """Write ``prospect`` of a label after ``look_around``, given the probability to get there.
 
     Gives at most with what probability the robot survives if it goes on to a goal that it has not
-    reached; −1 where there is none.
+    reached, or with a travel budget goes on to the base; −1 where it can do neither.
     """
     survives = -1.0
     reached, prospect = here.reached, here.prospect
     for goal in range(reached.shape[0]):
         prospect[goal] = reached[goal]
-    for node in range(rule.goal.shape[0]):
-        goal = rule.goal[node]
-        if goal < 0 or reached[goal] > 0.0 or here.homeward[node] == 0:
+    for there in range(rule.goal.shape[0]):
+        goal = rule.goal[there]
+        if goal < 0 or reached[goal] > 0.0 or here.homeward[there] == 0:
             continue
-        reach = alive * here.reach[node]
+        reach = alive * here.reach[there]
         if reach > 0.0:
             prospect[goal] = reach
-            survives = max(survives, reach * graph.home[node])
+            survives = max(survives, reach * graph.home[there])
+    if has_budget(rule) and node != graph.base:
+        survives = max(survives, alive * here.reach[graph.base])
     return survives
 
 
@@ -126,6 +174,7 @@ def is_needless(
     while label >= 0:
         row = labels.rows[label]
         same = label != itself and row.key == key and row.node == node
+        same = same and not (has_budget(rule) and row.length > here.length[0])
         if same and row.alive >= alive and _stands_for(rule, labels, label, here):
             return True
         label = row.before
@@ -178,6 +227,7 @@ def add_label(
     progress[0].n_labels += 1
     row = labels.rows[n]
     row.parent, row.arc, row.node, row.alive = parent, arc, node, alive
+    row.length = here.length[0]
     row.key = _key_of(rule, here, node)
     for goal in range(here.reached.shape[0]):
         labels.reached[n, goal] = here.reached[goal]

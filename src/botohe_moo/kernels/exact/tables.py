@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from botohe_moo._base.types import FloatArray, OffsetArray, SeedArray
+from botohe_moo.kernels.graph.graph import Limits
 
 SHELF = 32  # trails that are looked at together
 
@@ -15,6 +16,7 @@ LABEL = np.dtype(
         ("arc", np.int64),  # the arc by which, −1 for the first one
         ("node", np.int64),  # where it ends
         ("alive", np.float64),  # probability to get there
+        ("length", np.float64),  # how long it is
         ("key", np.uint64),  # a hash of the node and the goals reached
         ("before", np.int64),  # the label before it in its chain, or −1
     ]
@@ -49,7 +51,9 @@ class Rule(NamedTuple):
     node_keys: SeedArray
     goal_keys: SeedArray
     single: bool  # whether the team is one robot
-    least: float  # survival floor
+    limits: Limits  # survival floor and travel budget
+    # Length of the shortest way home from each node (n_nodes); empty without a travel budget.
+    shortest: FloatArray
 
 
 class Labels(NamedTuple):
@@ -84,6 +88,9 @@ class Here(NamedTuple):
     entry: OffsetArray
     homeward: OffsetArray  # whether arcs that it can use lead from each node home
     waiting: OffsetArray  # nodes to go on from
+    # With a travel budget: how long the label is at least when it gets to each node (n_nodes).
+    distance: FloatArray
+    length: FloatArray  # how long it is (1)
     used: SeedArray  # its arcs (n_words)
     # Probability to have reached each goal, and at most to reach it at all (n_goals).
     reached: FloatArray
@@ -98,6 +105,8 @@ def new_here(n_nodes: int, n_goals: int, n_words: int, n_columns: int) -> Here:
         entry=np.zeros(n_nodes, np.int64),
         homeward=np.zeros(n_nodes, np.int64),
         waiting=np.zeros(n_nodes, np.int64),
+        distance=np.zeros(n_nodes),
+        length=np.zeros(1),
         used=np.zeros(n_words, np.uint64),
         reached=np.zeros(n_goals),
         prospect=np.zeros(n_goals),

@@ -10,13 +10,19 @@ stands (see ``labels``).
 After the last goal that a robot is the first time at, it goes home by the safest way over unused
 arcs. So trails end where a label has just reached a goal, and a label goes on only as long as it
 may still reach one.
+
+With a travel budget the safest way home may be too long, and the best one a compromise. So trails
+end also where a label has come to the base arc by arc, and a label goes on as long as it may still
+come there by a way that is safer than those that are known.
 """
 
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.compile import helper, kernel
 from botohe_moo.kernels.exact.labels import (
+    ROUNDING,
     add_label,
     has,
+    has_budget,
     is_needless,
     look_ahead,
     look_around,
@@ -24,9 +30,6 @@ from botohe_moo.kernels.exact.labels import (
 )
 from botohe_moo.kernels.exact.tables import SHELF, Here, Labels, Records, Rule, Trails
 from botohe_moo.kernels.graph.graph import Graph
-
-# What falls short of the survival floor by less, when multiplied in another order, goes on.
-_ROUNDING = 1e-12
 
 
 @kernel
@@ -85,8 +88,9 @@ def _begin(graph: Graph, rule: Rule, labels: Labels, progress: Records, here: He
         here.used[word] = 0
     for goal in range(here.reached.shape[0]):
         here.reached[goal] = 0.0
-    look_around(graph, here, graph.base)
-    if look_ahead(graph, rule, here, 1.0) > 0.0:
+    here.length[0] = 0.0
+    look_around(graph, rule, here, graph.base)
+    if look_ahead(graph, rule, here, graph.base, 1.0) > 0.0:
         add_label(rule, labels, progress, here, -1, -1, graph.base, 1.0)
 
 
@@ -103,8 +107,8 @@ def _is_settled(
     """Tell whether a label stands for this one, or a trail is as good as all it can become."""
     _copy(labels, label, here)
     row = labels.rows[label]
-    look_around(graph, here, row.node)
-    survives = look_ahead(graph, rule, here, row.alive)
+    look_around(graph, rule, here, row.node)
+    survives = look_ahead(graph, rule, here, row.node, row.alive)
     if is_needless(rule, labels, here, row.node, row.alive, label):
         return True
     as_column(rule, here.prospect, here.column)
@@ -114,6 +118,7 @@ def _is_settled(
 @helper
 def _copy(labels: Labels, label: int, here: Here) -> None:
     """Take a label in hand."""
+    here.length[0] = labels.rows[label].length
     for word in range(here.used.shape[0]):
         here.used[word] = labels.used[label, word]
     for goal in range(here.reached.shape[0]):
@@ -136,27 +141,38 @@ def _step(
     alive = labels.rows[parent].alive * graph.survival[arc]
     _copy(labels, parent, here)
     put(here.used, arc)
-    look_around(graph, here, node)
+    here.length[0] += graph.length[arc]
+    look_around(graph, rule, here, node)
     if alive * here.reach[graph.base] <= 0.0:  # a dead end, or one to any precision
         return
     goal = rule.goal[node]
     fresh = goal >= 0 and here.reached[goal] == 0.0
     if fresh:
         here.reached[goal] = alive
-    survives = look_ahead(graph, rule, here, alive)
+    survives = look_ahead(graph, rule, here, node, alive)
     if is_needless(rule, labels, here, node, alive, -1):
         return
-    if fresh:
+    if fresh or (node == graph.base and has_budget(rule)):
         home = alive * here.reach[graph.base]
-        if home >= rule.least:
+        if home >= rule.limits.min_survival and _is_short_enough(graph, rule, here):
             _look_on_the_way_home(graph, rule, here, alive)
             _add_trail(trails, progress, parent, arc, here.column, home)
-        look_ahead(graph, rule, here, alive)
-    if survives <= 0.0 or survives < rule.least * (1.0 - _ROUNDING):
+        look_ahead(graph, rule, here, node, alive)
+    if survives <= 0.0 or survives < rule.limits.min_survival * (1.0 - ROUNDING):
         return
     as_column(rule, here.prospect, here.column)
     if not _is_covered(trails, progress[0].n_trails, here.column, survives):
         add_label(rule, labels, progress, here, parent, arc, node, alive)
+
+
+@helper
+def _is_short_enough(graph: Graph, rule: Rule, here: Here) -> bool:
+    """Tell whether the label at hand, gone home by the safest way, keeps the travel budget."""
+    at, length = graph.base, here.length[0]
+    while here.entry[at] >= 0:
+        length += graph.length[here.entry[at]]
+        at = graph.tail[here.entry[at]]
+    return bool(length <= rule.limits.max_length)
 
 
 @helper

@@ -1,5 +1,7 @@
 """Safest paths: Dijkstra's algorithm on −log(survival), over arcs that a trail has not used.
 
+With the graph that ``measured_by_length`` gives, they are the shortest paths instead.
+
 Arc a is used where ``used[a] == trail``: one array serves trail after trail without being cleared.
 """
 
@@ -203,31 +205,3 @@ def leads_home(graph: Graph, paths: Paths, used: OffsetArray, trail: int, node: 
             stack[height] = there
             height += 1
     return False
-
-
-@helper
-def survives_home(
-    graph: Graph,
-    paths: Paths | None,
-    used: OffsetArray,
-    trail: int,
-    node: int,
-    alive: float,
-    least: float,
-) -> bool:
-    """Tell whether a robot that reaches a node with probability ``alive`` can keep a floor.
-
-    It can if it gets home over unused arcs with probability ``least`` or more; without a floor
-    (0), if any lead home. Where there is no scratch to search on, it always can: the search is not
-    even compiled.
-    """
-    if paths is None:
-        return True
-    if least <= 0.0:
-        return leads_home(graph, paths, used, trail, node)
-    if alive * graph.home[node] < least:
-        return False
-    n = way_home(graph, paths, used, trail, node)
-    for i in range(n):
-        alive *= graph.survival[paths.path[i]]
-    return n >= 0 and alive >= least

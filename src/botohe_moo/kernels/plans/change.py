@@ -1,5 +1,6 @@
 """Change trails by moves, drawn until one can be made."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -7,7 +8,7 @@ import numpy as np
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
 from botohe_moo.kernels.compile import helper, inlined, kernel
 from botohe_moo.kernels.graph.arcs import find_arc
-from botohe_moo.kernels.graph.graph import Graph
+from botohe_moo.kernels.graph.graph import Graph, Limits
 from botohe_moo.kernels.plans.marks import (
     CANNOT,
     NO_PATHS,
@@ -31,7 +32,7 @@ class MoveRule(NamedTuple):
     weights: FloatArray
     max_tries: int  # how often to draw, before a few detours are tried
     every_robot: bool  # whether every trail of a plan is changed, rather than one drawn uniformly
-    min_survival: float  # survival floor, which trails keep; 0 sets none
+    limits: Limits  # which trails keep
 
 
 @inlined
@@ -50,12 +51,17 @@ def _draw_kind(weights: FloatArray, states: SeedArray) -> int:
 
 
 @helper
-def survive_trail(graph: Graph, nodes: OffsetArray, length: int) -> float:
-    """Multiply the survivals along a trail, in the order and with the bits of ``evaluate``."""
-    alive = 1.0
-    for i in range(length - 1):
-        alive *= graph.survival[find_arc(graph, nodes[i], nodes[i + 1])]
-    return alive
+def keeps_limits(graph: Graph, limits: Limits, nodes: OffsetArray, n: int) -> bool:
+    """Tell whether a trail of ``n`` nodes keeps limits.
+
+    Survivals are multiplied, and lengths added, in the order and with the bits of ``evaluate``.
+    """
+    alive, length = 1.0, 0.0
+    for i in range(n - 1):
+        arc = find_arc(graph, nodes[i], nodes[i + 1])
+        alive *= graph.survival[arc]
+        length += graph.length[arc]
+    return alive >= limits.min_survival and length <= limits.max_length
 
 
 @inlined
@@ -69,16 +75,18 @@ def change_trail(
 ) -> int:
     """Make one move, in place, of a kind drawn with given weights.
 
-    Drawn again, kind and all, when it cannot be made, or would leave the robot a lesser chance to
-    survive than the floor. Where none could be made, a few detours are tried. Parameters and result
-    are those of ``move_trail``, but no arc needs to be marked.
+    Drawn again, kind and all, when it cannot be made, or the trail would not keep the limits. Where
+    none could be made, a few detours are tried. Parameters and result are those of ``move_trail``,
+    but no arc needs to be marked.
     """
+    limits = rule.limits
+    binding = limits.min_survival > 0.0 or limits.max_length < math.inf
     mark_trail(graph, scratch, nodes, length)
     for attempt in range(rule.max_tries + _LAST_TRIES):
         kind = _draw_kind(rule.weights, states) if attempt < rule.max_tries else DETOUR
         if kind < 0:
             continue
-        if rule.min_survival > 0.0:
+        if binding:
             for i in range(length):
                 scratch.spare[i] = nodes[i]
         changed = move_trail(graph, scratch, nodes, length, kind, states)
@@ -86,7 +94,7 @@ def change_trail(
             continue
         if changed == NO_PATHS:
             return NO_PATHS
-        if rule.min_survival <= 0.0 or survive_trail(graph, nodes, changed) >= rule.min_survival:
+        if not binding or keeps_limits(graph, limits, nodes, changed):
             return changed
         for i in range(length):
             nodes[i] = scratch.spare[i]
