@@ -235,6 +235,23 @@ class TestSolve:
             assert len(plans) > 1
             assert mission.robot_survival(plans).min() >= 0.6 - 1e-9
 
+    def test_a_travel_budget(self, botohe, refused, tmp_path):
+        (tmp_path / "sites.txt").write_text("n 3\nm 1\ntmax 4.5\n0 0 0\n2 0 5\n0 3 1\n")
+        found = {}
+        for limit, said in ((None, ", travel budget 4.5"), (3, ", travel budget 3"), ("inf", "")):
+            given = [] if limit is None else ["--max-length", limit]
+            ended = botohe("solve", "sites.txt", "-a", "nsga2", "-n", 200, *given, "-o", "found")
+            assert ended.status == 0
+            assert f"total reward 6{said}\n" in ended.out
+            content = plans_in(tmp_path / "found")
+            mission = load_mission(tmp_path / "found" / "mission.json")
+            plans = [mission.plan(plan["trails"]) for plan in content["plans"]]
+            found[content["max_length"]] = mission.trail_lengths(plans).max()
+        assert found == {4.5: 4, 3: 0, None: pytest.approx(5 + 13**0.5)}
+        for wrong in (-1, "nan", "far"):
+            message = refused("solve", "sites.txt", "--max-length", wrong)
+            assert f"expected a number >= 0, or inf for no limit, got {wrong}." in message
+
     def test_weights_of_operators(self, botohe, tmp_path):
         options = ("-p", "mutation={ruin: 2, moves: 1}", "-p", "repair=truncate", "-n", "200")
         ended = botohe("solve", "toy", "-a", "nsga2", *options, "--out", "x")
@@ -1274,6 +1291,24 @@ class TestImport:
         assert mission.evaluate([plan]).tolist() == [[content["reward"], content["survivors"]]]
         shapes = json.loads((tmp_path / "plan.geojson").read_text())["features"]
         assert shapes[0]["geometry"]["coordinates"][0] == [0, 0]
+
+    @pytest.mark.usefixtures("site")
+    def test_lengths_and_travel_budget(self, botohe, refused, tmp_path):
+        args = ["missions", "import", *self.ARGS, "--both-ways", "--out", "site.json"]
+        ended = botohe(*args, "--lengths-from-pos", "--max-length", 12.5)
+        assert ended.out.endswith("total reward 178, travel budget 12.5\n")
+        mission = load_mission(tmp_path / "site.json")
+        assert mission.max_length == 12.5
+        assert {length for *_, length in mission.graph.edges(data="length")} == {1}
+        shown = botohe("missions", "show", "site.json").out
+        assert shown.endswith(
+            "  length        1 to 1\n  max_length    12.5, the travel budget of every robot\n"
+        )
+        path = tmp_path / "nodes.csv"
+        path.write_text(path.read_text("utf-8-sig").replace(";3;0", ";;", 1))
+        message = refused(*args, "--lengths-from-pos")
+        assert "The mission of nodes.csv and arcs.csv: expected pos [x, y] of every" in message
+        assert message.endswith("found none of '4'\n")
 
     @pytest.mark.usefixtures("site")
     @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import math
 import signal
 import sys
 import tempfile
@@ -172,6 +173,23 @@ class TestSearch:
         assert (found.algorithm, found.parameters) == ("bo-aco", {"n_ants": 20})
         assert (found.source, found.min_survival) == ({"name_or_path": "toy"}, 0.5)
         assert toy.robot_survival(found.plans).min() >= 0.5
+
+    def test_a_travel_budget(self, toy):
+        found = solve("toy", "nsga2", evaluations=300, seed=2, max_length=4)
+        assert found.max_length == 4
+        assert len(found.plans) > 1
+        assert toy.trail_lengths(found.plans).max() == 4
+        assert json.loads(found.to_json())["max_length"] == 4
+
+    def test_a_travel_budget_of_the_mission_s_own(self, toy):
+        graph = toy.graph.copy()
+        graph.graph["max_length"] = 2
+        mission = Mission(graph)
+        assert solve(mission, "nsga2", evaluations=20).max_length == 2
+        assert solve(mission, "nsga2", evaluations=20, max_length=3).max_length == 3
+        lifted = solve(mission, "nsga2", evaluations=20, max_length=math.inf)
+        assert lifted.max_length is None
+        assert json.loads(lifted.to_json())["max_length"] is None
 
     def test_of_a_file(self, toy, tmp_path):
         save_mission(toy, tmp_path / "site.json")
@@ -474,7 +492,7 @@ def parts(solution):
         [plan.trails for plan in solution.plans],
         solution.objectives.tolist(),
         *(solution.algorithm, solution.parameters, solution.seed, solution.evaluations),
-        *(solution.interrupted, solution.source, solution.min_survival),
+        *(solution.interrupted, solution.source, solution.min_survival, solution.max_length),
     )
 
 
@@ -489,8 +507,14 @@ class TestReading:
         assert "bo-aco, seed 3: spent 250 evaluations\narea" in again.describe()
 
     @settings(max_examples=40, deadline=None)
-    @given(missions_with_plans(), st.integers(0, 10**30), st.floats(0, 1), st.booleans())
-    def test_whatever_was_written(self, drawn, seed, floor, stopped):
+    @given(
+        missions_with_plans(),
+        st.integers(0, 10**30),
+        st.floats(0, 1),
+        st.none() | st.floats(0, allow_infinity=False),
+        st.booleans(),
+    )
+    def test_whatever_was_written(self, drawn, seed, floor, budget, stopped):
         mission, plan = drawn
         plans = (plan,)
         written = Solution(
@@ -505,10 +529,22 @@ class TestReading:
             interrupted=stopped,
             source={"name_or_path": "somewhere", "robots": mission.robots},
             min_survival=floor,
+            max_length=budget,
         )
         with tempfile.TemporaryDirectory() as folder:
             written._write_tables(Path(folder))
             assert parts(read_solution(folder)) == parts(written)
+
+    def test_of_earlier_versions_without_a_travel_budget(self, solution, tmp_path):
+        solution._write_tables(tmp_path)
+        path = tmp_path / "plans.json"
+        content = json.loads(path.read_text())
+        del content["max_length"]
+        path.write_text(json.dumps(content))
+        assert parts(read_solution(tmp_path)) == parts(solution)
+        path.write_text(json.dumps({**content, "max_length": -1}))
+        with pytest.raises(ValueError, match=r"plans\.json: Expected max_length >= 0.*, got -1"):
+            read_solution(tmp_path)
 
     def test_labels_of_every_kind(self, tmp_path):
         labels = ["dock", ("floor", 2, None), 1.5, 7, "漢字"]

@@ -37,6 +37,7 @@ def solve(
     evaluations: int = 100_000,
     seed: int = 1,
     min_survival: float = 0.0,
+    max_length: float | None = None,
     progress: Progress | None = None,
     stop: threading.Event | None = None,
     **parameters: Any,
@@ -58,6 +59,9 @@ def solve(
         Seed of all random numbers, at least 0.
     min_survival
         Survival floor: every robot survives with at least this probability, in [0, 1].
+    max_length
+        Travel budget: how long every robot's trail may be, at least 0. Default: the mission's own
+        (:attr:`Mission.max_length`), if it has one; ``math.inf`` for none.
     progress
         Called after each iteration with the evaluations so far, and a function that computes the
         area of the front so far.
@@ -108,7 +112,7 @@ def solve(
             f"{', '.join(parameters)} for {type(algorithm).__name__}."
         )
     return search(
-        BOTOHE(mission, min_survival=min_survival),
+        BOTOHE(mission, min_survival=min_survival, max_length=max_length),
         algorithm,
         evaluations=evaluations,
         seed=seed,
@@ -177,6 +181,7 @@ def search(
         objectives=objectives,
         seed=seed,
         min_survival=problem.min_survival,
+        max_length=problem.max_length,
         evaluations=algorithm.evaluator.n_eval,
         seconds=seconds,
         interrupted=algorithm.has_next(),

@@ -36,6 +36,7 @@ def test_json():
         "reward": pytest.approx(3.8),
         "survivors": pytest.approx(1.4),
         "robot_survival": [0.5, 0.9],
+        "trail_lengths": [2.0, 2.0],
         "trails": [["dock", "a", "dock"], ["dock", "b", "dock"]],
     }
 

@@ -115,6 +115,8 @@ class TestData:
         assert plan == [(0, 1, 0), (0, 2, 0)]
         survival = dict(zip(self.DATA["trails"], self.DATA["trail_survival"], strict=True))
         assert survival == {(0, 1, 0): 0.5, (0, 2, 0): 0.9, (0, 3, 0): 1.0, (0,): 1.0}
+        lengths = dict(zip(self.DATA["trails"], self.DATA["trail_lengths"], strict=True))
+        assert lengths == {(0, 1, 0): 2, (0, 2, 0): 2, (0, 3, 0): 2, (0,): 0}
 
     def test_distributions(self):
         assert self.DATA["survivors"][3] == [50, 500, 450]

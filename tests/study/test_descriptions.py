@@ -73,7 +73,7 @@ def test_parameters_named_like_a_column_stay_apart():
     table = algorithms({"name": "x", "parameter_name": "y", "version": 2})
     assert list(table)[5:] == ["parameter_name", "parameter_parameter_name", "parameter_version"]
     table = missions({"nodes": 20, "robots": 3}, {"nodes": 40, "robots": 3})
-    assert list(table)[8:] == ["grid_nodes", "grid_robots"]
+    assert list(table)[9:] == ["grid_nodes", "grid_robots"]
     assert list(table["nodes"]) == [len(TOY.nodes)] * 2
     assert list(table["grid_nodes"]) == [20, 40]
 

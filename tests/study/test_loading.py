@@ -1,6 +1,7 @@
 """Study files: everything wrong is reported at once, and grids expand as written."""
 
 import json
+import math
 import subprocess
 import sys
 import textwrap
@@ -19,6 +20,7 @@ from botohe_moo.study.file.config import StudyFile
 from botohe_moo.study.file.loading import load_study
 from botohe_moo.study.file.model import StudyError
 from botohe_moo.study.file.schema import study_schema
+from botohe_moo.study.planning import make_task
 from botohe_moo.study.store.folder import StudyFolder
 from botohe_moo.study.store.tables import read_manifest
 
@@ -138,6 +140,44 @@ class TestGrid:
         assert (mission.budget.evaluations, mission.budget.seconds) == (None, 2)
 
     @pytest.mark.parametrize(
+        ("keys", "expected"),
+        [
+            ({}, 10),
+            ({"max_length": 4}, 4),
+            ({"max_length": 0}, 0),
+            ({"max_length": "unlimited"}, None),
+        ],
+    )
+    def test_a_travel_budget(self, tmp_path, keys, expected):
+        (tmp_path / "site.txt").write_text("n 2\nm 1\ntmax 10\n0 0 0\n1 0 5\n")
+        entry = {"mission": str(tmp_path / "site.txt"), **keys}
+        study = load_study(changed(missions={"x": entry}))
+        assert study.missions[0].max_length == expected
+        assert study.manifest()["missions"]["x"]["max_length"] == expected
+        [task, _] = map(make_task, study.runs())
+        assert task.max_length == (math.inf if expected is None else expected)
+        assert ("max_length" in study.runs()[0].identity) == (expected is not None)
+
+    def test_lengths_from_pos(self):
+        entry = {"mission": "terrain", "parameters": {"nodes": 9}, "lengths_from_pos": True}
+        study = load_study(changed(missions={"x": entry}))
+        terrain = load_mission("terrain", nodes=9)
+        assert study.missions[0].mission == terrain.with_lengths_from_pos() != terrain
+        assert study.missions[0].source == {
+            "name_or_path": "terrain",
+            "nodes": 9,
+            "lengths_from_pos": True,
+        }
+        entry["parameters"]["lengths_from_pos"] = True
+        [said] = lines(changed(missions={"x": entry}))
+        assert "lengths_from_pos stands in the mission's own keys." in said
+
+    @pytest.mark.parametrize("wrong", [-1, "none", True, float("inf"), float("nan"), [1]])
+    def test_what_is_no_travel_budget(self, wrong):
+        entry = {"mission": "toy", "max_length": wrong}
+        assert "max_length" in lines(changed(missions={"x": entry}))[0]
+
+    @pytest.mark.parametrize(
         ("seeds", "expected"),
         [(3, (1, 2, 3)), ([7, 3], (7, 3)), ({"count": 2}, (1, 2)), ({"values": [5]}, (5,))],
     )
@@ -184,6 +224,7 @@ class TestIdentity:
         [
             {"missions": {"toy": {"mission": "toy", "robots": 3}}},
             {"missions": {"toy": {"mission": "toy", "min_survival": 0.1}}},
+            {"missions": {"toy": {"mission": "toy", "max_length": 9}}},
             {"algorithms": {"ants": {"algorithm": "bo-aco", "parameters": {"n_ants": 99}}}},
             {"budget": {"evaluations": 101}},
             {"budget": {"evaluations": 100, "seconds": 10}},

@@ -10,6 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from botohe_moo.cli.app import app
+from botohe_moo.mission import save_mission
 from botohe_moo.study import StudyError, load_study, merge_studies, read_study, run_study
 from botohe_moo.study.file import union
 from botohe_moo.study.store.folder import StudyFolder
@@ -133,6 +134,25 @@ def test_missions_of_files_come_along(tmp_path):
     )
 
 
+@pytest.mark.parametrize("limit", [0, 4.5, "unlimited", None])
+def test_travel_budgets_come_along(tmp_path, limit):
+    site = tmp_path / "site.txt"
+    site.write_text("n 2\nm 1\ntmax 10\n0 0 0\n1 0 5\n")
+    hills = {"mission": str(site), "max_length": limit}
+    floors = [{**hills, "min_survival": floor} for floor in (0.0, 0.1)]
+    studies = [load_study(part([1], missions={f"m{i}": m})) for i, m in enumerate(floors)]
+    (tmp_path / "missions").mkdir()
+    united = union.unite_studies([tmp_path, tmp_path], studies)
+    for mission in united.missions:
+        save_mission(mission.mission, tmp_path / "missions" / f"{mission.digest}.json")
+    (tmp_path / "study.yaml").write_text(united.text)
+    again = load_study(tmp_path / "study.yaml")
+    digests = [
+        {run.digest for study in group for run in study.runs()} for group in (studies, [again])
+    ]
+    assert digests[0] == digests[1]
+
+
 def test_another_study_of_the_name_keeps_its_folder(parts, tmp_path):
     run_study(part([5]), tmp_path / "other")
     before = {path: path.read_bytes() for path in (tmp_path / "other").glob("*.*")}
@@ -176,6 +196,7 @@ def test_what_no_study_file_can_hold_is_refused(monkeypatch, parts, tmp_path):
             "algorithm 'random' is not the one",
         ),
         ({"recording": {"per_decade": 3}}, "expected its recording to be"),
+        ({"missions": {"toy": {"mission": "toy", "max_length": 99}}}, "max_length is 99.0 instead"),
     ],
 )
 def test_what_differs_is_no_one_study(parts, tmp_path, other, said):

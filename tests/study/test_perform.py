@@ -1,6 +1,7 @@
 """Runs: their budgets, their records and how they end, in this process and in sandboxes."""
 
 import contextlib
+import math
 import os
 import pickle
 import re
@@ -24,7 +25,7 @@ from botohe_moo import BOTOHE, Mission, load_mission, make_algorithm
 from botohe_moo.algorithms.origin import algorithm_origin
 from botohe_moo.kernels.local_search import search
 from botohe_moo.study.run.metered import BudgetSpentError, MeteredBOTOHE
-from botohe_moo.study.run.perform import perform, record_counts
+from botohe_moo.study.run.perform import perform, record_counts, verify
 from botohe_moo.study.run.pool import SandboxPool
 from botohe_moo.study.run.sandbox import Sandbox
 from botohe_moo.study.run.task import Task
@@ -505,3 +506,50 @@ class TestSandbox:
         origin = {"package": "other", "version": "1", "source": None}
         outcome = sandboxed(sandbox, replace(make_task("random"), origin=origin))
         assert "the study from" in outcome.error
+
+
+class TestVerification:
+    """Limits of the final front, whatever the algorithm says."""
+
+    trails = ([[1], [1]], [[1, 3, 1], [1, 2, 4, 5, 4, 2, 1]])
+
+    def verify(self, **limits):
+        task = make_task("random", mission="toy", **limits)
+        mission = task.mission
+        plans = mission.batch([mission.plan(trails) for trails in self.trails])
+        verify(task, plans, mission.evaluate(plans))
+
+    def test_what_keeps_them(self):
+        self.verify(min_survival=0.34, max_length=6.0)
+        self.verify()
+        empty = load_mission("toy").batch([])
+        verify(make_task("random", mission="toy", max_length=0.0), empty, np.empty((0, 2)))
+
+    def test_a_robot_in_too_great_danger(self):
+        with pytest.raises(ValueError, match=r"final front survives with 0\.34\d+, below 0\.5"):
+            self.verify(min_survival=0.5)
+
+    def test_a_trail_that_is_too_long(self):
+        with pytest.raises(ValueError, match=r"trail of the final front is 6 long, beyond 5\.5"):
+            self.verify(max_length=5.5)
+
+
+def test_the_travel_budget_reaches_every_kind_of_problem(monkeypatch):
+    seen = []
+    build = BOTOHE.__init__
+
+    def noting(problem, mission, **limits):
+        build(problem, mission, **limits)
+        seen.append(problem.max_length)
+
+    monkeypatch.setattr(BOTOHE, "__init__", noting)
+    for name in (
+        "random",
+        f"{MADE}:Sampler",
+        "simulated-annealing",
+        "pymoo.algorithms.moo.nsga2:NSGA2",
+    ):
+        for limit, expected in ((math.inf, None), (4.0, 4.0)):
+            seen.clear()
+            performed(make_task(name, mission="toy", max_length=limit, evaluations=5))
+            assert set(seen) == {expected}, name

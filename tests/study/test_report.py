@@ -247,6 +247,18 @@ class TestPage:
         assert "No test: 2 missions are too few as blocks" in outcome
         assert "4 runs are not done , and scored all the same" in outcome
 
+    @pytest.mark.usefixtures("one_format")
+    def test_travel_budgets_where_there_are_any(self, odd, tmp_path):
+        assert "travel budget" not in page_of(odd[0]).text
+        records = random_records(["toy", "far"], ["A"], (1, 2))
+        tables = study(tmp_path, ["toy", "far"], records)
+        tables.manifest["missions"]["toy"]["max_length"] = 4.5
+        write_report(tables)
+        text = page_of(tables).text
+        assert "survival floor travel budget nodes" in text
+        assert "0 4.5 5 12 2 10" in text
+        assert "0 none 5 12 2 10" in text
+
     def test_what_was_run(self, odd):
         text = page_of(odd[0]).text
         assert "2 missions, 4 algorithms, 3 seeds; 20 runs, 16 done; 4 missing." in text

@@ -220,6 +220,22 @@ class TestTables:
         )
         assert area_indicator(-result.F, result.problem.mission) == row["area"]
 
+    def test_travel_budgets_are_in_the_tables(self, tmp_path):
+        missions = {"near": {"mission": "toy", "max_length": 4}, "far": "toy"}
+        source = study_of(missions=missions, algorithms=["nsga2"], seeds=1)
+        tables = run_study(source, tmp_path)
+        assert set(tables.runs["status"]) == {"done"}
+        for table in (tables.runs, tables.missions, pd.read_csv(tmp_path / "missions.csv")):
+            limits = table.set_index("mission")["max_length"]
+            assert limits["near"] == 4
+            assert pd.isna(limits["far"])
+        longest = {}
+        for label, own in tables.plans.groupby("mission"):
+            plans = [tables.plan(run, i) for run, i in zip(own["run"], own["plan_id"], strict=True)]
+            longest[label] = load_mission("toy").trail_lengths(plans).max()
+        assert longest["near"] == 4 < longest["far"]
+        assert [mission.max_length for mission in restore_study(tmp_path).missions] == [4, None]
+
     def test_csv_and_parquet_agree(self, done):
         for name in ("runs", "summary", "comparisons", "indicators", "ranks", "environments"):
             read = pd.read_csv(done.folder / f"{name}.csv")

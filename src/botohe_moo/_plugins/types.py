@@ -17,6 +17,7 @@ Count: TypeAlias = Annotated[int, Field(ge=1, le=1_000_000)]
 Probability: TypeAlias = Annotated[float, Field(ge=0, le=1)]
 Positive: TypeAlias = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative: TypeAlias = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+TravelBudget: TypeAlias = Annotated[float, Field(ge=0)]  # infinite: no limit
 Robots: TypeAlias = Annotated[int, Field(ge=1, description="Team size.")]
 
 UNIONS = (Union, types.UnionType)

@@ -32,6 +32,7 @@ with ending_on_interrupt:
     from botohe_moo.cli.missions import missions_app
     from botohe_moo.cli.options import (
         EvaluationsOption,
+        MaxLengthOption,
         MinSurvivalOption,
         MissionArgument,
         MissionParameterOption,
@@ -100,6 +101,7 @@ def solve_mission(
     robots: RobotsOption = None,
     mission_parameter: MissionParameterOption = None,
     min_survival: MinSurvivalOption = 0.0,
+    max_length: MaxLengthOption = None,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -137,7 +139,7 @@ def solve_mission(
         _check_plain(algorithm, parameters)
         built = make_algorithm(algorithm, **parameters)
     solution, folder = _search_and_write(
-        BOTOHE(loaded, min_survival=min_survival),
+        BOTOHE(loaded, min_survival=min_survival, max_length=max_length),
         built,
         out,
         default=Path("results", "solve", Path(mission).stem),
@@ -171,7 +173,7 @@ def _search_and_write(
         with failing():
             check_folder(default.parent if out is None else out)
             folder = stack.enter_context(new_folder(default)) if out is None else out
-        tell(f"{problem.mission.title}: {brief(problem.mission)}\n")
+        tell(f"{problem.mission.title}: {brief(problem.mission, problem.max_length)}\n")
         try:
             with progress_bar(how["evaluations"]) as progress:
                 solution = search(

@@ -36,6 +36,6 @@ def check_folder(folder: Path) -> None:
 def check_places(mission: Mission, source: object = None) -> None:
     """Raise a ValueError that names the file, if any, and a node whose ``pos`` is wrong."""
     try:
-        given_places(mission)
+        given_places(mission.graph)
     except ValueError as error:
         raise ValueError(f"{source or f'Mission {mission.name!r}'}: {error}") from None

@@ -21,11 +21,12 @@ if TYPE_CHECKING:
 _MAX_WIDTH = 100
 
 
-def brief(mission: Mission) -> str:
-    """Give a mission's size in a line."""
+def brief(mission: Mission, max_length: float | None) -> str:
+    """Give a mission's size and the travel budget in a line."""
+    limit = "" if max_length is None else f", travel budget {max_length:g}"
     return (
         f"{len(mission.nodes)} nodes, {mission.arrays.n_arcs} arcs, {_team(mission)}, "
-        f"total reward {mission.total_reward:g}"
+        f"total reward {mission.total_reward:g}{limit}"
     )
 
 
@@ -41,6 +42,10 @@ def describe(mission: Mission) -> str:
     ]
     if arrays.n_arcs:
         lines.append(f"  survival      {arrays.survival.min():g} to {arrays.survival.max():g}")
+        if any("length" in arc for *_, arc in mission.graph.edges(data=True)):
+            lines.append(f"  length        {arrays.length.min():g} to {arrays.length.max():g}")
+    if mission.max_length is not None:
+        lines.append(f"  max_length    {mission.max_length:g}, the travel budget of every robot")
     return "\n".join(lines)
 
 

@@ -16,6 +16,7 @@ with ending_on_interrupt:
         MissionParameterOption,
         RobotsOption,
         integer_option,
+        length,
         mission_source,
     )
     from botohe_moo.cli.shell import BAD_INPUT, failing, say, tell
@@ -93,7 +94,7 @@ def check_missions(
             say(error)
             failed = True
         else:
-            tell(f"{path}: a valid mission, {brief(loaded)}")
+            tell(f"{path}: a valid mission, {brief(loaded, loaded.max_length)}")
     if failed:
         raise typer.Exit(BAD_INPUT)
 
@@ -125,6 +126,21 @@ def import_mission(
     both_ways: Annotated[
         bool, typer.Option("--both-ways", help="Every row of arcs is an arc in both directions.")
     ] = False,
+    max_length: Annotated[
+        float | None,
+        typer.Option(
+            "--max-length",
+            metavar="L",
+            parser=length,
+            help="Travel budget of every robot, in the unit of length.",
+        ),
+    ] = None,
+    lengths_from_pos: Annotated[
+        bool,
+        typer.Option(
+            "--lengths-from-pos", help="Every arc is as long as its nodes are apart, by x and y."
+        ),
+    ] = False,
     title: Annotated[
         str | None, typer.Option("--title", metavar="TEXT", help="Title, for pictures.")
     ] = None,
@@ -142,10 +158,18 @@ def import_mission(
         tables = read_table(nodes), read_table(arcs)
         try:
             loaded = mission_from_tables(
-                *tables, base=base, robots=robots, both_ways=both_ways, name=out.stem, title=title
+                *tables,
+                base=base,
+                robots=robots,
+                both_ways=both_ways,
+                max_length=max_length,
+                name=out.stem,
+                title=title,
             )
+            if lengths_from_pos:
+                loaded = loaded.with_lengths_from_pos()
         except MissionError as error:
             raise MissionError(list(error.faults), f"The mission of {nodes} and {arcs}") from None
         check_places(loaded, nodes)
         save_mission(loaded, out)
-    tell(f"wrote {out}: {brief(loaded)}")
+    tell(f"wrote {out}: {brief(loaded, loaded.max_length)}")

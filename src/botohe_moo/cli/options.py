@@ -27,6 +27,14 @@ def probability(text: str) -> float:
     raise typer.BadParameter(f"expected a probability in [0, 1], got {text}.")
 
 
+def length(text: str) -> float:
+    """Parse an option that is a length; ``inf`` for no limit."""
+    with suppress(ValueError):
+        if (number := float(text)) >= 0:
+            return number
+    raise typer.BadParameter(f"expected a number >= 0, or inf for no limit, got {text}.")
+
+
 def pairs_option(*names: str, help: str) -> Any:  # noqa: A002
     """Make an option for parameters, given as NAME=VALUE."""
     return typer.Option(*names, metavar="NAME=VALUE", help=f"{help} Repeatable.")
@@ -45,6 +53,16 @@ MinSurvivalOption = Annotated[
         metavar="P",
         parser=probability,
         help="Survival floor: every robot survives with at least this probability.",
+    ),
+]
+MaxLengthOption = Annotated[
+    float | None,
+    typer.Option(
+        "--max-length",
+        metavar="L",
+        parser=length,
+        help="Travel budget: every robot's trail is at most this long, in the unit of the arcs' "
+        "length; by default the mission's own, if it has one; inf for none.",
     ),
 ]
 MissionParameterOption = Annotated[

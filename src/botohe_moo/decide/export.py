@@ -24,7 +24,7 @@ def plan_json(mission: Mission, plan: TrailPlan) -> str:
     """Write a plan as JSON; ``mission.plan(json.loads(text)["trails"])`` gives an equal one.
 
     Keys are ``mission`` (its name), ``robots``, ``reward`` (E[R]), ``survivors`` (E[S]),
-    ``robot_survival`` (of each robot) and ``trails`` (node labels of each robot).
+    ``robot_survival``, ``trail_lengths`` and ``trails`` (node labels), of each robot.
 
     Parameters
     ----------
@@ -45,6 +45,7 @@ def plan_json(mission: Mission, plan: TrailPlan) -> str:
         "reward": reward,
         "survivors": survivors,
         "robot_survival": mission.robot_survival([plan])[0].tolist(),
+        "trail_lengths": mission.trail_lengths([plan])[0].tolist(),
         "trails": [[plain_label(node) for node in trail] for trail in mission.labels(plan)],
     }
     return json.dumps(content, ensure_ascii=False, allow_nan=False, indent=1) + "\n"
@@ -62,7 +63,7 @@ def plan_csv(mission: Mission, plan: TrailPlan) -> str:
         As for :func:`plan_json`, which also says what is raised.
     """
     check_mission(mission).evaluate([plan])
-    places = given_places(mission)
+    places = given_places(mission.graph)
     text = io.StringIO(newline="")
     # The writer quotes what its end of a line has: with both signs, either of them in a label.
     writer = csv.writer(text, lineterminator="\r\n")
@@ -89,7 +90,7 @@ def plan_geojson(mission: Mission, plan: TrailPlan) -> str:
     """
     survival = check_mission(mission).robot_survival([plan])[0].tolist()
     reached = team_reach(reach_probabilities(mission, plan))
-    places = given_places(mission)
+    places = given_places(mission.graph)
     trails = mission.labels(plan)
     visited = sorted({node for trail in trails for node in trail}, key=mission.index)
     if missing := [node for node in visited if places[node] is None]:

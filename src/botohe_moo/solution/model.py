@@ -69,6 +69,8 @@ class Solution:
         Arguments of :func:`load_mission` that make the mission, where they are known.
     min_survival
         The survival floor; 0 if there was none.
+    max_length
+        The travel budget; None if there was none.
     """
 
     mission: Mission
@@ -84,6 +86,7 @@ class Solution:
     startup_evaluations: int = 0
     source: Mapping[str, Any] = field(default_factory=dict)
     min_survival: float = 0.0
+    max_length: float | None = None
 
     @property
     def area(self) -> float:
@@ -225,6 +228,7 @@ class Solution:
             "parameters": self.parameters,
             "seed": self.seed,
             "min_survival": self.min_survival,
+            "max_length": self.max_length,
             "evaluations": self.evaluations,
             "interrupted": self.interrupted,
             "area": self.area,

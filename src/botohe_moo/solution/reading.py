@@ -38,6 +38,7 @@ class _Record(BaseModel):
     parameters: dict[str, Any]
     seed: NonNegativeInt
     min_survival: Annotated[float, Field(ge=0, le=1)]
+    max_length: Annotated[FiniteFloat, Field(ge=0)] | None = None  # not in earlier versions' files
     evaluations: NonNegativeInt
     interrupted: bool
     mission_source: dict[str, Any]
@@ -84,7 +85,7 @@ def _read(folder: Path, mission: Mission | None) -> Solution:
     if record.mission_digest != numbers_digest(mission):
         raise ValueError(
             f"{source}: expected the mission that the plans in {path} were made for, found one "
-            f"whose nodes, arcs, rewards, survivals, base or robots are others."
+            f"whose nodes, arcs, rewards, survivals, lengths, base or robots are others."
         )
     objectives = np.array([(p.reward, p.survivors) for p in record.plans], float).reshape(-1, 2)
     plans = tuple(_plan(path, i, plan, mission) for i, plan in enumerate(record.plans))

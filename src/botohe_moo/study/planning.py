@@ -3,6 +3,7 @@
 import contextlib
 import functools
 import hashlib
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -61,6 +62,7 @@ def make_task(run: Run, patience: float = PATIENCE) -> Task:
         digest=run.digest,
         mission=run.mission.mission,
         min_survival=run.mission.min_survival,
+        max_length=math.inf if run.mission.max_length is None else run.mission.max_length,
         algorithm=run.algorithm.algorithm,
         parameters=dict(run.algorithm.parameters),
         origin=dict(run.algorithm.origin),

@@ -1,5 +1,6 @@
 """The content of a study file, checked: shapes, names, parameters, missions, grids."""
 
+import math
 import os
 import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,8 +15,9 @@ from botohe_moo.algorithms.registry import check_algorithm
 from botohe_moo.mission.digest import mission_digest
 from botohe_moo.mission.formats.files import SUFFIXES
 from botohe_moo.mission.formats.nodelink import mission_content
-from botohe_moo.mission.library import check_mission, load_mission, mission_origin
+from botohe_moo.mission.library import COMMON, check_mission, load_mission, mission_origin
 from botohe_moo.mission.model import Mission
+from botohe_moo.problem import BOTOHE
 from botohe_moo.study.file.config import AlgorithmEntry, Budget, MissionEntry, StudyFile
 from botohe_moo.study.file.digest import canonical
 from botohe_moo.study.file.grids import Member, members, seeds_of
@@ -66,7 +68,7 @@ class CheckedContent:
 
     def _read_missions(self, entries: Mapping[str, MissionEntry]) -> Iterator[StudyMission]:
         for label, entry in entries.items():
-            for name in ("name_or_path", *(["robots"] if entry.robots is not None else [])):
+            for name in ("name_or_path", *_common(entry)):
                 for key in ("parameters", "grid"):
                     if name in getattr(entry, key):
                         said = f"{name} stands in the mission's own keys."
@@ -75,15 +77,18 @@ class CheckedContent:
             name = member.entry.mission
             if Path(name).suffix.lower() in SUFFIXES or "/" in name or os.sep in name:
                 name = str(self._folder / name)
-            robots = {} if member.entry.robots is None else {"robots": member.entry.robots}
-            source = {"name_or_path": name, **robots, **member.parameters} | {"name_or_path": name}
+            given = {**_common(member.entry), **member.parameters}
+            source = {"name_or_path": name, **given} | {"name_or_path": name}
             if mission := self._load(source, member):
+                limit = member.entry.max_length
+                limit = math.inf if limit == "unlimited" else limit
                 yield StudyMission(
                     label=member.label,
                     mission=mission,
                     source=source,
                     origin=mission_origin(source["name_or_path"]),
                     min_survival=member.entry.min_survival,
+                    max_length=BOTOHE(mission, max_length=limit).max_length,
                     budget=member.entry.budget or self._default_budget or Budget(evaluations=1),
                     digest=mission_digest(mission),
                     family=member.family,
@@ -244,11 +249,16 @@ def _valid(model: type[Any], content: Any) -> Any:
         return None
 
 
+def _common(entry: MissionEntry) -> dict[str, Any]:
+    """Give the parameters that every mission takes, where they are keys of the entry's own."""
+    return {name: value for name in COMMON if (value := getattr(entry, name))}
+
+
 def _place(name: str | None, entry: MissionEntry | AlgorithmEntry) -> Place:
     """Say where in an entry a parameter stands."""
     if name is None:
         return ("algorithm",) if isinstance(entry, AlgorithmEntry) else ("mission",)
     if name in entry.grid:
         return ("grid", name)
-    own = name == "robots" and isinstance(entry, MissionEntry) and name not in entry.parameters
-    return (name,) if own else ("parameters", name)
+    own = isinstance(entry, MissionEntry) and name in COMMON
+    return (name,) if own and name not in entry.parameters else ("parameters", name)

@@ -50,6 +50,7 @@ Text = Annotated[str, StringConstraints(min_length=1, max_length=200, pattern=r"
 Label = Annotated[Text, AfterValidator(_label)]
 Name = Annotated[str, StringConstraints(max_length=100, pattern=NAME_PATTERN)]
 Count = Annotated[int, Field(ge=1, le=MAX_EVALUATIONS)]
+Length = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Seed = Annotated[int, Field(ge=0, le=MAX_SEED)]
 Values = Annotated[list[Any], Field(min_length=1)]
 
@@ -109,12 +110,17 @@ class MissionEntry(_NamedEntry):
     """A mission's name, or a mission file, relative to the study file."""
     robots: Annotated[int, Field(ge=1)] | None = None
     """Team size; default: the mission's own."""
+    lengths_from_pos: bool = False
+    """Whether every arc is as long as its nodes are apart, by their pos."""
     parameters: dict[str, Any] = {}
     """Parameters of a named mission, such as a generator's nodes and seed."""
     grid: dict[str, Values] = {}
     """Parameters with several values each; every combination is a mission."""
     min_survival: Annotated[float, Field(ge=0, le=1)] = 0.0
     """Survival floor: every robot has to survive with at least this probability."""
+    max_length: Length | Literal["unlimited"] | None = None
+    """Travel budget: every robot's trail is at most this long, in the unit of the arcs' length;
+    default: the mission's own, if it has one, which "unlimited" lifts."""
     budget: Budget | None = None
     """Budget of the runs on this mission; default: the study's."""
 

@@ -40,14 +40,18 @@ class StudyMission:
     digest: str  # of labels, arcs, survivals, rewards, base and robots
     family: str  # label of its entry in the file
     grid: Mapping[str, Any]  # its values of the entry's grid; empty without one
+    max_length: float | None = None  # travel budget, the entry's or the mission's own; None: none
 
     def decides(self) -> dict[str, Any]:
         """Give everything that results depend on; labels are not part of it."""
         # Without a budget of seconds no run is killed.
         unused = {"grace_seconds"} if self.budget.seconds is None else None
+        # Only where there is one, so that runs of earlier versions keep their names.
+        limit = {} if self.max_length is None else {"max_length": float(self.max_length)}
         return {
             "mission": self.digest,
             "min_survival": float(self.min_survival),
+            **limit,
             "budget": self.budget.model_dump(exclude=unused),
         }
 
@@ -143,6 +147,7 @@ class Study:
                     "source": dict(mission.source),
                     **mission.origin,
                     "min_survival": mission.min_survival,
+                    "max_length": mission.max_length,
                     "budget": mission.budget.model_dump(exclude={"grace_seconds"}),
                     "digest": mission.digest,
                     "family": mission.family,

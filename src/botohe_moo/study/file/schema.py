@@ -11,7 +11,7 @@ from botohe_moo._plugins.stated import Parameter
 from botohe_moo._plugins.types import plain_value
 from botohe_moo.algorithms.origin import algorithm_origin
 from botohe_moo.algorithms.registry import algorithm_names, algorithm_parameters
-from botohe_moo.mission.library import mission_names, mission_origin, mission_parameters
+from botohe_moo.mission.library import COMMON, mission_names, mission_origin, mission_parameters
 from botohe_moo.study.file.config import StudyFile
 
 
@@ -42,7 +42,7 @@ def _rules(
     parameters_of: Callable[[str], Iterable[Parameter]],
 ) -> list[dict[str, Any]]:
     """Give a rule for each built-in algorithm or mission: parameters, types and ranges."""
-    also: dict[str, Any] = {"robots": {}} if key == "mission" else {}  # which all missions take
+    also: dict[str, Any] = {name: {} for name in COMMON} if key == "mission" else {}
     rules = []
     for name in names:
         if origin_of(name)["package"] != "botohe-moo":

@@ -102,9 +102,9 @@ def _description(member: StudyMission | StudyAlgorithm) -> dict[str, Any]:
 def _difference(here: dict[str, Any], there: dict[str, Any]) -> str:
     """Say in which keys two things differ."""
     return "; ".join(
-        f"{key} is {_shown(there[key])} instead of {_shown(here[key])}"
-        for key in here
-        if here[key] != there[key]
+        f"{key} is {_shown(there.get(key))} instead of {_shown(here.get(key))}"
+        for key in {**here, **there}
+        if here.get(key) != there.get(key)
     )
 
 
@@ -151,13 +151,16 @@ def _mission_entries(
 
 def _mission_entry(mission: StudyMission) -> MissionEntry:
     source = dict(mission.source)
+    limit: Any = "unlimited" if mission.max_length is None else mission.max_length
     if Path(source["name_or_path"]).suffix.lower() in SUFFIXES:  # with its robots and parameters
         source = {"name_or_path": f"missions/{mission.digest}.json"}
     return MissionEntry(
         mission=source.pop("name_or_path"),
         robots=source.pop("robots", None),
+        lengths_from_pos=source.pop("lengths_from_pos", False),
         parameters=source,
         min_survival=mission.min_survival,
+        max_length=None if mission.max_length == mission.mission.max_length else limit,
     )
 
 

@@ -96,6 +96,7 @@ def _run_row(run: Run, outcome: Outcome, where: str) -> dict[str, Any]:
         "budget_evaluations": budget.evaluations,
         "budget_seconds": budget.seconds,
         "min_survival": run.mission.min_survival,
+        "max_length": run.mission.max_length,
         "front_size": last.front_size if last else 0,
         "ties": last.ties if last else 0,
         "environment": where,

@@ -36,6 +36,7 @@ def mission_table(manifest: Mapping[str, Any], missions: Mapping[str, Mission]) 
                 "robots": mission.robots,
                 "total_reward": mission.total_reward,
                 "min_survival": entry["min_survival"],
+                "max_length": entry.get("max_length"),
             }
         )
     varied = [entry.get("grid") or {} for entry in manifest["missions"].values()]

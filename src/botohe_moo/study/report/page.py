@@ -126,16 +126,21 @@ def _notes(tables: StudyTables) -> list[str]:
 
 def _missions(tables: StudyTables) -> TextTable:
     rows = []
-    for label, entry in tables.manifest["missions"].items():
+    entries = tables.manifest["missions"]
+    limited = any(entry.get("max_length") is not None for entry in entries.values())
+    for label, entry in entries.items():
         mission = tables.mission(label)
         source = dict(entry["source"])
         name, parameters = source.pop("name_or_path"), parameter_words(source)
         origin = f"{name} ({parameters})" if parameters else str(name)
         budget, floor = budget_words(entry["budget"]), significant(entry["min_survival"])
         sizes = (mission.arrays.n_nodes, mission.arrays.n_arcs, mission.robots)
-        row = [label, mission.title, origin, budget, floor, *map(count, sizes)]
+        limit = entry.get("max_length")
+        limits = ["none" if limit is None else f"{limit:g}"] if limited else []
+        row = [label, mission.title, origin, budget, floor, *limits, *map(count, sizes)]
         rows.append([*row, significant(mission.total_reward, 4)])
     header = ["mission", "title", "from", "budget of a run", "survival floor"]
+    header += ["travel budget"] if limited else []
     return TextTable([*header, "nodes", "arcs", "robots", "total reward"], rows, texts=4)
 
 

@@ -41,8 +41,8 @@ class Meter:
 class CountedBOTOHE(BOTOHE):
     """BOTOHE that counts what it evaluates; copies of the problem share its ``meter``."""
 
-    def __init__(self, mission: Mission, *, min_survival: float = 0.0) -> None:
-        super().__init__(mission, min_survival=min_survival)
+    def __init__(self, mission: Mission, **limits: Any) -> None:
+        super().__init__(mission, **limits)
         self.meter = Meter()
 
     def evaluate_batch(self, batch: PlanBatch) -> FloatArray:
@@ -59,10 +59,8 @@ class MeteredBOTOHE(CountedBOTOHE):
     non-dominated feasible plans that were evaluated; copies of the problem share it.
     """
 
-    def __init__(
-        self, mission: Mission, *, min_survival: float = 0.0, evaluations: int | None = None
-    ) -> None:
-        super().__init__(mission, min_survival=min_survival)
+    def __init__(self, mission: Mission, *, evaluations: int | None = None, **limits: Any) -> None:
+        super().__init__(mission, **limits)
         self.evaluations = sys.maxsize if evaluations is None else evaluations
         self.archive = PlanArchive(mission.robots)
 

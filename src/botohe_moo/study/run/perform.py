@@ -7,6 +7,7 @@ import time
 import traceback
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from pymoo.core.algorithm import Algorithm
@@ -83,6 +84,7 @@ class Recorder:
 
 _WARM_UP_EVALUATIONS = 250
 _WARM_UP_SURVIVAL = 1e-9
+_WARM_UP_LENGTH = 1e9
 
 
 def perform(
@@ -128,13 +130,17 @@ def perform(
 def _prepare(task: Task) -> tuple[Algorithm, BOTOHE]:
     """Make the algorithm, and a problem that counts evaluations where the algorithm may not."""
     algorithm = make_algorithm(task.algorithm, **task.parameters)
-    mission, floor = task.mission, task.min_survival
+    mission = task.mission
+    limits: dict[str, Any] = {
+        "min_survival": task.min_survival,
+        "max_length": task.max_length,
+    }
     if not isinstance(algorithm, ArchiveAlgorithm | PopulationAlgorithm):
-        return algorithm, MeteredBOTOHE(mission, min_survival=floor, evaluations=task.evaluations)
+        return algorithm, MeteredBOTOHE(mission, evaluations=task.evaluations, **limits)
     # Annealing evaluates in its kernel, and refuses problems that override the evaluation.
     if _is_ours(algorithm) or isinstance(algorithm, SimulatedAnnealing):
-        return algorithm, BOTOHE(mission, min_survival=floor)
-    return algorithm, CountedBOTOHE(mission, min_survival=floor)
+        return algorithm, BOTOHE(mission, **limits)
+    return algorithm, CountedBOTOHE(mission, **limits)
 
 
 def _is_ours(algorithm: Algorithm) -> bool:
@@ -193,10 +199,16 @@ def verify(task: Task, plans: PlanBatch, claimed: FloatArray) -> None:
             f"plan {plan} of the final front is claimed to bring {claimed[plan]}, and brings "
             f"{found[plan]}"
         )
-    floor = BOTOHE(task.mission, min_survival=task.min_survival).survival_floor
-    if len(plans) and (least := task.mission.robot_survival(plans).min()) < floor:
+    limits = BOTOHE(task.mission, min_survival=task.min_survival, max_length=task.max_length)
+    least = task.mission.robot_survival(plans).min(initial=1.0)
+    if least < limits.survival_floor:
         raise ValueError(
             f"a robot of the final front survives with {least:g}, below {task.min_survival:g}"
+        )
+    longest = task.mission.trail_lengths(plans).max(initial=0.0)
+    if longest > limits.travel_budget:
+        raise ValueError(
+            f"a trail of the final front is {longest:g} long, beyond {task.max_length:g}"
         )
 
 
@@ -210,8 +222,9 @@ def warm_up(task: Task) -> None:
     trial = replace(
         task,
         mission=toy,
-        # A limit, however low, has kernels of its own.
+        # A limit, however loose, has kernels of its own.
         min_survival=min(task.min_survival, _WARM_UP_SURVIVAL),
+        max_length=max(task.max_length, _WARM_UP_LENGTH),
         algorithm=task.algorithm if ours else "random",
         parameters=task.parameters if ours else {},
         evaluations=_WARM_UP_EVALUATIONS,

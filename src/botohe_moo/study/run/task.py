@@ -1,5 +1,6 @@
 """What a study and its workers exchange: tasks, records, outcomes."""
 
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -28,6 +29,7 @@ class Task:
     start: float
     at: tuple[int, ...]
     version: str  # of this package, when the study was planned
+    max_length: float = math.inf  # infinite without a travel budget
     # Seconds without an evaluation after which the run of another package's algorithm fails, if it
     # has no budget of seconds. No result depends on it.
     patience: float = PATIENCE

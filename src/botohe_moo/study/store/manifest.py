@@ -130,6 +130,7 @@ class _ManifestMission(BaseModel):
     package: str | None
     version: str | None
     min_survival: float
+    max_length: float | None = None  # not in earlier versions' files
     budget: dict[str, float | None]
 
 

@@ -41,13 +41,17 @@ SCHEMAS: dict[str, pa.Schema] = {
         ("budget_evaluations", INTEGER, "evaluations allowed; missing where there is no limit"),
         ("budget_seconds", NUMBER, "seconds allowed; missing where there is no limit"),
         ("min_survival", NUMBER, "survival floor of every robot"),
+        ("max_length", NUMBER, "travel budget of every robot; missing where there is none"),
         ("area", NUMBER, "area of the final front, in [0, 1]"),
         ("front_size", INTEGER, "points on the final front"),
         ("ties", INTEGER, "further plans on it whose objectives are those of a point"),
         ("environment", TEXT, "where it ran: a row of environments"),
         ("error", TEXT, "what went wrong, in a line; missing where nothing did"),
         ("traceback", TEXT, "where it went wrong; missing where nothing did"),
-        optional=("began", "budget_evaluations", "budget_seconds", "error", "traceback"),
+        optional=(
+            *("began", "budget_evaluations", "budget_seconds", "max_length"),
+            *("error", "traceback"),
+        ),
     ),
     "trace": _schema(
         *_RUN,
@@ -154,6 +158,8 @@ SCHEMAS: dict[str, pa.Schema] = {
         ("robots", INTEGER, "robots of the team"),
         ("total_reward", NUMBER, "sum of the nodes' rewards"),
         ("min_survival", NUMBER, "survival floor of every robot"),
+        ("max_length", NUMBER, "travel budget of every robot; missing where there is none"),
+        optional=("max_length",),
         further="one for each parameter in a grid; `grid_NAME` where there is a NAME above",
     ),
     "algorithms": _schema(
