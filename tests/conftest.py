@@ -25,8 +25,8 @@ from pymoo.optimize import minimize
 from botohe_moo import BOTOHE, load_mission, make_algorithm
 toy = load_mission("toy")
 for name in sys.argv[1:]:
-    for floor in (0.0, 0.1):  # some kernels are compiled for either
-        minimize(BOTOHE(toy, min_survival=floor), make_algorithm(name), ("n_eval", 200), seed=1)
+    for limits in ({}, {"min_survival": 0.1}, {"max_length": 6}):  # some compile for each
+        minimize(BOTOHE(toy, **limits), make_algorithm(name), ("n_eval", 200), seed=1)
 """
 
 

@@ -18,7 +18,8 @@ from pymoo.termination.max_gen import MaximumGenerationTermination
 
 from botohe_moo import BOTOHE, Mission, area_indicator, exact_front, load_mission, make_algorithm
 from botohe_moo.algorithms.registry import algorithm_parameters
-from tests.strategies import missions
+from tests.strategies import lengths, missions, small_missions
+from tests.twins import all_objectives, within
 
 # Those of this package; other packages' are theirs to test.
 NAMES = (
@@ -38,6 +39,7 @@ DOTTED = (
     "pymoo.algorithms.moo.nsga3:NSGA3",
     "pymoo.algorithms.moo.nsga2.NSGA2",
 )
+SEARCHING = "bo-aco with local search"
 IN_KERNELS = {
     "exact",
     "pareto-local-search",
@@ -54,6 +56,9 @@ def small(name):
 
     Where it has seen all plans of a mission, it is to notice after few tries.
     """
+    options = {}
+    if name == SEARCHING:
+        name, options = "bo-aco", {"local_search": 0.5, "local_search_evaluations": 4}
     known = {parameter.name for parameter in algorithm_parameters(name)}
     sizes = {
         "n_ants": 20,
@@ -62,7 +67,8 @@ def small(name):
         "n_weights": 9,
         "evaluations_per_generation": 20,
     }
-    made = make_algorithm(name, **{key: value for key, value in sizes.items() if key in known})
+    options |= {key: value for key, value in sizes.items() if key in known}
+    made = make_algorithm(name, **options)
     if mating := getattr(made, "mating", None):
         assert mating.n_max_iterations > N_TRIES
         mating.n_max_iterations = N_TRIES
@@ -153,22 +159,96 @@ def test_the_result_is_the_front_of_all_that_was_evaluated(name):
     assert [F[plan] for plan in result.X.ravel()] == result.F.tolist()
 
 
-@pytest.mark.parametrize("name", [*NAMES, *DOTTED])
-@settings(
+WITH_BUDGET = [*NAMES, *DOTTED, SEARCHING]
+FLOORS = st.sampled_from([0.0, 0.3, 0.81, 1.0])
+BUDGETS = st.sampled_from([0.0, 2.0, 4.0, 6.0, 9.0])
+FEW_EXAMPLES = settings(
     max_examples=12, deadline=None, suppress_health_check=[HealthCheck.too_slow], print_blob=True
 )
-@given(
-    mission=missions(max_nodes=7),
-    floor=st.sampled_from([0.0, 0.3, 0.81, 1.0]),
-    seed=st.integers(0, 9),
-)
+
+
+def assert_limits_are_kept(problem, plans):
+    """Whether every robot of every plan keeps the survival floor and the travel budget."""
+    least, longest = problem.min_survival, problem.max_length
+    assert (problem.mission.robot_survival(plans) >= least * (1 - 1e-12)).all()
+    if longest is not None:
+        assert (problem.mission.trail_lengths(plans) <= longest * (1 + 1e-12)).all()
+
+
+def assert_nothing_lies_above(objectives, front, mission):
+    """Whether every point is one of a front or below it, to rounding."""
+    near = 2e-12 * np.array([mission.total_reward, mission.robots])
+    assert (front[:, None] + near >= objectives).all(axis=2).any(axis=0).all()
+
+
+@pytest.mark.parametrize("name", [*NAMES, *DOTTED])
+@FEW_EXAMPLES
+@given(mission=missions(max_nodes=7), floor=FLOORS, seed=st.integers(0, 9))
 def test_results_are_valid_and_keep_the_floor(name, mission, floor, seed):
     problem = BOTOHE(mission, min_survival=floor)
     result = minimize(problem, small(name), ("n_eval", 90), seed=seed)
     batch = mission.batch(result.X)
     assert np.array_equal(-result.F, mission.evaluate(batch))
-    assert (mission.robot_survival(batch) >= floor * (1 - 1e-12)).all()
+    assert_limits_are_kept(problem, batch)
     assert result.G.shape == (len(result.F), int(floor > 0))
+
+
+@pytest.mark.parametrize("name", WITH_BUDGET)
+@FEW_EXAMPLES
+@given(
+    case=small_missions(max_trails=60, lengths=lengths),
+    floor=FLOORS,
+    budget=BUDGETS,
+    seed=st.integers(0, 9),
+)
+def test_results_keep_both_limits_and_are_not_above_the_truth(name, case, floor, budget, seed):
+    """One-way missions among them, and nodes that cannot be reached and left within the limits."""
+    mission, trails = case
+    problem = BOTOHE(mission, min_survival=floor, max_length=budget)
+    result = minimize(problem, small(name), ("n_eval", 90), seed=seed)
+    batch = mission.batch(result.X)
+    assert np.array_equal(-result.F, mission.evaluate(batch))
+    assert_limits_are_kept(problem, batch)
+    assert result.G.shape == (len(result.F), int(floor > 0) + 1)
+    assert (result.G <= 0).all()
+    allowed = within(mission, trails, problem.survival_floor, problem.travel_budget)
+    truth = all_objectives(mission, allowed)
+    assert_nothing_lies_above(-result.F, truth, mission)
+    if name == "exact":
+        assert_nothing_lies_above(truth, -result.F, mission)
+
+
+@pytest.mark.parametrize("name", WITH_BUDGET)
+@FEW_EXAMPLES
+@given(mission=missions(max_nodes=6, lengths=st.just(1.0)), seed=st.integers(0, 9))
+def test_with_a_budget_of_nothing_everybody_stays_home(name, mission, seed):
+    result = minimize(BOTOHE(mission, max_length=0), small(name), ("n_eval", 90), seed=seed)
+    assert set(trails(result)) == {((mission.arrays.base,),) * mission.robots}
+
+
+@pytest.mark.parametrize("name", WITH_BUDGET)
+def test_no_front_is_above_the_exact_one(name):
+    """On missions with too many plans to look at, under limits that leave room."""
+    mission = with_lengths(mission_for("exact"))
+    for floor, budget in ((0.0, 6.0), (0.2, 4.0)):
+        problem = BOTOHE(mission, min_survival=floor, max_length=budget)
+        limits = {"min_survival": problem.survival_floor, "max_length": problem.travel_budget}
+        truth = mission.evaluate(exact_front(mission, **limits))
+        result = minimize(problem, small(name), ("n_eval", 2_000), seed=1)
+        assert_limits_are_kept(problem, mission.batch(result.X))
+        assert_nothing_lies_above(-result.F, truth, mission)
+        wanted = supported(truth, mission) if name == "greedy" else truth
+        share = area_indicator(-result.F, mission) / area_indicator(wanted, mission)
+        assert share > 0.8
+        assert len(truth) > 4
+
+
+def with_lengths(mission):
+    """The same mission with drawn lengths."""
+    graph, rng = nx.DiGraph(mission.graph), np.random.default_rng(3)
+    lengths = {arc: float(rng.uniform(0.5, 1.5)) for arc in sorted(graph.edges)}
+    nx.set_edge_attributes(graph, lengths, "length")
+    return Mission(graph, base=mission.base, robots=mission.robots)
 
 
 @pytest.mark.parametrize("name", [*NAMES, *DOTTED])
@@ -183,11 +263,11 @@ def test_the_same_seed_gives_the_same_result(name):
         assert trails(one) != trails(other)
 
 
-@pytest.mark.parametrize("name", [*NAMES, *DOTTED])
-def test_a_pickled_run_resumes_bit_for_bit(name):
-    # A small mission under such a floor is solved before anybody can stop.
-    floor = 0.0 if name in FOR_SMALL_MISSIONS else 0.2
-    problem = BOTOHE(mission_for(name), min_survival=floor)
+def assert_pickled_runs_resume(problem, name):
+    """Whether a run that is pickled on its way ends bit for bit as one that is not.
+
+    Gives how many generations it had.
+    """
     runs = []
     for stop in (None, 1, 3):
         algorithm = small(name)
@@ -198,11 +278,25 @@ def test_a_pickled_run_resumes_bit_for_bit(name):
                 algorithm = pickle.loads(pickle.dumps(algorithm))
             algorithm.next()
             n += 1
-        assert n > 3
         runs.append(algorithm.result())
     for run in runs[1:]:
         assert trails(run) == trails(runs[0])
         assert run.F.tolist() == runs[0].F.tolist()
+    return n
+
+
+@pytest.mark.parametrize("name", [*NAMES, *DOTTED])
+def test_a_pickled_run_resumes_bit_for_bit(name):
+    # A small mission under such a floor is solved before anybody can stop.
+    floor = 0.0 if name in FOR_SMALL_MISSIONS else 0.2
+    problem = BOTOHE(mission_for(name), min_survival=floor)
+    assert assert_pickled_runs_resume(problem, name) > 3
+
+
+@pytest.mark.parametrize("name", WITH_BUDGET)
+def test_a_pickled_run_with_a_budget_resumes_bit_for_bit(name):
+    mission = with_lengths(mission_for(name))
+    assert assert_pickled_runs_resume(BOTOHE(mission, max_length=8), name) > 1
 
 
 @pytest.mark.parametrize("name", [*NAMES, *DOTTED])

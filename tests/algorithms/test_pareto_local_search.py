@@ -30,8 +30,10 @@ def museum():
     return load_mission("art_museum")
 
 
-def solve(mission, n_eval, *, seed=1, callback=None, min_survival=0.0, **parameters):
-    problem = BOTOHE(mission, min_survival=min_survival)
+def solve(
+    mission, n_eval, *, seed=1, callback=None, min_survival=0.0, max_length=None, **parameters
+):
+    problem = BOTOHE(mission, min_survival=min_survival, max_length=max_length)
     options = {"seed": seed} if callback is None else {"seed": seed, "callback": callback}
     return minimize(problem, ParetoLocalSearch(**parameters), ("n_eval", n_eval), **options)
 
@@ -231,6 +233,44 @@ class TestFront:
             covered = (found[:, None] + near >= true).all(axis=2).any(axis=0)
             assert covered.mean() > 0.9
 
+    @pytest.mark.parametrize("prob_refill", [0.06, 1.0])
+    @pytest.mark.parametrize(("floor", "budget"), [(0.0, 9), (0.3, 9), (0.3, 0), (1.0, 30)])
+    def test_every_generation_keeps_floor_and_budget(self, museum, floor, budget, prob_refill):
+        seen = []
+
+        class Noted(Callback):
+            def notify(self, algorithm):
+                batch = algorithm.archive.plans
+                assert museum.trail_lengths(batch).max() <= problem.travel_budget
+                assert museum.robot_survival(batch).min() >= problem.survival_floor
+                seen.append(len(batch))
+
+        problem = BOTOHE(museum, min_survival=floor, max_length=budget)
+        algorithm = ParetoLocalSearch(evaluations_per_generation=400, prob_refill=prob_refill)
+        result = minimize(problem, algorithm, ("n_eval", 4_000), seed=1, callback=Noted())
+        assert len(seen) > 5
+        assert (result.G <= 0).all()
+        assert np.array_equal(-result.F, museum.evaluate(result.X))
+        assert (len(result.X) > 5) == (budget > 0 and floor < 1)
+
+    @pytest.mark.parametrize(("floor", "budget"), [(0.0, 3), (0.0, 6), (0.3, 5)])
+    def test_budgets_give_the_true_front(self, floor, budget):
+        for seed in range(12):
+            mission = random_mission(seed)
+            limits = {"min_survival": floor, "max_length": budget}
+            true = mission.evaluate(exact_front(mission, **limits))
+            found = -solve(mission, 30_000, **limits).F
+            near = 1e-9 * np.array([mission.total_reward, mission.robots])
+            assert weakly_dominates(true + near, found)
+            covered = (found[:, None] + near >= true).all(axis=2).any(axis=0)
+            assert covered.mean() > 0.9
+
+    def test_given_plans_beyond_the_budget_are_left_out(self, museum):
+        given = solve(museum, 5_000).X
+        assert museum.trail_lengths(given).max() > 8
+        result = solve(museum, len(given) + 500, sampling=given, max_length=8)
+        assert museum.trail_lengths(result.X).max() <= 8
+
     def test_problems_that_allow_invalid_plans(self, museum):
         for min_survival in (0.0, 0.3):
             problem = BOTOHE(museum, min_survival=min_survival, allow_invalid=True)
@@ -277,6 +317,22 @@ class TestRuns:
             assert same(whole, copied.result())
         assert len(copies) >= 5
 
+    @pytest.mark.parametrize("max_length", [None, 9])
+    def test_refills_alone_resume_bit_for_bit(self, museum, max_length):
+        options = {"evaluations_per_generation": 400, "prob_refill": 1.0}
+        whole, again = (solve(museum, 3_000, max_length=max_length, **options) for _ in range(2))
+        assert same(whole, again)
+        problem = BOTOHE(museum, max_length=max_length)
+        algorithm = ParetoLocalSearch(**options)
+        algorithm.setup(problem, termination=("n_eval", 3_000), seed=1)
+        while algorithm.has_next():
+            algorithm.next()
+            if 1_400 < algorithm.evaluator.n_eval < 2_000:
+                algorithm = pickle.loads(pickle.dumps(algorithm))
+        assert same(whole, algorithm.result())
+        other = solve(museum, 3_000, max_length=max_length, prob_refill=0.0)
+        assert not same(whole, other)
+
     def test_plans_given_keep_their_place_unless_dominated(self, museum):
         given = list(solve(museum, 20_000, seed=9).X[:, 0])[::5]
         result = solve(museum, len(given) + 300, sampling=given, greedy_start=False)
@@ -293,10 +349,11 @@ class TestRuns:
         more = solve(museum, 3_000, seed=2, sampling=first.X)
         assert area_indicator(-more.F, museum) >= area_indicator(-first.F, museum)
 
+    @pytest.mark.parametrize("prob_refill", [0.06, 1.0])
     @pytest.mark.parametrize("robots", [1, 12])
-    def test_teams(self, museum, robots):
+    def test_teams(self, museum, robots, prob_refill):
         mission = museum.with_robots(robots)
-        result = solve(mission, 8_000)
+        result = solve(mission, 8_000, prob_refill=prob_refill)
         assert np.array_equal(-result.F, mission.evaluate(result.X))
         assert result.algorithm.evaluator.n_eval == 8_000
         assert result.F[:, 1].min() == -robots
@@ -364,6 +421,9 @@ class TestErrors:
                 {"moves": {"visit": 1e308, "splice": 1e308}},
                 r"Expected weights of moves with a finite sum, got \{.*'visit': 1e\+308.*\}\.",
             ),
+            ({"prob_refill": 1.1}, r"Expected prob_refill in \[0, 1\], got 1\.1\."),
+            ({"prob_refill": -0.1}, r"Expected prob_refill in \[0, 1\], got -0\.1\."),
+            ({"prob_refill": float("nan")}, r"Expected prob_refill .*, got nan\."),
             ({"moves": {}}, r"Expected a move of weight above 0, got \{\}\."),
         ],
     )

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from botohe_moo.kernels.anneal.schedule import anneal
 from botohe_moo.kernels.anneal.state import AnnealRule, new_records, new_state
+from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
 from botohe_moo.kernels.plans.change import MoveRule
 from botohe_moo.kernels.plans.marks import new_move_scratch
 from botohe_moo.kernels.rng import seed_states
@@ -19,7 +20,7 @@ from botohe_moo.mission import load_mission
 from botohe_moo.trails import PlanBatch, TrailPlan
 from tests import twins
 from tests.kernels.test_moves import PUBLISHED, Moves, agree, crossroads
-from tests.strategies import missions
+from tests.strategies import lengths, missions
 
 COOLED = np.array([1, 1, 1, 1, 1, 1, 0.1, 0.1])
 
@@ -30,7 +31,7 @@ class Search:
     def __init__(self, mission, *, seed=0, temperature=0.02, weight=0.7, **options):
         self.mission, self.weight = mission, weight
         self.options = {
-            "floor": 0.0,
+            "limits": NO_LIMITS,
             "kinds": COOLED,
             "every_robot": False,
             "cooling": 1.0,
@@ -67,7 +68,7 @@ class Search:
         """Let the kernel make steps; gives what it gives."""
         options = self.options
         rule = AnnealRule(
-            moves=MoveRule(options["kinds"], 200, options["every_robot"], options["floor"]),
+            moves=MoveRule(options["kinds"], 200, options["every_robot"], options["limits"]),
             record=options["record"],
             total_reward=self.mission.total_reward or 1.0,
             weight=self.weight,
@@ -317,13 +318,20 @@ def test_rejected_plans_are_recorded_too():
 
 
 @settings(max_examples=60)
-@given(missions(max_nodes=7), st.sampled_from([0.3, 0.7, 1.0]), st.integers(0, 2**31))
-def test_no_plan_leaves_the_floor(mission, floor, seed):
-    search = Search(mission, seed=seed, floor=floor, temperature=0.5, weight=0.9)
+@given(
+    missions(max_nodes=7, lengths=lengths),
+    st.sampled_from([0.0, 0.3, 0.7, 1.0]),
+    st.sampled_from([np.inf, 8.0, 3.0, 0.0]),
+    st.integers(0, 2**31),
+)
+def test_no_plan_leaves_the_limits(mission, least, longest, seed):
+    limits = Limits(least, longest)
+    search = Search(mission, seed=seed, limits=limits, temperature=0.5, weight=0.9)
     batch, _ = search.run(60)
-    assert (mission.robot_survival(batch) >= floor).all()
     current = mission.batch([mission.plan(search.trails), mission.plan(search.best_trails)])
-    assert (mission.robot_survival(current) >= floor).all()
+    for plans in (batch, current):
+        assert (mission.robot_survival(plans) >= least).all()
+        assert (mission.trail_lengths(plans) <= longest).all()
 
 
 def test_the_first_plan_evaluated_is_the_best_where_there_was_none():

@@ -12,21 +12,32 @@ from hypothesis import strategies as st
 from botohe_moo.kernels.beam import search as beam
 from botohe_moo.kernels.beam.labels import larger_beam, new_beam
 from botohe_moo.kernels.beam.prospects import Rule, dangers, find_near
+from botohe_moo.kernels.graph.graph import Limits
+from botohe_moo.kernels.graph.homing import new_budget
 from botohe_moo.mission import Mission, load_mission
-from tests.strategies import missions
-from tests.twins import all_trails, arc_survivals, survival_of
+from tests.strategies import lengths, missions
+from tests.twins import all_trails, arc_survivals, length_of, survival_of, within
 
 WIDE = 100_000
 
 
 def best_trail(
-    mission, worth, survival_weight, least=0.0, width=WIDE, n_near=64, max_labels=beam.MAX_LABELS
+    mission,
+    worth,
+    survival_weight,
+    least=0.0,
+    width=WIDE,
+    *,
+    longest=inf,
+    n_near=64,
+    max_labels=beam.MAX_LABELS,
 ):
     """The trail as nodes, its value, and whether the beam was cut."""
     graph = mission.arrays
     near = find_near(graph, n_near)
     danger, worth = dangers(graph, near, survival_weight), np.array(worth, np.float64)
-    rule = Rule(worth, danger, survival_weight, least, width, max_labels)
+    budget = new_budget(graph, Limits(least, longest))
+    rule = Rule(worth, danger, survival_weight, least, budget, width, max_labels)
     arcs, value, cut = beam.best_trail(graph, near, rule, new_beam(graph))
     if len(arcs):
         assert graph.tail[arcs[0]] == graph.base
@@ -39,6 +50,16 @@ def value_of(mission, trail, worth, survival_weight):
     reached = {node: survival_of(mission, trail[: trail.index(node) + 1]) for node in set(trail)}
     collected = sum(worth[node] * alive for node, alive in reached.items())
     return collected + survival_weight * survival_of(mission, trail)
+
+
+def has_simple_prefixes(mission, trail, every, least, longest):
+    """Whether a trail survives a beam for sure: any way home from its nodes keeps the limits."""
+    return all(
+        within(mission, [other], least, longest) == [other]
+        for stop in range(1, len(trail))
+        for other in every
+        if other[:stop] == trail[:stop] and len(set(other[stop - 1 :])) == len(other) - stop + 1
+    )
 
 
 @st.composite
@@ -73,6 +94,22 @@ class TestExact:
         assert tuple(trail) in kept
         assert value == pytest.approx(best, rel=1e-9)
         assert not cut
+
+    @settings(max_examples=200)
+    @given(tasks(lengths=lengths), st.sampled_from([0.0, 0.3]), st.sampled_from([0.0, 3.0, 6.0]))
+    def test_with_a_travel_budget_it_may_miss_only_ways_home_that_compromise(
+        self, task, least, longest
+    ):
+        mission, found, worth, survival_weight = task
+        trail, value, cut = best_trail(mission, worth, survival_weight, least, longest=longest)
+        kept = within(mission, found, least, longest)
+        assert tuple(trail) in kept
+        assert value == pytest.approx(value_of(mission, trail, worth, survival_weight), rel=1e-9)
+        assert value <= max(value_of(mission, t, worth, survival_weight) for t in kept) + 1e-9
+        assert not cut
+        simple = [t for t in kept if has_simple_prefixes(mission, t, found, least, longest)]
+        best = max(value_of(mission, t, worth, survival_weight) for t in simple)
+        assert value >= best * (1 - 1e-9)
 
     @settings(max_examples=100)
     @given(tasks(one_way=True), st.sampled_from([0.0, 0.1]))
@@ -156,16 +193,19 @@ class TestCut:
         assert value == pytest.approx(reward + 0.1 * survives)
 
     @pytest.mark.parametrize("seed", range(10))
-    @pytest.mark.parametrize("least", [0.0, 0.3])
-    def test_the_twin_finds_the_same(self, seed, least):
+    @pytest.mark.parametrize(
+        ("least", "longest"), [(0.0, inf), (0.3, inf), (0.0, 9.0), (0.4, 14.0)]
+    )
+    def test_the_twin_finds_the_same(self, seed, least, longest):
         mission = random_mission(14, 45, seed)
         worth = mission.arrays.reward / mission.total_reward
         cuts = 0
         for width in (1, 3, 10):
             for survival_weight in (0.0, 0.2):
-                twin = Beam(mission, 5, worth, survival_weight, least, width)
+                limits = Limits(least, longest)
+                twin = Beam(mission, 5, worth, survival_weight, limits, width)
                 trail, value, cut = best_trail(
-                    mission, worth, survival_weight, least, width, n_near=5
+                    mission, worth, survival_weight, least, width, longest=longest, n_near=5
                 )
                 assert trail == twin.best_trail()
                 assert value == pytest.approx(twin.best_value, rel=1e-12)
@@ -196,16 +236,18 @@ def random_mission(n_nodes, n_arcs, seed):
             graph.add_edge(tail, head)
     for arc in graph.edges:
         graph.edges[arc]["survival"] = rng.uniform(0.8, 1.0)
+        graph.edges[arc]["length"] = np.random.default_rng([seed, *arc]).uniform(0.5, 2.0)
     return Mission(graph)
 
 
 class Beam:
     """The beam search, one rule a line; labels are trails as tuples of nodes."""
 
-    def __init__(self, mission, n_near, worth, survival_weight, least, width):
+    def __init__(self, mission, n_near, worth, survival_weight, limits, width):
         self.mission, self.graph, self.worth = mission, mission.arrays, worth
         self.near = find_near(mission.arrays, n_near)
-        self.survival_weight, self.least, self.width = survival_weight, least, width
+        self.survival_weight, self.limits, self.width = survival_weight, limits, width
+        self.budget = new_budget(mission.arrays, limits)
         self.survival, self.base = arc_survivals(mission), mission.arrays.base
         self.cut = False
         self.best, self.best_value = (self.base,), self.value((self.base,)) + survival_weight
@@ -221,17 +263,31 @@ class Beam:
         return self.survival_weight * self.alive(trail) * self.graph.home[trail[-1]]
 
     def way_home(self, trail):
-        """The nodes of the safest way home over unused arcs; None where there is none."""
+        """The trail gone home by the safest way over unused arcs, or else by the shortest one.
+
+        None where neither keeps the limits.
+        """
         graph = nx.DiGraph()
         graph.add_nodes_from(range(len(self.mission.nodes)))
         used = set(pairwise(trail))
-        graph.add_weighted_edges_from(
-            (*arc, -np.log(s)) for arc, s in self.survival.items() if arc not in used
-        )
-        try:
-            return nx.dijkstra_path(graph, trail[-1], self.base)
-        except nx.NetworkXNoPath:
+        for arc, survival in self.survival.items():
+            if arc not in used:
+                length = length_of(self.mission, arc)
+                graph.add_edge(*arc, cost=-np.log(survival), length=length)
+        if not nx.has_path(graph, trail[-1], self.base):
             return None
+        for weight in ("cost", "length"):
+            way = nx.dijkstra_path(graph, trail[-1], self.base, weight=weight)
+            if within(self.mission, [closed := trail + tuple(way[1:])], *self.limits):
+                return closed
+        return None
+
+    def is_too_far(self, node, trail):
+        """Whether no trail that begins like this keeps the budget if it goes to a node."""
+        if self.budget is None:
+            return False
+        longest = self.limits.max_length
+        return length_of(self.mission, trail) + self.budget.short.home[node] > longest
 
     def is_blocked(self, trail):
         """Whether an arc of the safest way home with every arc free is used."""
@@ -244,16 +300,19 @@ class Beam:
         return False
 
     def ahead(self, trail):
-        """Reach, worth and number of each near node that is not visited."""
+        """Reach, worth and number of each near node that is not visited and not too far."""
         here = trail[-1]
         near = zip(self.near.near[here].tolist(), self.near.reach[here], strict=True)
-        return [(reach, self.worth[node], node) for node, reach in near if node not in trail]
+        return [
+            (reach, self.worth[node], node)
+            for node, reach in near
+            if node not in trail and not self.is_too_far(node, trail)
+        ]
 
     def bound(self, trail):
-        ahead = self.ahead(trail)
-        nearby = sum(reach * worth for reach, worth, _ in ahead)
-        unvisited = sum(worth for node, worth in enumerate(self.worth) if node not in trail)
-        far = unvisited - sum(worth for _, worth, _ in ahead)
+        nearby = sum(reach * worth for reach, worth, _ in self.ahead(trail))
+        near = self.near.near[trail[-1]].tolist()
+        far = sum(w for v, w in enumerate(self.worth) if v not in (*trail, *near))
         most = nearby + far * self.near.reach[trail[-1], -1]
         return self.value(trail) + self.alive(trail) * most + self.stay(trail)
 
@@ -269,12 +328,11 @@ class Beam:
 
     def close(self, trail):
         """Whether the robot can get home; notes the trail that does if it is the best known."""
-        way = self.way_home(trail)
-        if way is None or self.alive(trail + tuple(way[1:])) < self.least:
+        closed = self.way_home(trail)
+        if closed is None:
             return False
         promising = self.value(trail) + self.stay(trail) > self.best_value
-        if self.least > 0 or promising or not self.is_blocked(trail):
-            closed = trail + tuple(way[1:])
+        if self.limits.bind or promising or not self.is_blocked(trail):
             value = self.value(closed) + self.survival_weight * self.alive(closed)
             if value > self.best_value:
                 self.best, self.best_value = closed, value
@@ -338,7 +396,7 @@ def test_a_search_gets_the_room_that_it_needs():
     museum = load_mission("art_museum")
     worth, graph = museum.arrays.reward / museum.total_reward, museum.arrays
     near = find_near(graph, 64)
-    rule = Rule(worth, dangers(graph, near, 0.1), 0.1, 0.0, 30, beam.MAX_LABELS)
+    rule = Rule(worth, dangers(graph, near, 0.1), 0.1, 0.0, None, 30, beam.MAX_LABELS)
     usual, small = new_beam(graph), new_beam(graph)
     level = small.level._replace(children=small.level.children[:1])
     small = small._replace(labels=small.labels[:2], level=level)

@@ -10,10 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from botohe_moo.kernels.colony.pheromone import learn
+from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
 from botohe_moo.mission import Mission, load_mission
 from botohe_moo.search.colony import NOTHING, AntThreads, Colony, ColonyRule
 from tests import twins
-from tests.strategies import missions
+from tests.strategies import lengths, missions
 
 
 def rule(**changes):
@@ -33,14 +34,14 @@ def rule(**changes):
     return ColonyRule(**{**settings, **changes})
 
 
-def colony(mission, *, n_ants, seed=0, n_threads=1, floor=0.0, **changes):
+def colony(mission, *, n_ants, seed=0, n_threads=1, limits=NO_LIMITS, **changes):
     random_state = np.random.default_rng(seed)
     return Colony(
         mission,
         rule(**changes),
         n_ants=n_ants,
         threads=AntThreads(n_threads),
-        min_survival=floor,
+        limits=limits,
         random_state=random_state,
     )
 
@@ -117,12 +118,17 @@ def lost_walks(mission, seed):
 
 
 def crossing(robots):
-    """Base 0, a loop 0-1-2, a spur 1-3, and a node 2 with more arcs in than out."""
+    """Base 0, a loop 0-1-2, a spur 1-3, and a node 2 with more arcs in than out.
+
+    No two ways are as safe or as long; from node 1 the safest one home is longer than another.
+    """
     graph = nx.DiGraph(base=0, robots=robots)
     for node, value in enumerate([0.0, 1.0, 3.0, 0.5]):
         graph.add_node(node, reward=value)
     arcs = [(0, 1, 0.9), (1, 2, 0.7), (2, 0, 0.8), (1, 3, 0.6), (3, 1, 0.95), (0, 2, 0.5)]
     graph.add_weighted_edges_from([*arcs, (3, 2, 0.85)], "survival")
+    spans = [(0, 1, 1.0), (1, 2, 2.0), (2, 0, 1.5), (1, 3, 0.7), (3, 1, 2.2), (0, 2, 1.1)]
+    graph.add_weighted_edges_from([*spans, (3, 2, 0.4)], "length")
     return Mission(graph)
 
 
@@ -175,17 +181,25 @@ def test_ants_choose_as_the_paper_says(robots, changes, allocation):
 
 
 @pytest.mark.parametrize(
-    ("floor", "robots", "allocation"),
-    [(0.3, 1, "sequential"), (0.45, 1, "sequential"), (0.3, 2, "concurrent")],
+    ("limits", "robots", "allocation"),
+    [
+        (Limits(0.3), 1, "sequential"),
+        (Limits(0.45), 1, "sequential"),
+        (Limits(0.3), 2, "concurrent"),
+        (Limits(0.0, 6.0), 1, "sequential"),
+        (Limits(0.0, 3.8), 2, "sequential"),
+        (Limits(0.35, 7.0), 2, "sequential"),
+        (Limits(0.35, 7.0), 2, "concurrent"),
+    ],
 )
-def test_ants_keep_a_floor_and_choose_among_what_is_left(floor, robots, allocation):
-    """Frequencies of whole plans under a survival floor against their exact probabilities."""
+def test_ants_keep_limits_and_choose_among_what_is_left(limits, robots, allocation):
+    """Frequencies of whole plans under limits against their exact probabilities."""
     mission, twin = crossing(robots), ALLOCATIONS[allocation]
-    ants = colony(mission, n_ants=3, seed=5, floor=floor, exploration=0.5, allocation=allocation)
+    ants = colony(mission, n_ants=3, seed=5, limits=limits, exploration=0.5, allocation=allocation)
     levels = [dict.fromkeys([*mission.graph.edges, (0, 0)], (1.0, 1.0))] * robots
     free = twin(mission, ants.rule, levels, 0.5).plan_probabilities()
     for possible in assert_frequencies(
-        ants, lambda weight: twin(mission, ants.rule, levels, weight, floor)
+        ants, lambda weight: twin(mission, ants.rule, levels, weight, limits)
     ):
         assert len(possible) < len(free)
 
@@ -234,17 +248,45 @@ def test_a_single_robot_is_allocated_the_same_trail_by_either(mission, changes, 
 
 @settings(max_examples=200)
 @given(
-    missions(max_nodes=8),
-    st.sampled_from([0.05, 0.3, 0.7, 1.0]),
+    missions(max_nodes=8, lengths=lengths),
+    st.sampled_from([0.0, 0.05, 0.3, 0.7, 1.0]),
+    st.sampled_from([np.inf, 9.0, 5.0, 2.0, 0.0]),
     st.sampled_from(list(ALLOCATIONS)),
     st.integers(0, 2**32),
 )
-def test_a_floor_is_kept_everywhere(mission, floor, allocation, seed):
+def test_limits_are_kept_everywhere(mission, least, longest, allocation, seed):
+    """Safe arcs and arcs without length among them, so that ways home tie."""
     changes = {"exploration": 0.5, "allocation": allocation}
-    ants = colony(mission, n_ants=7, seed=seed, floor=floor * (1 - 5e-13), **changes)
+    limits = Limits(least * (1 - 5e-13), longest * (1 + 5e-13))
+    ants = colony(mission, n_ants=7, seed=seed, limits=limits, **changes)
     batch = ants.construct(7)
     mission.evaluate(batch)
-    assert (mission.robot_survival(batch) >= floor * (1 - 1e-12)).all()
+    assert (mission.robot_survival(batch) >= least * (1 - 1e-12)).all()
+    assert (mission.trail_lengths(batch) <= longest * (1 + 1e-12)).all()
+
+
+def tied_ways(seed):
+    """Many ways home are as safe as others, and longer."""
+    rng = np.random.default_rng(seed)
+    graph = nx.DiGraph(base=0, robots=1)
+    graph.add_nodes_from(range(12), reward=1.0)
+    for tail, head in nx.gnm_random_graph(12, 20, seed=seed).edges:
+        for arc in ((tail, head), (head, tail)):
+            survival, length = float(rng.choice([0.9, 0.81])), float(rng.integers(1, 4))
+            graph.add_edge(*arc, survival=survival, length=length)
+    nx.add_cycle(graph, range(12), survival=0.9, length=2.0)
+    return Mission(graph)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 1084])
+def test_no_ant_gets_stuck_where_ways_home_tie(seed):
+    """With the last of them an ant does that looks for the rest of its way home again."""
+    mission = tied_ways(seed)
+    limits = Limits(0.3 * (1 - 5e-13), 14.0)
+    batch = colony(mission, n_ants=100, seed=seed, limits=limits, heuristic=False).construct(100)
+    mission.evaluate(batch)
+    assert (mission.robot_survival(batch) >= 0.3 * (1 - 1e-12)).all()
+    assert (mission.trail_lengths(batch) <= 14).all()
 
 
 @allocations

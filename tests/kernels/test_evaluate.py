@@ -250,7 +250,7 @@ def drafted(mission, trails):
         walked.append(good)
         alive.append(0.0 if lost else np.prod([arcs[hop] for hop in pairwise(good)]))
     reward, _ = twins.evaluate(mission, walked)
-    return reward, sum(alive), faults, alive
+    return reward, sum(alive), faults, alive, twins.trail_lengths(mission, walked)
 
 
 @settings(max_examples=300)
@@ -260,10 +260,11 @@ def test_drafts_are_their_readable_twin(mission, data):
     drawn = [data.draw(st.lists(node, min_size=1, max_size=8)) for _ in range(mission.robots)]
     plan = TrailPlan(drawn)
     objectives, faults = mission.evaluate_drafts([plan])
-    reward, survivors, expected_faults, alive = drafted(mission, drawn)
+    reward, survivors, expected_faults, alive, lengths = drafted(mission, drawn)
     assert objectives[0] == pytest.approx([reward, survivors], abs=1e-12)
     assert faults.tolist() == [expected_faults]
     assert mission.robot_survival([plan])[0] == pytest.approx(alive, abs=1e-12)
+    assert mission.trail_lengths([plan])[0] == pytest.approx(lengths, abs=1e-12)
     valid = True
     try:
         mission.evaluate([plan])

@@ -1,7 +1,7 @@
 """The kernels of the exact search against twins: all trails worth having, all teams of them."""
 
 from itertools import combinations_with_replacement, pairwise
-from math import prod
+from math import inf, prod
 
 import networkx as nx
 import numpy as np
@@ -12,10 +12,11 @@ from hypothesis import strategies as st
 from botohe_moo.kernels.compile import kernel
 from botohe_moo.kernels.exact import labels as labelling
 from botohe_moo.kernels.exact import tables, teams
+from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
 from botohe_moo.mission import Mission
 from botohe_moo.search.exact_trails import TrailSearch
-from tests.strategies import missions, small_missions, trails
-from tests.twins import arc_survivals, survival_of
+from tests.strategies import lengths, missions, small_missions, trails
+from tests.twins import all_trails, arc_survivals, length_of, survival_of, within
 
 ROUNDING = 1e-12
 
@@ -34,9 +35,9 @@ def figures_of(mission, trail):
     return [*reached, survival_of(mission, trail)]
 
 
-def search_for(mission, least=0.0):
+def search_for(mission, least=0.0, longest=inf):
     """A search that knows no trail but the one that stays at base."""
-    return TrailSearch(mission, least)
+    return TrailSearch(mission, Limits(least, longest))
 
 
 def found_trails(search):
@@ -47,8 +48,8 @@ def found_trails(search):
 
 
 @kernel
-def look_around(graph, here, node):
-    labelling.look_around(graph, here, node)
+def look_around(graph, rule, here, node):
+    labelling.look_around(graph, rule, here, node)
 
 
 def covers(some, others):
@@ -58,25 +59,28 @@ def covers(some, others):
 
 class TestLookingAround:
     @settings(max_examples=150)
-    @given(st.data(), missions(max_nodes=6))
-    def test_ways_and_arcs_of_no_use(self, data, mission):
+    @given(st.data(), missions(max_nodes=6, lengths=lengths), st.sampled_from([inf, 8.0, 3.0, 0.0]))
+    def test_ways_and_arcs_of_no_use(self, data, mission, longest):
         trail = data.draw(trails(mission))
         partial = trail[: data.draw(st.integers(1, len(trail)))]
-        search = search_for(mission)
+        search = search_for(mission, longest=longest)
         arrays, here = mission.arrays, search._here
         arcs = list(zip(arrays.tail.tolist(), arrays.head.tolist(), strict=True))
         used = set(pairwise(partial))
-        here.used[:] = 0
+        here.used[:], here.length[:] = 0, length_of(mission, partial)
         for arc, ends in enumerate(arcs):
             if ends in used:
                 labelling.put(here.used, arc)
         again = tables.Here(*[part.copy() for part in here])
-        look_around(arrays, here, partial[-1])
-        labelling.look_around(arrays, again, partial[-1])  # uncompiled, as trails are read
+        look_around(arrays, search.rule, here, partial[-1])
+        # Uncompiled, as trails are read.
+        labelling.look_around(arrays, search.rule, again, partial[-1])
         assert all(map(np.array_equal, here, again))
 
         left = nx.DiGraph(arc for arc in arcs if arc not in used)
         left.add_nodes_from(range(arrays.n_nodes))
+        if longest < inf:
+            left.remove_edges_from(list(arcs_too_far(mission, left, partial, longest)))
         survival = arc_survivals(mission)
         for u, v in left.edges:
             left.edges[u, v]["cost"] = -np.log(survival[u, v])
@@ -86,19 +90,64 @@ class TestLookingAround:
             assert here.reach[node] == pytest.approx(expected, rel=1e-9)
         homeward = {arrays.base, *nx.ancestors(left, arrays.base)}
         for arc, (tail, head) in enumerate(arcs):
-            useful = (tail, head) not in used and tail in costs and head in homeward
+            useful = (tail, head) in left.edges and tail in costs and head in homeward
             assert labelling.has(here.used, arc) == (not useful)
+
+
+def arcs_too_far(mission, left, partial, longest):
+    """The arcs that are left over which a partial trail cannot get home within a budget."""
+    every = nx.DiGraph()
+    every.add_nodes_from(left)
+    arrays = mission.arrays
+    for tail, head, length in zip(arrays.tail, arrays.head, arrays.length, strict=True):
+        every.add_edge(int(tail), int(head), length=length)
+    home = nx.single_source_dijkstra_path_length(every.reverse(), arrays.base, weight="length")
+    ahead = nx.DiGraph()
+    ahead.add_nodes_from(left)
+    ahead.add_edges_from((arc[0], arc[1], every.edges[arc]) for arc in left.edges)
+    to = nx.single_source_dijkstra_path_length(ahead, partial[-1], weight="length")
+    for tail, head in left.edges:
+        onward = every.edges[tail, head]["length"] + home[head]
+        least = length_of(mission, partial) + to.get(tail, inf) + onward
+        if least > longest * (1 + ROUNDING):
+            yield tail, head
+
+
+@st.composite
+def forked_missions(draw):
+    """One robot on a ring whose stages have several ways on, the longer the safer.
+
+    The best way home within a budget is often neither the safest nor the shortest one. Gives the
+    mission, all its trails and a budget.
+    """
+    graph = nx.DiGraph(base=0, robots=1)
+    for stage, reward in enumerate([0.0, 1.0, draw(st.sampled_from([0.0, 0.0, 2.0]))]):
+        graph.add_node(stage, reward=reward)
+        for way in range(draw(st.integers(2, 3))):
+            length = draw(st.floats(0.0, 3.0))
+            survival = draw(st.sampled_from([0.4, 0.5])) + length / 6
+            graph.add_edge(stage, (stage, way), survival=survival, length=length)
+            graph.add_edge((stage, way), (stage + 1) % 3, survival=1.0, length=0.0)
+    nx.set_node_attributes(graph, {v: 0.0 for v in graph if isinstance(v, tuple)}, "reward")
+    mission = Mission(graph)
+    every = all_trails(mission)
+    length = length_of(mission, draw(st.sampled_from(every)))
+    return mission, every, length * (1 + ROUNDING)
 
 
 class TestTrails:
     @settings(max_examples=150)
-    @given(small_missions(max_trails=1000), st.sampled_from([0.0, 0.3, 0.81]))
-    def test_a_team_finds_all_it_may_need(self, case, least):
+    @given(
+        small_missions(max_trails=1000, lengths=lengths),
+        st.sampled_from([0.0, 0.3, 0.81]),
+        st.sampled_from([inf, 9.0, 5.0, 2.0]),
+    )
+    def test_a_team_finds_all_it_may_need(self, case, least, longest):
         mission, every = case
         mission = mission.with_robots(2)
-        found = found_trails(search_for(mission, least))
-        rows = np.array([figures_of(mission, trail) for trail in every])
-        rows = rows[rows[:, -1] >= least]
+        found = found_trails(search_for(mission, least, longest))
+        kept = within(mission, every, least, longest)
+        rows = np.array([figures_of(mission, trail) for trail in kept])
         assert covers(found, rows)
         assert covers(rows, found)
         better = (found[:, None] >= found).all(axis=2)
@@ -106,13 +155,45 @@ class TestTrails:
         assert (np.diff(found[:, -1]) <= 0).all()
 
     @settings(max_examples=150)
-    @given(small_missions(max_trails=1000), st.sampled_from([0.0, 0.3, 0.81]))
-    def test_a_single_robot_finds_its_front(self, case, least):
+    @given(
+        small_missions(max_trails=1000, lengths=lengths),
+        st.sampled_from([0.0, 0.3, 0.81]),
+        st.sampled_from([inf, 9.0, 5.0, 2.0]),
+    )
+    def test_a_single_robot_finds_its_front(self, case, least, longest):
         mission, every = case
-        mission = mission.with_robots(1)
-        found = found_trails(search_for(mission, least))
-        rows = np.array([figures_of(mission, trail) for trail in every])
-        rows = rows[rows[:, -1] >= least]
+        self.check_single(mission.with_robots(1), every, least, longest)
+
+    @settings(max_examples=200)
+    @given(forked_missions(), st.sampled_from([0.0, 0.1]))
+    def test_ways_home_that_compromise_are_found(self, case, least):
+        mission, every, longest = case
+        self.check_single(mission, every, least, longest)
+
+    @pytest.mark.parametrize(
+        ("longest", "survives"), [(2, []), (3, [0.005]), (5, [0.045]), (7, [0.405]), (9, [0.729])]
+    )
+    def test_what_is_safer_but_longer_does_not_stand_for_what_is_short(self, longest, survives):
+        """One goal, and three stages home: 0.9 or 0.5, then 0.9 or 0.1 twice; 0.9 takes 3, not 1.
+
+        With a budget of 7 the short first stage leaves room for both other long ones, of which the
+        long first stage leaves room for either.
+        """
+        graph = nx.DiGraph(base=0, robots=1)
+        for node in range(10):
+            graph.add_node(node, reward=float(node == 1))
+        graph.add_edge(0, 1, survival=1.0, length=0.0)
+        for start, stop, risky in [(1, 2, 0.5), (2, 3, 0.1), (3, 0, 0.1)]:
+            for way, survival, length in [(2 * start + 2, 0.9, 3.0), (2 * start + 3, risky, 1.0)]:
+                graph.add_edge(start, way, survival=survival, length=length)
+                graph.add_edge(way, stop, survival=1.0, length=0.0)
+        found = found_trails(search_for(Mission(graph), longest=float(longest)))
+        assert found[found[:, 0] > 0, 1] == pytest.approx(np.array(survives))
+
+    def check_single(self, mission, every, least, longest):
+        found = found_trails(search_for(mission, least, longest))
+        kept = within(mission, every, least, longest)
+        rows = np.array([figures_of(mission, trail) for trail in kept])
         reward = mission.arrays.reward[goals_of(mission)]
         share = rows[:, :-1] @ reward / (reward.sum() or 1.0)
         rows = np.column_stack([share, rows[:, -1]])
@@ -207,7 +288,7 @@ class TestKnownTrails:
         mission, every = case
         mission = mission.with_robots(2)
         found = found_trails(search_for(mission))
-        knowing = TrailSearch(mission, 0.0, every)
+        knowing = TrailSearch(mission, NO_LIMITS, every)
         assert knowing.n_trails >= len(found)
         again = found_trails(knowing)
         assert covers(again, found)
@@ -220,17 +301,22 @@ class TestKnownTrails:
         search = search_for(mission)
         found = found_trails(search)
         known = [tuple(search.trail(row)) for row in range(search.n_trails)]
-        knowing = TrailSearch(mission, 0.0, known)
+        knowing = TrailSearch(mission, NO_LIMITS, known)
         again = found_trails(knowing)
         assert covers(again, found)
         assert covers(found, again)
         assert knowing.n_labels < search.n_labels
 
     @settings(max_examples=50)
-    @given(small_missions(max_trails=200), st.sampled_from([1, 2]))
-    def test_trails_are_what_the_table_says(self, case, robots):
+    @given(
+        small_missions(max_trails=200, lengths=lengths),
+        st.sampled_from([1, 2]),
+        st.sampled_from([inf, 4.0]),
+    )
+    def test_trails_are_what_the_table_says(self, case, robots, longest):
         mission, every = case
-        search = search_for(mission.with_robots(robots))
+        every = within(mission, every, 0.0, longest * (1 + ROUNDING))
+        search = search_for(mission.with_robots(robots), longest=longest)
         found = found_trails(search)
         for row, figures in enumerate(found):
             trail = tuple(search.trail(row))

@@ -85,7 +85,7 @@ class Child:
         self.tails, self.heads = graph.tail[self.arcs].tolist(), graph.head[self.arcs].tolist()
         self.trail = (*base, *self.heads)
 
-    def check(self, mission, floor):
+    def check(self, mission, floor, budget=np.inf):
         """Whether it is a trail, another one, and its figures are those of the formulas."""
         base = mission.arrays.base
         assert [base, *self.heads] == [*self.tails, base]
@@ -100,19 +100,22 @@ class Child:
         gains, survives = with_it - without
         near = {"rel": 1e-12, "abs": 1e-13 * (mission.total_reward + mission.robots)}
         gained, alive = self.appraised
+        walked = twins.length_of(mission, self.trail)
         assert alive == pytest.approx(survives, **near)
         if gained >= 0:
             assert gained == pytest.approx(gains, **near)
             assert self.fixed[0] + gained > self.needed
             assert alive >= floor
-        elif alive >= floor:  # there is a plan as good
+            assert walked <= budget * (1 + 1e-12)
+        elif alive >= floor and walked <= budget * (1 - 1e-12):  # there is a plan as good
             assert self.needed >= (self.fixed[0] + gains) * (1 - 2e-12) - near["abs"]
 
 
 def watched(mission, start, n_evaluations, floor=0.0, full_up_to=routes.FULL_UP_TO, **options):
     """Search in plain Python; give the search, and every child made on the way."""
     with plain_local_search() as patch:
-        patch.setattr(routes, "FULL_UP_TO", full_up_to)
+        for module in (routes, search_module):
+            patch.setattr(module, "FULL_UP_TO", full_up_to)
         patch.setattr(routes, "NEAR", 2)
         search = local_search(mission, start, min_survival=floor, **options)
         patch.setattr(kernels, "MAX_FRUITLESS", FEW)
@@ -133,27 +136,30 @@ def watched(mission, start, n_evaluations, floor=0.0, full_up_to=routes.FULL_UP_
     missions_with_plans(min_nodes=2),
     st.sampled_from([*MOVES, "all"]),
     st.sampled_from([0.0, 0.0, 0.3, 1.0]),
+    st.sampled_from([np.inf, np.inf, 7.0, 3.0, 0.0]),
     st.sampled_from([0.0, 0.5, 1.0]),
     st.sampled_from([2, 1_000]),
     st.integers(0, 9),
 )
 def test_every_child_is_a_trail_and_is_appraised_right(
-    case, move, floor, p_detour, full_up_to, seed
+    case, move, floor, budget, p_detour, full_up_to, seed
 ):
     """One-way missions, safe arcs, nodes without reward; paths known from all nodes or few."""
     mission, plan = case
-    if mission.robot_survival([plan]).min() < floor:
+    too_long = mission.trail_lengths([plan]).max() > budget
+    if too_long or mission.robot_survival([plan]).min() < floor:
         plan = TrailPlan([[0]] * mission.robots)
     moves = DEFAULT_MOVES if move == "all" else {move: 1.0}
-    options = {"moves": moves, "seed": seed, "p_detour": p_detour}
+    options = {"moves": moves, "seed": seed, "p_detour": p_detour, "max_length": budget}
     search, made = watched(mission, [plan], 60, floor, full_up_to, **options)
     for child in made:
-        child.check(mission, floor)
+        child.check(mission, floor, budget)
     batch, objectives, _ = search.plans()
     assert np.array_equal(mission.evaluate(batch), objectives)
     assert (np.diff(objectives[:, 0]) < 0).all()
     assert (np.diff(objectives[:, 1]) > 0).all()
     assert mission.robot_survival(batch).min() >= floor * (1 - 1e-12)
+    assert mission.trail_lengths(batch).max() <= budget * (1 + 1e-12)
 
 
 def test_small_chances_of_the_others_keep_their_digits():
@@ -178,7 +184,7 @@ class TestMovesByHand:
         """The children of one trail, whatever else is found."""
         seen = set()
         for seed in range(9):
-            options = {"p_newest": 0.0, "p_end": 1.0, **rule}
+            options = {"p_newest": 0.0, "p_end": 1.0, "p_refill": 0.0, **rule}
             _, made = watched(
                 mission, [TrailPlan([trail])], 100, moves={move: 1.0}, seed=seed, **options
             )
@@ -223,7 +229,7 @@ class TestMovesByHand:
     def test_adopt(self, mission):
         two = mission.with_robots(2)
         start = [TrailPlan([[0, 3, 0], [0, 2, 0]])]
-        search, _ = watched(two, start, 50, moves={"adopt": 1.0})
+        search, _ = watched(two, start, 50, moves={"adopt": 1.0}, p_refill=0.0)
         found = {tuple(sorted(plan.trails)) for plan in search.plans()[0]}
         assert found == {((0,), (0,)), ((0,), (0, 3, 0)), ((0, 2, 0), (0, 3, 0))}
 
@@ -309,14 +315,18 @@ def one_way():
         (load_mission("art_museum"), 800, {"patience": 20, "p_alone": 0.5}),
         (one_way(), 800, {"patience": 9, "p_alone": 0.9, "n_alone": 50}),
         (load_mission("two_communities"), 300, {}),
+        (one_way(), 800, {"p_refill": 0.5, "p_walk": 0.5, "max_length": 9.0}),
+        (load_mission("toy"), 800, {"p_refill": 1.0, "max_length": 6.0, "min_survival": 0.4}),
         (load_mission("toy"), 5_000, {}),  # solved soon, and what the search does when it is stuck
     ],
 )
 def test_plain_python_finds_the_same_to_the_bit(monkeypatch, mission, n_evaluations, rule):
-    monkeypatch.setattr(routes, "FULL_UP_TO", 25)  # the terrain's paths are known in part
+    for module in (routes, search_module):  # the terrain's paths are known in part
+        monkeypatch.setattr(module, "FULL_UP_TO", 25)
     monkeypatch.setattr(routes, "NEAR", 8)
     floor = rule.get("min_survival", 0.0)
-    start = [plan_sequentially(mission, 1.0, beam_width=5, min_survival=floor)]
+    limits = {"min_survival": floor, "max_length": rule.get("max_length", np.inf)}
+    start = [plan_sequentially(mission, 1.0, beam_width=5, **limits)]
     compiled = local_search(mission, start, seed=3, **rule)
     parts = (n_evaluations - 100, 1, 99)
     spent = [compiled.run(n) for n in parts]

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from botohe_moo.kernels.compile import kernel
+from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
 from botohe_moo.kernels.plans import change as changes
 from botohe_moo.kernels.plans import moves
 from botohe_moo.kernels.plans.change import MoveRule, change_plans
@@ -20,7 +21,7 @@ from botohe_moo.kernels.rng import seed_states
 from botohe_moo.mission import Mission, load_mission
 from botohe_moo.trails import PlanBatch
 from tests import twins
-from tests.strategies import missions_with_plans, plans, small_missions
+from tests.strategies import lengths, missions_with_plans, plans, small_missions
 
 KINDS = {
     "insert": moves.INSERT,
@@ -242,12 +243,14 @@ def test_moves_are_drawn_again_until_one_can_be_made(trail, weights):
     agree(counted, Moves(mission).drawn(weights, trail), n_times)
 
 
-def change(mission, batch, *, weights=PUBLISHED, every_robot=True, floor=0.0, seed=0, tries=1_000):
+def change(
+    mission, batch, *, weights=PUBLISHED, every_robot=True, limits=NO_LIMITS, seed=0, tries=1_000
+):
     states = seed_states(np.random.default_rng(seed), 1)
     for array in (batch.nodes, batch.offsets):
         array.setflags(write=False)
     rule, given = (
-        MoveRule(weights, tries, every_robot, floor),
+        MoveRule(weights, tries, every_robot, limits),
         read_trails(batch.nodes, batch.offsets),
     )
     return change_plans(mission.arrays, rule, given, batch.n_robots, states)
@@ -270,24 +273,28 @@ def test_trails_stay_trails_on_one_way_missions(mission_and_plan, every_robot, s
 
 
 @settings(max_examples=60)
-@given(missions_with_plans(max_nodes=7), st.data())
-def test_no_move_leaves_the_floor(mission_and_plan, data):
+@given(missions_with_plans(max_nodes=7, lengths=lengths), st.booleans(), st.booleans(), st.data())
+def test_no_move_leaves_the_limits(mission_and_plan, floor, budget, data):
     mission, plan = mission_and_plan
     other = mission.plan(data.draw(plans(mission)))
     batch = mission.batch([plan, other] * 10)
-    floor = mission.robot_survival(batch).min()
+    least = float(mission.robot_survival(batch).min()) if floor else 0.0
+    longest = float(mission.trail_lengths(batch).max()) if budget else np.inf
     for seed in range(3):
-        batch = PlanBatch(*change(mission, batch, floor=floor, seed=seed, tries=20), mission.robots)
-        assert (mission.robot_survival(batch) >= floor).all()
+        changed = change(mission, batch, limits=Limits(least, longest), seed=seed, tries=20)
+        batch = PlanBatch(*changed, mission.robots)
+        assert (mission.robot_survival(batch) >= least).all()
+        assert (mission.trail_lengths(batch) <= longest).all()
 
 
-def test_the_floor_binds_and_leaves_room():
+def test_the_limits_bind_and_leave_room():
     mission = load_mission("art_museum")
     batch = mission.batch([mission.plan([[1]] * 3)] * 200)
     for seed in range(30):
         free = PlanBatch(*change(mission, batch, seed=seed), 3)
-        batch = PlanBatch(*change(mission, batch, floor=0.5, seed=seed), 3)
+        batch = PlanBatch(*change(mission, batch, limits=Limits(0.5, 8.0), seed=seed), 3)
     assert mission.robot_survival(free).min() < 0.5
+    assert mission.trail_lengths(free).max() > 8
     assert 0.5 <= mission.robot_survival(batch).min() < 0.6
     assert max(len(trail) for plan in batch for trail in plan.trails) > 5
 
@@ -333,7 +340,7 @@ def test_where_no_move_drawn_can_be_made_there_are_detours():
 def test_a_trail_that_no_move_can_change_stays():
     mission = round_trip()
     batch = mission.batch([mission.plan([[0], [0]])])
-    nodes, offsets = change(mission, batch, floor=0.73)  # one round survives with 0.729
+    nodes, offsets = change(mission, batch, limits=Limits(0.73))  # one round survives with 0.729
     assert nodes.tolist() == [0, 0]
     assert offsets.tolist() == [0, 1, 2]
 

@@ -11,19 +11,20 @@ from hypothesis import strategies as st
 from numba import njit
 
 from botohe_moo import load_mission
-from botohe_moo.kernels.graph import arcs, paths
-from tests.strategies import missions
+from botohe_moo.kernels.graph import arcs, homing, paths
+from botohe_moo.kernels.graph.graph import Limits, measured_by_length
+from tests.strategies import lengths, missions
 
 USED, TRAIL = 7, 7
 
 
-def compiled(name):
-    return njit(getattr(paths, name))
+def compiled(name, module=paths):
+    return njit(getattr(module, name))
 
 
 find_path, find_home = compiled("safest_path"), compiled("way_home")
-leads_home, survives_home = compiled("leads_home"), compiled("survives_home")
-search_paths = compiled("search_paths")
+leads_home, survives_home = compiled("leads_home"), compiled("survives_home", homing)
+search_paths, way_within = compiled("search_paths"), compiled("way_within", homing)
 
 
 def free_graph(mission, used):
@@ -32,7 +33,7 @@ def free_graph(mission, used):
     free.add_nodes_from(range(graph.n_nodes))
     for arc, (tail, head) in enumerate(zip(graph.tail.tolist(), graph.head.tolist(), strict=True)):
         if used[arc] != USED:
-            free.add_edge(tail, head, cost=-log(graph.survival[arc]))
+            free.add_edge(tail, head, cost=-log(graph.survival[arc]), length=graph.length[arc])
     return free
 
 
@@ -126,6 +127,79 @@ def test_a_floor_is_kept_if_the_safest_way_home_keeps_it(mission, data, alive, l
                 continue
             expected = survives >= least
         assert survives_home(graph, scratch, used, TRAIL, node, alive, least) == expected
+
+
+def assert_limited(graph, used, path, node, trail, limits):
+    """Whether arcs lead home from a node, and a trail that goes on by them keeps the limits."""
+    alive, length = trail
+    here = node
+    for arc in path:
+        assert graph.tail[arc] == here
+        assert used[arc] != USED
+        here = graph.head[arc]
+        alive, length = alive * graph.survival[arc], length + graph.length[arc]
+    assert here == graph.base
+    assert alive >= limits.min_survival
+    assert length <= limits.max_length
+
+
+@settings(max_examples=300)
+@given(
+    missions(max_nodes=8, lengths=lengths),
+    st.data(),
+    st.sampled_from([0.0, 0.2, 0.6]),
+    st.sampled_from([0.0, 2.0, 4.0, 7.0]),
+)
+def test_ways_within_limits_are_the_safest_or_else_the_shortest(mission, data, least, longest):
+    graph, scratch = mission.arrays, paths.new_paths(mission.arrays)
+    used, limits = draw_used(mission, data), Limits(least, longest)
+    free, budget = free_graph(mission, used), homing.new_budget(graph, limits)
+    alive, length = data.draw(st.floats(0.3, 1.0)), data.draw(st.floats(0.0, 2.0))
+    for node in free:
+        n = way_within(graph, budget, scratch, used, TRAIL, node, alive, length)
+        if n >= 0:
+            path = scratch.path[:n].tolist()
+            assert_limited(graph, used, path, node, (alive, length), limits)
+            continue
+        if not nx.has_path(free, node, graph.base):
+            continue
+        for weight in ("cost", "length"):  # where ways tie, it is any of them
+            found = best_ways(free, node, graph.base, weight)
+            assert len(found) > 1 or not_kept(free, found[0], alive, length, limits)
+
+
+def best_ways(free, node, base, weight):
+    """All ways to the base of least weight, to rounding."""
+    if node == base:
+        return [[node]]
+    least = nx.dijkstra_path_length(free, node, base, weight=weight)
+    found = nx.all_simple_paths(free, node, base)
+    return [way for way in found if nx.path_weight(free, way, weight) <= least + 1e-9]
+
+
+def not_kept(free, way, alive, length, limits):
+    """Whether a trail that goes on by a way breaks a limit, or only just keeps it."""
+    alive *= np.exp(-nx.path_weight(free, way, "cost"))
+    length += nx.path_weight(free, way, "length")
+    return alive < limits.min_survival + 1e-9 or length > limits.max_length - 1e-9
+
+
+@settings(max_examples=100)
+@given(missions(max_nodes=9, lengths=lengths))
+def test_the_graph_by_length(mission):
+    graph = mission.arrays
+    short, free = measured_by_length(graph), free_graph(mission, np.zeros(graph.n_arcs, np.int64))
+    assert np.array_equal(short.cost, graph.length)
+    for node in free:
+        expected = nx.dijkstra_path_length(free, node, graph.base, weight="length")
+        assert short.home[node] == pytest.approx(expected)
+        here, total = node, 0.0
+        while here != graph.base:
+            arc = short.homeward[here]
+            assert graph.tail[arc] == here
+            here, total = graph.head[arc], total + graph.length[arc]
+        assert total == pytest.approx(expected)
+    assert homing.new_budget(graph, Limits(0.5)) is None
 
 
 @settings(max_examples=200)

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from botohe_moo import load_mission
+from botohe_moo.kernels.graph.graph import with_costs
 from botohe_moo.kernels.local_search import routes as kernels
 from botohe_moo.kernels.local_search.routes import UNKNOWN
 from tests.strategies import missions
@@ -56,7 +57,7 @@ def search(mission, routes, goal):
 @settings(max_examples=60)
 @given(missions(min_nodes=1, max_nodes=9), st.data())
 def test_rows_hold_the_safest_paths_from_all_nodes(mission, data):
-    routes, n_nodes = kernels.new_routes(mission.arrays), mission.arrays.n_nodes
+    routes, n_nodes = kernels.new_routes(mission.arrays, 0.0), mission.arrays.n_nodes
     assert not routes.n_known.any()  # nothing is searched before somebody asks
     goals = data.draw(st.permutations(range(n_nodes)))
     for i, goal in enumerate(goals):
@@ -72,7 +73,7 @@ def test_on_larger_missions_rows_are_truncated(mission, near):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(kernels, "FULL_UP_TO", 3)
         patch.setattr(kernels, "NEAR", near)
-        routes = kernels.new_routes(mission.arrays)
+        routes = kernels.new_routes(mission.arrays, 0.0)
     assert routes.entries.shape == (mission.arrays.n_nodes, near)
     for goal in range(mission.arrays.n_nodes):
         search(mission, routes, goal)
@@ -84,7 +85,7 @@ def test_on_larger_missions_rows_are_truncated(mission, near):
 def test_the_nearest_nodes_are_those_that_are_safest_to_reach(mission, n_near):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(kernels, "_N_NEIGHBOURS", n_near)
-        routes = kernels.new_routes(mission.arrays)
+        routes = kernels.new_routes(mission.arrays, 0.0)
     n_nodes = mission.arrays.n_nodes
     assert routes.near.shape == (n_nodes, min(n_near, n_nodes - 1))
     safest = [distances_to(mission, goal) for goal in range(n_nodes)]
@@ -111,9 +112,56 @@ def test_everywhere_the_way_home_is_known(mission):
         assert cost == pytest.approx(safest[node], rel=1e-12, abs=1e-12)
 
 
+def ways(graph, source, target, limit):
+    """Lengths of all simple paths that cost at most so much."""
+    if source == target:
+        return [0.0]
+    found = nx.all_simple_edge_paths(graph, source, target)
+    labelled = [[graph.edges[arc] for arc in path] for path in found]
+    return [
+        sum(arc["length"] for arc in path)
+        for path in labelled
+        if sum(arc["cost"] for arc in path) <= limit
+    ]
+
+
+@settings(max_examples=60)
+@given(
+    missions(min_nodes=1, max_nodes=6), st.sampled_from([0.0, 0.0, 0.2, 1.0, 30.0]), st.randoms()
+)
+def test_costs_and_lengths_of_the_cheapest_paths_there_and_back(mission, per_length, random):
+    arrays = mission.arrays
+    priced = with_costs(arrays, arrays.cost + per_length * arrays.length)
+    routes, n_nodes = kernels.new_routes(priced, per_length), arrays.n_nodes
+    graph = nx.DiGraph()
+    graph.add_nodes_from(range(n_nodes))
+    for arc in range(arrays.n_arcs):
+        ends = int(arrays.tail[arc]), int(arrays.head[arc])
+        cost = -log(arrays.survival[arc]) + per_length * arrays.length[arc]
+        graph.add_edge(*ends, cost=cost, length=arrays.length[arc])
+    costs = dict(nx.all_pairs_dijkstra_path_length(graph, weight="cost"))
+    for node in random.sample(range(n_nodes), n_nodes):
+        assert routes.is_known[node] == 0
+        for _ in range(2):  # the second time it is known
+            kernels.search_costs(priced, routes, node)
+        for other in range(n_nodes):
+            for there, found, lengths in (
+                ((node, other), routes.leaving, routes.leaving_length),
+                ((other, node), routes.coming, routes.coming_length),
+            ):
+                least = costs[there[0]][there[1]]
+                assert found[node, other] == pytest.approx(least, rel=1e-12, abs=1e-12)
+                if per_length == 0.0:
+                    assert not routes.has_lengths
+                    continue
+                possible = ways(graph, *there, least * (1 + 1e-9) + 1e-9)
+                length = pytest.approx(lengths[node, other], rel=1e-9, abs=1e-9)
+                assert any(way == length for way in possible)
+
+
 def test_a_named_mission():
     museum = load_mission("art_museum")
-    routes = kernels.new_routes(museum.arrays)
+    routes = kernels.new_routes(museum.arrays, 0.0)
     for goal in range(len(museum.nodes)):
         search(museum, routes, goal)
         assert_routes(museum, routes, goal, len(museum.nodes))

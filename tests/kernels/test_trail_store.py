@@ -146,3 +146,31 @@ def test_a_released_trail_gives_its_number_to_the_next():
     assert stored.add((0,)) == trail
     again = store.trails[trail]
     assert (again.n_arcs, again.n_visits, again.alive) == (0, 0, 1.0)
+
+
+@settings(max_examples=60)
+@given(st.data())
+def test_a_trail_that_is_taken_back_leaves_no_trace(data):
+    mission = data.draw(missions(min_nodes=1))
+    stored = Stored(mission)
+    some = [stored.add(data.draw(trails(mission))) for _ in range(data.draw(st.integers(0, 3)))]
+    before, users = stored.store.n.item(), stored.store.trails["n_users"].tolist()
+    added = [stored.add(data.draw(trails(mission))) for _ in range(data.draw(st.integers(1, 3)))]
+    for trail in reversed(added):
+        kernels.take_back(stored.store, trail)
+        del stored.nodes[trail]
+    assert stored.store.n.item() == before
+    assert stored.store.trails["n_users"].tolist() == users
+    stored.check()
+    # Where another plan has it, and where others lie behind it, its room stays in use.
+    for trail in some:
+        stored.store.trails[trail].n_users += 1
+        kernels.take_back(stored.store, trail)
+    assert stored.store.n.item() == before
+    for trail in some[:-1]:
+        kernels.take_back(stored.store, trail)
+        del stored.nodes[trail]
+    stored.check()
+    for _ in range(3):
+        stored.add(data.draw(trails(mission)))
+    stored.check()

@@ -2,6 +2,7 @@
 
 import pickle
 import time
+from math import inf
 
 import networkx as nx
 import numpy as np
@@ -12,8 +13,8 @@ from hypothesis import strategies as st
 from botohe_moo import BOTOHE, Mission, TooLargeError, TrailPlan, exact_front, load_mission
 from botohe_moo.algorithms.bo_aco import BOACO
 from botohe_moo.search.exact import TIME_LIMIT, FrontSearch, _compile_kernels
-from tests.strategies import small_missions
-from tests.twins import all_objectives, survival_of
+from tests.strategies import lengths, small_missions
+from tests.twins import all_objectives, within
 
 
 def mission_of(arcs, rewards, robots):
@@ -48,14 +49,20 @@ def run(search):
 
 class TestTruth:
     @settings(max_examples=200)
-    @given(small_missions(max_trails=50), st.sampled_from([0.0, 0.0, 0.3, 0.81, 1.0]))
-    def test_it_equals_enumeration(self, case, least):
+    @given(
+        small_missions(max_trails=50, lengths=lengths),
+        st.sampled_from([0.0, 0.0, 0.3, 0.81, 1.0]),
+        st.sampled_from([None, 0.0, 2.0, 4.0, 7.0]),
+    )
+    def test_it_equals_enumeration(self, case, least, longest):
         """One-way missions, safe arcs, nodes without reward, a base with reward among them."""
         mission, trails = case
-        kept = [trail for trail in trails if survival_of(mission, trail) >= least]
-        plans = exact_front(mission, min_survival=least)
+        kept = within(mission, trails, least, inf if longest is None else longest)
+        plans = exact_front(mission, min_survival=least, max_length=longest)
         assert_is_front(mission, plans, all_objectives(mission, kept))
         assert (mission.robot_survival(plans) >= least).all()
+        if longest is not None:
+            assert (mission.trail_lengths(plans) <= longest * (1 + 1e-12)).all()
 
     @settings(max_examples=60)
     @given(small_missions(max_trails=50, one_way=True))
@@ -172,6 +179,11 @@ class TestCorners:
         for least, n in ((survival, 2), (np.nextafter(survival, 1), 1)):
             assert len(exact_front(mission, min_survival=float(least))) == n
 
+    def test_a_budget_that_is_met_exactly(self):
+        mission = spurs(0.9, rewards=[0, 1], robots=1)  # every hop is 1 long
+        for longest, n in ((2, 2), (np.nextafter(2, 1), 1), (0, 1)):
+            assert len(exact_front(mission, max_length=float(longest))) == n
+
     def test_more_arcs_and_goals_than_a_word_has_bits(self):
         arcs = [(i, i + 1, 0.99) for i in range(70)]
         mission = mission_of(arcs + [(v, u, s) for u, v, s in arcs], [0] + [1] * 70, 1)
@@ -200,6 +212,7 @@ class TestSearch:
         ("parameters", "message"),
         [
             ({"min_survival": 1.5}, r"Expected min_survival in \[0, 1\], got 1\.5\."),
+            ({"max_length": -1}, r"Expected max_length >= 0, got -1\."),
             ({"time_limit": 0}, r"Expected time_limit > 0, got 0\."),
             ({"time_limit": float("inf")}, r"Expected time_limit > 0 and finite, got inf\."),
             ({"memory_limit": -1}, r"Expected memory_limit > 0, got -1\."),

@@ -141,7 +141,7 @@ def test_looking_changes_nothing(museum):
 
 
 def test_every_kind_of_move_is_counted(museum):
-    search = started(museum)
+    search = started(museum, p_refill=0.0)
     search.run(20_000)
     made, entered = search.tally
     assert 19_000 < made.sum() <= 20_000
@@ -155,7 +155,7 @@ def test_every_kind_of_move_is_counted(museum):
 
 def test_moves_that_lead_nowhere_end_the_search(museum):
     for move in ("splice", "graft", "swap-loops", "reverse"):
-        search = started(museum, moves={move: 1.0})
+        search = started(museum, moves={move: 1.0}, p_refill=0.0)
         assert search.run(100_000) == 0  # there is only the trail that stays at base
         assert len(search) == 1
 
@@ -168,7 +168,8 @@ def test_a_mission_without_arcs_has_one_plan():
     assert search.plans()[1].tolist() == [[2.0, 4.0]]
 
 
-def test_dangers_that_nobody_survives():
+@pytest.mark.parametrize("p_refill", [0.06, 1.0])
+def test_dangers_that_nobody_survives(p_refill):
     """Products of survivals that are rounded to 0 hurt neither the front nor its objectives."""
     graph = nx.DiGraph()
     for node in range(5):
@@ -176,7 +177,168 @@ def test_dangers_that_nobody_survives():
         graph.add_edge(node, (node + 1) % 5, survival=1e-200)
     graph.add_edge(1, 0, survival=1e-200)
     graph.add_edge(0, 4, survival=1e-5)
-    search = started(Mission(graph, base=0, robots=2))
+    search = started(Mission(graph, base=0, robots=2), p_refill=p_refill)
     search.admit(PlanBatch.from_plans([TrailPlan([[0, 1, 2, 3, 4, 0], [0, 4, 0]])], 2))
     search.run(5_000)
     check(search)
+
+
+REFILLING = {"p_refill": 0.8, "p_walk": 0.2}
+
+
+def longest_and_least(search):
+    """How long the longest trail of each plan is, and with what probability its least survives."""
+    plans = search.plans()[0]
+    mission = search.mission
+    return mission.trail_lengths(plans).max(axis=1), mission.robot_survival(plans).min(axis=1)
+
+
+def wheel(*, robots=2, survival=0.9, reward=1.0, length=1.0):
+    """The base, and five nodes round it, each of which leads to the next and the one before."""
+    graph = nx.wheel_graph(6).to_directed()
+    nx.set_node_attributes(graph, reward, "reward")
+    nx.set_edge_attributes(graph, survival, "survival")
+    nx.set_edge_attributes(graph, length, "length")
+    return Mission(graph, base=0, robots=robots)
+
+
+@pytest.mark.parametrize("rule", [{}, {"p_refill": 0.5}, REFILLING])
+@pytest.mark.parametrize(("floor", "budget"), [(0.0, 8.0), (0.6, 8.0), (0.3, 12.0), (0.9, 5.0)])
+def test_every_plan_of_every_call_keeps_floor_and_budget(museum, rule, floor, budget):
+    search = started(museum, min_survival=floor, max_length=budget, **rule)
+    reached = 0.0
+    for n in (1, 10, 100, 500, 500, 1_000, 3_000):
+        assert search.run(n) == n
+        longest, least = longest_and_least(search)
+        assert longest.max() <= budget * (1 + 1e-12)
+        assert least.min() >= floor * (1 - 1e-12)
+        reached = max(reached, longest.max())
+    check(search)
+    if floor < 0.9:
+        assert len(search) > 5
+        assert reached > budget / 2
+
+
+@pytest.mark.parametrize("rule", [{}, {"p_refill": 0.0}, REFILLING])
+@pytest.mark.parametrize(
+    ("budget", "floor", "expected"),
+    [
+        (1.9, 0.0, [[0.0, 1.0]]),
+        (2.0, 0.0, [[4.0, 0.25], [0.0, 1.0]]),
+        (4.0, 0.0, [[7.2, 0.45], [0.0, 1.0]]),  # the safest way there, and the shortest back
+        (6.0, 0.0, [[7.2, 0.81], [0.0, 1.0]]),
+        (4.0, 0.45, [[7.2, 0.45], [0.0, 1.0]]),
+        (4.0, 0.5, [[0.0, 1.0]]),
+    ],
+)
+def test_the_safest_way_is_too_long_by_hand(budget, floor, expected, rule):
+    """Node 1 is worth 8. Safest ways are 3 long and survive 0.9; shortest ones 1, and 0.5."""
+    graph = nx.DiGraph(robots=1)
+    graph.add_nodes_from([(0, {"reward": 0.0}), (1, {"reward": 8.0})])
+    graph.add_nodes_from([2, 3], reward=0.0)
+    for one, other, middle in ((0, 1, 2), (1, 0, 3)):
+        graph.add_edge(one, other, survival=0.5, length=1.0)
+        graph.add_edge(one, middle, survival=0.9, length=1.5)
+        graph.add_edge(middle, other, survival=1.0, length=1.5)
+    graph.add_edge(2, 0, survival=0.9, length=9.0)
+    search = started(Mission(graph, base=0), min_survival=floor, max_length=budget, **rule)
+    search.run(20_000)
+    assert np.allclose(search.objectives(), expected, rtol=1e-12)
+    check(search)
+
+
+@pytest.mark.parametrize("rule", [{}, REFILLING])
+@pytest.mark.parametrize("budget", [0.0, 1e-320, 1e-300])
+def test_a_budget_of_nothing(rule, budget):
+    search = started(wheel(), max_length=budget, **rule)
+    search.run(2_000)
+    assert search.objectives().tolist() == [[1.0, 2.0]]  # of the base
+    # Where arcs have no length there is nothing to keep.
+    free = started(wheel(length=0.0), max_length=budget, **rule)
+    free.run(2_000)
+    check(free)
+    assert free.objectives()[0, 0] > 4.0
+
+
+@pytest.mark.parametrize("budget", [1e9, 1e300, 1.7e308])
+def test_a_budget_that_nobody_uses_up(budget):
+    for length in (1.0, 1e300):
+        search = started(wheel(length=length), max_length=budget, **REFILLING)
+        search.run(3_000)
+        check(search)
+        assert longest_and_least(search)[0].max() <= budget * (1 + 1e-12)
+        assert (len(search) > 4) == (length * 3 < budget)
+
+
+@pytest.mark.parametrize("limits", [{}, {"max_length": 9.0}])
+def test_refills_go_on_alike_from_a_pickled_search(museum, limits):
+    def begun(seed):
+        search, batch = started(museum, seed=seed, p_refill=1.0, **limits), random_plans(museum, 99)
+        longest = museum.trail_lengths(batch).max(axis=1)
+        search.admit(batch.take(np.flatnonzero(longest <= limits.get("max_length", np.inf))))
+        return search
+
+    one, other = begun(0), begun(0)
+    one.run(2_000)
+    other.run(2_000)
+    assert same(one, other)
+    pickled = pickle.loads(pickle.dumps(one))
+    for search in (one, other, pickled):
+        assert search.run(2_000) == 2_000
+        check(search)
+    assert same(one, other)
+    assert same(one, pickled)
+    another = begun(1)
+    another.run(4_000)
+    assert not same(one, another)
+
+
+@pytest.mark.parametrize("p_walk", [0.0, 1.0])
+@pytest.mark.parametrize("n_evaluations", [1, 7, 400])
+def test_fifty_robots_are_refilled_together(museum, monkeypatch, n_evaluations, p_walk):
+    """A single child adds more trails than the children of a parent are."""
+    monkeypatch.setattr(local_search, "_FIRST_PLANS", 3)
+    mission = museum.with_robots(50)
+    rule = {"p_refill": 1.0, "p_pair": 1.0, "n_children": 1, "n_children_busy": 1}
+    search = started(mission, p_walk=p_walk, max_length=9.0, **rule)
+    search.admit(random_plans(mission, 30))
+    for _ in range(3):
+        assert search.run(n_evaluations) == n_evaluations
+        check(search)
+        store = search._store
+        assert 0 <= store.n.arcs <= len(store.arc)
+        assert 0 <= store.n.visits <= len(store.node)
+        assert 0 <= store.n.spare <= len(store.trails)
+
+
+@pytest.mark.parametrize("limits", [{}, {"max_length": 4.0}, {"min_survival": 0.5}])
+def test_nothing_to_collect(limits):
+    search = started(wheel(reward=0.0), **REFILLING, **limits)
+    search.run(2_000)
+    assert search.objectives().tolist() == [[0.0, 2.0]]
+
+
+@pytest.mark.parametrize("reward", [1.0, 1e-300, 1e300])
+def test_nothing_is_dangerous(reward):
+    search = started(wheel(survival=1.0, reward=reward), **REFILLING)
+    search.run(2_000)
+    assert np.allclose(search.objectives(), [[6 * reward, 2.0]], rtol=1e-12, atol=0)
+    # Two robots with 4 arcs each: three nodes to either.
+    search = started(wheel(survival=1.0, reward=reward), max_length=4.0, **REFILLING)
+    search.run(4_000)
+    assert np.allclose(search.objectives(), [[6 * reward, 2.0]], rtol=1e-12, atol=0)
+    assert longest_and_least(search)[0].max() <= 4.0
+
+
+@pytest.mark.parametrize("limits", [{}, {"max_length": 5.0}, {"min_survival": 1e-310}])
+@pytest.mark.parametrize("survival", [1e-300, 1e-150, 5e-324])
+def test_hardly_anybody_survives(survival, limits):
+    """Probabilities of trails are rounded to 0; costs of 700 an arc are not."""
+    mission = wheel(survival=survival)
+    search = started(mission, **REFILLING, **limits)
+    loops = [TrailPlan([[0, 1, 2, 3, 0], [0, 4, 0]]), TrailPlan([[0, 1, 0], [0]])]
+    if "min_survival" not in limits:
+        search.admit(PlanBatch.from_plans(loops, 2))
+    assert search.run(3_000) == 3_000
+    check(search)
+    assert search.objectives()[-1].tolist() == [1.0, 2.0]

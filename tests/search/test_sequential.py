@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from botohe_moo import Mission, TrailPlan, load_mission
 from botohe_moo.search.sequential import MAX_BEAM_WIDTH, SequentialPlanner, plan_sequentially
-from tests.strategies import missions, small_missions
+from tests.strategies import lengths, missions, small_missions
 from tests.twins import all_objectives, worth
 
 WIDE = MAX_BEAM_WIDTH  # cuts nothing
@@ -100,10 +100,17 @@ class TestCorners:
         assert reward == pytest.approx(every[:, 0].max(), rel=1e-9)
 
     @settings(max_examples=80)
-    @given(missions(max_nodes=9), st.sampled_from(WEIGHTS), st.floats(0.0, 1.0))
-    def test_every_robot_keeps_the_floor(self, mission, weight, least):
-        plan = plan_sequentially(mission, weight, beam_width=3, min_survival=least)
+    @given(
+        missions(max_nodes=9, lengths=lengths),
+        st.sampled_from(WEIGHTS),
+        st.floats(0.0, 1.0),
+        st.one_of(st.none(), st.floats(0.0, 9.0)),
+    )
+    def test_every_robot_keeps_the_limits(self, mission, weight, least, longest):
+        limits = {"min_survival": least, "max_length": longest}
+        plan = plan_sequentially(mission, weight, beam_width=3, **limits)
         assert mission.robot_survival([plan]).min() >= least
+        assert longest is None or mission.trail_lengths([plan]).max() <= longest
 
     def test_a_floor_that_binds(self):
         museum = load_mission("art_museum")
@@ -114,6 +121,30 @@ class TestCorners:
         assert museum.robot_survival([free]).max() < 0.6
         assert museum.robot_survival([held]).min() >= 0.6
         assert all(len(trail) > 3 for trail in held.trails)  # they go out nevertheless
+
+    def test_a_budget_that_binds(self):
+        museum = load_mission("art_museum")  # every hop is 1 long
+        free, held, home = (
+            plan_sequentially(museum, 1.0, max_length=longest, beam_width=30)
+            for longest in (None, 12, 1)
+        )
+        assert museum.trail_lengths([free]).min() > 12
+        assert museum.trail_lengths([held]).tolist() == [[12, 12, 12]]
+        assert museum.trail_lengths([home]).tolist() == [[0, 0, 0]]
+
+    def test_home_by_the_shortest_way_where_the_safest_is_too_long(self):
+        """A goal from which the safest way home is 3 long, and the shortest 1."""
+        graph = nx.DiGraph(base=0, robots=1)
+        graph.add_nodes_from([(0, {"reward": 0.0}), (1, {"reward": 1.0}), (2, {"reward": 0.0})])
+        for tail, head, survival, length in [(0, 1, 1.0, 1.0), (1, 0, 0.5, 1.0)]:
+            graph.add_edge(tail, head, survival=survival, length=length)
+        for tail, head in [(1, 2), (2, 0)]:
+            graph.add_edge(tail, head, survival=1.0, length=1.5)
+        mission = Mission(graph)
+        for longest, trail in ((4, (0, 1, 2, 0)), (3, (0, 1, 0)), (1.5, (0,))):
+            assert plan_sequentially(mission, 0.9, max_length=longest).trails == (trail,)
+        held = plan_sequentially(mission, 0.9, max_length=3, min_survival=0.6)
+        assert held.trails == ((0,),)
 
     def test_without_any_reward(self):
         graph = nx.complete_graph(4, nx.DiGraph)
@@ -161,7 +192,8 @@ class TestPlanner:
         assert values[0] < values[1] < values[2]
 
     def test_pickled_it_plans_the_same(self):
-        planner = SequentialPlanner(load_mission("art_museum"), beam_width=20, min_survival=0.2)
+        limits = {"min_survival": 0.2, "max_length": 15}
+        planner = SequentialPlanner(load_mission("art_museum"), beam_width=20, **limits)
         plan = planner.plan(0.7)
         again = pickle.loads(pickle.dumps(planner))
         assert again.plan(0.7).trails == plan.trails == planner.plan(0.7).trails
@@ -174,6 +206,8 @@ class TestPlanner:
             ({"beam_width": 0}, r"Expected beam_width >= 1, got 0\."),
             ({"beam_width": 10**6}, r"Expected beam_width <= 100000, got 1000000\."),
             ({"min_survival": -0.1}, r"Expected min_survival in \[0, 1\], got -0\.1\."),
+            ({"max_length": -1}, r"Expected max_length >= 0, got -1\."),
+            ({"max_length": "far"}, r"Expected max_length >= 0, got 'far'\."),
         ],
     )
     def test_parameters_out_of_range(self, parameters, message):

@@ -125,7 +125,9 @@ class BOACO(ArchiveAlgorithm):
 
     No budget is overdrawn: the last iteration has as many ants as evaluations are left. Where some
     node has more arcs in than out, ants draw again when no unused arcs lead home from the node that
-    they chose.
+    they chose; where the problem has limits, when no way home is found that keeps them. With a
+    travel budget the safest way home is tried, then the shortest one: a plan is never built in
+    which a robot could only get home by a compromise between both.
     """
 
     @checked
@@ -258,7 +260,7 @@ class BOACO(ArchiveAlgorithm):
                 mission,
                 share=self.local_search,
                 evaluations_each=self.local_search_evaluations,
-                min_survival=problem.planning_floor,
+                limits=problem.planning_limits,
                 random_state=self.random_state,
             )
         self._threads = AntThreads(self.n_threads)
@@ -268,7 +270,7 @@ class BOACO(ArchiveAlgorithm):
                 rule,
                 n_ants=share,
                 threads=self._threads,
-                min_survival=problem.planning_floor,
+                limits=problem.planning_limits,
                 random_state=self.random_state,
             )
             for share in _shares(self.n_ants, self.n_colonies)

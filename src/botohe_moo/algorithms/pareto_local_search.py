@@ -12,6 +12,7 @@ from pymoo.core.population import Population
 from botohe_moo._base.checks import check_weights
 from botohe_moo._base.types import FloatArray, ObjectArray, OffsetArray
 from botohe_moo._plugins.checks import checked
+from botohe_moo._plugins.types import Probability
 from botohe_moo.algorithms.base import ArchiveAlgorithm
 from botohe_moo.algorithms.individuals import PopulationArchive
 from botohe_moo.kernels.fronts.archive import Archive
@@ -60,6 +61,11 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         ``graft``: replace a segment by one of another plan's trail. ``adopt``: take over a whole
         trail. ``swap-loops``: walk the loops at a node in another order. ``reverse``: walk a
         segment the other way round. Default: ``DEFAULT_MOVES``.
+    prob_refill
+        How likely a parent is refilled instead: stops of one robot or several are dropped, and
+        those nodes put in that gain most for their danger. When plans have not entered for some
+        time it is half as likely, and now and then goes on from plans that are a little worse, for
+        eight steps to a node of the mission. Missions of more than 1 000 nodes do without.
     greedy_start
         Whether to begin with plans that
         :func:`~botohe_moo.search.sequential.plan_sequentially` makes for reward alone, for
@@ -111,6 +117,7 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         n_children: Annotated[int, Field(ge=1, le=100_000)] = 24,
         n_drawn: Annotated[int, Field(ge=1, le=1_000)] = 2,
         moves: Mapping[str, float] | None = None,
+        prob_refill: Probability = 0.1,
         greedy_start: bool = True,
         max_size: Annotated[int, Field(ge=10, le=1_000_000_000)] | None = None,
         sampling: Iterable[TrailPlan] | ObjectArray | None = None,
@@ -122,6 +129,7 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         self.n_drawn = n_drawn
         given = DEFAULT_MOVES if moves is None else moves
         self.moves = check_weights("moves", given, MOVES, needed="move")
+        self.prob_refill = prob_refill
         self.greedy_start = greedy_start
         self.max_size = max_size
 
@@ -131,8 +139,10 @@ class ParetoLocalSearch(ArchiveAlgorithm):
             n_children=self.n_children,
             n_children_busy=(self.n_children + 2) // 3,
             n_drawn=self.n_drawn,
+            p_refill=self.prob_refill / 2,
+            p_refill_busy=self.prob_refill,
             n_drawn_busy=1 if self.n_drawn == 1 else 4 * self.n_drawn,
-            min_survival=problem.planning_floor,
+            **problem.planning_limits._asdict(),
         )
         self._search = LocalSearch(
             problem.mission,
@@ -153,7 +163,7 @@ class ParetoLocalSearch(ArchiveAlgorithm):
             planner = SequentialPlanner(
                 mission,
                 beam_width=_WIDE_BEAM if wide else _NARROW_BEAM,
-                min_survival=problem.planning_floor,
+                **problem.planning_limits._asdict(),
             )
             plans += planner.plans(1.0)
         batch = mission.batch(plans)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -9,9 +10,10 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray, SeedArray
 from botohe_moo.kernels.fronts.ordered import copy_front, has_room, new_front, read_front
+from botohe_moo.kernels.graph.graph import Graph, with_costs
 from botohe_moo.kernels.local_search.admission import Given
 from botohe_moo.kernels.local_search.moves import N_KINDS
-from botohe_moo.kernels.local_search.routes import new_routes
+from botohe_moo.kernels.local_search.routes import FULL_UP_TO, new_routes
 from botohe_moo.kernels.local_search.search import Fronts, search
 from botohe_moo.kernels.local_search.trail_store import copy_trails, fits, new_store, pieces
 from botohe_moo.kernels.local_search.workspace import SearchRule, new_memory, new_workspace
@@ -33,6 +35,9 @@ DEFAULT_MOVES: Mapping[str, float] = {
     "reverse": 0.06,
     "adopt": 0.1,
 }
+
+# What the length of the longest arc costs, at most.
+_MOST_COST = 1e12
 
 _FIRST_PLANS = 256
 _MOST_ALONE = 1_024
@@ -56,7 +61,8 @@ class LocalSearch:
         max_size: int | None = None,
     ) -> None:
         self.mission = mission
-        self.rule = rule
+        small = len(mission.nodes) <= FULL_UP_TO
+        self.rule = rule if small else rule._replace(p_refill=0.0, p_refill_busy=0.0)
         self.max_size = max_size
         self.tally: OffsetArray = np.zeros((2, N_KINDS), np.int64)
         self._weights: FloatArray = np.cumsum([float(moves.get(name, 0.0)) for name in MOVES])
@@ -68,8 +74,9 @@ class LocalSearch:
 
     def _prepare(self) -> None:
         """Make what follows from the mission, or holds nothing between two calls."""
-        graph = self.mission.arrays
-        self._routes = new_routes(graph)
+        self._graph, per_length = _priced(self.mission.arrays, self.rule)
+        graph = self._graph
+        self._routes = new_routes(graph, per_length)
         # The search looks for room there only after all children of a parent.
         self._alone = new_front(max(_MOST_ALONE, self.rule.most_new + 1), 1)
         self._work = new_workspace(
@@ -110,7 +117,7 @@ class LocalSearch:
             if batch is not None:
                 given = Given(batch.nodes.copy(), batch.offsets[n * n_robots :].copy())
             n += search(
-                self.mission.arrays,
+                self._graph,
                 self._routes,
                 self._store,
                 Fronts(self._front, self._alone),
@@ -189,12 +196,27 @@ class LocalSearch:
         )
 
     def __getstate__(self) -> dict[str, Any]:
-        derived = ("_alone", "_routes", "_work")
+        derived = ("_alone", "_graph", "_routes", "_work")
         return {key: value for key, value in vars(self).items() if key not in derived}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         self._prepare()
+
+
+def _priced(graph: Graph, rule: SearchRule) -> tuple[Graph, float]:
+    """Let lengths add to the costs of arcs where there is a travel budget, and say how much.
+
+    Paths that are cheapest then are neither the safest nor the shortest: a whole budget costs as
+    much as all the danger that the survival floor allows, or as a survival of 1 / e without one. A
+    budget that is far shorter than the longest arc costs less, so that all costs are finite.
+    """
+    if rule.max_length == math.inf:
+        return graph, 0.0
+    danger = -math.log(rule.min_survival) if 0.0 < rule.min_survival < 1.0 else 1.0
+    longest = float(graph.length.max(initial=0.0)) or 1.0
+    per_length = min(danger / max(rule.max_length, 1e-300), _MOST_COST / longest)
+    return with_costs(graph, graph.cost + per_length * graph.length), per_length
 
 
 def _most_contributing(objectives: FloatArray, n_most: int) -> OffsetArray:

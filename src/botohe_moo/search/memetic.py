@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo.kernels.graph.graph import Limits
 from botohe_moo.kernels.local_search.workspace import SearchRule
 from botohe_moo.mission.model import Mission
 from botohe_moo.search.local_search import DEFAULT_MOVES, LocalSearch
@@ -24,14 +25,14 @@ class IterationSearch:
         *,
         share: float,
         evaluations_each: int,
-        min_survival: float,
+        limits: Limits,
         random_state: np.random.Generator,
     ) -> None:
         self.share = share
         self.evaluations_each = evaluations_each
         self._search = LocalSearch(
             mission,
-            SearchRule(min_survival=min_survival),
+            SearchRule(**limits._asdict()),
             moves=DEFAULT_MOVES,
             random_state=random_state,
         )

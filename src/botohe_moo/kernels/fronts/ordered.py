@@ -172,6 +172,25 @@ def contribution(front: OrderedFront, at: int, place: int) -> float:
     return float((left.reward - right.reward) * (right.survivors - left.survivors))
 
 
+@helper
+def slope_at(front: OrderedFront, at: int, place: int) -> float:
+    """Give how much E[R] the front pays for a survivor at a plan: the slope beside it."""
+    block, n = front.directory[at], front.n.blocks
+    here = front.places[block, place]
+    left = right = here
+    if place > 0:
+        left = front.places[block, place - 1]
+    elif at > 0:
+        before = front.directory[at - 1]
+        left = front.places[before, front.size[before] - 1]
+    if place < front.size[block] - 1:
+        right = front.places[block, place + 1]
+    elif at < n - 1:
+        right = front.places[front.directory[at + 1], 0]
+    more = right.survivors - left.survivors
+    return float((left.reward - right.reward) / more) if more > 0.0 else 0.0
+
+
 @inlined
 def _move(place: Record, to: Record) -> None:
     """Copy a place by its fields: copying records whole goes byte by byte."""

@@ -101,6 +101,14 @@ def put_in_order(store: TrailStore, work: Workspace, trail: int) -> None:
 def bring_in(graph: Graph, store: TrailStore, front: OrderedFront, work: Workspace) -> bool:
     """Put the plan in ``work.trails`` into the front, unless that has one as good."""
     reward, survivors = evaluate_trails(graph, store, work)
+    return enter_team(store, front, work, reward, survivors)
+
+
+@helper
+def enter_team(
+    store: TrailStore, front: OrderedFront, work: Workspace, reward: float, survivors: float
+) -> bool:
+    """Put the plan in ``work.trails`` into the front, and remember if it enters."""
     if not enter(store, front, work.trails, reward, survivors):
         return False
     work.memory.newest, work.memory.idle = survivors, 0

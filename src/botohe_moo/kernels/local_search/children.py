@@ -206,6 +206,12 @@ def appraise(
     home = steps[length].alive * ratio
     if home < rule.min_survival:
         return -1.0, home
+    if rule.max_length < np.inf:
+        walked = steps[prefix].walked + steps[length].walked - steps[suffix].walked
+        for i in range(now.middle):
+            walked += graph.length[work.middle[i]]
+        if walked > rule.max_length:
+            return -1.0, home
     needed = best_reward(front, (survivors + home) * (1.0 - TOLERANCE))
     bound = (others + gained + alive * steps[suffix].ahead) * (1.0 + TOLERANCE)
     if needed >= bound:

@@ -23,7 +23,10 @@ def set_aside(graph: Graph, store: TrailStore, work: Workspace) -> None:
     now, nodes, touched = work.now, work.nodes, work.touched
     now.touched, now.others, now.survivors = 0, graph.reward[graph.base], 0.0
     for k in range(work.held.shape[0]):
-        if k == now.robot:
+        is_changed = k == now.robot
+        for i in range(1, now.chosen):
+            is_changed |= k == work.chosen[i]
+        if is_changed:
             continue
         trail = store.trails[work.held[k]]
         for i in range(trail.first_visit, trail.first_visit + trail.n_visits):
@@ -60,18 +63,21 @@ def lay_out(graph: Graph, store: TrailStore, work: Workspace, trail: int) -> Non
     start, length = store.trails[trail].first_arc, store.trails[trail].n_arcs
     work.now.length = length
     nodes[graph.base].met = 0
-    alive, gained = 1.0, 0.0
+    alive, gained, walked = 1.0, 0.0, 0.0
     steps[0].node, steps[0].alive, steps[0].gained = graph.base, alive, gained
+    steps[0].walked = walked
     for i in range(length):
         arc = np.int64(store.arc[start + i])
         node = graph.head[arc]
         steps[i].arc = arc
         work.arcs[arc].position = i
         alive *= graph.survival[arc]
+        walked += graph.length[arc]
         if nodes[node].met == NEVER:
             nodes[node].met = i + 1
             gained += nodes[node].left * alive
         steps[i + 1].node, steps[i + 1].alive, steps[i + 1].gained = node, alive, gained
+        steps[i + 1].walked = walked
     # Backwards: what lies ahead when nothing has been collected; a node that comes again later
     # counts now instead.
     ahead = 0.0

@@ -12,7 +12,7 @@ from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.local_search.children import join_child
 from botohe_moo.kernels.local_search.routes import Routes, search_near
 from botohe_moo.kernels.local_search.trail_store import TrailStore
-from botohe_moo.kernels.local_search.workspace import SearchRule, Workspace
+from botohe_moo.kernels.local_search.workspace import MOST_GOALS, SearchRule, Workspace
 from botohe_moo.kernels.rng import below, uniform
 
 # The kinds of moves, as indices into their weights; the first are numbers of nodes to visit.
@@ -177,7 +177,7 @@ def change(
     if kind <= VISIT_TWO:
         _draw_segment(work, rule, rule.n_short)
         n_visits = kind
-        while 1 < n_visits < work.goals.shape[0] and uniform(states, 0) < rule.p_more:
+        while 1 < n_visits < MOST_GOALS and uniform(states, 0) < rule.p_more:
             n_visits += 1
         if n_visits > 0 and uniform(states, 0) < rule.p_step:
             n_steps = n_visits

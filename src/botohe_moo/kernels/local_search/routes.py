@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from botohe_moo._base.types import OffsetArray, RecordArray
+from botohe_moo._base.types import FloatArray, OffsetArray, RecordArray
 from botohe_moo.kernels.compile import helper, inlined
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.graph.paths import ANYWHERE, Paths, new_paths, search_paths
@@ -37,18 +37,41 @@ class Routes(NamedTuple):
     # For each node those others that are safest to reach, in this order; −1 before somebody has
     # asked (n_nodes, n_near).
     near: OffsetArray
+    # Costs of the cheapest paths from each node to all (``leaving``), and to it from all
+    # (``coming``; n_nodes, n_nodes), where they have been asked for (``is_known``; n_nodes). None
+    # on missions of more than ``FULL_UP_TO`` nodes.
+    is_known: OffsetArray
+    leaving: FloatArray
+    coming: FloatArray
+    # With a travel budget likewise their lengths, and what a unit of length adds to the cost.
+    has_lengths: bool
+    leaving_length: FloatArray
+    coming_length: FloatArray
+    per_length: float
     used: OffsetArray  # 0 for all arcs: every search may take all of them (n_arcs)
     paths: Paths  # scratch of the search
 
 
-def new_routes(graph: Graph) -> Routes:
-    """Prepare the search for safest paths; nothing is searched yet."""
+def new_routes(graph: Graph, per_length: float) -> Routes:
+    """Prepare the search for cheapest paths; nothing is searched yet.
+
+    ``per_length`` is what a unit of length adds to the costs of ``graph``; 0 without a travel
+    budget.
+    """
     n_nodes = graph.n_nodes
     n_entries = n_nodes if n_nodes <= FULL_UP_TO else NEAR
+    n_costs = n_nodes if n_nodes <= FULL_UP_TO else 0
     return Routes(
         n_known=np.zeros(n_nodes, np.int64),
         entries=np.empty((n_nodes, n_entries), _ENTRY).view(np.recarray),
         near=np.full((n_nodes, min(_N_NEIGHBOURS, n_nodes - 1)), -1),
+        is_known=np.zeros(n_nodes, np.int64),
+        leaving=np.empty((n_costs, n_costs)),
+        coming=np.empty((n_costs, n_costs)),
+        has_lengths=per_length > 0.0,
+        leaving_length=np.empty((n_costs, n_costs) if per_length > 0.0 else (0, 0)),
+        coming_length=np.empty((n_costs, n_costs) if per_length > 0.0 else (0, 0)),
+        per_length=per_length,
         used=np.zeros(graph.n_arcs, np.int64),
         paths=new_paths(graph),
     )
@@ -61,6 +84,28 @@ def search_near(graph: Graph, routes: Routes, source: int) -> None:
     search_paths(graph, paths, routes.used, 1, source, ANYWHERE, n_near + 1, False)
     for i in range(n_near):
         routes.near[source, i] = paths.order[i + 1]
+
+
+@helper
+def search_costs(graph: Graph, routes: Routes, node: int) -> None:
+    """Find the costs of the cheapest paths from a node to all, and to it from all."""
+    if routes.is_known[node] > 0:
+        return
+    routes.is_known[node] = 1
+    paths, n_nodes = routes.paths, graph.reward.shape[0]
+    for backwards in (False, True):
+        costs = routes.coming[node] if backwards else routes.leaving[node]
+        n = search_paths(graph, paths, routes.used, 1, node, ANYWHERE, n_nodes, backwards)
+        for i in range(n):
+            costs[paths.order[i]] = paths.distance[paths.order[i]]
+        if not routes.has_lengths:
+            continue
+        lengths = routes.coming_length[node] if backwards else routes.leaving_length[node]
+        lengths[node] = 0.0
+        for i in range(1, n):
+            arc = paths.entry[paths.order[i]]
+            before = graph.head[arc] if backwards else graph.tail[arc]
+            lengths[paths.order[i]] = lengths[before] + graph.length[arc]
 
 
 @helper

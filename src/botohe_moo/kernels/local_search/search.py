@@ -11,6 +11,7 @@ from botohe_moo.kernels.fronts.ordered import (
     contribution,
     draw_place,
     find_place,
+    slope_at,
 )
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.local_search.admission import (
@@ -25,6 +26,7 @@ from botohe_moo.kernels.local_search.admission import (
 from botohe_moo.kernels.local_search.children import adopt, appraise, write_child
 from botohe_moo.kernels.local_search.layout import clear_others, clear_trail, lay_out, set_aside
 from botohe_moo.kernels.local_search.moves import ADOPT, N_KINDS, change, draw_trail
+from botohe_moo.kernels.local_search.refill import choose_robots, refill
 from botohe_moo.kernels.local_search.routes import Routes
 from botohe_moo.kernels.local_search.trail_store import TrailStore, fits, release
 from botohe_moo.kernels.local_search.workspace import TOLERANCE, SearchRule, Workspace
@@ -74,6 +76,10 @@ def search(
             continue
         if alone.n.plans == 0:
             _take_parent(graph, store, fronts, work, rule)
+            if work.now.chosen > 0:
+                n += refill(graph, routes, store, front, work, rule, n_evaluations - n)
+                _let_go(graph, store, alone, work)
+                continue
         n_more = _raise_children(graph, routes, store, fronts, work, rule, n_evaluations - n)
         n += n_more
         fruitless = 0 if n_more > 0 else fruitless + 1
@@ -103,8 +109,18 @@ def _take_parent(
     now.robot = below(work.states, held.shape[0])
     if store.trails[held[now.robot]].n_arcs == 0:
         now.robot = below(work.states, held.shape[0])
+    now.chosen = 0
+    p_refill = rule.p_refill_busy if work.memory.idle <= rule.busy else rule.p_refill
+    if p_refill > 0.0:  # few plans offer few pieces to each other: refill more of them
+        p_refill = max(p_refill, 1.0 / fronts.team.n.plans)
+    if uniform(work.states, 0) < p_refill:
+        choose_robots(work, rule)
+        is_end = now.at == 0 and place == 0
+        now.slope = 0.0 if is_end else slope_at(fronts.team, now.at, place)
     set_aside(graph, store, work)
     now.alone = 0
+    if now.chosen > 0:
+        return
     is_stuck = held.shape[0] > 1 and work.memory.idle > rule.patience
     if is_stuck and uniform(work.states, 0) < rule.p_alone:
         now.alone = rule.n_alone
@@ -120,7 +136,7 @@ def _draw_parent(front: OrderedFront, work: Workspace, rule: SearchRule) -> tupl
 
     That room is the area that its neighbours leave it, less with every time it was a parent.
     """
-    memory, states = work.memory, work.states
+    memory, states, n_robots = work.memory, work.states, work.held.shape[0]
     newest = memory.newest
     memory.newest = -1.0
     if newest >= 0.0 and uniform(states, 0) < rule.p_newest:
@@ -129,7 +145,8 @@ def _draw_parent(front: OrderedFront, work: Workspace, rule: SearchRule) -> tupl
             at -= 1
             place = front.size[front.directory[at]] - 1
         return at, place
-    if uniform(states, 0) < rule.p_end:
+    survivors = front.places[front.directory[0], 0].survivors
+    if uniform(states, 0) < max(rule.p_end, rule.p_safe_end * survivors / n_robots):
         return 0, 0
     best, best_place, most = 0, 0, -1.0
     for _ in range(rule.n_drawn_busy if memory.idle <= rule.busy else rule.n_drawn):

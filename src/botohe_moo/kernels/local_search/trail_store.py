@@ -101,6 +101,16 @@ def release(store: TrailStore, trail: int) -> None:
         store.n.spare += 1
 
 
+@inlined
+def take_back(store: TrailStore, trail: int) -> None:
+    """Release a trail, and where it is the last that was stored, use its room again."""
+    n, last = store.n, store.trails[trail]
+    release(store, trail)
+    ends = last.first_arc + last.n_arcs, last.first_visit + last.n_visits
+    if last.n_users == 0 and ends == (n.arcs, n.visits):
+        n.arcs, n.visits = last.first_arc, last.first_visit
+
+
 @helper
 def comes_before(store: TrailStore, one: int, other: int) -> bool:
     """Tell whether a trail comes before another in lexicographic order.

@@ -14,10 +14,11 @@ TOLERANCE = 1e-12
 NEVER = np.int64(1) << 40
 
 _MEMORY = np.dtype([("newest", np.float64), ("idle", np.int64)])
-_COUNTS = ("at", "robot", "alone", "touched", "length", "prefix", "middle", "suffix", "goals")
+_PARENT = ("at", "robot", "chosen", "alone", "touched")
+_CHILD = ("length", "prefix", "middle", "suffix", "goals", "piece", "legs", "mark")
 _NOW = np.dtype(
-    [(name, np.int64) for name in (*_COUNTS, "piece", "mark")]
-    + [(name, np.float64) for name in ("others", "survivors")]
+    [(name, np.int64) for name in (*_PARENT, *_CHILD)]
+    + [(name, np.float64) for name in ("others", "survivors", "slope")]
 )
 _STEP = np.dtype(
     [
@@ -26,6 +27,7 @@ _STEP = np.dtype(
         ("alive", np.float64),
         ("gained", np.float64),
         ("ahead", np.float64),
+        ("walked", np.float64),
     ]
 )
 _NODE = np.dtype(
@@ -39,7 +41,12 @@ _NODE = np.dtype(
     ]
 )
 _ARC = np.dtype([("position", np.int64), ("mark", np.int64), ("place", np.int64)])
-_MOST_GOALS = 64
+_LEG = np.dtype(
+    [(name, np.int64) for name in ("before", "after", "then", "tour")]
+    + [(name, np.float64) for name in ("cost", "length", "danger", "survival", "alive", "ahead")]
+)
+_ROOM = np.dtype([(name, np.float64) for name in ("danger", "length")])
+MOST_GOALS = 64
 
 
 class SearchRule(NamedTuple):
@@ -51,7 +58,9 @@ class SearchRule(NamedTuple):
     busy: int = 100  # it is when a plan has entered the front within so many evaluations
     # With what probability the next parent is the plan that has just entered the front.
     p_newest: float = 0.9
-    p_end: float = 0.1  # with what probability the parent is the plan of most reward
+    # With what probability the parent is the plan of most reward; and where all its robots survive.
+    p_end: float = 0.1
+    p_safe_end: float = 0.4
     # Plans among which a parent is chosen, by the area that its neighbours leave it divided by how
     # often it has been a parent; and as long as the search is busy.
     n_drawn: int = 2
@@ -77,7 +86,24 @@ class SearchRule(NamedTuple):
     p_meet: float = 0.9
     # With what probability safest paths go round arcs that the trail uses already.
     p_detour: float = 0.3
+    # With what probability a parent is refilled instead, ``n_refills`` times; and as long as the
+    # search is busy. Then, with what probability another robot's trail is refilled with that of the
+    # robot at hand, and yet another, and so on.
+    p_refill: float = 0.05
+    p_refill_busy: float = 0.1
+    n_refills: int = 4
+    p_pair: float = 0.7
+    # With what probability there is room up to the limits; otherwise danger may differ from that of
+    # the trail by so much, on the scale of logarithms.
+    p_full: float = 0.5
+    spread: float = 0.6
+    # Unless the search is busy, with what probability that is a walk, of ``n_walk`` steps for each
+    # node, and which share of a plan's value its first step may lose.
+    p_walk: float = 0.08
+    n_walk: int = 8
+    threshold: float = 0.05
     min_survival: float = 0.0  # survival floor of every robot
+    max_length: float = np.inf  # travel budget of every robot
 
     @property
     def most_new(self) -> int:
@@ -104,7 +130,8 @@ class Workspace(NamedTuple):
     now: Record
     # At each position of the trail (n_arcs + 1) the ``node`` and the ``arc`` that leaves it; the
     # probability to get there (``alive``); what was collected up to there (``gained``), and what a
-    # robot sure to be there that had collected nothing would collect from there on (``ahead``).
+    # robot sure to be there that had collected nothing would collect from there on (``ahead``); and
+    # how long the trail is up to there (``walked``).
     steps: RecordArray
     # What the other robots leave of each node's reward, 0 at the base (``left``); the probability
     # that none of them reaches it, −1 where none may (``unreached``); the position of the trail's
@@ -127,6 +154,22 @@ class Workspace(NamedTuple):
     held: OffsetArray
     trails: OffsetArray
     single: OffsetArray
+    # Of the robots that are refilled together (``chosen``, the first of them): the trails of all
+    # robots then (``refilled``; n_robots), how much more danger, −log of a survival, and length
+    # there is room for (``rooms``), and the first leg of each tour (``first``).
+    chosen: OffsetArray
+    refilled: OffsetArray
+    rooms: RecordArray
+    first: OffsetArray
+    # Legs of all tours: the stops ``before`` and ``after`` it, the leg that follows (``then``),
+    # which ``tour`` it is of, its ``cost``, ``length``, ``danger`` and ``survival``, with what
+    # probability it is begun (``alive``), and what is collected behind it then (``ahead``).
+    legs: RecordArray
+    # Of each node, what it is ``worth``, what it costs ``extra`` in the leg where it costs least,
+    # and which leg that is (``place``; n_nodes).
+    extra: FloatArray
+    place: OffsetArray
+    worth: FloatArray
 
 
 def new_memory() -> Record:
@@ -151,11 +194,19 @@ def new_workspace(graph: Graph, n_robots: int, **remembered: Any) -> Workspace:
         arcs=arcs.view(np.recarray),
         middle=np.empty(n_arcs, np.int64),
         child=np.empty(n_arcs, np.int64),
-        goals=np.empty(_MOST_GOALS, np.int64),
+        goals=np.empty(max(MOST_GOALS, n_nodes), np.int64),
         piece=np.empty(n_arcs, np.int64),
         touched=np.empty(n_nodes, np.int64),
         reached=np.empty(n_nodes, np.int64),
         held=np.empty(n_robots, np.int64),
         trails=np.empty(n_robots, np.int64),
         single=np.empty(1, np.int64),
+        chosen=np.zeros(n_robots, np.int64),
+        refilled=np.zeros(n_robots, np.int64),
+        rooms=np.zeros(n_robots, _ROOM).view(np.recarray),
+        first=np.zeros(n_robots, np.int64),
+        legs=np.zeros(n_nodes * (n_robots + 1), _LEG).view(np.recarray),
+        extra=np.empty(n_nodes),
+        place=np.zeros(n_nodes, np.int64),
+        worth=np.empty(n_nodes),
     )

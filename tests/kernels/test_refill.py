@@ -1,0 +1,505 @@
+"""Refills in plain Python: rooms, stops and tours against readable twins, and what is stored."""
+
+from collections import Counter
+from itertools import pairwise
+from math import exp, inf, log
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from botohe_moo import Mission, TrailPlan
+from botohe_moo.kernels.fronts.ordered import read_front
+from botohe_moo.kernels.graph.arcs import find_arc
+from botohe_moo.kernels.local_search import refill as kernels
+from botohe_moo.kernels.local_search import search as search_kernels
+from botohe_moo.kernels.local_search.admission import add_trail
+from botohe_moo.kernels.local_search.layout import set_aside
+from botohe_moo.kernels.local_search.trail_store import comes_before, new_store
+from botohe_moo.kernels.local_search.workspace import NEVER, SearchRule
+from botohe_moo.kernels.rng import uniform
+from botohe_moo.search.local_search import DEFAULT_MOVES, LocalSearch
+from botohe_moo.trails import PlanBatch
+from tests import twins
+from tests.strategies import missions_with_plans
+from tests.twins import plain_local_search
+
+FLOORS = st.sampled_from([0.0, 0.0, 0.2, 0.7, 1.0])
+BUDGETS = st.sampled_from([inf, inf, 9.0, 4.0, 0.0])
+
+
+@pytest.fixture(autouse=True)
+def plain():
+    """Kernels' integers wrap around, also where numpy would warn."""
+    with plain_local_search() as patch:
+        yield patch
+
+
+def new_search(mission, *, seed=0, **rule):
+    return LocalSearch(
+        mission, SearchRule(**rule), moves=DEFAULT_MOVES, random_state=np.random.default_rng(seed)
+    )
+
+
+def holding(mission, plan, chosen, *, seed=0, **rule):
+    """A search that holds a plan, of which some robots are to be refilled."""
+    search = new_search(mission, seed=seed, **rule)
+    graph, store, work = search._graph, search._store, search._work
+    for robot, trail in enumerate(plan):
+        arcs = [find_arc(graph, *hop) for hop in pairwise(trail)]
+        work.child[: len(arcs)] = arcs
+        work.held[robot] = add_trail(graph, store, work, len(arcs))
+    work.chosen[:] = [*chosen, *(k for k in range(mission.robots) if k not in chosen)]
+    work.now.chosen, work.now.robot = len(chosen), chosen[0]
+    set_aside(graph, store, work)
+    return search
+
+
+def parts(search):
+    return search._graph, search._routes, search._store, search._work, search.rule
+
+
+def nodes_of(search, trail):
+    """A stored trail as node indices."""
+    store, graph = search._store, search._graph
+    arcs = store.arc[store.trails[trail].first_arc :][: store.trails[trail].n_arcs]
+    return (graph.base, *graph.head[arcs].tolist())
+
+
+def assert_trail(mission, nodes):
+    """Whether it leads from base to base, along arcs that it takes once."""
+    graph = mission.arrays
+    arcs = [find_arc(graph, *hop) for hop in pairwise(nodes)]
+    assert min(arcs, default=0) >= 0
+    assert len(set(arcs)) == len(arcs)
+    assert nodes[0] == nodes[-1] == graph.base
+
+
+def tours_of(work):
+    """The stops of each tour, with the base at both ends; every leg must be where it belongs."""
+    tours = []
+    for which in range(work.now.chosen):
+        number, stops = int(work.first[which]), [int(work.legs[work.first[which]].before)]
+        while number != kernels.NONE:
+            leg = work.legs[number]
+            assert leg.tour == which
+            assert leg.before == stops[-1]
+            assert number < work.now.legs
+            stops.append(int(leg.after))
+            number = int(leg.then)
+        tours.append(stops)
+    assert sum(len(stops) - 1 for stops in tours) == work.now.legs
+    return tours
+
+
+def rooms_of(work):
+    return [(float(room.danger), float(room.length)) for room in work.rooms[: work.now.chosen]]
+
+
+class TestChoosing:
+    @pytest.mark.parametrize("robots", [1, 2, 7])
+    def test_robots(self, robots):
+        mission, seen = complete(3, 0, robots=robots), Counter()
+        plan = [(0,)] * robots
+        for p_pair in (0.0, 0.5, 1.0):
+            search = holding(mission, plan, [0], p_pair=p_pair)
+            work = search._work
+            for trial in range(200):
+                work.now.robot = trial % robots
+                kernels.choose_robots(work, search.rule)
+                assert sorted(work.chosen.tolist()) == list(range(robots))
+                assert work.chosen[0] == work.now.robot
+                seen[p_pair, int(work.now.chosen)] += 1
+        assert seen[0.0, 1] == seen[1.0, robots] == 200
+        if robots == 7:
+            assert seen[0.5, 1] == pytest.approx(100, abs=40)
+            assert {n for p, n in seen if p == 0.5} >= {1, 2, 3, 4}
+
+
+class TestRooms:
+    """Of a trail that survives with 0.5 · 0.8 = 0.4, and is 3 + 1 long."""
+
+    def room(self, **rule):
+        graph = nx.DiGraph()
+        graph.add_node(0, reward=0.0)
+        graph.add_node(1, reward=1.0)
+        graph.add_edge(0, 1, survival=0.5, length=3.0)
+        graph.add_edge(1, 0, survival=0.8, length=1.0)
+        search = holding(Mission(graph, base=0, robots=1), [(0, 1, 0)], [0], **rule)
+        graph, _, store, work, rule = parts(search)
+        kernels._give_room(graph, store, work, rule, 0)
+        return rooms_of(work)[0]
+
+    @pytest.mark.parametrize(
+        ("rule", "danger", "length"),
+        [
+            ({"p_full": 0.0, "spread": 0.0}, -log(0.4), inf),
+            ({"p_full": 1.0, "spread": 0.0}, -log(0.4), inf),
+            ({"p_full": 1.0, "min_survival": 0.2}, -log(0.2), inf),
+            ({"p_full": 0.0, "spread": 0.0, "min_survival": 0.2}, -log(0.4), inf),
+            ({"p_full": 0.0, "spread": 0.0, "max_length": 9.0}, -log(0.4), 4.0),
+            ({"p_full": 1.0, "spread": 0.0, "max_length": 10.0}, -2.5 * log(0.4), 10.0),
+            ({"p_full": 1.0, "max_length": 10.0, "min_survival": 0.3}, -log(0.3), 10.0),
+        ],
+    )
+    def test_by_hand(self, rule, danger, length):
+        assert self.room(**rule) == pytest.approx((danger, length), rel=1e-12)
+
+    def test_of_a_robot_at_base(self):
+        mission = complete(3, 0, robots=1)
+        for max_length in (5.0, 1e12, 1e300):
+            search = holding(mission, [(0,)], [0], p_full=1.0, max_length=max_length)
+            graph, _, store, work, rule = parts(search)
+            kernels._give_room(graph, store, work, rule, 0)
+            assert rooms_of(work) == [(0.0, max_length)]
+
+    def test_danger_spreads_on_the_scale_of_logarithms(self):
+        found = [self.room(p_full=0.0, spread=0.6, seed=seed)[0] for seed in range(200)]
+        logs = np.log(np.array(found) / -log(0.4))
+        assert -0.6 <= logs.min() < -0.5
+        assert 0.5 < logs.max() <= 0.6
+        longer = self.room(p_full=0.0, spread=0.5, max_length=9.0)[1]
+        assert longer == pytest.approx(6.0)
+        assert self.room(p_full=0.0, spread=0.5, max_length=5.0)[1] == 5.0
+        floored = [self.room(p_full=0.0, min_survival=0.4, seed=seed)[0] for seed in range(50)]
+        assert max(floored) == pytest.approx(-log(0.4))
+
+
+@settings(max_examples=100)
+@given(missions_with_plans(min_nodes=1, max_nodes=9), st.data())
+def test_stops_that_stay_are_some_of_those_there_were(case, data):
+    mission, plan = case
+    chosen = data.draw(st.permutations(range(mission.robots)))
+    search = holding(mission, plan.trails, chosen[:1], seed=data.draw(st.integers(0, 99)))
+    store, work = search._store, search._work
+    stops = [
+        node
+        for node in dict.fromkeys(plan.trails[chosen[0]])
+        if node != 0 and work.nodes[node].left > 0
+    ]
+    for _ in range(20):
+        n = kernels._draw_stops(store, work, 0)
+        kept = work.goals[:n].tolist()
+        assert n == 0 if len(stops) <= 1 else 0 < n < len(stops)
+        rest = iter(stops)
+        assert all(node in rest for node in kept)  # in this order
+
+
+def complete(n_nodes, seed, *, robots, scale=0.1):
+    """A mission with all arcs, of which the direct one is always the cheapest path."""
+    rng, graph = np.random.default_rng(seed), nx.complete_graph(n_nodes, nx.DiGraph)
+    for node in graph:
+        graph.nodes[node]["reward"] = 10 * rng.random() * (rng.random() < 0.8)
+    for arc in graph.edges:
+        danger, length = rng.uniform(1, 1.9, 2)
+        graph.edges[arc].update(survival=exp(-scale * danger), length=length)
+    return Mission(graph, base=0, robots=robots)
+
+
+def random_tours(mission, seed):
+    """A plan of single loops through some nodes each."""
+    rng, n_nodes = np.random.default_rng(seed), mission.arrays.n_nodes
+    some = [rng.permutation(np.arange(1, n_nodes))[: rng.integers(n_nodes)] for _ in range(9)]
+    return [(0, *stops.tolist(), 0) if len(stops) else (0,) for stops in some[: mission.robots]]
+
+
+@pytest.mark.parametrize("max_length", [inf, 4.0])
+def test_where_nothing_is_dangerous_there_is_always_room(max_length):
+    graph = nx.cycle_graph(4).to_directed()
+    nx.set_node_attributes(graph, 1.0, "reward")
+    nx.set_edge_attributes(graph, 1.0, "survival")
+    mission = Mission(graph, base=0, robots=1)
+    search = holding(mission, [(0,)], [0], p_full=1.0, max_length=max_length)
+    graph, routes, store, work, rule = parts(search)
+    assert kernels._make_child(graph, routes, store, work, rule)
+    assert {0, 1, 2, 3} == set(nodes_of(search, work.refilled[0]))
+
+
+class Filler:
+    """Fills tours the naive way: every node is tried in every leg each time."""
+
+    def __init__(self, mission, per_length, left, worth):
+        graph = mission.arrays
+        n_nodes = graph.n_nodes
+        self.danger, self.length = np.zeros((2, n_nodes, n_nodes))
+        self.danger[graph.tail, graph.head] = -np.log(graph.survival)
+        self.length[graph.tail, graph.head] = graph.length
+        self.cost = self.danger + per_length * self.length
+        self.left, self.worth = left, worth
+
+    @staticmethod
+    def more(of, before, node, after):
+        """What a node adds to a leg."""
+        return of[before, node] + of[node, after] - of[before, after]
+
+    def gain(self, stops, i, node):
+        """What a node gains between stops i and i + 1: before it is reached, and behind it."""
+        alive = exp(-sum(self.danger[hop] for hop in pairwise(stops[: i + 1])))
+        ahead, there = 0.0, 1.0
+        for hop in pairwise(stops[i:]):
+            there *= exp(-self.danger[hop])
+            ahead += there * self.left[hop[1]]
+        danger = self.more(self.danger, stops[i], node, stops[i + 1])
+        reached = self.worth[node] / (1 + self.danger[stops[i], node])
+        return alive * (reached - ahead * danger / (1 + danger))
+
+    def choices(self, tours, rooms):
+        """Each node that gains something where it costs least, if there is room."""
+        for node in np.flatnonzero(self.worth).tolist():
+            extra, which, i = min(
+                (self.more(self.cost, *hop[:1], node, hop[1]), which, i)
+                for which, stops in enumerate(tours)
+                for i, hop in enumerate(pairwise(stops))
+            )
+            ends = tours[which][i], node, tours[which][i + 1]
+            danger, longer = (self.more(of, *ends) for of in (self.danger, self.length))
+            if danger > rooms[which][0] or longer > rooms[which][1]:
+                continue
+            gain = self.gain(tours[which], i, node)
+            if gain > 0:
+                yield gain / extra, node, which, i, danger, longer
+
+    def fill(self, tours, rooms):
+        tours, rooms = [list(stops) for stops in tours], [list(room) for room in rooms]
+        while found := max(self.choices(tours, rooms), default=None):
+            _, node, which, i, danger, longer = found
+            tours[which].insert(i + 1, node)
+            self.worth[node] = 0.0
+            rooms[which][0] -= danger
+            rooms[which][1] -= longer
+        return tours, rooms
+
+
+@settings(max_examples=120)
+@given(
+    st.integers(2, 10),
+    st.integers(1, 4),
+    st.sampled_from([0.005, 0.1, 0.6]),
+    st.sampled_from([0.0, 0.3]),
+    st.sampled_from([inf, inf, 6.0, 15.0]),
+    st.integers(0, 999),
+)
+def test_tours_are_filled_as_the_naive_way(n_nodes, robots, scale, floor, budget, seed):
+    mission = complete(n_nodes, seed, robots=robots, scale=scale)
+    limits = {"min_survival": floor, "max_length": budget}
+    chosen = np.random.default_rng(seed).permutation(robots)[: 1 + seed % robots].tolist()
+    search = holding(mission, random_tours(mission, seed), chosen, seed=seed, **limits)
+    graph, routes, store, work, rule = parts(search)
+    work.now.mark += 1
+    mark, work.now.legs = int(work.now.mark), 0
+    for which in range(len(chosen)):
+        kernels._open_tour(graph, routes, store, work, rule, which, mark)
+    opened, rooms = tours_of(work), rooms_of(work)
+    states, left = work.states.copy(), work.nodes["left"].copy()
+    noise, worth = uniform(states, 0), np.zeros(n_nodes)
+    for node in range(n_nodes):
+        if left[node] > 0 and all(node not in stops for stops in opened):
+            worth[node] = left[node] * (1 - noise * uniform(states, 0))
+    expected = Filler(mission, routes.per_length, left, worth).fill(opened, rooms)
+    kernels._fill_tours(graph, routes, work, mark)
+    assert work.states.tolist() == states.tolist()
+    assert tours_of(work) == expected[0]
+    assert np.allclose(rooms_of(work), expected[1], rtol=1e-9, atol=1e-9)
+
+
+def limited(mission, plan, floor, budget):
+    """The plan, or everybody at base where it does not keep the limits."""
+    kept = all(
+        twins.survival_of(mission, trail) >= floor and twins.length_of(mission, trail) <= budget
+        for trail in plan.trails
+    )
+    return plan.trails if kept else ((0,),) * mission.robots
+
+
+@settings(max_examples=150)
+@given(missions_with_plans(min_nodes=1, max_nodes=9, max_robots=4), FLOORS, BUDGETS, st.data())
+def test_children_are_plans_within_their_room(case, floor, budget, data):
+    mission, plan = case
+    plan = limited(mission, plan, floor, budget)
+    order = data.draw(st.permutations(range(mission.robots)))
+    chosen = order[: data.draw(st.integers(1, mission.robots))]
+    search = holding(
+        mission,
+        plan,
+        chosen,
+        seed=data.draw(st.integers(0, 99)),
+        min_survival=floor,
+        max_length=budget,
+    )
+    graph, routes, store, work, rule = parts(search)
+    held, fill_tours, opened = work.held.tolist(), kernels._fill_tours, []
+
+    def noted_fill(*arguments):
+        opened[:] = tours_of(work), rooms_of(work)
+        fill_tours(*arguments)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(kernels, "_fill_tours", noted_fill)
+        is_new = kernels._make_child(graph, routes, store, work, rule)
+    (opened_tours, before), tours, after = opened, tours_of(work), rooms_of(work)
+    added = []
+    for start, stops in zip(opened_tours, tours, strict=True):
+        assert stops[0] == stops[-1] == 0
+        assert len(set(stops[1:])) == len(stops) - 1
+        rest = iter(stops)
+        assert all(node in rest for node in start)
+        added += sorted(set(stops) - set(start))
+    assert len(set(added)) == len(added)
+    assert not set(added) & {node for stops in opened_tours for node in stops}
+    for there_was, there_is in zip(before, after, strict=True):
+        for was, now in zip(there_was, there_is, strict=True):
+            assert now <= was + 1e-9
+            assert now >= min(0.0, was) - 1e-9
+    refilled = work.refilled.tolist()
+    for robot, trail in enumerate(refilled):
+        nodes = nodes_of(search, trail)
+        assert_trail(mission, nodes)
+        assert twins.survival_of(mission, nodes) >= floor
+        assert twins.length_of(mission, nodes) <= budget * (1 + 1e-12)
+        if robot not in chosen:
+            assert trail == held[robot]
+    assert is_new == (refilled != held)
+    assert work.held.tolist() == held
+    assert Counter(work.trails.tolist()) == Counter(refilled)
+    for one, other in pairwise(work.trails.tolist()):
+        assert not comes_before(store, other, one)
+    users = Counter(held) + Counter(refilled[robot] for robot in chosen)
+    assert {i: n for i, n in enumerate(store.trails["n_users"].tolist()) if n} == users
+
+
+@pytest.mark.parametrize("rule", [{"min_survival": 1.0}, {"max_length": 1.0}])
+def test_a_tour_beyond_the_limits_is_not_stored(rule):
+    """Of four stops some stay, and so the tour is too dangerous and too long."""
+    graph = nx.DiGraph(complete(6, 1, robots=2).graph)
+    nx.set_node_attributes(graph, 1.0, "reward")
+    mission = Mission(graph, base=0, robots=2)
+    for seed in range(20):
+        search = holding(mission, [(0, 1, 2, 3, 4, 0), (0,)], [0], seed=seed, **rule)
+        graph, routes, store, work, rules = parts(search)
+        before = store.n.item()
+        assert not kernels._make_child(graph, routes, store, work, rules)
+        assert work.refilled.tolist() == work.held.tolist()
+        assert store.n.item() == before
+        assert store.trails["n_users"][work.held].tolist() == [2, 1]
+
+
+def users_of(search, *, held):
+    """How many plans should have each trail: those of the front, and the parent."""
+    front, n_trails = search._front, len(search._store.trails)
+    users = np.bincount(front.plan[read_front(front)[0]].ravel(), minlength=n_trails)
+    return users + (np.bincount(search._work.held, minlength=n_trails) if held else 0)
+
+
+def assert_clean(search):
+    """Whether the workspace holds nothing of a parent."""
+    work, graph = search._work, search._graph
+    left = graph.reward.copy()
+    left[graph.base] = 0.0
+    assert work.nodes["left"].tolist() == left.tolist()
+    assert (work.nodes["unreached"] == -1.0).all()
+    assert (work.nodes["met"] == NEVER).all()
+    assert (work.nodes["later"] == 0.0).all()
+    assert (work.arcs["position"] == -1).all()
+
+
+@settings(max_examples=100)
+@given(
+    missions_with_plans(max_nodes=8, max_robots=4),
+    FLOORS,
+    BUDGETS,
+    st.sampled_from([0.0, 1.0]),
+    st.integers(0, 99),
+)
+def test_refills_keep_the_books(case, floor, budget, p_walk, seed):
+    mission, plan = case
+    rule = {"p_refill": 1.0, "p_walk": p_walk, "n_walk": 2, "n_refills": 3}
+    limits = {"min_survival": floor, "max_length": budget}
+    search = new_search(mission, seed=seed, **rule, **limits)
+    start = [TrailPlan(limited(mission, plan, floor, budget)), TrailPlan([[0]] * mission.robots)]
+    search.admit(PlanBatch.from_plans(start, mission.robots))
+    graph, routes, store, work, rule = parts(search)
+    fronts = search_kernels.Fronts(search._front, search._alone)
+    for n_most in (50, 2, 50):
+        search_kernels._take_parent(graph, store, fronts, work, rule)
+        assert work.now.chosen >= 1
+        n = kernels.refill(graph, routes, store, fronts.team, work, rule, n_most)
+        assert n == min(n_most, 2 * len(mission.nodes) if p_walk else 3)
+        assert store.trails["n_users"].tolist() == users_of(search, held=True).tolist()
+        search_kernels._let_go(graph, store, fronts.alone, work)
+        users = users_of(search, held=False)
+        assert store.trails["n_users"].tolist() == users.tolist()
+        spare = store.spare[: store.n.spare].tolist()
+        assert sorted([*spare, *np.flatnonzero(users).tolist()]) == list(range(len(users)))
+        assert_clean(search)
+    batch, objectives, _ = search.plans()
+    assert np.array_equal(mission.evaluate(batch), objectives)
+    for found in batch:
+        for trail in found.trails:
+            assert_trail(mission, trail)
+            assert twins.survival_of(mission, trail) >= floor * (1 - 1e-12)
+            assert twins.length_of(mission, trail) <= budget * (1 + 1e-12)
+
+
+def test_room_that_is_used_up_ends_a_walk():
+    mission = complete(8, 3, robots=3)
+    search = new_search(mission, p_refill=1.0, p_walk=1.0, n_walk=50)
+    search.admit(PlanBatch.from_plans([TrailPlan([[0]] * 3)], 3))
+    search.admit(PlanBatch.from_plans([TrailPlan(random_tours(mission, 4))], 3))
+    graph, routes, store, work, rule = parts(search)
+    fronts = search_kernels.Fronts(search._front, search._alone)
+    fronts.team.n.spare, spare = 4, fronts.team.n.spare
+    search_kernels._take_parent(graph, store, fronts, work, rule)
+    assert kernels.refill(graph, routes, store, fronts.team, work, rule, 1_000) < 400
+    assert fronts.team.n.spare == 1
+    search_kernels._let_go(graph, store, fronts.alone, work)
+    fronts.team.n.spare += spare - 4
+    assert store.trails["n_users"].tolist() == users_of(search, held=False).tolist()
+    assert_clean(search)
+
+
+@pytest.mark.parametrize("threshold", [0.0, 0.05, 0.5])
+@pytest.mark.parametrize("robots", [1, 3])
+def test_a_walk_goes_on_from_what_loses_no_more_than_allowed(plain, robots, threshold):
+    mission = complete(8, 5, robots=robots)
+    rule = {"p_refill": 1.0, "p_walk": 1.0, "n_walk": 10, "threshold": threshold}
+    search = new_search(mission, seed=4, **rule)
+    search._store = new_store(1_000, 100_000, 100_000)  # room for all steps of all walks
+    start = [TrailPlan(random_tours(mission, seed)) for seed in range(9)]
+    search.admit(PlanBatch.from_plans([TrailPlan([[0]] * robots), *start], robots))
+    graph, routes, store, work, rule = parts(search)
+    fronts = search_kernels.Fronts(search._front, search._alone)
+    make_child, steps = kernels._make_child, []
+
+    def plan_of(numbers):
+        return [nodes_of(search, trail) for trail in numbers]
+
+    def noted(*arguments):
+        before = plan_of(work.held)
+        is_new = make_child(*arguments)
+        steps.append((before, plan_of(work.refilled), is_new))
+        return is_new
+
+    plain.setattr(kernels, "_make_child", noted)
+    worse = 0
+    for _ in range(5):
+        search_kernels._take_parent(graph, store, fronts, work, rule)
+        slope = float(work.now.slope)
+        n = kernels.refill(graph, routes, store, fronts.team, work, rule, 1_000)
+        assert n == len(steps) == 80
+        steps.append((plan_of(work.held), None, None))
+        for i, ((held, child, is_new), (following, _, _)) in enumerate(pairwise(steps)):
+            value, new = (
+                np.dot(twins.evaluate(mission, plan), [1.0, slope]) for plan in (held, child)
+            )
+            least = value * (1 - threshold * (1 - i / n))
+            assert following in (held, child)
+            if new < least - 1e-9:
+                assert following == held
+            elif new > least + 1e-9 and is_new:
+                assert following == child
+            worse += following == child and new < value - 1e-9
+        steps.clear()
+        search_kernels._let_go(graph, store, fronts.alone, work)
+    assert (worse > 0) == (threshold > 0)
