@@ -1,12 +1,12 @@
 """Run the benchmarks, by default all: ``python -m benchmarks [NAME ...] [--before PATH]``.
 
 The names are curves, speed, growth, colonies (results/bo-aco/), operators, annealing
-(results/operators/), studies (results/studies/), search, ideas (results/local-search/), fronts,
-large (results/growth/), pictures (results/choosing/), explorer (results/explorer/), start and pace
-(results/start/) and house (results/house/). ``--before`` names another checkout, which start, pace
-and house measure beside this one. The exit status is 1 if a curve is not the published one, or an
-area, a ratio to BO-ACO or a size misses its bound; times themselves, and ratios to another
-checkout, are never judged, machines differ.
+(results/operators/), studies (results/studies/), search, ideas, budgets, orienteering
+(results/local-search/), fronts, large (results/growth/), pictures (results/choosing/), explorer
+(results/explorer/), start and pace (results/start/) and house (results/house/). ``--before`` names
+another checkout, which start, pace and house measure beside this one. The exit status is 1 if a
+curve is not the published one, or an area, a reward, a ratio to BO-ACO or a size misses its bound;
+times themselves, and ratios to another checkout, are never judged, machines differ.
 """
 
 import argparse
@@ -17,6 +17,7 @@ import pandas as pd
 
 from benchmarks import (
     annealing,
+    budgets,
     colonies,
     curves,
     explorer,
@@ -26,6 +27,7 @@ from benchmarks import (
     ideas,
     large,
     operators,
+    orienteering,
     pace,
     pictures,
     search,
@@ -45,6 +47,8 @@ BENCHMARKS = {
     "studies": (studies.run, "studies"),
     "search": (search.run, "local-search"),
     "ideas": (ideas.run, "local-search"),
+    "budgets": (budgets.run, "local-search"),
+    "orienteering": (orienteering.run, "local-search"),
     "fronts": (fronts.run, "growth"),
     "large": (large.run, "growth"),
     "explorer": (explorer.run, "explorer"),

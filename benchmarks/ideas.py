@@ -30,6 +30,7 @@ def _variants() -> dict[str, dict[str, Any]]:
         "default": {},
         "no greedy start": {"greedy_start": False},
         "parents drawn uniformly": {"n_drawn": 1},
+        "no refilling": {"prob_refill": 0.0},
         **{f"no {name}": {"moves": moves} for name, moves in without.items()},
         "no splice, no graft": {
             "moves": {key: DEFAULT_MOVES[key] for key in MOVES if key not in ("splice", "graft")}
