@@ -315,8 +315,12 @@ def one_way():
         (load_mission("art_museum"), 800, {"patience": 20, "p_alone": 0.5}),
         (one_way(), 800, {"patience": 9, "p_alone": 0.9, "n_alone": 50}),
         (load_mission("two_communities"), 300, {}),
-        (one_way(), 800, {"p_refill": 0.5, "p_walk": 0.5, "max_length": 9.0}),
-        (load_mission("toy"), 800, {"p_refill": 1.0, "max_length": 6.0, "min_survival": 0.4}),
+        (
+            load_mission("two_communities"),
+            300,
+            {"p_refill": 0.5, "p_walk": 0.5, "max_length": 12.0},
+        ),
+        (load_mission("toy"), 800, {"p_refill": 1.0, "max_length": 6.0, "min_survival": 0.2}),
         (load_mission("toy"), 5_000, {}),  # solved soon, and what the search does when it is stuck
     ],
 )

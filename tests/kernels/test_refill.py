@@ -38,9 +38,10 @@ def plain():
 
 
 def new_search(mission, *, seed=0, **rule):
-    return LocalSearch(
-        mission, SearchRule(**rule), moves=DEFAULT_MOVES, random_state=np.random.default_rng(seed)
-    )
+    """A search that is never busy: all its walks are walks from the beginning."""
+    rule = SearchRule(**{"busy": -1, "refill_idle": 1.0, **rule})
+    random_state = np.random.default_rng(seed)
+    return LocalSearch(mission, rule, moves=DEFAULT_MOVES, random_state=random_state)
 
 
 def holding(mission, plan, chosen, *, seed=0, **rule):
@@ -148,12 +149,23 @@ class TestRooms:
         assert self.room(**rule) == pytest.approx((danger, length), rel=1e-12)
 
     def test_of_a_robot_at_base(self):
+        """It may leave, down to a survival of 1 / e; a whole budget is as dangerous as it likes."""
         mission = complete(3, 0, robots=1)
+        drawn = []
+        for seed in range(50):
+            search = holding(mission, [(0,)], [0], p_full=0.0, spread=0.0, seed=seed)
+            graph, _, store, work, rule = parts(search)
+            kernels._give_room(graph, store, work, rule, 0)
+            drawn.append(rooms_of(work)[0][0])
+        assert 0 <= min(drawn) < 0.1
+        assert 0.9 < max(drawn) <= 1
         for max_length in (5.0, 1e12, 1e300):
             search = holding(mission, [(0,)], [0], p_full=1.0, max_length=max_length)
             graph, _, store, work, rule = parts(search)
             kernels._give_room(graph, store, work, rule, 0)
-            assert rooms_of(work) == [(0.0, max_length)]
+            ((danger, length),) = rooms_of(work)
+            assert 0 < danger < inf
+            assert length == max_length
 
     def test_danger_spreads_on_the_scale_of_logarithms(self):
         found = [self.room(p_full=0.0, spread=0.6, seed=seed)[0] for seed in range(200)]
@@ -330,12 +342,25 @@ def test_children_are_plans_within_their_room(case, floor, budget, data):
     )
     graph, routes, store, work, rule = parts(search)
     held, fill_tours, opened = work.held.tolist(), kernels._fill_tours, []
+    give_room, given_rooms = kernels._give_room, []
+
+    def noted_room(*arguments):
+        give_room(*arguments)
+        given_rooms.append(rooms_of(work)[arguments[-1]])
 
     def noted_fill(*arguments):
         opened[:] = tours_of(work), rooms_of(work)
+        for which, (danger, length) in enumerate(given_rooms):
+            legs = [leg for leg in work.legs[: work.now.legs] if leg.tour == which]
+            left = (
+                danger - sum(leg.danger for leg in legs),
+                length - sum(leg.length for leg in legs),
+            )
+            assert opened[1][which] == pytest.approx(left, rel=1e-9, abs=1e-9)
         fill_tours(*arguments)
 
     with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(kernels, "_give_room", noted_room)
         patch.setattr(kernels, "_fill_tours", noted_fill)
         is_new = kernels._make_child(graph, routes, store, work, rule)
     (opened_tours, before), tours, after = opened, tours_of(work), rooms_of(work)
@@ -440,6 +465,27 @@ def test_refills_keep_the_books(case, floor, budget, p_walk, seed):
             assert_trail(mission, trail)
             assert twins.survival_of(mission, trail) >= floor * (1 - 1e-12)
             assert twins.length_of(mission, trail) <= budget * (1 + 1e-12)
+
+
+@pytest.mark.parametrize("p_walk", [0.0, 1.0])
+def test_children_that_do_not_enter_use_no_room_up(p_walk):
+    mission = complete(5, 2, robots=3)
+    search = new_search(mission, p_refill=1.0, p_walk=p_walk, n_walk=1, threshold=-1.0)
+    start = [TrailPlan(random_tours(mission, seed)) for seed in range(9)]
+    search.admit(PlanBatch.from_plans([TrailPlan([[0]] * 3), *start], 3))
+    unchanged = 0
+    for _ in range(60):
+        search._make_room()
+        graph, routes, store, work, rule = parts(search)
+        fronts = search_kernels.Fronts(search._front, search._alone)
+        search_kernels._take_parent(graph, store, fronts, work, rule)
+        before, entered = store.n.item(), int(fronts.team.n.entered)
+        kernels.refill(graph, routes, store, fronts.team, work, rule, 7)
+        if fronts.team.n.entered == entered:
+            assert store.n.item() == before
+            unchanged += 1
+        search_kernels._let_go(graph, store, fronts.alone, work)
+    assert unchanged >= 5
 
 
 def test_room_that_is_used_up_ends_a_walk():

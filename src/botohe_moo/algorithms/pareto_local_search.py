@@ -139,8 +139,7 @@ class ParetoLocalSearch(ArchiveAlgorithm):
             n_children=self.n_children,
             n_children_busy=(self.n_children + 2) // 3,
             n_drawn=self.n_drawn,
-            p_refill=self.prob_refill / 2,
-            p_refill_busy=self.prob_refill,
+            p_refill=self.prob_refill,
             n_drawn_busy=1 if self.n_drawn == 1 else 4 * self.n_drawn,
             **problem.planning_limits._asdict(),
         )

@@ -62,7 +62,7 @@ class LocalSearch:
     ) -> None:
         self.mission = mission
         small = len(mission.nodes) <= FULL_UP_TO
-        self.rule = rule if small else rule._replace(p_refill=0.0, p_refill_busy=0.0)
+        self.rule = rule if small else rule._replace(p_refill=0.0)
         self.max_size = max_size
         self.tally: OffsetArray = np.zeros((2, N_KINDS), np.int64)
         self._weights: FloatArray = np.cumsum([float(moves.get(name, 0.0)) for name in MOVES])

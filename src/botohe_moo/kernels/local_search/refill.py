@@ -104,6 +104,8 @@ def _give_room(
     room, states = work.rooms[which], work.states
     trail = store.trails[work.held[work.chosen[which]]]
     room.danger, room.length = -np.log(trail.alive), np.inf
+    if trail.n_arcs == 0:  # the robot may leave: down to a survival of 1 / e
+        room.danger = uniform(states, 0)
     room.danger *= np.exp(rule.spread * (2.0 * uniform(states, 0) - 1.0))
     is_full = uniform(states, 0) < rule.p_full
     if rule.max_length < np.inf:
@@ -356,8 +358,10 @@ def refill(
     no more than allowed of E[R] and E[S], weighed as the front weighs them at the parent.
     """
     now, memory, n_robots = work.now, work.memory, work.held.shape[0]
-    is_walk = memory.idle > rule.busy
-    is_walk &= uniform(work.states, 0) < max(rule.p_walk, 1.0 / front.n.plans)
+    p_walk = rule.p_walk if memory.idle > rule.busy else 0.0
+    if p_walk > 0.0:
+        p_walk = max(p_walk, 1.0 / front.n.plans)
+    is_walk = uniform(work.states, 0) < p_walk
     n_steps = min(n_most, rule.n_walk * graph.reward.shape[0] if is_walk else rule.n_refills)
     value = _value(graph, store, work) if is_walk else 0.0
     for step in range(n_steps):

@@ -110,9 +110,9 @@ def _take_parent(
     if store.trails[held[now.robot]].n_arcs == 0:
         now.robot = below(work.states, held.shape[0])
     now.chosen = 0
-    p_refill = rule.p_refill_busy if work.memory.idle <= rule.busy else rule.p_refill
+    p_refill = rule.p_refill * (1.0 if work.memory.idle <= rule.busy else rule.refill_idle)
     if p_refill > 0.0:  # few plans offer few pieces to each other: refill more of them
-        p_refill = max(p_refill, 1.0 / fronts.team.n.plans)
+        p_refill = max(p_refill, 0.5 / fronts.team.n.plans)
     if uniform(work.states, 0) < p_refill:
         choose_robots(work, rule)
         is_end = now.at == 0 and place == 0

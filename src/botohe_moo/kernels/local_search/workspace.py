@@ -86,11 +86,11 @@ class SearchRule(NamedTuple):
     p_meet: float = 0.9
     # With what probability safest paths go round arcs that the trail uses already.
     p_detour: float = 0.3
-    # With what probability a parent is refilled instead, ``n_refills`` times; and as long as the
-    # search is busy. Then, with what probability another robot's trail is refilled with that of the
-    # robot at hand, and yet another, and so on.
-    p_refill: float = 0.05
-    p_refill_busy: float = 0.1
+    # With what probability a parent is refilled instead, ``n_refills`` times; and by what that is
+    # multiplied when the search is not busy. Then, with what probability another robot's trail is
+    # refilled with that of the robot at hand, and yet another, and so on.
+    p_refill: float = 0.1
+    refill_idle: float = 0.5
     n_refills: int = 4
     p_pair: float = 0.7
     # With what probability there is room up to the limits; otherwise danger may differ from that of
