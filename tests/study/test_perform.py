@@ -23,7 +23,7 @@ from pymoo.optimize import minimize
 
 from botohe_moo import BOTOHE, Mission, load_mission, make_algorithm
 from botohe_moo.algorithms.origin import algorithm_origin
-from botohe_moo.kernels.local_search import search
+from botohe_moo.kernels.local_search import refill, search
 from botohe_moo.study.run.metered import BudgetSpentError, MeteredBOTOHE
 from botohe_moo.study.run.perform import perform, record_counts, verify
 from botohe_moo.study.run.pool import SandboxPool
@@ -173,8 +173,9 @@ for budget in (1, 97, 331):
     def test_nor_is_local_search(self, budget, monkeypatch):
         counted = Counted(monkeypatch)
         with plain_local_search() as patch:
-            for name in ("appraise", "adopt"):  # either tells what a child brings
-                patch.setattr(search, name, counted.calls_of(getattr(search, name)))
+            # Each tells what a child brings, or makes one.
+            for module, name in ((search, "appraise"), (search, "adopt"), (refill, "_make_child")):
+                patch.setattr(module, name, counted.calls_of(getattr(module, name)))
             outcome, records = performed(make_task("pareto-local-search", evaluations=budget))
         assert outcome.status == "done", outcome.error
         assert counted.n == outcome.evaluations == records[-1].evaluations == budget
