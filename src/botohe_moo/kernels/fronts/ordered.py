@@ -144,40 +144,11 @@ def draw_place(front: OrderedFront, states: SeedArray) -> tuple[int, int]:
             return at, place
 
 
-@helper
-def contribution(front: OrderedFront, at: int, place: int) -> float:
-    """Give the area between the two plans beside one, on both sides of it.
-
-    At the ends it is what a front of evenly spaced plans has there.
-    """
-    block, n = front.directory[at], front.n.blocks
-    is_first = at == 0 and place == 0
-    is_last = at == n - 1 and place == front.size[block] - 1
-    if is_first or is_last:
-        last_block = front.directory[n - 1]
-        first = front.places[front.directory[0], 0]
-        last = front.places[last_block, front.size[last_block] - 1]
-        gap = 2.0 / front.n.plans
-        width, height = first.reward - last.reward, last.survivors - first.survivors
-        return float(gap * width * gap * height)
-    if place > 0:
-        left = front.places[block, place - 1]
-    else:
-        before = front.directory[at - 1]
-        left = front.places[before, front.size[before] - 1]
-    if place < front.size[block] - 1:
-        right = front.places[block, place + 1]
-    else:
-        right = front.places[front.directory[at + 1], 0]
-    return float((left.reward - right.reward) * (right.survivors - left.survivors))
-
-
-@helper
-def slope_at(front: OrderedFront, at: int, place: int) -> float:
-    """Give how much E[R] the front pays for a survivor at a plan: the slope beside it."""
-    block, n = front.directory[at], front.n.blocks
-    here = front.places[block, place]
-    left = right = here
+@inlined
+def _beside(front: OrderedFront, at: int, place: int) -> tuple[Record, Record]:
+    """Give the places before and behind one; at an end of the front it is its own neighbour."""
+    block = front.directory[at]
+    left = right = front.places[block, place]
     if place > 0:
         left = front.places[block, place - 1]
     elif at > 0:
@@ -185,8 +156,35 @@ def slope_at(front: OrderedFront, at: int, place: int) -> float:
         left = front.places[before, front.size[before] - 1]
     if place < front.size[block] - 1:
         right = front.places[block, place + 1]
-    elif at < n - 1:
+    elif at < front.n.blocks - 1:
         right = front.places[front.directory[at + 1], 0]
+    return left, right
+
+
+@helper
+def contribution(front: OrderedFront, at: int, place: int) -> float:
+    """Give the area between the two plans beside one, on both sides of it.
+
+    At the ends it is what a front of evenly spaced plans has there.
+    """
+    n = front.n.blocks
+    is_first = at == 0 and place == 0
+    is_last = at == n - 1 and place == front.size[front.directory[at]] - 1
+    if is_first or is_last:
+        last_block = front.directory[n - 1]
+        first = front.places[front.directory[0], 0]
+        last = front.places[last_block, front.size[last_block] - 1]
+        gap = 2.0 / front.n.plans
+        width, height = first.reward - last.reward, last.survivors - first.survivors
+        return float(gap * width * gap * height)
+    left, right = _beside(front, at, place)
+    return float((left.reward - right.reward) * (right.survivors - left.survivors))
+
+
+@helper
+def slope_at(front: OrderedFront, at: int, place: int) -> float:
+    """Give how much E[R] the front pays for a survivor at a plan: the slope beside it."""
+    left, right = _beside(front, at, place)
     more = right.survivors - left.survivors
     return float((left.reward - right.reward) / more) if more > 0.0 else 0.0
 
