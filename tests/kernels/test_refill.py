@@ -39,7 +39,7 @@ def plain():
 
 def new_search(mission, *, seed=0, **rule):
     """A search that is never busy: all its walks are walks from the beginning."""
-    rule = SearchRule(**{"busy": -1, "refill_idle": 1.0, **rule})
+    rule = SearchRule(**{"busy": -1, **rule})
     random_state = np.random.default_rng(seed)
     return LocalSearch(mission, rule, moves=DEFAULT_MOVES, random_state=random_state)
 
@@ -445,14 +445,14 @@ def test_refills_keep_the_books(case, floor, budget, p_walk, seed):
     start = [TrailPlan(limited(mission, plan, floor, budget)), TrailPlan([[0]] * mission.robots)]
     search.admit(PlanBatch.from_plans(start, mission.robots))
     graph, routes, store, work, rule = parts(search)
-    fronts = search_kernels.Fronts(search._front, search._alone)
+    front = search._front
     for n_most in (50, 2, 50):
-        search_kernels._take_parent(graph, store, fronts, work, rule)
+        search_kernels._take_parent(graph, store, front, work, rule)
         assert work.now.chosen >= 1
-        n = kernels.refill(graph, routes, store, fronts.team, work, rule, n_most)
+        n = kernels.refill(graph, routes, store, front, work, rule, n_most)
         assert n == min(n_most, 2 * len(mission.nodes) if p_walk else 3)
         assert store.trails["n_users"].tolist() == users_of(search, held=True).tolist()
-        search_kernels._let_go(graph, store, fronts.alone, work)
+        search_kernels._let_go(graph, store, work)
         users = users_of(search, held=False)
         assert store.trails["n_users"].tolist() == users.tolist()
         spare = store.spare[: store.n.spare].tolist()
@@ -477,14 +477,14 @@ def test_children_that_do_not_enter_use_no_room_up(p_walk):
     for _ in range(60):
         search._make_room()
         graph, routes, store, work, rule = parts(search)
-        fronts = search_kernels.Fronts(search._front, search._alone)
-        search_kernels._take_parent(graph, store, fronts, work, rule)
-        before, entered = store.n.item(), int(fronts.team.n.entered)
-        kernels.refill(graph, routes, store, fronts.team, work, rule, 7)
-        if fronts.team.n.entered == entered:
+        front = search._front
+        search_kernels._take_parent(graph, store, front, work, rule)
+        before, entered = store.n.item(), int(front.n.entered)
+        kernels.refill(graph, routes, store, front, work, rule, 7)
+        if front.n.entered == entered:
             assert store.n.item() == before
             unchanged += 1
-        search_kernels._let_go(graph, store, fronts.alone, work)
+        search_kernels._let_go(graph, store, work)
     assert unchanged >= 5
 
 
@@ -494,13 +494,13 @@ def test_room_that_is_used_up_ends_a_walk():
     search.admit(PlanBatch.from_plans([TrailPlan([[0]] * 3)], 3))
     search.admit(PlanBatch.from_plans([TrailPlan(random_tours(mission, 4))], 3))
     graph, routes, store, work, rule = parts(search)
-    fronts = search_kernels.Fronts(search._front, search._alone)
-    fronts.team.n.spare, spare = 4, fronts.team.n.spare
-    search_kernels._take_parent(graph, store, fronts, work, rule)
-    assert kernels.refill(graph, routes, store, fronts.team, work, rule, 1_000) < 400
-    assert fronts.team.n.spare == 1
-    search_kernels._let_go(graph, store, fronts.alone, work)
-    fronts.team.n.spare += spare - 4
+    front = search._front
+    front.n.spare, spare = 4, front.n.spare
+    search_kernels._take_parent(graph, store, front, work, rule)
+    assert kernels.refill(graph, routes, store, front, work, rule, 1_000) < 400
+    assert front.n.spare == 1
+    search_kernels._let_go(graph, store, work)
+    front.n.spare += spare - 4
     assert store.trails["n_users"].tolist() == users_of(search, held=False).tolist()
     assert_clean(search)
 
@@ -515,7 +515,7 @@ def test_a_walk_goes_on_from_what_loses_no_more_than_allowed(plain, robots, thre
     start = [TrailPlan(random_tours(mission, seed)) for seed in range(9)]
     search.admit(PlanBatch.from_plans([TrailPlan([[0]] * robots), *start], robots))
     graph, routes, store, work, rule = parts(search)
-    fronts = search_kernels.Fronts(search._front, search._alone)
+    front = search._front
     make_child, steps = kernels._make_child, []
 
     def plan_of(numbers):
@@ -530,9 +530,9 @@ def test_a_walk_goes_on_from_what_loses_no_more_than_allowed(plain, robots, thre
     plain.setattr(kernels, "_make_child", noted)
     worse = 0
     for _ in range(5):
-        search_kernels._take_parent(graph, store, fronts, work, rule)
+        search_kernels._take_parent(graph, store, front, work, rule)
         slope = float(work.now.slope)
-        n = kernels.refill(graph, routes, store, fronts.team, work, rule, 1_000)
+        n = kernels.refill(graph, routes, store, front, work, rule, 1_000)
         assert n == len(steps) == 80
         steps.append((plan_of(work.held), None, None))
         for i, ((held, child, is_new), (following, _, _)) in enumerate(pairwise(steps)):
@@ -547,5 +547,5 @@ def test_a_walk_goes_on_from_what_loses_no_more_than_allowed(plain, robots, thre
                 assert following == child
             worse += following == child and new < value - 1e-9
         steps.clear()
-        search_kernels._let_go(graph, store, fronts.alone, work)
+        search_kernels._let_go(graph, store, work)
     assert (worse > 0) == (threshold > 0)

@@ -36,10 +36,9 @@ class ParetoLocalSearch(ArchiveAlgorithm):
     The search keeps all non-dominated plans. It takes one of them as a parent, and one of its
     robots, and makes children in which that robot's trail is cut and reconnected: through other
     nodes, with a piece of a trail of another plan, or by a whole one. Children that no plan
-    dominates enter the front. When nothing has entered for long, the search now and then goes on
-    for a while from a front of one robot's trails, the other robots' being fixed, so that it gets
-    to where single changes do not lead. All of it runs in a kernel, many evaluations to an
-    iteration (a pymoo generation).
+    dominates enter the front. When nothing has entered for long, another robot often takes a trail
+    of another plan first, so that the search gets to where single changes do not lead. All of it
+    runs in a kernel, many evaluations to an iteration (a pymoo generation).
 
     Parameters
     ----------
@@ -62,10 +61,11 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         trail. ``swap-loops``: walk the loops at a node in another order. ``reverse``: walk a
         segment the other way round. Default: ``DEFAULT_MOVES``.
     prob_refill
-        How likely a parent is refilled instead: stops of one robot or several are dropped, and
-        those nodes put in that gain most for their danger. When plans have not entered for some
-        time it is half as likely, and now and then goes on from plans that are a little worse, for
-        eight steps to a node of the mission. Missions of more than 1 000 nodes do without.
+        How likely a parent is refilled instead, at least: stops of one robot or several are
+        dropped, and those nodes put in that gain most for their danger. The n-th time that a plan
+        is a parent it is 1 / n² or more, so that each is refilled once. When plans have not entered
+        for some time, now and then it goes on from plans that are a little worse, for eight steps
+        to a node of the mission. With 0, or more than 1 000 nodes, nothing is refilled.
     greedy_start
         Whether to begin with plans that
         :func:`~botohe_moo.search.sequential.plan_sequentially` makes for reward alone, for
@@ -117,7 +117,7 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         n_children: Annotated[int, Field(ge=1, le=100_000)] = 24,
         n_drawn: Annotated[int, Field(ge=1, le=1_000)] = 2,
         moves: Mapping[str, float] | None = None,
-        prob_refill: Probability = 0.1,
+        prob_refill: Probability = 0.02,
         greedy_start: bool = True,
         max_size: Annotated[int, Field(ge=10, le=1_000_000_000)] | None = None,
         sampling: Iterable[TrailPlan] | ObjectArray | None = None,

@@ -14,7 +14,7 @@ from botohe_moo.kernels.graph.graph import Graph, with_costs
 from botohe_moo.kernels.local_search.admission import Given
 from botohe_moo.kernels.local_search.moves import N_KINDS
 from botohe_moo.kernels.local_search.routes import FULL_UP_TO, new_routes
-from botohe_moo.kernels.local_search.search import Fronts, search
+from botohe_moo.kernels.local_search.search import search
 from botohe_moo.kernels.local_search.trail_store import copy_trails, fits, new_store, pieces
 from botohe_moo.kernels.local_search.workspace import SearchRule, new_memory, new_workspace
 from botohe_moo.kernels.rng import draw_state
@@ -40,7 +40,6 @@ DEFAULT_MOVES: Mapping[str, float] = {
 _MOST_COST = 1e12
 
 _FIRST_PLANS = 256
-_MOST_ALONE = 1_024
 
 
 class LocalSearch:
@@ -77,8 +76,6 @@ class LocalSearch:
         self._graph, per_length = _priced(self.mission.arrays, self.rule)
         graph = self._graph
         self._routes = new_routes(graph, per_length)
-        # The search looks for room there only after all children of a parent.
-        self._alone = new_front(max(_MOST_ALONE, self.rule.most_new + 1), 1)
         self._work = new_workspace(
             graph,
             self.mission.robots,
@@ -120,7 +117,7 @@ class LocalSearch:
                 self._graph,
                 self._routes,
                 self._store,
-                Fronts(self._front, self._alone),
+                self._front,
                 self._work,
                 self.rule,
                 given,
@@ -196,7 +193,7 @@ class LocalSearch:
         )
 
     def __getstate__(self) -> dict[str, Any]:
-        derived = ("_alone", "_graph", "_routes", "_work")
+        derived = ("_graph", "_routes", "_work")
         return {key: value for key, value in vars(self).items() if key not in derived}
 
     def __setstate__(self, state: dict[str, Any]) -> None:

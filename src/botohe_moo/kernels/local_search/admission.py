@@ -142,20 +142,6 @@ def evaluate_trails(graph: Graph, store: TrailStore, work: Workspace) -> tuple[f
 
 
 @helper
-def enter_alone(
-    store: TrailStore,
-    alone: OrderedFront,
-    work: Workspace,
-    trail: int,
-    gained: float,
-    alive: float,
-) -> None:
-    """Put a trail of the robot at hand into the front of its trails."""
-    work.single[0] = trail
-    enter(store, alone, work.single, gained, alive)
-
-
-@helper
 def enter(
     store: TrailStore, front: OrderedFront, trails: OffsetArray, reward: float, survivors: float
 ) -> bool:

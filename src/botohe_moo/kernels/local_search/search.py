@@ -1,13 +1,8 @@
 """Pareto local search: parents from a front, children of one changed trail, back into it."""
 
-from typing import NamedTuple
-
-import numpy as np
-
 from botohe_moo.kernels.compile import helper, inlined, kernel
 from botohe_moo.kernels.fronts.ordered import (
     OrderedFront,
-    best_reward,
     contribution,
     draw_place,
     find_place,
@@ -18,8 +13,6 @@ from botohe_moo.kernels.local_search.admission import (
     Given,
     add_trail,
     bring_in,
-    enter_alone,
-    leave,
     put_in_order,
     take_in,
 )
@@ -29,7 +22,7 @@ from botohe_moo.kernels.local_search.moves import ADOPT, N_KINDS, change, draw_t
 from botohe_moo.kernels.local_search.refill import choose_robots, refill
 from botohe_moo.kernels.local_search.routes import Routes
 from botohe_moo.kernels.local_search.trail_store import TrailStore, fits, release
-from botohe_moo.kernels.local_search.workspace import TOLERANCE, SearchRule, Workspace
+from botohe_moo.kernels.local_search.workspace import SearchRule, Workspace
 from botohe_moo.kernels.rng import below, uniform
 
 # Parents in a row without any child, after which there is nothing left to try.
@@ -39,19 +32,12 @@ MAX_FRUITLESS = 10_000
 NOBODY = -1
 
 
-class Fronts(NamedTuple):
-    """The front, and another one for trails of one robot, which is empty between two calls."""
-
-    team: OrderedFront
-    alone: OrderedFront
-
-
 @kernel
 def search(
     graph: Graph,
     routes: Routes,
     store: TrailStore,
-    fronts: Fronts,
+    front: OrderedFront,
     work: Workspace,
     rule: SearchRule,
     given: Given,
@@ -62,7 +48,6 @@ def search(
     Gives how many plans have been evaluated, the given ones among them: where these are fewer than
     ``n_evaluations`` there is no room for more, or no move makes another plan.
     """
-    front, alone = fronts.team, fronts.alone
     n_robots = work.held.shape[0]
     n_given = (given.offsets.shape[0] - 1) // n_robots
     most_new = max(rule.n_children, rule.n_children_busy) + 1
@@ -74,60 +59,62 @@ def search(
             take_in(graph, store, front, work, given, n)
             n += 1
             continue
-        if alone.n.plans == 0:
-            _take_parent(graph, store, fronts, work, rule)
-            if work.now.chosen > 0:
-                n += refill(graph, routes, store, front, work, rule, n_evaluations - n)
-                _let_go(graph, store, alone, work)
-                continue
-        n_more = _raise_children(graph, routes, store, fronts, work, rule, n_evaluations - n)
+        _take_parent(graph, store, front, work, rule)
+        if work.now.chosen > 0:
+            n_more = refill(graph, routes, store, front, work, rule, n_evaluations - n)
+        else:
+            n_more = _raise_children(graph, routes, store, front, work, rule, n_evaluations - n)
+        _let_go(graph, store, work)
         n += n_more
         fruitless = 0 if n_more > 0 else fruitless + 1
-        work.now.alone -= max(1, n_more)
-        if work.now.alone <= 0 or alone.n.spare < most_new:
-            _let_go(graph, store, alone, work)
-    if alone.n.plans > 0:
-        _let_go(graph, store, alone, work)
     return n
 
 
 @helper
 def _take_parent(
-    graph: Graph, store: TrailStore, fronts: Fronts, work: Workspace, rule: SearchRule
+    graph: Graph, store: TrailStore, front: OrderedFront, work: Workspace, rule: SearchRule
 ) -> None:
-    """Hold a parent, and set aside all its robots but one, which may go on alone for a while.
+    """Hold a parent, and set aside the robots that are not to be changed.
 
     A robot that stays at base is drawn again once: the others have more to change.
     """
-    now, held = work.now, work.held
-    now.at, place = _draw_parent(fronts.team, work, rule)
-    slot = fronts.team.places[fronts.team.directory[now.at], place].slot
-    fronts.team.tried[slot] += 1
+    now, held, states = work.now, work.held, work.states
+    now.at, place = _draw_parent(front, work, rule)
+    slot = front.places[front.directory[now.at], place].slot
+    front.tried[slot] += 1
     for k in range(held.shape[0]):
-        held[k] = fronts.team.plan[slot, k]
+        held[k] = front.plan[slot, k]
         store.trails[held[k]].n_users += 1
-    now.robot = below(work.states, held.shape[0])
+    now.robot = below(states, held.shape[0])
     if store.trails[held[now.robot]].n_arcs == 0:
-        now.robot = below(work.states, held.shape[0])
+        now.robot = below(states, held.shape[0])
     now.chosen = 0
-    p_refill = rule.p_refill * (1.0 if work.memory.idle <= rule.busy else rule.refill_idle)
+    p_refill = rule.p_refill
     if p_refill > 0.0:  # few plans offer few pieces to each other: refill more of them
-        p_refill = max(p_refill, 0.5 / fronts.team.n.plans)
-    if uniform(work.states, 0) < p_refill:
+        n_tried = front.tried[slot]
+        p_refill = max(p_refill, 0.5 / front.n.plans, 1.0 / (n_tried * n_tried))
+    if uniform(states, 0) < p_refill:
         choose_robots(work, rule)
         is_end = now.at == 0 and place == 0
-        now.slope = 0.0 if is_end else slope_at(fronts.team, now.at, place)
+        now.slope = 0.0 if is_end else slope_at(front, now.at, place)
+    elif work.memory.idle > rule.patience and uniform(states, 0) < rule.p_other:
+        _change_another(store, front, work, rule)
     set_aside(graph, store, work)
-    now.alone = 0
-    if now.chosen > 0:
+
+
+@inlined
+def _change_another(
+    store: TrailStore, front: OrderedFront, work: Workspace, rule: SearchRule
+) -> None:
+    """Let another robot than that at hand, if there is one, take a trail of another plan."""
+    n_robots = work.held.shape[0]
+    if n_robots == 1:
         return
-    is_stuck = held.shape[0] > 1 and work.memory.idle > rule.patience
-    if is_stuck and uniform(work.states, 0) < rule.p_alone:
-        now.alone = rule.n_alone
-        lay_out(graph, store, work, held[now.robot])
-        last = work.steps[now.length]
-        enter_alone(store, fronts.alone, work, held[now.robot], last.gained, last.alive)
-        clear_trail(graph, work)
+    other = (work.now.robot + 1 + below(work.states, n_robots - 1)) % n_robots
+    trail = draw_trail(front, work, rule)
+    store.trails[trail].n_users += 1
+    release(store, work.held[other])
+    work.held[other] = trail
 
 
 @inlined
@@ -174,22 +161,14 @@ def _raise_children(
     graph: Graph,
     routes: Routes,
     store: TrailStore,
-    fronts: Fronts,
+    front: OrderedFront,
     work: Workspace,
     rule: SearchRule,
     n_most: int,
 ) -> int:
-    """Make children of the parent, or of a trail that it may have; give how many."""
-    front, now, memory = fronts.team, work.now, work.memory
-    goal, others, survivors = front, now.others, now.survivors
+    """Make children of the parent in which the robot at hand goes another way; give how many."""
+    now, memory = work.now, work.memory
     parent = work.held[now.robot]
-    is_alone, needed = fronts.alone.n.plans > 0, -1.0
-    if is_alone:
-        goal, others, survivors = fronts.alone, 0.0, 0.0
-        at, place = draw_place(goal, work.states)
-        slot = goal.places[goal.directory[at], place].slot
-        parent = int(np.int64(goal.plan[slot, 0]))
-    store.trails[parent].n_users += 1
     lay_out(graph, store, work, parent)
     n = 0
     for _ in range(rule.n_children_busy if memory.idle <= rule.busy else rule.n_children):
@@ -200,9 +179,9 @@ def _raise_children(
             trail = draw_trail(front, work, rule)
             if trail == parent:
                 continue
-            gained, alive = adopt(store, goal, work, trail, others, survivors)
+            gained, _ = adopt(store, front, work, trail, now.others, now.survivors)
         elif change(graph, routes, store, front, work, rule, kind):
-            gained, alive = appraise(graph, goal, work, rule, others, survivors)
+            gained, _ = appraise(graph, front, work, rule, now.others, now.survivors)
         else:
             continue
         n += 1
@@ -214,24 +193,16 @@ def _raise_children(
             trail = add_trail(graph, store, work, write_child(work))
         else:
             store.trails[trail].n_users += 1
-        if is_alone:
-            enter_alone(store, goal, work, trail, gained, alive)
-            needed = best_reward(front, (now.survivors + alive) * (1.0 - TOLERANCE))
-        if not is_alone or (now.others + gained) * (1.0 - TOLERANCE) > needed:
-            put_in_order(store, work, trail)
-            work.tally[1, kind] += bring_in(graph, store, front, work)
+        put_in_order(store, work, trail)
+        work.tally[1, kind] += bring_in(graph, store, front, work)
         release(store, trail)
     clear_trail(graph, work)
-    release(store, parent)
     return n
 
 
 @helper
-def _let_go(graph: Graph, store: TrailStore, alone: OrderedFront, work: Workspace) -> None:
-    """Release the parent, and the trails that its robot was tried with."""
-    while alone.n.blocks > 0:
-        last = alone.n.blocks - 1
-        leave(store, alone, last, alone.size[alone.directory[last]] - 1)
+def _let_go(graph: Graph, store: TrailStore, work: Workspace) -> None:
+    """Release the parent."""
     clear_others(graph, work)
     for k in range(work.held.shape[0]):
         release(store, work.held[k])

@@ -14,7 +14,7 @@ TOLERANCE = 1e-12
 NEVER = np.int64(1) << 40
 
 _MEMORY = np.dtype([("newest", np.float64), ("idle", np.int64)])
-_PARENT = ("at", "robot", "chosen", "alone", "touched")
+_PARENT = ("at", "robot", "chosen", "touched")
 _CHILD = ("length", "prefix", "middle", "suffix", "goals", "piece", "legs", "mark")
 _NOW = np.dtype(
     [(name, np.int64) for name in (*_PARENT, *_CHILD)]
@@ -65,12 +65,10 @@ class SearchRule(NamedTuple):
     # often it has been a parent; and as long as the search is busy.
     n_drawn: int = 2
     n_drawn_busy: int = 8
-    # After so many evaluations without a plan that enters the front, with what probability the
-    # other robots of a parent stay as they are for ``n_alone`` evaluations, and the search goes on
-    # from a front of trails of the one robot.
+    # After so many evaluations without a plan that enters the front, with what probability another
+    # robot of a parent takes a trail of another plan, so that two of its trails change.
     patience: int = 2_000
-    p_alone: float = 0.1
-    n_alone: int = 500
+    p_other: float = 0.5
     # With what probability the other plan of a move is one near the parent: of its block of the
     # front, or of one of the two beside that.
     p_neighbour: float = 0.5
@@ -86,11 +84,10 @@ class SearchRule(NamedTuple):
     p_meet: float = 0.9
     # With what probability safest paths go round arcs that the trail uses already.
     p_detour: float = 0.3
-    # With what probability a parent is refilled instead, ``n_refills`` times; and by what that is
-    # multiplied when the search is not busy. Then, with what probability another robot's trail is
-    # refilled with that of the robot at hand, and yet another, and so on.
-    p_refill: float = 0.1
-    refill_idle: float = 0.5
+    # With what probability a parent is refilled instead, ``n_refills`` times, at least: the n-th
+    # time that a plan is a parent, it is 1 / n² or more. Then, with what probability another
+    # robot's trail is refilled with that of the robot at hand, and yet another, and so on.
+    p_refill: float = 0.02
     n_refills: int = 4
     p_pair: float = 0.7
     # With what probability there is room up to the limits; otherwise danger may differ from that of
@@ -122,11 +119,11 @@ class Workspace(NamedTuple):
     states: SeedArray  # the search's random numbers (1, 2)
     weights: FloatArray  # how likely each kind of move is, relative, summed up to each (N_KINDS)
     # Of the parent: its block of the front, in the directory (``at``), the ``robot`` at hand, how
-    # many more evaluations it goes on ``alone``, how many nodes the others reach (``touched``), and
-    # E[R] and E[S] of these (``others`` and ``survivors``). Of the trail: how many arcs it has
-    # (``length``). Of the child: how many arcs are kept from the trail's start (``prefix``), how
-    # many are new (``middle``), from which position the trail is kept to its end (``suffix``), how
-    # many ``goals`` there are, and arcs in the ``piece``. And the last ``mark``.
+    # many nodes the others reach (``touched``), and E[R] and E[S] of these (``others`` and
+    # ``survivors``). Of the trail: how many arcs it has (``length``). Of the child: how many arcs
+    # are kept from the trail's start (``prefix``), how many are new (``middle``), from which
+    # position the trail is kept to its end (``suffix``), how many ``goals`` there are, and arcs in
+    # the ``piece``. And the last ``mark``.
     now: Record
     # At each position of the trail (n_arcs + 1) the ``node`` and the ``arc`` that leaves it; the
     # probability to get there (``alive``); what was collected up to there (``gained``), and what a
@@ -150,10 +147,9 @@ class Workspace(NamedTuple):
     # Nodes that the other robots reach, and that the team does (n_nodes).
     touched: OffsetArray
     reached: OffsetArray
-    # Trails of the parent's plan, and of the child's (n_robots), and a single one (1).
+    # Trails of the parent's plan, and of the child's (n_robots).
     held: OffsetArray
     trails: OffsetArray
-    single: OffsetArray
     # Of the robots that are refilled together (``chosen``, the first of them): the trails of all
     # robots then (``refilled``; n_robots), how much more danger, −log of a survival, and length
     # there is room for (``rooms``), and the first leg of each tour (``first``).
@@ -200,7 +196,6 @@ def new_workspace(graph: Graph, n_robots: int, **remembered: Any) -> Workspace:
         reached=np.empty(n_nodes, np.int64),
         held=np.empty(n_robots, np.int64),
         trails=np.empty(n_robots, np.int64),
-        single=np.empty(1, np.int64),
         chosen=np.zeros(n_robots, np.int64),
         refilled=np.zeros(n_robots, np.int64),
         rooms=np.zeros(n_robots, _ROOM).view(np.recarray),
