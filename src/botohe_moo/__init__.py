@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from botohe_moo.plots import plot_front as plot_front
     from botohe_moo.plots import plot_mission as plot_mission
     from botohe_moo.problem import BOTOHE as BOTOHE
+    from botohe_moo.search.bounds import FrontBound as FrontBound
+    from botohe_moo.search.bounds import bound_front as bound_front
     from botohe_moo.solution import Solution as Solution
     from botohe_moo.solution import read_solution as read_solution
     from botohe_moo.solving import solve as solve

@@ -12,4 +12,5 @@ SeedArray: TypeAlias = NDArray[np.uint64]
 ObjectArray: TypeAlias = NDArray[Any]
 Record: TypeAlias = Any  # a numpy.record, whose fields are attributes
 RecordArray: TypeAlias = Any  # a numpy.recarray of these
+BoolArray: TypeAlias = NDArray[np.bool_]
 Rng: TypeAlias = np.random.Generator

@@ -1,0 +1,1 @@
+"""Relaxed trails, and exact ones: what no trail exceeds under given prices."""

@@ -1,0 +1,137 @@
+"""What a relaxed trail remembers: states (node, memory), and the links between them.
+
+A relaxed trail may visit a node for its reward, or take an arc, more often than once where it has
+forgotten that it did. A memory is a mask; each node remembers visits and arcs of its own, and what
+the next node does not remember as well is forgotten on the way: ng-routes, Baldacci, Mingozzi and
+Roberti, "New route relaxation and pricing strategies for the vehicle routing problem", Operations
+Research 59(5), 2011.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from botohe_moo._base.types import BoolArray, FloatArray, OffsetArray
+from botohe_moo.kernels.compile import inlined, kernel
+from botohe_moo.kernels.graph.graph import Graph
+
+# Instead of a bit.
+NONE = -1
+NEVER = -2
+
+
+class Net(NamedTuple):
+    """A mission as a bound sees it: without arcs that no plan needs."""
+
+    graph: Graph
+    # Survival of the safest way from the base, 1 at the base (n_nodes).
+    reach: FloatArray
+    # Of each arc: how much of the best at its head is left to those who are best off at its tail:
+    # reach[tail] × survival / reach[head], at most 1 (n_arcs).
+    ratio: FloatArray
+    home_length: FloatArray  # of the shortest way home (n_nodes)
+    min_survival: float
+    max_length: float
+
+
+class Memory(NamedTuple):
+    """Which bits of a node's mask say what, as far as arcs need to know."""
+
+    n_bits: OffsetArray  # of each node's mask (n_nodes)
+    # Bits that are remembered at both ends of arc a, as pairs (at its tail, at its head):
+    # ``kept[first_kept[a]:first_kept[a + 1]]``.
+    first_kept: OffsetArray
+    kept: OffsetArray
+    adds: OffsetArray  # the mask that each arc adds at its head (n_arcs)
+    # The bit at the arc's tail with which its head pays nothing: ``NONE`` where it always pays,
+    # ``NEVER`` where it never does (n_arcs).
+    unpaid: OffsetArray
+    barred: OffsetArray  # the bit at the arc's tail with which it is barred, or ``NONE`` (n_arcs)
+
+
+class States(NamedTuple):
+    """States that are reached from base; the first is the base with nothing to remember."""
+
+    node: OffsetArray  # (n_states)
+    # The links that leave state s are ``first[s]`` to ``first[s + 1]`` (n_states + 1).
+    first: OffsetArray
+    # Of each link its arc, the states that it leaves and enters, and whether its head's reward is
+    # collected (n_links).
+    arc: OffsetArray
+    source: OffsetArray
+    to: OffsetArray
+    pays: BoolArray
+    # The links that enter state s are ``entering[first_entering[s]:first_entering[s + 1]]``.
+    first_entering: OffsetArray
+    entering: OffsetArray
+
+
+@inlined
+def _next_mask(memory: Memory, arc: int, mask: int) -> int:
+    """Give the mask behind an arc; −1 where that is barred."""
+    if memory.barred[arc] >= 0 and (mask >> memory.barred[arc]) & 1:
+        return -1
+    after = memory.adds[arc]
+    for i in range(memory.first_kept[arc], memory.first_kept[arc + 1]):
+        after |= ((mask >> memory.kept[i, 0]) & 1) << memory.kept[i, 1]
+    return int(after)
+
+
+@kernel
+def find_states(net: Net, memory: Memory, n_most: int) -> States:
+    """Find all states that are reached from base; none where they are more than ``n_most``."""
+    graph = net.graph
+    n_nodes = graph.reward.shape[0]
+    offset = np.zeros(n_nodes + 1, np.int64)
+    for i in range(n_nodes):
+        offset[i + 1] = offset[i] + (1 << memory.n_bits[i])
+    number = np.full(offset[n_nodes], -1, np.int32)
+    room = min(int(offset[n_nodes]), n_most)
+    node, mask = np.empty(room + 1, np.int64), np.empty(room + 1, np.int64)
+    node[0], mask[0], number[offset[graph.base]] = graph.base, 0, 0
+    n, n_links, at = 1, 0, 0
+    while at < n and n <= n_most:
+        here = node[at]
+        for arc in range(graph.first[here], graph.first[here + 1]):
+            after = _next_mask(memory, arc, mask[at])
+            if after < 0:
+                continue
+            n_links += 1
+            to = graph.head[arc]
+            if number[offset[to] + after] < 0 and n <= n_most:
+                number[offset[to] + after] = n
+                if n < room:
+                    node[n], mask[n] = to, after
+                n += 1
+        at += 1
+    if n > n_most:
+        n = n_links = 0
+    first, first_entering = np.zeros(n + 1, np.int64), np.zeros(n + 1, np.int64)
+    way, source, target = (
+        np.empty(n_links, np.int64),
+        np.empty(n_links, np.int64),
+        np.empty(n_links, np.int64),
+    )
+    pays, entering = np.zeros(n_links, np.bool_), np.empty(n_links, np.int64)
+    link = 0
+    for state in range(n):
+        here = node[state]
+        for arc in range(graph.first[here], graph.first[here + 1]):
+            after = _next_mask(memory, arc, mask[state])
+            if after < 0:
+                continue
+            to = number[offset[graph.head[arc]] + after]
+            way[link], source[link], target[link] = arc, state, to
+            unpaid = memory.unpaid[arc]
+            pays[link] = unpaid == NONE or (unpaid >= 0 and not (mask[state] >> unpaid) & 1)
+            first_entering[to + 1] += 1
+            link += 1
+        first[state + 1] = link
+    for state in range(n):
+        first_entering[state + 1] += first_entering[state]
+    free = first_entering.copy()
+    for link in range(n_links):
+        to = target[link]
+        entering[free[to]] = link
+        free[to] += 1
+    return States(node[:n].copy(), first, way, source, target, pays, first_entering, entering)

@@ -1,0 +1,195 @@
+"""Lines that no plan of so many moving robots lies above, found by column generation."""
+
+from __future__ import annotations
+
+import time
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from botohe_moo._base.types import FloatArray
+from botohe_moo.search.bounds.front_bound import Line
+from botohe_moo.search.bounds.master import Master
+from botohe_moo.search.bounds.pool import Pool
+from botohe_moo.search.bounds.prices import Team, refine
+from botohe_moo.search.bounds.relaxation import Relaxation
+
+_EPSILON = float(np.finfo(float).eps)
+_NEW = 1e-6  # by how much a new trail has to exceed what is known
+
+
+class LineSearch(NamedTuple):
+    """How far lines are tightened."""
+
+    smoothing: float = 0.5  # how far prices stay at the best ones known
+    tolerance: float = 2e-4  # of the bound
+    most_relaxed: int = 60
+    most_exact: int = 40
+    most_steps: int = 200_000  # of a depth-first search
+    n_levels: int = 24  # of relaxed trails, at least; twice as many before a search
+
+
+class Lines:
+    """All lines for a number of moving robots."""
+
+    def __init__(
+        self,
+        relaxation: Relaxation,
+        pool: Pool,
+        n_robots: int,
+        base_reward: float,
+        rule: LineSearch,
+    ) -> None:
+        self._relaxation, self._pool, self._n_robots = relaxation, pool, n_robots
+        self._base_reward, self._rule = base_reward, rule
+        graph = relaxation.net.graph
+        missed = (1.0 - np.minimum(relaxation.net.reach * (1.0 + 1e-12), 1.0)) ** n_robots
+        everything = float((graph.reward * (1.0 - missed)).sum())
+        self.found = [self._line(everything, 0.0, "everything")]
+        self._made: Master | None = None
+        self.others: list[Lines] = []  # for other numbers of robots
+
+    @cached_property
+    def _team(self) -> Team:
+        return Team(self._relaxation.net, self._n_robots, self._pool.n_levels)
+
+    @property
+    def _master(self) -> Master:
+        """The linear programme: large, and made when it is needed."""
+        if self._made is None:
+            self._made = Master(self._team, self._relaxation.total)
+        return self._made
+
+    def drop(self, number: int) -> None:
+        """Forget a trail of the pool that has been dropped."""
+        if self._made is not None:
+            self._made.drop(number)
+
+    def _line(self, most: float, mu: float, proof: str) -> Line:
+        n_terms = self._relaxation.net.graph.n_nodes + 8
+        scale = self._relaxation.total + self._base_reward + abs(most) + mu
+        spare = n_terms * _EPSILON * scale
+        return Line(self._n_robots, self._base_reward + most + spare, mu, proof)
+
+    def bound(self, x: float) -> float:
+        """Bound E[R] where the moving robots' survivals sum to ``x`` or more."""
+        return min(line.most - line.mu * x for line in self.found)
+
+    def tighten(self, x: float, deadline: float) -> bool:
+        """Find better lines at ``x``, first by relaxed trails, then by exact ones.
+
+        True where relaxed trails have been made to remember more, so that it may be worth another
+        try.
+        """
+        prices, mu, walk = self._by_relaxed(x, deadline)
+        is_exact = self._by_search(x, prices, mu, deadline)
+        if is_exact or walk is None or time.monotonic() > deadline:
+            return False
+        return self._relaxation.remember(*walk)
+
+    def _by_relaxed(
+        self, x: float, deadline: float
+    ) -> tuple[FloatArray, float, tuple[list[int], list[bool]] | None]:
+        rule, pool = self._rule, self._pool
+        self._master.allow_relaxed(pool, allowed=True)
+        centre, value, walk, stay = None, np.inf, None, rule.smoothing
+        for _ in range(rule.most_relaxed):
+            least, prices, theta, mu = self._master.solve(pool, x, deadline)
+            least += self._base_reward
+            known = min(value, self.bound(x))
+            if known - least < 5 * rule.tolerance * known or time.monotonic() > deadline:
+                break
+            here, slope = prices, mu
+            if centre is not None:
+                here = stay * centre[0] + (1 - stay) * prices
+                slope = stay * centre[1] + (1 - stay) * mu
+            here = self._team.tidy(here)
+            ahead = self._relaxation.look_ahead(self._spread(here, rule.n_levels), slope)
+            reached = self._keep(here, slope, ahead.most, "relaxed") - slope * x
+            found = self._relaxation.best_trails(ahead)
+            added = [pool.add(*trail) for trail in found]
+            if reached < value:
+                centre, value, walk = (here, slope), reached, found[0] if found else None
+            is_new = False
+            if added and added[0][1]:
+                visits = pool.visits[added[0][0]]
+                worth = visits.weights @ prices[:, 1:].ravel()[visits.columns]
+                is_new = bool(worth + mu * visits.survival > theta + _NEW)
+            if not is_new and stay == 0.0:
+                break
+            stay = rule.smoothing if is_new else 0.0
+        if centre is None:
+            centre = self._team.tidy(prices), mu
+        return *centre, walk
+
+    def _by_search(self, x: float, prices: FloatArray, mu: float, deadline: float) -> bool:
+        """Step from the best prices known towards those of the programme, if they can be searched.
+
+        Tells whether the best prices themselves have been.
+        """
+        rule, pool = self._rule, self._pool
+        self._master.allow_relaxed(pool, allowed=False)
+        centre, value, step, is_exact = (prices, mu), np.inf, 0.0, False
+        for i in range(rule.most_exact):
+            least, known, theta, slope = self._master.solve(pool, x, deadline)
+            least += self._base_reward
+            best = self.bound(x)
+            if best - least < rule.tolerance * best or time.monotonic() > deadline:
+                break
+            here = self._team.tidy((1 - step) * centre[0] + step * known)
+            there = (1 - step) * centre[1] + step * slope
+            ahead = self._relaxation.look_ahead(self._spread(here, 2 * rule.n_levels), there)
+            worth = pool.values(here[:, 1:], there)
+            worth = worth[~pool.is_relaxed]
+            at_least = max(0.0, float(worth.max(initial=0.0))) + 1e-9
+            n_most = rule.most_steps * (1 if i else 10)
+            ended, most, arcs = self._relaxation.search(ahead, at_least, n_most)
+            number, is_new = pool.add(arcs) if arcs else (-1, False)
+            if not ended:
+                most = ahead.most
+            proof = "exact" if ended else "relaxed"
+            reached = self._keep(here, there, min(most, ahead.most), proof) - there * x
+            if i == 0:
+                value, is_exact, step = reached, ended, rule.smoothing
+                if not ended:
+                    break
+                continue
+            if not ended:
+                step /= 3
+                if step < 0.02:
+                    break
+                continue
+            if reached < value:
+                centre, value = (here, there), reached
+            exceeds = False
+            if is_new:
+                visits = pool.visits[number]
+                worth_now = visits.weights @ known[:, 1:].ravel()[visits.columns]
+                exceeds = bool(worth_now + slope * visits.survival > theta + _NEW)
+            if not exceeds:
+                if step > 0.99:
+                    break
+                step = min(1.0, 2 * step)
+        return is_exact
+
+    def _spread(self, prices: FloatArray, n_levels: int) -> FloatArray:
+        """Write prices to all nodes, on a grid of so many levels or a few more."""
+        n_times = -(-n_levels // self._team.n_levels)
+        n_nodes = self._relaxation.net.graph.n_nodes
+        fine = np.zeros((n_nodes, self._team.n_levels * n_times + 1))
+        fine[self._team.nodes] = refine(prices, n_times)
+        return fine
+
+    def _keep(self, prices: FloatArray, mu: float, theta: float, proof: str) -> float:
+        """Keep the line that prices give, and those that they give other numbers of robots."""
+        for lines in self.others:
+            lines.keep(prices, mu, theta, proof)
+        return self.keep(prices, mu, theta, proof)
+
+    def keep(self, prices: FloatArray, mu: float, theta: float, proof: str) -> float:
+        """Keep the line of these prices if no trail is worth more than ``theta``; give its most."""
+        beside = float(self._team.most(prices).sum())
+        line = self._line(beside + self._n_robots * theta, mu, proof)
+        self.found.append(line)
+        return line.most

@@ -1,0 +1,134 @@
+"""The linear programme that sets prices."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+
+from botohe_moo._base.types import FloatArray
+from botohe_moo.search.bounds.pool import Pool, Visits
+from botohe_moo.search.bounds.prices import Team
+
+_CUT = 1e-7  # what a cut has to be violated by
+_CUTS_AT_ONCE = 8
+_MOST_MU = 20.0  # in total rewards
+
+
+class Master:
+    """Prices with the least bound on what a team collects that survives with ``x`` robots.
+
+    The least Σ c + n_robots · theta − x · mu, where c is the most that a node gives beside prices,
+    theta the most that a trail is worth, and mu the price of survival; of trails, only those known
+    count. Rows are added where the solution violates them; HiGHS goes on from the last basis.
+    """
+
+    def __init__(self, team: Team, total: float) -> None:
+        import highspy
+
+        self.team = team
+        self._inf = highspy.kHighsInf
+        n_nodes, n_levels = len(team.nodes), team.n_levels
+        self._n_prices = n_nodes * n_levels
+        self._theta = self._n_prices + n_nodes
+        self._mu = self._theta + 1
+        cost = np.zeros(self._mu + 1)
+        cost[self._n_prices : self._theta] = 1.0
+        cost[self._theta] = team.n_robots
+        upper = np.full(self._mu + 1, self._inf)
+        upper[: self._n_prices] = (team.reward[:, None] * team.alive[:, 1:]).ravel()
+        upper[self._mu] = _MOST_MU * total
+        self._lp: Any = highspy.Highs()  # type: ignore[no-untyped-call]
+        self._lp.setOptionValue("output_flag", False)
+        self._lp.setOptionValue("threads", 1)
+        self._lp.addVars(len(cost), np.zeros(len(cost)), upper)
+        self._lp.changeColsCost(len(cost), np.arange(len(cost), dtype=np.int32), cost)
+        self._n_rows = 0
+        for node in range(n_nodes):
+            first = node * n_levels
+            for level in range(1, n_levels):
+                columns = [first + level, first + level - 1, first + level - 2]
+                used = 3 if level > 1 else 2
+                self._add(0.0, columns[:used], [1.0, -2.0, 1.0][:used])
+            steepest = team.reward[node] * team.alive[node, 1]
+            last = first + n_levels - 1
+            used = 2 if n_levels > 1 else 1
+            self._add(-steepest, [last, last - 1][:used], [-1.0, 1.0][:used])
+        self._configurations: set[tuple[int, int]] = set()
+        self._rows: dict[int, int] = {}  # of trails of the pool
+        self._only_trails = False
+
+    def solve(
+        self, pool: Pool, x: float, deadline: float
+    ) -> tuple[float, FloatArray, float, float]:
+        """Give the least bound over known trails, prices (n_nodes, n_levels + 1), theta and mu.
+
+        When the time is over, prices may be far from the best: any are valid.
+        """
+        self._lp.changeColCost(self._mu, -x)
+        while True:
+            left = max(0.01, deadline - time.monotonic())
+            self._lp.setOptionValue("time_limit", self._lp.getRunTime() + left)
+            self._lp.run()
+            solution = np.array(self._lp.getSolution().col_value)
+            prices = np.zeros((len(self.team.nodes), self.team.n_levels + 1))
+            prices[:, 1:] = solution[: self._n_prices].reshape(len(prices), -1).clip(0.0)
+            theta, mu = float(solution[self._theta]), max(0.0, float(solution[self._mu]))
+            n = self._cut_configurations(prices, solution)
+            n = n or self._cut_trails(pool, prices, theta, mu)
+            if n == 0 or time.monotonic() > deadline:
+                return self._lp.getObjectiveValue(), prices, theta, mu
+
+    def _cut_configurations(self, prices: FloatArray, solution: FloatArray) -> int:
+        left = self.team.beside(prices)
+        worst = left.argmax(axis=1)
+        over = left[np.arange(len(left)), worst] - solution[self._n_prices : self._theta]
+        n = 0
+        for node in np.flatnonzero(over > _CUT).tolist():
+            cut = (node, int(worst[node]))
+            if cut in self._configurations:
+                continue
+            self._configurations.add(cut)
+            counts = self.team.counts[cut[1], 1:]
+            levels = np.flatnonzero(counts)
+            columns = [self._n_prices + node, *(node * self.team.n_levels + levels).tolist()]
+            self._add(float(self.team.gains[cut]), columns, [1.0, *counts[levels].tolist()])
+            n += 1
+        return n
+
+    def _cut_trails(self, pool: Pool, prices: FloatArray, theta: float, mu: float) -> int:
+        worth = pool.values(prices[:, 1:], mu)
+        if self._only_trails:
+            worth[pool.is_relaxed] = -np.inf
+        n = 0
+        for i in np.argsort(-worth)[:_CUTS_AT_ONCE].tolist():
+            if worth[i] > theta + _CUT and i not in self._rows:
+                self._rows[i] = self._n_rows
+                self._add_trail(pool.visits[i])
+                n += 1
+        return n
+
+    def _add_trail(self, visits: Visits) -> None:
+        columns = [self._theta, self._mu, *visits.columns.tolist()]
+        self._add(0.0, columns, [1.0, -visits.survival, *(-visits.weights).tolist()])
+
+    def _add(self, least: float, columns: list[int], weights: list[float]) -> None:
+        indices = np.array(columns, np.int32)
+        self._lp.addRow(least, self._inf, len(columns), indices, np.array(weights))
+        self._n_rows += 1
+
+    def drop(self, number: int) -> None:
+        """Forget a trail of the pool that has been dropped."""
+        if number in self._rows:
+            self._lp.changeRowBounds(self._rows.pop(number), -self._inf, self._inf)
+
+    def allow_relaxed(self, pool: Pool, *, allowed: bool) -> None:
+        """Let relaxed trails count, or trails only."""
+        if allowed != self._only_trails:
+            return
+        self._only_trails = not allowed
+        for number, row in self._rows.items():
+            if pool.relaxed[number] is not None:
+                least = 0.0 if allowed else -self._inf
+                self._lp.changeRowBounds(row, least, self._inf)

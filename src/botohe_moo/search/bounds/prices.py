@@ -1,0 +1,112 @@
+"""Prices of visits: what the whole team gains at a node, beside what its robots are paid for it.
+
+Prices are convex functions of the probability to be alive, 0 at 0, linear between the levels of a
+grid: level l of node v is the probability reach[v] · l / n_levels.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import combinations_with_replacement
+
+import numpy as np
+
+from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo.kernels.bounds.states import Net
+
+_EPSILON = float(np.finfo(float).eps)
+_TIDIED = 3  # times that prices are lowered before the convex envelope is taken
+
+
+def most_levels(n_robots: int, n_levels: int, most: int) -> int:
+    """Give the largest number of levels up to that given with few enough configurations."""
+    while n_levels > 1 and math.comb(n_levels + n_robots, n_robots) > most:
+        n_levels -= 1
+    return n_levels
+
+
+class Team:
+    """What nodes give a team of ``n_robots``, whatever their levels (configurations).
+
+    The probability that one of them reaches a node is linear in that of each robot, and prices are
+    convex: the most that is gained beside prices is gained where all are at a level of the grid.
+    """
+
+    def __init__(self, net: Net, n_robots: int, n_levels: int) -> None:
+        graph = net.graph
+        self.n_robots, self.n_levels = n_robots, n_levels
+        self.nodes: OffsetArray = np.flatnonzero(graph.reward > 0.0)
+        self.reward: FloatArray = graph.reward[self.nodes]
+        self.alive = np.outer(net.reach[self.nodes], np.arange(n_levels + 1) / n_levels)
+        self.counts, missed = self._configurations(n_robots)
+        self.gains = self.reward[:, None] * (1.0 - missed)  # (n_nodes, n_configurations)
+        self._others, self._others_miss = self._configurations(n_robots - 1)
+
+    def _configurations(self, n_robots: int) -> tuple[FloatArray, FloatArray]:
+        """How many robots are at each level, and with what probability none gets to each node."""
+        chosen = list(combinations_with_replacement(range(self.n_levels + 1), n_robots))
+        levels = np.array(chosen, np.int64).reshape(len(chosen), n_robots)
+        counts = (levels[:, :, None] == np.arange(self.n_levels + 1)).sum(axis=1)
+        missed = np.ones((len(self.nodes), len(levels)))
+        for chosen_by_one in levels.T:
+            missed *= 1.0 - self.alive[:, chosen_by_one]
+        return counts.astype(float), missed
+
+    def beside(self, prices: FloatArray) -> FloatArray:
+        """Give what each configuration gains beside prices (n_nodes, n_configurations)."""
+        left: FloatArray = self.gains - prices @ self.counts.T
+        return left
+
+    def most(self, prices: FloatArray) -> FloatArray:
+        """Give the most that is gained beside prices at each node, rounded up (n_nodes)."""
+        terms = 2 * self.n_robots + self.n_levels + 4
+        spare = terms * _EPSILON * (self.reward + self.n_robots * prices[:, -1])
+        most: FloatArray = self.beside(prices).max(axis=1) + spare
+        return most
+
+    def tidy(self, prices: FloatArray) -> FloatArray:
+        """Lower prices where nothing is gained more by that, and make them convex from below.
+
+        The price at one level may fall as far as the most that is gained stays what it is, with any
+        levels of the others. All robots' prices fall together, so each falls by its share.
+        """
+        most = self.beside(prices).max(axis=1)
+        slope = self.reward[:, None] * self._others_miss
+        prices = prices.copy()
+        for _ in range(_TIDIED):
+            at_none = (self.reward - most)[:, None] - prices @ self._others.T
+            least = np.stack(
+                [(at_none - (1.0 - alive)[:, None] * slope).max(axis=1) for alive in self.alive.T],
+                axis=1,
+            )
+            least = np.clip(least, 0.0, prices)
+            prices += (least - prices) / self.n_robots
+            prices[:, 0] = 0.0
+        for row, each in enumerate(prices):
+            prices[row] = convex_below(each)
+        return prices
+
+
+def convex_below(values: FloatArray) -> FloatArray:
+    """Give the largest convex function on a grid that is nowhere above, at least 0."""
+    corners: list[int] = []
+    for i, value in enumerate(values):
+        while len(corners) > 1:
+            before, last = corners[-2:]
+            rise = (values[last] - values[before]) * (i - before)
+            if rise < (value - values[before]) * (last - before):
+                break
+            corners.pop()
+        corners.append(i)
+    envelope: FloatArray = np.interp(np.arange(len(values)), corners, values[corners])
+    return np.maximum(envelope, 0.0)
+
+
+def refine(prices: FloatArray, n_times: int) -> FloatArray:
+    """Give the same prices on a grid of so many times as many levels (n_nodes, ·)."""
+    n_levels = prices.shape[1] - 1
+    levels = np.arange(n_levels * n_times + 1) / n_times
+    low = np.minimum(levels.astype(int), n_levels - 1)
+    part = levels - low
+    fine: FloatArray = prices[:, low] * (1.0 - part) + prices[:, low + 1] * part
+    return fine

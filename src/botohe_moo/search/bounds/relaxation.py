@@ -1,0 +1,167 @@
+"""What no trail is worth more than, by relaxed trails and by search."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from botohe_moo._base.types import BoolArray, FloatArray, OffsetArray
+from botohe_moo.kernels.bounds.relaxed import best_leaving, follow, relax, shortfall
+from botohe_moo.kernels.bounds.states import Net, States, find_states
+from botohe_moo.kernels.bounds.trails import find_best, new_depths
+from botohe_moo.search.bounds.memory import Remembered
+
+_EPSILON = float(np.finfo(float).eps)
+_TOLERANCE = 1e-9  # to which values are raised, in shares of all reward
+_MOST_TRAIL = 400  # links of a relaxed trail that are looked at
+# At which steps a relaxed trail takes the second best link, for more of them.
+_TURNS = (-1, 0, 1, 2, 4, 7, 11)
+_MOST_FORGOTTEN = 2  # what a trail does twice and is remembered next
+
+
+class Ahead(NamedTuple):
+    """What lies ahead of each state under prices, and what the best trail is worth at most."""
+
+    prices: FloatArray  # (n_nodes, n_levels + 1)
+    mu: float
+    values: FloatArray  # (n_states, n_levels + 1)
+    # By how much a trail may exceed what lies ahead: what its steps fall short by, and rounding.
+    spare: float
+    most: float
+
+
+class Relaxation:
+    """Relaxed trails of a mission, with a memory that can grow."""
+
+    def __init__(
+        self,
+        net: Net,
+        remembered: Remembered,
+        random_state: np.random.Generator,
+        *,
+        most_bits: int,
+        most_states: int,
+        n_searched: int,
+    ) -> None:
+        self.net, self._remembered = net, remembered
+        self._most_bits, self._most_states = most_bits, most_states
+        self.total = float(net.graph.reward.sum())
+        self._depths = new_depths(net, random_state, n_searched)
+        self._everywhere: FloatArray | None = None
+        states = find_states(net, remembered.pack(), most_states)
+        self.remembers_less = len(states.node) == 0  # than it was to
+        while len(states.node) == 0:
+            for bits in remembered.bits:
+                del bits[-1:]
+            states = find_states(net, remembered.pack(), most_states)
+        self.states: States = states
+
+    def look_ahead(self, prices: FloatArray, mu: float) -> Ahead:
+        """Bound all trails that leave the base."""
+        net, states, graph = self.net, self.states, self.net.graph
+        shape = (graph.n_nodes, prices.shape[1])
+        values = np.zeros((len(states.node), prices.shape[1]))
+        cap = np.full(shape, np.inf)
+        # Where arcs are sure, relaxed trails may collect without end.
+        if not relax(net, states, prices, mu, cap, _TOLERANCE * self.total, values):
+            cap = self._everything(prices, mu)
+            if not relax(net, states, prices, mu, cap, _TOLERANCE * self.total, values):
+                values = cap[states.node]
+        short = shortfall(net, states, prices, mu, cap, values)
+        # A step adds some ten roundings, and a trail has at most as many steps as there are arcs.
+        scale = self.total + mu + float(values.max(initial=0.0))
+        spare = graph.n_arcs * (short + 32 * _EPSILON * scale)
+        most = best_leaving(net, states, prices, values) + spare
+        return Ahead(prices, mu, values, spare, most)
+
+    def _everything(self, prices: FloatArray, mu: float) -> FloatArray:
+        """Bound what lies ahead of each node by going to all others at once (n_nodes, ·)."""
+        net, n_levels = self.net, prices.shape[1] - 1
+        if self._everywhere is None:
+            self._everywhere = _best_between(net)
+        alive = net.reach[:, None] * (np.arange(n_levels + 1) / n_levels)
+        cap = mu * alive * net.graph.home[:, None]
+        for node in np.flatnonzero(prices[:, -1] > 0.0).tolist():
+            levels = alive * self._everywhere[:, node, None] / net.reach[node] * n_levels
+            cap += np.interp(levels, np.arange(n_levels + 1), prices[node])
+        bounded: FloatArray = cap * (1.0 + 1e-12)
+        return bounded
+
+    def best_trails(self, ahead: Ahead) -> list[tuple[list[int], list[bool]]]:
+        """Give the best relaxed trail, its arcs and which pay, and some that leave it once."""
+        found: list[tuple[list[int], list[bool]]] = []
+        links = np.empty(_MOST_TRAIL, np.int64)
+        for turn in _TURNS:
+            given = ahead.prices, ahead.mu, ahead.values, turn, links
+            n = follow(self.net, self.states, *given)
+            if n > turn:
+                taken = links[:n]
+                arcs = self.states.arc[taken]
+                paid = self.states.pays[taken] & self._is_worth(ahead, arcs)
+                found.append((arcs.tolist(), paid.tolist()))
+        return found
+
+    def _is_worth(self, ahead: Ahead, arcs: OffsetArray) -> BoolArray:
+        """Tell which visits of a relaxed trail are worth anything."""
+        net, n_levels = self.net, ahead.prices.shape[1] - 1
+        levels = np.cumprod(net.ratio[arcs]) * n_levels
+        heads = net.graph.head[arcs]
+        high = np.minimum(levels.astype(int) + 1, n_levels)
+        worth: BoolArray = ahead.prices[heads, high] > 1e-12
+        return worth
+
+    def search(self, ahead: Ahead, least: float, n_most: int) -> tuple[bool, float, list[int]]:
+        """Find the trail that is worth the most, if more than ``least``.
+
+        Gives whether the search has ended, what no trail is worth more than then, and its arcs.
+        """
+        given = ahead.prices, ahead.mu, ahead.values, least, n_most
+        n = find_best(self.net, self.states, *given, self._depths)
+        found = self._depths.found
+        arcs = self._depths.arcs[: int(found.n_arcs)].tolist()
+        return n >= 0, float(found.value) + ahead.spare, arcs
+
+    def remember(self, arcs: Sequence[int], paid: Sequence[bool]) -> bool:
+        """Remember what a relaxed trail does twice; False where nothing more can be remembered."""
+        grown = 0
+        for bit, nodes in self._remembered.forgets(arcs, paid):
+            bits = self._remembered.bits
+            if any(bit in bits[node] or len(bits[node]) >= self._most_bits for node in nodes):
+                continue
+            for node in nodes:
+                bits[node].append(bit)
+            states = find_states(self.net, self._remembered.pack(), self._most_states)
+            if len(states.node) == 0:
+                for node in nodes:
+                    bits[node].pop()
+                continue
+            self.states = states
+            grown += 1
+            if grown == _MOST_FORGOTTEN:
+                break
+        return grown > 0
+
+    def allows(self, arcs: Sequence[int], paid: Sequence[bool]) -> bool:
+        """Tell whether this is a relaxed trail still."""
+        states, state = self.states, 0
+        for arc, pays in zip(arcs, paid, strict=True):
+            links = range(int(states.first[state]), int(states.first[state + 1]))
+            link = next((link for link in links if states.arc[link] == arc), -1)
+            if link < 0 or (pays and not states.pays[link]):
+                return False
+            state = int(states.to[link])
+        return True
+
+
+def _best_between(net: Net) -> FloatArray:
+    """Give the survival of the safest way from each node to each other (n_nodes, n_nodes)."""
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import dijkstra
+
+    graph = net.graph
+    costs = csr_array((graph.cost + 1e-15, graph.head, graph.first), shape=(graph.n_nodes,) * 2)
+    # More than the true survival, never less.
+    best: FloatArray = np.exp(-np.maximum(dijkstra(costs) - graph.n_nodes * 1e-14, 0.0))
+    return best

@@ -1,0 +1,233 @@
+"""Relaxed trails and exact ones, beside readable twins: dictionaries of states, and all trails."""
+
+from itertools import pairwise
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from botohe_moo import Mission
+from botohe_moo.kernels.bounds.relaxed import best_leaving, follow, relax, shortfall
+from botohe_moo.kernels.bounds.states import find_states
+from botohe_moo.kernels.bounds.trails import find_best, new_depths
+from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
+from botohe_moo.search.bounds.memory import Remembered
+from botohe_moo.search.bounds.net import hanging_parts, new_net
+from botohe_moo.search.bounds.prices import convex_below
+from tests import twins
+from tests.strategies import missions
+
+N_LEVELS = 6
+
+
+def drawn_prices(net, seed):
+    """Convex prices, 0 at 0, no steeper than rewards."""
+    rng = np.random.default_rng(seed)
+    prices = np.zeros((net.graph.n_nodes, N_LEVELS + 1))
+    for node in np.flatnonzero(net.graph.reward > 0):
+        rises = np.sort(rng.uniform(0, 1, N_LEVELS)) * (rng.uniform(size=N_LEVELS) < 0.8)
+        heights = np.append(0.0, np.cumsum(np.sort(rises)))
+        prices[node] = heights * net.graph.reward[node] * net.reach[node] / N_LEVELS
+    return prices, float(rng.choice([0.0, 1.0, 5.0]) * rng.uniform())
+
+
+def price_at(prices, node, level):
+    return np.interp(level, np.arange(N_LEVELS + 1), prices[node])
+
+
+def value_of(net, trail, prices, mu):
+    """What a trail of nodes is worth."""
+    graph = net.graph
+    arcs = {pair: arc for arc, pair in enumerate(zip(graph.tail, graph.head, strict=True))}
+    alive, worth, seen = 1.0, 0.0, {graph.base}
+    for pair in pairwise(trail):
+        alive *= graph.survival[arcs[pair]]
+        if pair[1] not in seen:
+            worth += price_at(prices, pair[1], alive / net.reach[pair[1]] * N_LEVELS)
+        seen.add(pair[1])
+    return worth + mu * alive
+
+
+def states_by_dictionary(net, remembered):
+    """What ``find_states`` finds: states as (node, set of bits), and their links."""
+    graph, n = net.graph, net.graph.n_nodes
+    backs = {part.back: part.arc for part in hanging_parts(graph)}
+    found, todo = {}, [(graph.base, frozenset())]
+    while todo:
+        state = todo.pop()
+        if state in found:
+            continue
+        found[state] = links = {}
+        node, bits = state
+        for arc in range(graph.first[node], graph.first[node + 1]):
+            if n + arc in bits:
+                continue
+            head = int(graph.head[arc])
+            taken = {n + arc, n + backs.get(arc, arc)} | (
+                {head} if graph.reward[head] > 0 else set()
+            )
+            after = frozenset((bits | taken) & set(remembered.bits[head]))
+            pays = graph.reward[head] > 0 and arc not in backs and head not in bits
+            links[arc] = ((head, after), pays)
+            todo.append((head, after))
+    return found
+
+
+def values_by_dictionary(net, states, prices, mu):
+    """Value iteration from below, all states at once."""
+    levels = np.arange(N_LEVELS + 1)
+    values = {state: np.zeros(N_LEVELS + 1) for state in states}
+    for _ in range(3_000):
+        change = 0.0
+        for (node, bits), links in states.items():
+            best = mu * levels / N_LEVELS if node == net.graph.base else np.zeros(N_LEVELS + 1)
+            for arc, (to, pays) in links.items():
+                there = net.ratio[arc] * levels
+                value = np.interp(there, levels, values[to])
+                best = np.maximum(best, value + pays * price_at(prices, to[0], there))
+            change = max(change, (best - values[node, bits]).max())
+            values[node, bits] = best
+        if change < 1e-13:
+            return values
+    return None
+
+
+def prepared(mission, nearest, n_bits, limits=NO_LIMITS):
+    net = new_net(mission.arrays, limits)
+    remembered = Remembered(net, nearest, n_bits)
+    return net, remembered, find_states(net, remembered.pack(), 100_000)
+
+
+dangerous = missions(survivals=st.sampled_from([0.5, 0.8, 0.9, 0.97]))
+memories = st.sampled_from([(0, 0), (1, 1), (2, 4), (7, 9)])
+
+
+@settings(max_examples=60)
+@given(dangerous, memories, st.integers(0, 99))
+def test_what_lies_ahead_is_that_of_value_iteration(mission, memory, seed):
+    net, remembered, states = prepared(mission, *memory)
+    prices, mu = drawn_prices(net, seed)
+    twin = states_by_dictionary(net, remembered)
+    assert len(states.node) == len(twin)
+    assert len(states.arc) == sum(map(len, twin.values()))
+    assert states.pays.sum() == sum(pays for links in twin.values() for _, pays in links.values())
+    values = np.zeros((len(states.node), N_LEVELS + 1))
+    cap = np.full((net.graph.n_nodes, N_LEVELS + 1), np.inf)
+    assert relax(net, states, prices, mu, cap, 1e-13, values)
+    expected = values_by_dictionary(net, twin, prices, mu)
+    start = expected[net.graph.base, frozenset()]
+    assert values[0] == pytest.approx(start, rel=1e-9, abs=1e-9)
+    assert np.sort(values.sum(axis=1)) == pytest.approx(
+        np.sort([value.sum() for value in expected.values()]), rel=1e-9, abs=1e-9
+    )
+    assert 0 <= shortfall(net, states, prices, mu, cap, values) < 1e-9
+    lowered = values.copy()
+    lowered[0, -1] -= 0.25  # the base, of which best steps know only if they lead back to it
+    if values[0, -1] > 0.25:
+        assert shortfall(net, states, prices, mu, cap, lowered) == pytest.approx(0.25, abs=0.05)
+
+
+@settings(max_examples=80)
+@given(missions(max_nodes=6), memories, st.sampled_from([0.0, 0.4]), st.integers(0, 99))
+def test_no_trail_is_worth_more_than_relaxed_ones_and_the_best_is_found(
+    mission, memory, floor, seed
+):
+    """And the best is found; also where arcs are sure: relaxed trails collect up to the cap then.
+
+    Arcs that lead to no reward are not on any of them.
+    """
+    net, _, states = prepared(mission, *memory, Limits(floor))
+    prices, mu = drawn_prices(net, seed)
+    values = np.zeros((len(states.node), N_LEVELS + 1))
+    cap = np.full((net.graph.n_nodes, N_LEVELS + 1), 2 * prices[:, -1].sum() + mu)
+    is_settled = relax(net, states, prices, mu, cap, 1e-13, values)
+    spare = net.graph.n_arcs * (shortfall(net, states, prices, mu, cap, values) + 1e-12)
+    arcs = set(zip(net.graph.tail.tolist(), net.graph.head.tolist(), strict=True))
+    every = twins.all_trails(mission)
+    assume(every is not None)
+    within = [
+        trail
+        for trail in every
+        if len(trail) > 1
+        and arcs.issuperset(pairwise(trail))
+        and twins.survival_of(mission, trail) >= floor
+    ]
+    worths = [value_of(net, trail, prices, mu) for trail in within]
+    assert best_leaving(net, states, prices, values) + spare >= max(worths, default=0.0)
+    depths = new_depths(net, np.random.default_rng(seed), 1 << 8)
+    n = find_best(net, states, prices, mu, values, 0.0, 1_000_000, depths)
+    assert n >= 0
+    best = max([*worths, 0.0])
+    assert best - spare - 1e-12 <= depths.found.value <= best * (1 + 1e-12)
+    assert spare < 1e-9 or not is_settled
+    arcs = depths.arcs[: depths.found.n_arcs]
+    if len(arcs):
+        trail = [net.graph.base, *net.graph.head[arcs].tolist()]
+        assert value_of(net, trail, prices, mu) == pytest.approx(depths.found.value, rel=1e-12)
+    if n > 1:
+        assert find_best(net, states, prices, mu, values, 0.0, n - 1, depths) == -1
+
+
+@settings(max_examples=40)
+@given(dangerous, memories, st.integers(0, 99), st.integers(-1, 3))
+def test_the_best_relaxed_trail_is_followed(mission, memory, seed, turn):
+    net, _, states = prepared(mission, *memory)
+    prices, mu = drawn_prices(net, seed)
+    values = np.zeros((len(states.node), N_LEVELS + 1))
+    cap = np.full((net.graph.n_nodes, N_LEVELS + 1), np.inf)
+    relax(net, states, prices, mu, cap, 1e-13, values)
+    links = np.empty(300, np.int64)
+    taken = links[: follow(net, states, prices, mu, values, turn, links)]
+    assert (states.source[taken[1:]] == states.to[taken[:-1]]).all()
+    assert len(taken) == 0 or states.source[taken[0]] == 0
+
+
+def test_too_many_states_are_none():
+    net = new_net(_complete(5).arrays, NO_LIMITS)
+    memory = Remembered(net, 4, 4).pack()
+    n = len(find_states(net, memory, 10_000).node)
+    # At each node itself is remembered, and any of the other three; at the base any of the four.
+    assert n == 4 * 2**3 + 2**4
+    assert len(find_states(net, memory, n).node) == n
+    assert len(find_states(net, memory, n - 1).node) == 0
+
+
+def _complete(n_nodes):
+    graph = nx.complete_graph(n_nodes, nx.DiGraph())
+    nx.set_node_attributes(graph, {node: float(node > 0) for node in graph}, "reward")
+    nx.set_edge_attributes(graph, 0.9, "survival")
+    return Mission(graph, base=0, robots=1)
+
+
+def test_parts_that_hang_on_bridges():
+    """0 - 1 - 2 and 1 - 3, a triangle at 3, and 0 -> 6 one way, back by 5."""
+    both = [(0, 1), (1, 2), (1, 3), (3, 4), (4, 5), (5, 3)]
+    graph = nx.DiGraph([*both, *((b, a) for a, b in both)])
+    nx.set_node_attributes(graph, {n: float(n in (2, 5)) for n in graph}, "reward")
+    nx.set_edge_attributes(graph, 0.9, "survival")
+    net_graph = Mission(graph, base=0, robots=1).arrays
+    parts = {(part.gate, tuple(sorted(part.nodes))) for part in hanging_parts(net_graph)}
+    assert parts == {(0, (1, 2, 3, 4, 5)), (1, (2,)), (1, (3, 4, 5))}
+    for part in hanging_parts(net_graph):
+        assert net_graph.tail[part.arc] == net_graph.head[part.back] == part.gate
+        assert net_graph.head[part.arc] == net_graph.tail[part.back]
+
+
+def test_arcs_without_any_use_are_left_out():
+    """Node 2 hangs on 1 and pays nothing; node 3 is too dangerous for the floor."""
+    graph = nx.DiGraph([(0, 1), (1, 0), (1, 2), (2, 1), (0, 3), (3, 0)])
+    nx.set_node_attributes(graph, {n: float(n in (1, 3)) for n in graph}, "reward")
+    nx.set_edge_attributes(graph, 0.9, "survival")
+    graph.edges[0, 3]["survival"] = 0.3
+    arrays = Mission(graph, base=0, robots=1).arrays
+    kept = new_net(arrays, Limits(0.5)).graph
+    assert list(zip(kept.tail.tolist(), kept.head.tolist(), strict=True)) == [(0, 1), (1, 0)]
+    assert new_net(arrays, NO_LIMITS).graph.n_arcs == 4
+    assert new_net(arrays, Limits(0.0, 1.5)).graph.n_arcs == 0  # two hops are a length of 2
+
+
+def test_convex_functions_from_below():
+    given = np.array([0.0, 1.0, 1.0, 2.0, 8.0])
+    assert convex_below(given).tolist() == pytest.approx([0.0, 0.5, 1.0, 2.0, 8.0])

@@ -1,0 +1,342 @@
+"""Bounds on fronts: no plan exceeds them, at any moment; and what can be asked of them."""
+
+import json
+import pickle
+from fractions import Fraction
+from itertools import combinations_with_replacement
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from botohe_moo import FrontBound, Mission, area_indicator, bound_front, load_mission
+from botohe_moo.kernels.graph.graph import Limits
+from botohe_moo.search.bounds import bound as bound_module
+from botohe_moo.search.bounds.front_bound import Line, Step, lower_envelope
+from botohe_moo.search.bounds.net import new_net
+from botohe_moo.search.bounds.prices import Team, convex_below, most_levels, refine
+from botohe_moo.search.exact import exact_front
+from tests.strategies import missions
+
+
+def random_mission(seed):
+    """One-way ones and trees, sure arcs, equal rewards, the base in the middle; and limits."""
+    rng = np.random.default_rng(seed)
+    n_nodes = int(rng.integers(4, 8))
+    graph = nx.DiGraph()
+    for node in range(n_nodes):
+        drawn = float(np.round(rng.random() * (rng.random() < 0.8), 2))
+        graph.add_node(node, reward=drawn if seed % 3 else 1.0)
+    if seed % 2:
+        nx.add_cycle(graph, rng.permutation(n_nodes).tolist())
+    for node in range(1, n_nodes) if seed % 2 == 0 else ():
+        before = int(rng.integers(0, node))
+        graph.add_edges_from([(before, node), (node, before)])
+    for _ in range(int(rng.integers(0, 7))):
+        tail, head = rng.choice(n_nodes, 2, replace=False).tolist()
+        graph.add_edge(tail, head)
+    sure = rng.choice([0.0, 0.1, 1.0], p=[0.6, 0.25, 0.15])
+    for arc in graph.edges:
+        drawn = float(np.round(rng.uniform(0.5, 0.99), 2))
+        graph.edges[arc]["survival"] = 1.0 if rng.random() < sure else drawn
+    mission = Mission(graph, base=int(rng.integers(n_nodes)), robots=int(rng.integers(1, 4)))
+    floor = float(rng.choice([0.0, 0.0, 0.3, 0.6]))
+    longest = (None, None, 4.0, 6.0)[rng.integers(4)]
+    return mission, {"min_survival": floor, "max_length": longest}
+
+
+@pytest.fixture
+def lines_only(monkeypatch):
+    """Small missions as if they were large: without their true fronts."""
+    monkeypatch.setattr(bound_module._Search, "find_front", lambda _: False)
+
+
+def test_no_plan_exceeds_the_bound_at_any_stage(lines_only):
+    tight = n_stages = 0
+    for seed in range(100):
+        mission, limits = random_mission(seed)
+        true = mission.evaluate(exact_front(mission, **limits))
+        stages = []
+        last = bound_front(mission, **limits, time_limit=4, seed=seed, callback=stages.append)
+        n_stages += len(stages)
+        for bound in (*stages, last):
+            assert (bound.bound(true[:, 1]) >= true[:, 0]).all(), seed
+        assert last.area >= area_indicator(true, mission) - 1e-12
+        points = last.points
+        assert (points[:, None] >= true * (1 - 1e-12)).all(axis=2).any(axis=0).all(), seed
+        tight += last.gap(true) < 1e-6
+    assert n_stages > 500
+    assert tight > 40
+
+
+def test_small_missions_get_their_front():
+    for seed in range(40):
+        mission, limits = random_mission(seed)
+        true = mission.evaluate(exact_front(mission, **limits))
+        bound = bound_front(mission, **limits)
+        assert bound.bound(true[:, 1]) == pytest.approx(true[:, 0], abs=1e-9)
+        assert (bound.bound(true[:, 1]) >= true[:, 0]).all()
+        assert bound.gap(true) <= 1e-9
+        above = bound.bound(true[:-1, 1] + 1e-9)
+        assert above == pytest.approx(true[1:, 0], abs=1e-9)
+
+
+def test_notes_say_which_limits_weaken_it(lines_only):
+    bound = bound_front(load_mission("toy"), min_survival=0.1, max_length=8, time_limit=2)
+    assert len(bound.notes) == 2
+    assert "budget" in bound.notes[0]
+    assert "floor" in bound.notes[1]
+
+
+def test_the_museum_is_bounded_within_three_per_cent():
+    museum = load_mission("art_museum")
+    gaps = []
+    bound = bound_front(
+        museum, time_limit=60, gap=0.03, callback=lambda each: gaps.append(each.area)
+    )
+    assert (np.diff(gaps) <= 1e-12).all()  # more time only lowers it
+    assert 0.5331 < bound.area < 0.5331 * 1.05
+    assert {line.proof for line in bound.lines} >= {"relaxed", "exact"}
+
+
+def test_the_same_seed_gives_the_same_bound(lines_only):
+    mission, _ = random_mission(2)
+    one, two = (bound_front(mission, time_limit=100, seed=3) for _ in range(2))
+    assert one.lines == two.lines
+
+
+@pytest.mark.parametrize("power", [-900, -50, 40, 990])
+def test_units_of_reward_do_not_matter(lines_only, power):
+    mission, _ = random_mission(2)
+    graph = nx.DiGraph(mission.graph)
+    for node in graph:
+        graph.add_node(node, reward=graph.nodes[node]["reward"] * 2.0**power)
+    scaled = Mission(graph, base=mission.base, robots=mission.robots)
+    one, other = (bound_front(each, time_limit=100) for each in (mission, scaled))
+    for name in ("most", "mu"):
+        expected = [getattr(line, name) * 2.0**power for line in one.lines]
+        assert [getattr(line, name) for line in other.lines] == expected
+    assert one.area == pytest.approx(other.area, rel=1e-12)
+
+
+def test_sure_arcs_end_in_what_all_nodes_give():
+    """Nothing is lost, so that every node is collected, and everybody comes home."""
+    graph = nx.complete_graph(4, nx.DiGraph())
+    nx.set_node_attributes(graph, 2.0, "reward")
+    nx.set_edge_attributes(graph, 1.0, "survival")
+    bound = bound_front(Mission(graph, base=0, robots=2))
+    assert bound.bound(2.0) == pytest.approx(8.0)
+    assert bound.area == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("robots", [1, 3])
+def test_nothing_to_collect_and_nowhere_to_go(robots):
+    alone = nx.DiGraph()
+    alone.add_node(0, reward=3.0)
+    bound = bound_front(Mission(alone, base=0, robots=robots))
+    assert bound.bound([0.0, robots]) == pytest.approx(3.0)
+    assert bound.bound(robots + 0.1) == -np.inf
+    assert bound.area == pytest.approx(1.0)
+    pair = nx.DiGraph([(0, 1), (1, 0)])
+    nx.set_edge_attributes(pair, 0.5, "survival")
+    nx.set_node_attributes(pair, 0.0, "reward")
+    nothing = bound_front(Mission(pair, base=0, robots=robots))
+    assert nothing.area == 0.0
+    assert nothing.gap(np.array([[0.0, robots]])) == 0.0
+
+
+def test_little_memory_gives_a_weaker_bound(lines_only):
+    mission = load_mission("terrain", nodes=14, robots=2, seed=3)
+    weak = bound_front(mission, time_limit=10, memory_limit=0.001)
+    found = bound_front(mission, time_limit=10)
+    assert weak.area >= found.area * (1 - 1e-3)
+    assert weak.notes == ("Relaxed trails remember less than they would with more memory.",)
+    assert found.notes == ()
+    assert (weak.bound(np.linspace(0, 2, 9)) >= 0).all()
+
+
+class TestByHand:
+    """A base and one node of reward 10; two robots, each half-way lost on each of two arcs."""
+
+    @pytest.fixture
+    def mission(self):
+        graph = nx.DiGraph([(0, 1), (1, 0)])
+        nx.set_node_attributes(graph, {0: 0.0, 1: 10.0}, "reward")
+        nx.set_edge_attributes(graph, 0.5, "survival")
+        return Mission(graph, base=0, robots=2)
+
+    @pytest.fixture
+    def bound(self, mission):
+        lines = (Line(1, 6.0, 4.0, "relaxed"), Line(2, 8.0, 0.0, "everything"))
+        steps = (Step(2, 7.5, 0.25, "front"),)
+        return FrontBound(
+            mission=mission,
+            lines=lines,
+            steps=steps,
+            most_survival=0.25,
+            min_survival=0.0,
+            max_length=np.inf,
+            seconds=1.0,
+        )
+
+    def test_values(self, bound):
+        """One robot moves from 1 to 1.25 survivors; both do up to 0.5."""
+        survivors = [0.0, 0.2, 0.3, 0.5, 0.6, 1.0, 1.125, 1.25, 1.3, 2.0, 2.1]
+        expected = [8.0, 8.0, 7.5, 7.5, 6.0, 6.0, 5.5, 5.0, 0.0, 0.0, -np.inf]
+        assert bound.bound(survivors) == pytest.approx(expected)
+        assert bound.bound(0.2) == 8.0
+        assert isinstance(bound.bound(0.2), float)
+        assert bound.bound([[0.2, 0.6]]).shape == (1, 2)
+
+    def test_area(self, bound):
+        """8 to 0.25, 7.5 to 0.5, 6 to 1, and from 6 to 5 up to 1.25; of 10 × 2."""
+        expected = (8 * 0.25 + 7.5 * 0.25 + 6 * 0.5 + 5.5 * 0.25) / 20
+        assert bound.area == pytest.approx(expected)
+        assert bound.gap([[8.0, 0.25]]) == pytest.approx(expected * 20 / 2 - 1)
+        assert bound.gap([[0.0, 2.0]]) == np.inf
+
+    def test_true_figures_lie_below(self, mission):
+        """Reward 7.5 with both, 0.5 survivors; 5 with one, 1.25 survivors; 0, 2 survivors."""
+        bound = bound_front(mission)
+        assert bound.bound([0.5, 1.25, 2.0]) == pytest.approx([7.5, 5.0, 0.0])
+        assert bound.area == pytest.approx((7.5 * 0.5 + 5 * 0.75) / 20)
+        assert bound.gap([[7.5, 0.5], [5.0, 1.25], [0.0, 2.0]]) == pytest.approx(0.0, abs=1e-9)
+
+    def test_nan_is_refused(self, bound):
+        with pytest.raises(ValueError, match="without NaN"):
+            bound.bound([0.5, np.nan])
+
+    def test_files_and_pickles(self, bound, mission, tmp_path):
+        path = tmp_path / "bound.json"
+        bound.save(path)
+        read = FrontBound.load(path, mission)
+        assert (read.lines, read.steps, read.max_length) == (bound.lines, bound.steps, np.inf)
+        assert read.area == bound.area
+        assert pickle.loads(pickle.dumps(bound)).lines == bound.lines
+
+    @pytest.mark.parametrize(
+        ("change", "named"),
+        [
+            ({"format": "other"}, "format"),
+            ({"lines": [[1, "x", 0.0, "exact"]]}, "lines.0"),
+            ({"lines": [[1, 1.0, 0.0, "exact"]]}, "2 robots"),
+            ({"steps": None}, "steps"),
+            ({"extra": 1}, "extra"),
+            ({"mission_digest": "0"}, "another mission"),
+        ],
+    )
+    def test_what_is_not_a_bound_is_named(self, bound, mission, tmp_path, change, named):
+        path = tmp_path / "bound.json"
+        bound.save(path)
+        path.write_text(json.dumps(json.loads(path.read_text()) | change))
+        with pytest.raises(ValueError, match=named):
+            FrontBound.load(path, mission)
+        path.write_text("{")
+        with pytest.raises(ValueError, match="is not a bound"):
+            FrontBound.load(path, mission)
+
+
+@pytest.mark.parametrize(
+    ("options", "named"),
+    [
+        ({"time_limit": 0}, "time_limit"),
+        ({"memory_limit": -1}, "memory_limit"),
+        ({"gap": -0.1}, "gap"),
+        ({"seed": -1}, "seed"),
+        ({"min_survival": 2}, "min_survival"),
+        ({"front": [1.0, 2.0]}, "shape"),
+        ({"front": [[-1.0, -2.0]]}, "-result.F"),
+    ],
+)
+def test_bad_parameters_are_named(options, named):
+    with pytest.raises(ValueError, match=named):
+        bound_front(load_mission("toy"), **options)
+
+
+def test_ctrl_c_keeps_what_is_proved(lines_only):
+    def interrupt(_):
+        raise KeyboardInterrupt
+
+    mission = load_mission("toy")
+    bound = bound_front(mission, callback=interrupt)
+    assert (bound.bound(mission.evaluate(exact_front(mission))[:, 1]) > 0).any()
+
+
+@given(st.lists(st.tuples(st.floats(0, 9), st.floats(0, 5)), min_size=1, max_size=9))
+def test_lowest_lines(lines):
+    most, mu = np.array(lines).T
+    lowest = lower_envelope(most, mu)
+    x = np.linspace(0, 20, 300)
+    every = (most[:, None] - np.outer(mu, x)).min(axis=0)
+    assert (most[lowest, None] - np.outer(mu[lowest], x)).min(axis=0) == pytest.approx(every)
+    assert (np.diff(mu[lowest]) > 0).all()
+    assert (np.diff(most[lowest]) > 0).all()
+
+
+def drawn_prices(team, seed):
+    rng = np.random.default_rng(seed)
+    drawn = rng.uniform(0, 1, (len(team.nodes), team.n_levels + 1))
+    drawn *= np.arange(team.n_levels + 1)
+    for row, each in enumerate(drawn):
+        drawn[row] = convex_below(each)
+    return drawn * team.reward[:, None] / team.n_levels**2
+
+
+@settings(max_examples=60)
+@given(missions(max_robots=4), st.integers(1, 4), st.integers(1, 5), st.integers(0, 99))
+def test_what_a_node_gives_beside_prices(mission, n_robots, n_levels, seed):
+    """In fractions: nothing that any levels give is above, without a tolerance."""
+    team = Team(new_net(mission.arrays, Limits()), n_robots, n_levels)
+    prices = drawn_prices(team, seed)
+    for paid in (prices, team.tidy(prices)):
+        assert (paid == 0)[:, :1].all()
+        assert (np.diff(paid, 2) >= -1e-12).all()
+        most = team.most(paid)
+        for row, node in enumerate(team.nodes.tolist()):
+            reward = Fraction(float(mission.arrays.reward[node]))
+            reach = Fraction(float(team.alive[row, -1]))
+            exact = max(
+                reward * (1 - prod(1 - reach * level / n_levels for level in levels))
+                - sum(Fraction(float(paid[row, level])) for level in levels)
+                for levels in combinations_with_replacement(range(n_levels + 1), n_robots)
+            )
+            assert Fraction(float(most[row])) >= exact
+            assert float(most[row]) == pytest.approx(float(exact), abs=1e-12)
+    tidied = team.tidy(prices)
+    assert (tidied <= prices + 1e-12).all()
+    assert team.most(tidied).sum() == pytest.approx(team.most(prices).sum(), abs=1e-9)
+    fine = refine(prices, 3)
+    assert fine[:, ::3] == pytest.approx(prices)
+
+
+def prod(factors):
+    product = Fraction(1)
+    for factor in factors:
+        product *= factor
+    return product
+
+
+def test_rounding_up_counts():
+    """Without what is added for rounding, some of these would lie below the true figure."""
+    net = new_net(load_mission("art_museum").arrays, Limits())
+    team, below = Team(net, 3, 3), 0
+    for seed in range(5):
+        prices = drawn_prices(team, seed)
+        plain, most = team.beside(prices).max(axis=1), team.most(prices)
+        for row in range(len(team.nodes)):
+            reward = Fraction(float(team.reward[row]))
+            exact = max(
+                reward * (1 - prod(1 - Fraction(float(team.alive[row, level])) for level in levels))
+                - sum(Fraction(float(prices[row, level])) for level in levels)
+                for levels in combinations_with_replacement(range(4), 3)
+            )
+            below += Fraction(float(plain[row])) < exact
+            assert Fraction(float(most[row])) >= exact
+    assert below > 0
+
+
+@pytest.mark.parametrize(("robots", "levels"), [(1, 12), (3, 12), (6, 9), (10, 5), (50, 2)])
+def test_large_teams_get_fewer_levels(robots, levels):
+    assert most_levels(robots, 12, 6_000) == levels
