@@ -19,7 +19,7 @@ from typing import NamedTuple
 import networkx as nx
 import pytest
 
-from botohe_moo import Mission, load_mission, read_solution, save_mission, solve
+from botohe_moo import FrontBound, Mission, load_mission, read_solution, save_mission, solve
 
 BOTOHE = Path(sys.executable).parent / "botohe"
 FILES = ["front.csv", "front.png", "mission.json", "mission.png", "plans.json"]
@@ -1174,6 +1174,66 @@ class TestChoose:
 
     def test_a_bad_wish_is_refused_before_the_search(self, refused):
         assert "Expected a wish, got 'win'" in refused("solve", "toy", "--choose", "win")
+
+
+class TestBound:
+    def test_a_front_is_judged(self, botohe, solved, tmp_path):
+        ended = botohe("bound", "toy", "--front", solved[1], "--out", "bound.json")
+        assert (ended.status, ended.err) == (0, "")
+        toy, solution = load_mission("toy"), read_solution(solved[1])
+        bound = FrontBound.load(tmp_path / "bound.json", toy)
+        gap = bound.gap(solution.objectives)
+        title, empty, told, blank, head, *rows, wrote = ended.out.splitlines()
+        assert title.startswith(toy.title)
+        assert (empty, blank, wrote) == ("", "", "wrote bound.json")
+        assert told.startswith(
+            f"area {solution.area:.4f}; no plans whatsoever reach more than {bound.area:.4f}: "
+            f"within {100 * gap:.2f} % of the optimum, proved "
+        )
+        assert head.split() == ["survivors", "reward", "at", "most", "found"]
+        assert len(rows) == 9
+        for row in rows:
+            survivors, most, found = map(float, row.split())
+            assert most == pytest.approx(bound.bound(survivors), rel=1e-3)
+            assert found <= most * 1.001
+
+    def test_without_a_front(self, botohe):
+        ended = botohe("bound", "toy", "--min-survival", 0.5)
+        assert (ended.status, ended.err) == (0, "")
+        assert "\nno plans whatsoever reach more than 0." in ended.out
+        assert "found" not in ended.out
+
+    def test_a_mission_s_own_budget_counts(self, botohe, pier):
+        path = pier(max_length=0)
+        own, none = (botohe("bound", path, *more) for more in ((), ("--max-length", "inf")))
+        assert (own.status, none.status) == (0, 0)
+        assert own.out.splitlines()[2] != none.out.splitlines()[2]
+
+    def test_ctrl_c_shows_what_is_proved(self, botohe):
+        code = when_called("botohe_moo.search.bounds.bound", "LocalSearch")
+        ended = botohe("bound", "art_museum", "--time-limit", 500, code=code)
+        assert ended.status == 130
+        assert "stopping; what is proved will be shown" in ended.err
+        assert "no plans whatsoever reach more than" in ended.out
+
+    @pytest.mark.parametrize(
+        ("args", "named"),
+        [
+            (["toy", "--time-limit", "0"], ["--time-limit", "> 0", "got 0"]),
+            (["toy", "--time-limit", "soon"], ["seconds > 0", "got soon"]),
+            (["toy", "--front", "nowhere"], ["nowhere"]),
+            (["toy", "--out", "no/where.json"], ["no"]),
+            (["museum"], ["museum"]),
+        ],
+    )
+    def test_bad_options(self, refused, args, named):
+        message = refused("bound", *args)
+        assert all(name in message for name in named), message
+
+    def test_a_front_of_another_mission(self, refused, solved):
+        message = refused("bound", "toy", "--robots", 3, "--front", solved[1])
+        assert "another mission than 'toy'" in message
+        assert "it has 2, the mission 3" in message
 
 
 class TestExplore:

@@ -20,6 +20,7 @@ with ending_on_interrupt:
 
     import typer
 
+    from botohe_moo.cli.bound import bound_mission
     from botohe_moo.cli.choose import ChooseOption, choose_plan, tell_choice
     from botohe_moo.cli.describe import (
         brief,
@@ -56,6 +57,7 @@ _STOPPING = "stopping; what was found will be written. Press Ctrl-C again to bre
 app = typer.Typer(
     name="botohe", no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False
 )
+app.command("bound")(bound_mission)
 app.command("choose")(choose_plan)
 app.command("explore")(explore_front)
 app.add_typer(missions_app, name="missions")

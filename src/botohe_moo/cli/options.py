@@ -35,6 +35,14 @@ def length(text: str) -> float:
     raise typer.BadParameter(f"expected a number >= 0, or inf for no limit, got {text}.")
 
 
+def seconds(text: str) -> float:
+    """Parse an option that is a time."""
+    with suppress(ValueError):
+        if 0 < (number := float(text)) < float("inf"):
+            return number
+    raise typer.BadParameter(f"expected a number of seconds > 0, got {text}.")
+
+
 def pairs_option(*names: str, help: str) -> Any:  # noqa: A002
     """Make an option for parameters, given as NAME=VALUE."""
     return typer.Option(*names, metavar="NAME=VALUE", help=f"{help} Repeatable.")

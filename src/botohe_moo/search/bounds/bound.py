@@ -83,7 +83,8 @@ def bound_front(
     min_survival
         Survival floor of every robot, in [0, 1].
     max_length
-        Travel budget of every robot, at least 0; None sets none.
+        Travel budget of every robot, at least 0; None is the mission's own, if it has one, and inf
+        none.
     seed
         Of the search for trails, at least 0. Given the time that it takes, the same seed gives the
         same bound; where time runs out earlier, the bound is another one, valid as well.
@@ -119,7 +120,7 @@ def bound_front(
     check_mission(mission)
     search = _Search(
         mission,
-        check_limits(min_survival, max_length),
+        check_limits(min_survival, mission.max_length if max_length is None else max_length),
         seed=check_integer("seed", seed, at_least=0),
         seconds=check_number("time_limit", time_limit, above=0),
         memory=check_number("memory_limit", memory_limit, above=0),

@@ -1,0 +1,165 @@
+"""The command ``botohe bound``: how far a front is from the best there is."""
+
+from __future__ import annotations
+
+from botohe_moo.cli.interrupt import INTERRUPTED, ending_on_interrupt
+
+with ending_on_interrupt:
+    from collections.abc import Callable, Iterator
+    from contextlib import contextmanager
+    from pathlib import Path
+    from typing import TYPE_CHECKING, Annotated
+
+    import typer
+
+    from botohe_moo.cli.describe import brief
+    from botohe_moo.cli.options import (
+        MaxLengthOption,
+        MinSurvivalOption,
+        MissionArgument,
+        MissionParameterOption,
+        RobotsOption,
+        SeedOption,
+        mission_source,
+        seconds,
+    )
+    from botohe_moo.cli.shell import failing, tell
+
+if TYPE_CHECKING:
+    from botohe_moo.mission.model import Mission
+    from botohe_moo.search.bounds import FrontBound
+    from botohe_moo.solution import Solution
+
+_STOPPING = "stopping; what is proved will be shown. Press Ctrl-C again to break off."
+_ROWS = 8  # of the table
+
+
+def bound_mission(
+    mission: MissionArgument,
+    front: Annotated[
+        Path | None,
+        typer.Option(
+            "--front",
+            "-f",
+            metavar="DIR",
+            help="Folder that `solve` wrote, whose front is judged; by default one that a short "
+            "search finds sets what is proved first.",
+        ),
+    ] = None,
+    time_limit: Annotated[
+        float,
+        typer.Option(
+            "--time-limit", "-t", metavar="S", parser=seconds, help="Seconds that it may take."
+        ),
+    ] = 60.0,
+    robots: RobotsOption = None,
+    mission_parameter: MissionParameterOption = None,
+    min_survival: MinSurvivalOption = 0.0,
+    max_length: MaxLengthOption = None,
+    seed: SeedOption = 1,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", metavar="FILE", help="Write the bound to this file, as JSON."),
+    ] = None,
+) -> None:
+    """Prove what no plan of a mission exceeds, and so how far a front is from the best there is.
+
+    For each number of expected survivors, an expected reward that no plan whatsoever exceeds. More
+    time lowers it; Ctrl-C stops, and shows what is proved.
+
+    The front has to be of the same mission: give --robots and --mission-parameter as to `solve`.
+    The exit status is 2 for bad input.
+    """
+    with failing():
+        source = mission_source(mission, robots, mission_parameter)
+        from botohe_moo._base.files import check_parent
+        from botohe_moo._base.interrupts import hold_interrupt
+        from botohe_moo.mission import load_mission
+        from botohe_moo.search.bounds import bound_front
+
+        loaded = load_mission(**source)
+        solution = None if front is None else _read_front(front, loaded)
+        if out is not None:
+            check_parent(out)
+    limit = loaded.max_length if max_length is None else max_length
+    tell(f"{loaded.title}: {brief(loaded, limit)}\n")
+    with hold_interrupt(answer=_STOPPING) as stop, _showing(time_limit, solution) as show:
+
+        def look(bound: FrontBound) -> None:
+            if stop.is_set():
+                raise KeyboardInterrupt
+            show(bound)
+
+        bound = bound_front(
+            loaded,
+            front=None if solution is None else solution.objectives,
+            time_limit=time_limit,
+            min_survival=min_survival,
+            max_length=max_length,
+            seed=seed,
+            callback=look,
+        )
+    _tell_bound(bound, solution)
+    if out is not None:
+        with failing():
+            bound.save(out)
+        tell(f"wrote {out}")
+    if stop.is_set():
+        raise typer.Exit(INTERRUPTED)
+
+
+def _read_front(folder: Path, mission: Mission) -> Solution:
+    from botohe_moo.mission.digest import numbers_digest
+    from botohe_moo.solution import read_solution
+
+    solution = read_solution(folder)
+    if numbers_digest(solution.mission) != numbers_digest(mission):
+        raise ValueError(
+            f"{folder} is a front of another mission than {mission.name!r}, or of another number "
+            f"of robots: it has {solution.mission.robots}, the mission {mission.robots}."
+        )
+    return solution
+
+
+def verdict(bound: FrontBound, solution: Solution | None) -> str:
+    """Say in a sentence how good a front is; without one, what no front exceeds."""
+    took = f"proved in {bound.seconds:.0f} s" if bound.seconds >= 1 else "proved at once"
+    most = f"no plans whatsoever reach more than {bound.area:.4f}"
+    if solution is None:
+        return f"{most} of the area, {took}"
+    gap = bound.gap(solution.objectives)
+    return f"area {solution.area:.4f}; {most}: within {100 * gap:.2f} % of the optimum, {took}"
+
+
+def _tell_bound(bound: FrontBound, solution: Solution | None) -> None:
+    tell(verdict(bound, solution))
+    for note in bound.notes:
+        tell(note)
+    tell("\n survivors  reward at most" + ("" if solution is None else "     found"))
+    for i in range(_ROWS + 1):
+        survivors = bound.mission.robots * i / _ROWS
+        found = ""
+        if solution is not None:
+            reached = solution.objectives[solution.objectives[:, 1] >= survivors * (1 - 1e-12), 0]
+            found = f"{reached.max():10.4g}" if len(reached) else f"{'-':>10}"
+        tell(f"{survivors:10.4g}  {bound.bound(survivors):14.4g}{found}")
+
+
+@contextmanager
+def _showing(time_limit: float, solution: Solution | None) -> Iterator[Callable[..., None]]:
+    """Show the bound, and the gap if there is a front, and the time left, if on a terminal."""
+    from botohe_moo.cli.progress import is_terminal, new_bar
+
+    if not is_terminal():
+        yield lambda _: None
+        return
+    with new_bar(16, "{task.fields[words]} ") as bar:
+        task = bar.add_task("", total=time_limit, words="")
+
+        def show(bound: FrontBound) -> None:
+            words = f"area at most {bound.area:.4f}"
+            if solution is not None:
+                words += f"  gap {100 * bound.gap(solution.objectives):.2f} %"
+            bar.update(task, completed=min(bound.seconds, time_limit), words=words)
+
+        yield show
