@@ -15,6 +15,8 @@ from botohe_moo._base.types import BoolArray, FloatArray, OffsetArray
 from botohe_moo.kernels.compile import inlined, kernel
 from botohe_moo.kernels.graph.graph import Graph
 
+MOST_MASKS = 50_000_000  # of all nodes together: each is numbered, reached or not
+
 # Instead of a bit.
 NONE = -1
 NEVER = -2
@@ -85,11 +87,16 @@ def find_states(net: Net, memory: Memory, n_most: int) -> States:
     offset = np.zeros(n_nodes + 1, np.int64)
     for i in range(n_nodes):
         offset[i + 1] = offset[i] + (1 << memory.n_bits[i])
+    if offset[n_nodes] > MOST_MASKS:
+        n_most = 0
+        offset[n_nodes] = 1
     number = np.full(offset[n_nodes], -1, np.int32)
     room = min(int(offset[n_nodes]), n_most)
     node, mask = np.empty(room + 1, np.int64), np.empty(room + 1, np.int64)
-    node[0], mask[0], number[offset[graph.base]] = graph.base, 0, 0
     n, n_links, at = 1, 0, 0
+    node[0], mask[0] = graph.base, 0
+    if n_most > 0:
+        number[offset[graph.base]] = 0
     while at < n and n <= n_most:
         here = node[at]
         for arc in range(graph.first[here], graph.first[here + 1]):

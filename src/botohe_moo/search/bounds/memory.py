@@ -15,6 +15,9 @@ from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.bounds.states import NEVER, NONE, Memory, Net
 from botohe_moo.search.bounds.net import Part, hanging_parts
 
+_MOST_COMPARED = 3_000  # nodes, of which all pairs are compared
+_LEAST_COST = 1e-15
+
 
 class Remembered:
     """Which bits each node remembers.
@@ -34,14 +37,19 @@ class Remembered:
         only_by_bridges = np.ones(graph.n_nodes, bool)
         for arc, head in enumerate(graph.head.tolist()):
             only_by_bridges[head] &= arc in bridges
-        near = _round_trips(net)
         pays = np.flatnonzero((graph.reward > 0.0) & ~only_by_bridges & (net.reach > 0.0))
+        near = best_between(net)
+        if near is not None:
+            near = near * near.T  # to the node and back
         self.bits: list[list[int]] = []
-        outside = _entrances(graph.n_nodes, parts)
-        for node in range(graph.n_nodes):
-            nearness = near[node, pays] + (pays == node)
-            rewards = pays[np.argsort(-nearness, kind="stable")[:nearest]].tolist()
-            gates = sorted(outside[node], key=lambda part: -near[node, part.gate])
+        for node, gates in enumerate(_entrances(graph.n_nodes, parts)):
+            if near is None:
+                rewards = [node] if node in pays else []
+            else:
+                nearness = near[node, pays] + (pays == node)
+                rewards = pays[np.argsort(-nearness, kind="stable")[:nearest]].tolist()
+                nearer = np.argsort([-near[node, part.gate] for part in gates], kind="stable")
+                gates = [gates[i] for i in nearer.tolist()]
             room = max(0, n_bits - len(rewards))
             self.bits.append(rewards + [graph.n_nodes + part.arc for part in gates[:room]])
 
@@ -90,18 +98,23 @@ class Remembered:
         return sorted(found, key=lambda item: len(item[1]))
 
 
-def _round_trips(net: Net) -> FloatArray:
-    """Give the best survival from each node to each other and back (n_nodes, n_nodes)."""
+def best_between(net: Net) -> FloatArray | None:
+    """Give the survival of the safest way from each node to each other (n_nodes, n_nodes).
+
+    A little more than it is, never less; None where there are too many nodes.
+    """
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import dijkstra
 
     graph = net.graph
+    if graph.n_nodes > _MOST_COMPARED:
+        return None
     shape = (graph.n_nodes, graph.n_nodes)
     # What costs nothing is no arc to scipy.
-    costs = csr_array((graph.cost + 1e-15, graph.head, graph.first), shape=shape)
-    distance: FloatArray = dijkstra(costs)
-    survival: FloatArray = np.exp(-(distance + distance.T))
-    return survival
+    costs = csr_array((graph.cost + _LEAST_COST, graph.head, graph.first), shape=shape)
+    distance = dijkstra(costs) * (1.0 - 1e-12) - 2 * graph.n_nodes * _LEAST_COST
+    best: FloatArray = np.exp(-np.maximum(distance, 0.0))
+    return best
 
 
 def _entrances(n_nodes: int, parts: list[Part]) -> list[list[Part]]:

@@ -15,6 +15,7 @@ from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.bounds.states import Net
 
 _EPSILON = float(np.finfo(float).eps)
+_TINY = float(np.finfo(float).tiny)  # rounding where a relative error no longer holds
 _TIDIED = 3  # times that prices are lowered before the convex envelope is taken
 
 
@@ -61,7 +62,7 @@ class Team:
         """Give the most that is gained beside prices at each node, rounded up (n_nodes)."""
         terms = 2 * self.n_robots + self.n_levels + 4
         spare = terms * _EPSILON * (self.reward + self.n_robots * prices[:, -1])
-        most: FloatArray = self.beside(prices).max(axis=1) + spare
+        most: FloatArray = self.beside(prices).max(axis=1) + spare + _TINY
         return most
 
     def tidy(self, prices: FloatArray) -> FloatArray:

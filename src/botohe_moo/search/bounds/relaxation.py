@@ -11,7 +11,7 @@ from botohe_moo._base.types import BoolArray, FloatArray, OffsetArray
 from botohe_moo.kernels.bounds.relaxed import best_leaving, follow, relax, shortfall
 from botohe_moo.kernels.bounds.states import Net, States, find_states
 from botohe_moo.kernels.bounds.trails import find_best, new_depths
-from botohe_moo.search.bounds.memory import Remembered
+from botohe_moo.search.bounds.memory import Remembered, best_between
 
 _EPSILON = float(np.finfo(float).eps)
 _TOLERANCE = 1e-9  # to which values are raised, in shares of all reward
@@ -80,9 +80,13 @@ class Relaxation:
         """Bound what lies ahead of each node by going to all others at once (n_nodes, ·)."""
         net, n_levels = self.net, prices.shape[1] - 1
         if self._everywhere is None:
-            self._everywhere = _best_between(net)
+            self._everywhere = best_between(net)
         alive = net.reach[:, None] * (np.arange(n_levels + 1) / n_levels)
-        cap = mu * alive * net.graph.home[:, None]
+        cap = mu * alive * np.minimum(net.graph.home, 1.0)[:, None]
+        if self._everywhere is None:
+            cap[:, 1:] += prices[:, -1].sum()
+            weak: FloatArray = cap * (1.0 + 1e-12)
+            return weak
         for node in np.flatnonzero(prices[:, -1] > 0.0).tolist():
             levels = alive * self._everywhere[:, node, None] / net.reach[node] * n_levels
             cap += np.interp(levels, np.arange(n_levels + 1), prices[node])
@@ -153,15 +157,3 @@ class Relaxation:
                 return False
             state = int(states.to[link])
         return True
-
-
-def _best_between(net: Net) -> FloatArray:
-    """Give the survival of the safest way from each node to each other (n_nodes, n_nodes)."""
-    from scipy.sparse import csr_array
-    from scipy.sparse.csgraph import dijkstra
-
-    graph = net.graph
-    costs = csr_array((graph.cost + 1e-15, graph.head, graph.first), shape=(graph.n_nodes,) * 2)
-    # More than the true survival, never less.
-    best: FloatArray = np.exp(-np.maximum(dijkstra(costs) - graph.n_nodes * 1e-14, 0.0))
-    return best
