@@ -255,6 +255,27 @@ def test_bad_parameters_are_named(options, named):
         bound_front(load_mission("toy"), **options)
 
 
+def test_a_programme_without_a_solution_does_no_harm(lines_only, monkeypatch):
+    """As if HiGHS ran out of time at once, each time."""
+    import highspy
+
+    monkeypatch.setattr(highspy.Highs, "run", lambda _: None)
+    mission = load_mission("toy")
+    true = mission.evaluate(exact_front(mission))
+    bound = bound_front(mission, time_limit=3)
+    assert (bound.bound(true[:, 1]) >= true[:, 0]).all()
+    assert bound.gap(true) < 5
+
+
+def test_nodes_beyond_the_limits_pay_nothing():
+    """Two hops lead to node 2, and two back: too long for the budget."""
+    graph = nx.DiGraph([(0, 1), (1, 0), (1, 2), (2, 1)])
+    nx.set_node_attributes(graph, {0: 0.0, 1: 1.0, 2: 100.0}, "reward")
+    nx.set_edge_attributes(graph, 0.9, "survival")
+    net = new_net(Mission(graph, base=0, robots=1).arrays, Limits(0.0, 3.0))
+    assert net.graph.reward.tolist() == [0.0, 1.0, 0.0]
+
+
 def test_ctrl_c_keeps_what_is_proved(lines_only):
     def interrupt(_):
         raise KeyboardInterrupt

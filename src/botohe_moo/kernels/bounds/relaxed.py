@@ -14,7 +14,7 @@ from botohe_moo.kernels.bounds.states import Net, States
 from botohe_moo.kernels.compile import inlined, kernel
 
 # Values are raised so often for each state, on average, before a search is given up.
-_MOST_RAISES = 2_000
+_MOST_RAISES = 500
 
 
 @inlined
@@ -95,7 +95,7 @@ def relax(
             n_queued -= 1
             is_queued[state] = False
             n_raises += 1
-            if n_raises > _MOST_RAISES * n_states:
+            if n_raises > _MOST_RAISES * (n_states + 1_000):
                 return False
             for i in range(states.first_entering[state], states.first_entering[state + 1]):
                 link = states.entering[i]

@@ -131,7 +131,8 @@ class FrontBound:
         bounds = np.full((n_robots + 1, wanted.size), -np.inf)
         bounds[0, wanted <= n_robots] = graph.reward[graph.base]
         for moving in range(1, n_robots + 1):
-            x = np.maximum(wanted - (n_robots - moving), moving * self.min_survival)
+            floor = moving * self.min_survival * (1.0 - _ROUNDING)
+            x = np.maximum(wanted - (n_robots - moving), floor)
             possible = np.flatnonzero(x <= moving * self.most_survival * (1.0 + _ROUNDING))
             x = x[possible]
             most, mu = self._lines_of(moving)
@@ -160,7 +161,10 @@ class FrontBound:
             most, mu = self._lines_of(moving)
             order = lower_envelope(most, mu)
             bends = np.diff(most[order]) / np.diff(mu[order])
-            ends = moving * np.array([self.min_survival, self.most_survival * (1 + _ROUNDING)])
+            ends = np.array(
+                [self.min_survival * (1 - _ROUNDING), self.most_survival * (1 + _ROUNDING)]
+            )
+            ends *= moving
             x = np.concatenate([[0.0], bends, ends, self._steps_of(moving)[0]])
             found += ((n_robots - moving + x) / (1.0 - _ROUNDING)).tolist()
         corners = np.unique(found)

@@ -55,6 +55,7 @@ class Master:
             last = first + n_levels - 1
             used = 2 if n_levels > 1 else 1
             self._add(-steepest, [last, last - 1][:used], [-1.0, 1.0][:used])
+        self._last = np.zeros(self._mu + 1)
         self._configurations: set[tuple[int, int]] = set()
         self._rows: dict[int, int] = {}  # of trails of the pool
         self._only_trails = False
@@ -71,9 +72,12 @@ class Master:
             left = max(0.01, deadline - time.monotonic())
             self._lp.setOptionValue("time_limit", self._lp.getRunTime() + left)
             self._lp.run()
-            solution = np.array(self._lp.getSolution().col_value)
+            found = np.array(self._lp.getSolution().col_value)
+            if found.shape == self._last.shape and np.isfinite(found).all():
+                self._last = found
+            solution = self._last  # where HiGHS has none, that of before
             prices = np.zeros((len(self.team.nodes), self.team.n_levels + 1))
-            prices[:, 1:] = solution[: self._n_prices].reshape(len(prices), -1).clip(0.0)
+            prices[:, 1:] = solution[: self._n_prices].reshape(prices[:, 1:].shape).clip(0.0)
             theta, mu = float(solution[self._theta]), max(0.0, float(solution[self._mu]))
             n = self._cut_configurations(prices, solution)
             n = n or self._cut_trails(pool, prices, theta, mu)

@@ -39,6 +39,9 @@ def new_net(graph: Graph, limits: Limits) -> Net:
         if kept.all():
             break
         graph = _with_arcs(graph, reward, kept)
+    # What no arc leads to pays nothing.
+    reward[np.bincount(graph.head, minlength=graph.n_nodes) == 0] = 0.0
+    graph = _with_arcs(graph, reward, np.ones(graph.n_arcs, bool))
     reach = outward.home
     ratio = np.minimum(reach[graph.tail] * graph.survival / reach[graph.head], 1.0)
     home_length = measured_by_length(graph).home
