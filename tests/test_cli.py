@@ -1230,6 +1230,19 @@ class TestBound:
         message = refused("bound", *args)
         assert all(name in message for name in named), message
 
+    def test_the_limits_of_the_front_count(self, botohe, refused, tmp_path):
+        args = ["solve", "toy", "-n", 500, "--min-survival", 0.4, "--max-length", 6]
+        assert botohe(*args, "--out", "kept").status == 0
+        ended = botohe("bound", "toy", "--front", "kept", "--out", "bound.json")
+        assert ended.status == 0
+        assert "travel budget 6" in ended.out.splitlines()[0]
+        record = json.loads((tmp_path / "bound.json").read_text())
+        assert (record["min_survival"], record["max_length"]) == (0.4, 6.0)
+        message = refused("bound", "toy", "--front", "kept", "--min-survival", 0.5)
+        assert "--min-survival 0.5 is stricter than the limit of the front in kept, 0.4" in message
+        message = refused("bound", "toy", "--front", "kept", "--max-length", 5)
+        assert "--max-length 5 is stricter than the limit of the front in kept, 6" in message
+
     def test_a_front_of_another_mission(self, refused, solved):
         message = refused("bound", "toy", "--robots", 3, "--front", solved[1])
         assert "another mission than 'toy'" in message

@@ -14,7 +14,7 @@ from botohe_moo.kernels.bounds.states import find_states
 from botohe_moo.kernels.bounds.trails import find_best, new_depths
 from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
 from botohe_moo.search.bounds.memory import Remembered
-from botohe_moo.search.bounds.net import hanging_parts, new_net
+from botohe_moo.search.bounds.net import new_net, pieces_of
 from botohe_moo.search.bounds.prices import convex_below
 from tests import twins
 from tests.strategies import missions
@@ -53,7 +53,9 @@ def value_of(net, trail, prices, mu):
 def states_by_dictionary(net, remembered):
     """What ``find_states`` finds: states as (node, set of bits), and their links."""
     graph, n = net.graph, net.graph.n_nodes
-    backs = {part.back: part.arc for part in hanging_parts(graph)}
+    backs = (
+        {piece.back: piece.arc for piece in pieces_of(graph)[1:]} if any(remembered.bits) else {}
+    )
     found, todo = {}, [(graph.base, frozenset())]
     while todo:
         state = todo.pop()
@@ -96,7 +98,7 @@ def values_by_dictionary(net, states, prices, mu):
 
 def prepared(mission, nearest, n_bits, limits=NO_LIMITS):
     net = new_net(mission.arrays, limits)
-    remembered = Remembered(net, nearest, n_bits)
+    remembered = Remembered(net, nearest, n_bits, 100)
     return net, remembered, find_states(net, remembered.pack(), 100_000)
 
 
@@ -182,11 +184,24 @@ def test_the_best_relaxed_trail_is_followed(mission, memory, seed, turn):
     taken = links[: follow(net, states, prices, mu, values, turn, links)]
     assert (states.source[taken[1:]] == states.to[taken[:-1]]).all()
     assert len(taken) == 0 or states.source[taken[0]] == 0
+    arcs = states.arc[taken]
+    levels = np.cumprod(net.ratio[arcs]) * N_LEVELS
+    worth = mu * levels[-1] / N_LEVELS if len(taken) else 0.0
+    for head, level, pays in zip(net.graph.head[arcs], levels, states.pays[taken], strict=True):
+        worth += pays * price_at(prices, head, level)
+    most = best_leaving(net, states, prices, values)
+    # What lies ahead is on chords, which are above what a single way is worth.
+    assert worth <= most + 1e-9
+    if turn == -1 and len(taken):
+        there = net.ratio[arcs[0]] * N_LEVELS
+        first = np.interp(there, np.arange(N_LEVELS + 1), values[states.to[taken[0]]])
+        first += states.pays[taken[0]] * price_at(prices, net.graph.head[arcs[0]], there)
+        assert first == pytest.approx(most, rel=1e-9, abs=1e-9)
 
 
 def test_too_many_states_are_none():
     net = new_net(_complete(5).arrays, NO_LIMITS)
-    memory = Remembered(net, 4, 4).pack()
+    memory = Remembered(net, 4, 4, 100).pack()
     n = len(find_states(net, memory, 10_000).node)
     # At each node itself is remembered, and any of the other three; at the base any of the four.
     assert n == 4 * 2**3 + 2**4
@@ -202,17 +217,23 @@ def _complete(n_nodes):
 
 
 def test_parts_that_hang_on_bridges():
-    """0 - 1 - 2 and 1 - 3, a triangle at 3, and 0 -> 6 one way, back by 5."""
+    """0 - 1 - 2 and 1 - 3, and a triangle at 3."""
     both = [(0, 1), (1, 2), (1, 3), (3, 4), (4, 5), (5, 3)]
     graph = nx.DiGraph([*both, *((b, a) for a, b in both)])
     nx.set_node_attributes(graph, {n: float(n in (2, 5)) for n in graph}, "reward")
     nx.set_edge_attributes(graph, 0.9, "survival")
     net_graph = Mission(graph, base=0, robots=1).arrays
-    parts = {(part.gate, tuple(sorted(part.nodes))) for part in hanging_parts(net_graph)}
-    assert parts == {(0, (1, 2, 3, 4, 5)), (1, (2,)), (1, (3, 4, 5))}
-    for part in hanging_parts(net_graph):
-        assert net_graph.tail[part.arc] == net_graph.head[part.back] == part.gate
-        assert net_graph.head[part.arc] == net_graph.tail[part.back]
+    base, *pieces = pieces_of(net_graph)
+    assert (base.nodes, base.above, base.arc, base.back) == ((0,), -1, -1, -1)
+    assert [(piece.gate, sorted(piece.nodes)) for piece in pieces] == [
+        (0, [1]),
+        (1, [2]),
+        (1, [3, 4, 5]),
+    ]
+    assert [piece.above for piece in pieces] == [0, 1, 1]
+    for piece in pieces:
+        assert net_graph.tail[piece.arc] == net_graph.head[piece.back] == piece.gate
+        assert net_graph.head[piece.arc] == net_graph.tail[piece.back] == min(piece.nodes)
 
 
 def test_arcs_without_any_use_are_left_out():
@@ -226,6 +247,18 @@ def test_arcs_without_any_use_are_left_out():
     assert list(zip(kept.tail.tolist(), kept.head.tolist(), strict=True)) == [(0, 1), (1, 0)]
     assert new_net(arrays, NO_LIMITS).graph.n_arcs == 4
     assert new_net(arrays, Limits(0.0, 1.5)).graph.n_arcs == 0  # two hops are a length of 2
+
+
+def test_no_arc_leads_to_more_than_the_best():
+    """As floats multiply: ways that are equally safe differ in their last bits."""
+    rng = np.random.default_rng(0)
+    graph = nx.grid_2d_graph(12, 12).to_directed()
+    nx.set_node_attributes(graph, 1.0, "reward")
+    for arc in graph.edges:
+        graph.edges[arc]["survival"] = float(rng.choice([0.9, 0.95, 0.97]))
+    net = new_net(Mission(graph, base=(0, 0), robots=1).arrays, NO_LIMITS)
+    there = net.reach[net.graph.tail] * net.graph.survival
+    assert (there <= net.reach[net.graph.head]).all()
 
 
 def test_convex_functions_from_below():

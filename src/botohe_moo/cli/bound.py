@@ -5,6 +5,7 @@ from __future__ import annotations
 from botohe_moo.cli.interrupt import INTERRUPTED, ending_on_interrupt
 
 with ending_on_interrupt:
+    import math
     from collections.abc import Callable, Iterator
     from contextlib import contextmanager
     from pathlib import Path
@@ -68,6 +69,7 @@ def bound_mission(
     time lowers it; Ctrl-C stops, and shows what is proved.
 
     The front has to be of the same mission: give --robots and --mission-parameter as to `solve`.
+    Its limits count; no stricter ones can be given.
     The exit status is 2 for bad input.
     """
     with failing():
@@ -78,11 +80,14 @@ def bound_mission(
         from botohe_moo.search.bounds import bound_front
 
         loaded = load_mission(**source)
-        solution = None if front is None else _read_front(front, loaded)
+        floor, budget = min_survival, max_length
+        solution = None
+        if front is not None:
+            solution = _read_front(front, loaded)
+            floor, budget = _limits_of(solution, front, min_survival, max_length)
         if out is not None:
             check_parent(out)
-    limit = loaded.max_length if max_length is None else max_length
-    tell(f"{loaded.title}: {brief(loaded, limit)}\n")
+    tell(f"{loaded.title}: {brief(loaded, loaded.max_length if budget is None else budget)}\n")
     with hold_interrupt(answer=_STOPPING) as stop, _showing(time_limit, solution) as show:
 
         def look(bound: FrontBound) -> None:
@@ -94,8 +99,8 @@ def bound_mission(
             loaded,
             front=None if solution is None else solution.objectives,
             time_limit=time_limit,
-            min_survival=min_survival,
-            max_length=max_length,
+            min_survival=floor,
+            max_length=budget,
             seed=seed,
             callback=look,
         )
@@ -121,6 +126,23 @@ def _read_front(folder: Path, mission: Mission) -> Solution:
     return solution
 
 
+def _limits_of(
+    solution: Solution, folder: Path, min_survival: float, max_length: float | None
+) -> tuple[float, float]:
+    """Give the limits of a front, or raise a ValueError where stricter ones are given."""
+    budget = math.inf if solution.max_length is None else solution.max_length
+    for name, given, kept in (
+        ("--min-survival", -min_survival, -solution.min_survival),
+        ("--max-length", math.inf if max_length is None else max_length, budget),
+    ):
+        if given < kept:
+            raise ValueError(
+                f"{name} {abs(given):g} is stricter than the limit of the front in {folder}, "
+                f"{abs(kept):g}: its plans need not keep it."
+            )
+    return solution.min_survival, budget
+
+
 def verdict(bound: FrontBound, solution: Solution | None) -> str:
     """Say in a sentence how good a front is; without one, what no front exceeds."""
     took = f"proved in {bound.seconds:.0f} s" if bound.seconds >= 1 else "proved at once"
@@ -128,7 +150,8 @@ def verdict(bound: FrontBound, solution: Solution | None) -> str:
     if solution is None:
         return f"{most} of the area, {took}"
     gap = bound.gap(solution.objectives)
-    return f"area {solution.area:.4f}; {most}: within {100 * gap:.2f} % of the optimum, {took}"
+    within = f": within {100 * gap:.2f} % of the optimum" if math.isfinite(gap) else ""
+    return f"area {solution.area:.4f}; {most}{within}, {took}"
 
 
 def _tell_bound(bound: FrontBound, solution: Solution | None) -> None:

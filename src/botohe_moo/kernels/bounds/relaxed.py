@@ -13,8 +13,8 @@ from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.bounds.states import Net, States
 from botohe_moo.kernels.compile import inlined, kernel
 
-# Values are raised so often for each state, on average, before a search is given up.
-_MOST_RAISES = 500
+# Links are looked at so often each, on average, before it is given up to raise values.
+_MOST_LOOKS = 1_000
 
 
 @inlined
@@ -67,7 +67,8 @@ def relax(
     low, part, paid = np.empty(n_arcs, np.int64), np.empty(n_arcs), np.empty(n_arcs)
     queue, is_queued = np.empty(n_states, np.int64), np.zeros(n_states, np.bool_)
     values[:, 0] = 0.0
-    n_raises = 0
+    n_looks = 0
+    most_looks = _MOST_LOOKS * (states.arc.shape[0] + 1_000)
     for level in range(1, n_levels + 1):
         _weigh_arcs(net, prices, level, low, part, paid)
         begin = n_queued = 0
@@ -94,10 +95,11 @@ def relax(
             begin = begin + 1 if begin + 1 < n_states else 0
             n_queued -= 1
             is_queued[state] = False
-            n_raises += 1
-            if n_raises > _MOST_RAISES * (n_states + 1_000):
+            first, end = states.first_entering[state], states.first_entering[state + 1]
+            n_looks += end - first
+            if n_looks > most_looks:
                 return False
-            for i in range(states.first_entering[state], states.first_entering[state + 1]):
+            for i in range(first, end):
                 link = states.entering[i]
                 arc = states.arc[link]
                 if low[arc] != level - 1:
@@ -109,8 +111,8 @@ def relax(
                     values[source, level] = value
                     if not is_queued[source]:
                         is_queued[source] = True
-                        end = begin + n_queued
-                        queue[end - n_states if end >= n_states else end] = source
+                        last = begin + n_queued
+                        queue[last - n_states if last >= n_states else last] = source
                         n_queued += 1
     return True
 

@@ -15,6 +15,10 @@ from botohe_moo._base.types import BoolArray, FloatArray, OffsetArray
 from botohe_moo.kernels.compile import inlined, kernel
 from botohe_moo.kernels.graph.graph import Graph
 
+# Limits are kept by what exceeds them by no more than this, relative: twice what searches allow,
+# which multiply and add in another order.
+ROUNDING = 2e-12
+
 MOST_MASKS = 50_000_000  # of all nodes together: each is numbered, reached or not
 
 # Instead of a bit.

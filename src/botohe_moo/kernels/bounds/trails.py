@@ -11,11 +11,8 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray, Record, RecordArray, SeedArray
 from botohe_moo.kernels.bounds.relaxed import chord
-from botohe_moo.kernels.bounds.states import Net, States
+from botohe_moo.kernels.bounds.states import ROUNDING, Net, States
 from botohe_moo.kernels.compile import kernel
-
-# Limits are kept by what exceeds them by no more than this, relative.
-_ROUNDING = 1e-12
 
 _STEP = np.dtype(
     [(name, np.int64) for name in ("state", "link", "arc", "pays")]
@@ -97,9 +94,9 @@ def find_best(
             continue
         node, alive = graph.head[arc], here.alive * graph.survival[arc]
         length = here.length + graph.length[arc]
-        if alive * graph.home[node] < net.min_survival * (1.0 - _ROUNDING):
+        if alive * graph.home[node] < net.min_survival * (1.0 - ROUNDING):
             continue
-        if (length + net.home_length[node]) * (1.0 - _ROUNDING) > net.max_length:
+        if (length + net.home_length[node]) * (1.0 - ROUNDING) > net.max_length:
             continue
         n += 1
         if n > n_most:

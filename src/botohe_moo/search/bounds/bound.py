@@ -17,7 +17,7 @@ from botohe_moo.indicators import area_indicator
 from botohe_moo.kernels.graph.graph import Limits
 from botohe_moo.kernels.local_search.workspace import SearchRule
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.search.bounds.front_bound import FrontBound, Step, lower_envelope
+from botohe_moo.search.bounds.front_bound import FrontBound, Step
 from botohe_moo.search.bounds.lines import Lines, LineSearch
 from botohe_moo.search.bounds.memory import Remembered
 from botohe_moo.search.bounds.net import new_net
@@ -34,7 +34,7 @@ MEMORY_LIMIT = 1024.0
 
 # Shares of the time: for the true front, and to find trails.
 _EXACT_SHARE, _SEARCH_SHARE = 0.2, 0.05
-_EVALUATIONS, _EVALUATIONS_AT_ONCE = 100_000, 10_000  # of the search for trails
+_EVALUATIONS, _FIRST_EVALUATIONS = 100_000, 100  # of the search for trails
 _CELLS = 24  # of the range of E[S], for the widest gap
 _SAMPLES = 3_000
 _MOST_CONFIGURATIONS = 6_000  # of levels of a team, which are looked at for each node
@@ -42,6 +42,7 @@ _MOST_CONFIGURATIONS = 6_000  # of levels of a team, which are looked at for eac
 _LEAST_LEVELS, _MOST_LEVELS, _MOST_PRICES = 4, 12, 400
 # What each node remembers at first: rewards near by, and bridges; and at most.
 _NEAREST, _FIRST_BITS, _MOST_BITS, _MOST_STATES = 8, 10, 14, 40_000
+_MOST_COMPARED = 3_000  # nodes, of which all pairs are compared
 _MIB = 2**20
 _BYTES_A_LINK = 40.0
 _ROUNDING = 1e-12
@@ -162,13 +163,15 @@ class _Search:
 
     def _prepare(self, nearest: int, n_bits: int, n_levels: int, n_searched: int) -> None:
         net, mission = self._net, self._mission
-        per_state = 8.0 * (4 * n_levels + 1) * 2 + _BYTES_A_LINK * max(
-            1.0, net.graph.n_arcs / net.graph.n_nodes
-        )
-        fits = int(self._memory * _MIB / per_state)
+        rule, n_bytes = LineSearch(), self._memory * _MIB
+        # Two tables of what lies ahead, at the most levels that are looked at, and the links.
+        per_state = 16.0 * (2 * rule.n_levels + n_levels + 1)
+        per_state += _BYTES_A_LINK * max(1.0, net.graph.n_arcs / net.graph.n_nodes)
+        fits = int(n_bytes / per_state)
         self._relaxation = Relaxation(
             net,
-            Remembered(net, nearest, n_bits),
+            # Four tables of all pairs of nodes, in a quarter of the memory.
+            Remembered(net, nearest, n_bits, min(_MOST_COMPARED, math.isqrt(int(n_bytes / 128)))),
             self._random_state,
             most_bits=_MOST_BITS,
             most_states=max(net.graph.n_nodes + 1, min(_MOST_STATES, fits)),
@@ -178,8 +181,7 @@ class _Search:
         self._pool = Pool(net, nodes, n_levels)
         made = self._relaxation, self._pool
         self._lines = [
-            Lines(*made, moving, self._base_reward, LineSearch())
-            for moving in range(1, mission.robots + 1)
+            Lines(*made, moving, self._base_reward, rule) for moving in range(1, mission.robots + 1)
         ]
         for lines in self._lines:
             lines.others = [other for other in self._lines if other is not lines]
@@ -259,11 +261,10 @@ class _Search:
         """Give what has been proved, without lines that are nowhere the lowest."""
         lines = []
         for each in self._lines:
-            found = each.found
-            lowest = lower_envelope(*zip(*((line.most, line.mu) for line in found), strict=True))
+            each.prune()
             lines += [
                 line._replace(most=line.most * self._unit, mu=line.mu * self._unit)
-                for line in map(found.__getitem__, lowest.tolist())
+                for line in each.found
             ]
         graph = self._net.graph
         leaving = slice(graph.first[graph.base], graph.first[graph.base + 1])
@@ -291,10 +292,9 @@ class _Search:
         at_base = TrailPlan([[graph.base]] * mission.robots)
         search.admit(PlanBatch.from_plans([at_base], mission.robots))
         until = time.monotonic() + _SEARCH_SHARE * self._seconds
-        for _ in range(0, _EVALUATIONS, _EVALUATIONS_AT_ONCE):
-            n = search.run(_EVALUATIONS_AT_ONCE)
-            if n < _EVALUATIONS_AT_ONCE or time.monotonic() > until:
-                break
+        wanted = n = _FIRST_EVALUATIONS
+        while n < _EVALUATIONS and search.run(wanted) == wanted and time.monotonic() < until:
+            wanted, n = n, 2 * n
         batch, objectives, _ = search.plans()
         self.know(objectives)
         ends = zip(graph.tail.tolist(), graph.head.tolist(), strict=True)

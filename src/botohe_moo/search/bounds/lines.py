@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from functools import cached_property
 from typing import NamedTuple
@@ -9,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import FloatArray
-from botohe_moo.search.bounds.front_bound import Line
+from botohe_moo.search.bounds.front_bound import Line, lower_envelope
 from botohe_moo.search.bounds.master import Master
 from botohe_moo.search.bounds.pool import Pool
 from botohe_moo.search.bounds.prices import Team, refine
@@ -71,6 +72,11 @@ class Lines:
         scale = self._relaxation.total + self._base_reward + abs(most) + mu
         spare = n_terms * _EPSILON * scale
         return Line(self._n_robots, self._base_reward + most + spare, mu, proof)
+
+    def prune(self) -> None:
+        """Leave out lines that are nowhere the lowest."""
+        lowest = lower_envelope(*zip(*((line.most, line.mu) for line in self.found), strict=True))
+        self.found = [self.found[i] for i in lowest.tolist()]
 
     def bound(self, x: float) -> float:
         """Bound E[R] where the moving robots' survivals sum to ``x`` or more."""
@@ -191,5 +197,6 @@ class Lines:
         """Keep the line of these prices if no trail is worth more than ``theta``; give its most."""
         beside = float(self._team.most(prices).sum())
         line = self._line(beside + self._n_robots * theta, mu, proof)
-        self.found.append(line)
+        if math.isfinite(line.most):  # prices of a programme that went astray may overflow
+            self.found.append(line)
         return line.most

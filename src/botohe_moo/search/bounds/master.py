@@ -57,7 +57,9 @@ class Master:
             self._add(-steepest, [last, last - 1][:used], [-1.0, 1.0][:used])
         self._last = np.zeros(self._mu + 1)
         self._configurations: set[tuple[int, int]] = set()
-        self._rows: dict[int, int] = {}  # of trails of the pool
+        # Rows of trails of the pool; those of relaxed ones that do not count at present apart.
+        self._rows: dict[int, int] = {}
+        self._parked: dict[int, int] = {}
         self._only_trails = False
 
     def solve(
@@ -108,8 +110,11 @@ class Master:
         n = 0
         for i in np.argsort(-worth)[:_CUTS_AT_ONCE].tolist():
             if worth[i] > theta + _CUT and i not in self._rows:
-                self._rows[i] = self._n_rows
-                self._add_trail(pool.visits[i])
+                if i in self._parked:  # a trail after all
+                    self._restore(i)
+                else:
+                    self._rows[i] = self._n_rows
+                    self._add_trail(pool.visits[i])
                 n += 1
         return n
 
@@ -124,15 +129,24 @@ class Master:
 
     def drop(self, number: int) -> None:
         """Forget a trail of the pool that has been dropped."""
+        self._parked.pop(number, None)
         if number in self._rows:
-            self._lp.changeRowBounds(self._rows.pop(number), -self._inf, self._inf)
+            self._switch_off(self._rows.pop(number))
 
     def allow_relaxed(self, pool: Pool, *, allowed: bool) -> None:
         """Let relaxed trails count, or trails only."""
-        if allowed != self._only_trails:
-            return
         self._only_trails = not allowed
-        for number, row in self._rows.items():
-            if pool.relaxed[number] is not None:
-                least = 0.0 if allowed else -self._inf
-                self._lp.changeRowBounds(row, least, self._inf)
+        if allowed:
+            for number in list(self._parked):
+                self._restore(number)
+            return
+        for number in [number for number in self._rows if pool.relaxed[number] is not None]:
+            self._parked[number] = self._rows.pop(number)
+            self._switch_off(self._parked[number])
+
+    def _switch_off(self, row: int) -> None:
+        self._lp.changeRowBounds(row, -self._inf, self._inf)
+
+    def _restore(self, number: int) -> None:
+        self._rows[number] = self._parked.pop(number)
+        self._lp.changeRowBounds(self._rows[number], 0.0, self._inf)

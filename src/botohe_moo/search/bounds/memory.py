@@ -13,9 +13,10 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.bounds.states import NEVER, NONE, Memory, Net
-from botohe_moo.search.bounds.net import Part, hanging_parts
+from botohe_moo.search.bounds.net import Piece, pieces_of
 
-_MOST_COMPARED = 3_000  # nodes, of which all pairs are compared
+# Ways into pieces that a node chooses from, and how many pieces up it looks for them.
+_MOST_GATES, _MOST_UP = 256, 64
 _LEAST_COST = 1e-15
 
 
@@ -28,30 +29,43 @@ class Remembered:
     reward.
     """
 
-    def __init__(self, net: Net, nearest: int, n_bits: int) -> None:
+    def __init__(self, net: Net, nearest: int, n_bits: int, most_compared: int) -> None:
         graph = net.graph
         self.net = net
-        parts = list(hanging_parts(graph))
-        self._backs = {part.back: part.arc for part in parts}
-        bridges = {part.arc for part in parts} | self._backs.keys()
-        only_by_bridges = np.ones(graph.n_nodes, bool)
-        for arc, head in enumerate(graph.head.tolist()):
-            only_by_bridges[head] &= arc in bridges
-        pays = np.flatnonzero((graph.reward > 0.0) & ~only_by_bridges & (net.reach > 0.0))
-        near = best_between(net)
-        if near is not None:
-            near = near * near.T  # to the node and back
-        self.bits: list[list[int]] = []
-        for node, gates in enumerate(_entrances(graph.n_nodes, parts)):
-            if near is None:
-                rewards = [node] if node in pays else []
-            else:
-                nearness = near[node, pays] + (pays == node)
-                rewards = pays[np.argsort(-nearness, kind="stable")[:nearest]].tolist()
-                nearer = np.argsort([-near[node, part.gate] for part in gates], kind="stable")
-                gates = [gates[i] for i in nearer.tolist()]
-            room = max(0, n_bits - len(rewards))
-            self.bits.append(rewards + [graph.n_nodes + part.arc for part in gates[:room]])
+        self.bits: list[list[int]] = [[] for _ in range(graph.n_nodes)]
+        self.between: FloatArray | None = None
+        self._backs: dict[int, int] = {}
+        if n_bits == 0:
+            return
+        pieces = pieces_of(graph)
+        self._backs = {piece.back: piece.arc for piece in pieces[1:]}
+        bridges = [*self._backs, *self._backs.values()]
+        not_by_bridges = np.ones(graph.n_arcs, bool)
+        not_by_bridges[bridges] = False
+        pays = np.intersect1d(graph.head[not_by_bridges], np.flatnonzero(graph.reward > 0.0))
+        if graph.n_nodes <= most_compared:
+            self.between = _best_between(net)
+        hanging: list[list[int]] = [[] for _ in pieces]
+        for number, piece in enumerate(pieces[1:], 1):
+            hanging[piece.above].append(number)
+        for number, piece in enumerate(pieces):
+            gates = _gates_around(pieces, hanging, number)
+            for node in piece.nodes:
+                rewards, ways = self._nearest(node, pays, [pieces[gate] for gate in gates])
+                bits = rewards[:nearest] + [graph.n_nodes + way.arc for way in ways]
+                self.bits[node] = bits[:n_bits]
+
+    def _nearest(
+        self, node: int, pays: OffsetArray, ways: list[Piece]
+    ) -> tuple[list[int], list[Piece]]:
+        """Sort nodes that pay, and ways into pieces, by the survival of a round trip."""
+        if self.between is None:
+            return [node] if node in pays else [], ways
+        near = self.between[node] * self.between[:, node]
+        nearness = near[pays] + (pays == node)  # before all others
+        order = np.argsort([-near[way.gate] for way in ways], kind="stable")
+        rewards = pays[np.argsort(-nearness, kind="stable")].tolist()
+        return rewards, [ways[i] for i in order.tolist()]
 
     def pack(self) -> Memory:
         """Give the masks' meaning as arrays."""
@@ -98,17 +112,15 @@ class Remembered:
         return sorted(found, key=lambda item: len(item[1]))
 
 
-def best_between(net: Net) -> FloatArray | None:
+def _best_between(net: Net) -> FloatArray:
     """Give the survival of the safest way from each node to each other (n_nodes, n_nodes).
 
-    A little more than it is, never less; None where there are too many nodes.
+    A little more than it is, never less.
     """
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import dijkstra
 
     graph = net.graph
-    if graph.n_nodes > _MOST_COMPARED:
-        return None
     shape = (graph.n_nodes, graph.n_nodes)
     # What costs nothing is no arc to scipy.
     costs = csr_array((graph.cost + _LEAST_COST, graph.head, graph.first), shape=shape)
@@ -117,15 +129,16 @@ def best_between(net: Net) -> FloatArray | None:
     return best
 
 
-def _entrances(n_nodes: int, parts: list[Part]) -> list[list[Part]]:
-    """Say for each node into which parts a trail gets from there, without crossing other bridges.
+def _gates_around(pieces: list[Piece], hanging: list[list[int]], number: int) -> list[int]:
+    """Find pieces into which a trail gets from this one, or on its way back to the base.
 
-    Also by way of other parts that hang on the same piece: not into parts of those.
+    Those that hang on it, and on the pieces above it, beside the way up; not into parts of those.
     """
-    outside: list[list[Part]] = [[] for _ in range(n_nodes)]
-    for part in parts:
-        around = [other.nodes for other in parts if part.gate in other.nodes]
-        region = min(around, key=len) if around else frozenset(range(n_nodes))
-        for node in region - part.nodes:
-            outside[node].append(part)
-    return outside
+    found: list[int] = []
+    came_from = -1
+    for _ in range(_MOST_UP):
+        found += [piece for piece in hanging[number] if piece != came_from][:_MOST_GATES]
+        came_from, number = number, pieces[number].above
+        if number < 0 or len(found) > _MOST_GATES:
+            break
+    return found[:_MOST_GATES]

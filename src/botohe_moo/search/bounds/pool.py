@@ -39,8 +39,8 @@ class Pool:
     def add(self, arcs: list[int], paid: list[bool] | None = None) -> tuple[int, bool]:
         """Add a trail, or a relaxed one with the visits that pay.
 
-        Gives its number, and whether it is new. A relaxed one is a trail where it pays no node
-        twice and takes no arc twice.
+        Gives its number, and whether it is new. A relaxed one is a trail where it comes home, pays
+        no node twice and takes no arc twice.
         """
         graph = self._net.graph
         alive, seen, at = 1.0, {graph.base}, []
@@ -52,6 +52,7 @@ class Pool:
             seen.add(node)
         visited = [node for node, _ in at]
         is_trail = len({*visited}) == len(visited) and len({*arcs}) == len(arcs)
+        is_trail = is_trail and graph.head[arcs[-1]] == graph.base
         visits = self._visits(at, alive)
         key = visits.columns.tobytes() + visits.weights.round(10).tobytes()
         key += np.round(alive, 12).tobytes()

@@ -11,14 +11,15 @@ from botohe_moo._base.types import BoolArray, FloatArray, OffsetArray
 from botohe_moo.kernels.bounds.relaxed import best_leaving, follow, relax, shortfall
 from botohe_moo.kernels.bounds.states import Net, States, find_states
 from botohe_moo.kernels.bounds.trails import find_best, new_depths
-from botohe_moo.search.bounds.memory import Remembered, best_between
+from botohe_moo.search.bounds.memory import Remembered
 
 _EPSILON = float(np.finfo(float).eps)
 _TOLERANCE = 1e-9  # to which values are raised, in shares of all reward
 _MOST_TRAIL = 400  # links of a relaxed trail that are looked at
 # At which steps a relaxed trail takes the second best link, for more of them.
 _TURNS = (-1, 0, 1, 2, 4, 7, 11)
-_MOST_FORGOTTEN = 2  # what a trail does twice and is remembered next
+# What a trail does twice and is remembered next; and what there may have been no room for.
+_MOST_FORGOTTEN, _MOST_FAILED = 2, 6
 
 
 class Ahead(NamedTuple):
@@ -49,7 +50,7 @@ class Relaxation:
         self._most_bits, self._most_states = most_bits, most_states
         self.total = float(net.graph.reward.sum())
         self._depths = new_depths(net, random_state, n_searched)
-        self._everywhere: FloatArray | None = None
+        self._is_capped = False
         states = find_states(net, remembered.pack(), most_states)
         self.remembers_less = len(states.node) == 0  # than it was to
         while len(states.node) == 0:
@@ -63,44 +64,48 @@ class Relaxation:
         net, states, graph = self.net, self.states, self.net.graph
         shape = (graph.n_nodes, prices.shape[1])
         values = np.zeros((len(states.node), prices.shape[1]))
+        tolerance = _TOLERANCE * self.total
         cap = np.full(shape, np.inf)
         # Where arcs are sure, relaxed trails may collect without end.
-        if not relax(net, states, prices, mu, cap, _TOLERANCE * self.total, values):
+        if not self._is_capped:
+            self._is_capped = not relax(net, states, prices, mu, cap, tolerance, values)
+        if self._is_capped:
             cap = self._everything(prices, mu)
-            if not relax(net, states, prices, mu, cap, _TOLERANCE * self.total, values):
+            if not relax(net, states, prices, mu, cap, tolerance, values):
                 values = cap[states.node]
         short = shortfall(net, states, prices, mu, cap, values)
-        # A step adds some ten roundings, and a trail has at most as many steps as there are arcs.
+        # A step adds some ten roundings, and one of a level counts as often as there are levels: a
+        # price may rise in the last alone. A trail has at most as many steps as there are arcs.
         scale = self.total + mu + float(values.max(initial=0.0))
-        spare = graph.n_arcs * (short + 32 * _EPSILON * scale)
+        spare = graph.n_arcs * (short + (32 + 4 * prices.shape[1]) * _EPSILON * scale)
         most = best_leaving(net, states, prices, values) + spare
         return Ahead(prices, mu, values, spare, most)
 
     def _everything(self, prices: FloatArray, mu: float) -> FloatArray:
         """Bound what lies ahead of each node by going to all others at once (n_nodes, ·)."""
-        net, n_levels = self.net, prices.shape[1] - 1
-        if self._everywhere is None:
-            self._everywhere = best_between(net)
+        net, between, n_levels = self.net, self._remembered.between, prices.shape[1] - 1
         alive = net.reach[:, None] * (np.arange(n_levels + 1) / n_levels)
         cap = mu * alive * np.minimum(net.graph.home, 1.0)[:, None]
-        if self._everywhere is None:
+        if between is None:
             cap[:, 1:] += prices[:, -1].sum()
-            weak: FloatArray = cap * (1.0 + 1e-12)
-            return weak
-        for node in np.flatnonzero(prices[:, -1] > 0.0).tolist():
-            levels = alive * self._everywhere[:, node, None] / net.reach[node] * n_levels
-            cap += np.interp(levels, np.arange(n_levels + 1), prices[node])
+        else:
+            for node in np.flatnonzero(prices[:, -1] > 0.0).tolist():
+                levels = alive * between[:, node, None] / net.reach[node] * n_levels
+                cap += np.interp(levels, np.arange(n_levels + 1), prices[node])
         bounded: FloatArray = cap * (1.0 + 1e-12)
         return bounded
 
     def best_trails(self, ahead: Ahead) -> list[tuple[list[int], list[bool]]]:
-        """Give the best relaxed trail, its arcs and which pay, and some that leave it once."""
+        """Give the best relaxed trail, its arcs and which pay, and some that leave it once.
+
+        Only the first steps where they are many; and some do not come home.
+        """
         found: list[tuple[list[int], list[bool]]] = []
         links = np.empty(_MOST_TRAIL, np.int64)
         for turn in _TURNS:
             given = ahead.prices, ahead.mu, ahead.values, turn, links
             n = follow(self.net, self.states, *given)
-            if n > turn:
+            if n > max(turn, 0):
                 taken = links[:n]
                 arcs = self.states.arc[taken]
                 paid = self.states.pays[taken] & self._is_worth(ahead, arcs)
@@ -129,7 +134,7 @@ class Relaxation:
 
     def remember(self, arcs: Sequence[int], paid: Sequence[bool]) -> bool:
         """Remember what a relaxed trail does twice; False where nothing more can be remembered."""
-        grown = 0
+        grown = failed = 0
         for bit, nodes in self._remembered.forgets(arcs, paid):
             bits = self._remembered.bits
             if any(bit in bits[node] or len(bits[node]) >= self._most_bits for node in nodes):
@@ -140,6 +145,9 @@ class Relaxation:
             if len(states.node) == 0:
                 for node in nodes:
                     bits[node].pop()
+                failed += 1
+                if failed == _MOST_FAILED:
+                    break
                 continue
             self.states = states
             grown += 1
@@ -151,9 +159,9 @@ class Relaxation:
         """Tell whether this is a relaxed trail still."""
         states, state = self.states, 0
         for arc, pays in zip(arcs, paid, strict=True):
-            links = range(int(states.first[state]), int(states.first[state + 1]))
-            link = next((link for link in links if states.arc[link] == arc), -1)
-            if link < 0 or (pays and not states.pays[link]):
+            first, end = states.first[state : state + 2].tolist()
+            link = first + int(np.searchsorted(states.arc[first:end], arc))
+            if link == end or states.arc[link] != arc or (pays and not states.pays[link]):
                 return False
             state = int(states.to[link])
         return True
