@@ -15,7 +15,6 @@ from botohe_moo.kernels.bounds.trails import find_best, new_depths
 from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
 from botohe_moo.search.bounds.memory import Remembered
 from botohe_moo.search.bounds.net import new_net, pieces_of
-from botohe_moo.search.bounds.prices import convex_below
 from tests import twins
 from tests.strategies import missions
 
@@ -259,8 +258,3 @@ def test_no_arc_leads_to_more_than_the_best():
     net = new_net(Mission(graph, base=(0, 0), robots=1).arrays, NO_LIMITS)
     there = net.reach[net.graph.tail] * net.graph.survival
     assert (there <= net.reach[net.graph.head]).all()
-
-
-def test_convex_functions_from_below():
-    given = np.array([0.0, 1.0, 1.0, 2.0, 8.0])
-    assert convex_below(given).tolist() == pytest.approx([0.0, 0.5, 1.0, 2.0, 8.0])

@@ -23,9 +23,10 @@ from botohe_moo import (
 )
 from botohe_moo.kernels.graph.graph import Limits
 from botohe_moo.search.bounds import bound as bound_module
-from botohe_moo.search.bounds.front_bound import Line, Step, lower_envelope
+from botohe_moo.search.bounds.envelopes import area_under_highest, convex_below, lower_envelope
+from botohe_moo.search.bounds.front_bound import Line, Step
 from botohe_moo.search.bounds.net import new_net
-from botohe_moo.search.bounds.prices import Team, convex_below, most_levels, refine
+from botohe_moo.search.bounds.prices import Team, most_levels, refine
 from botohe_moo.search.exact import exact_front
 from tests.strategies import missions
 
@@ -421,3 +422,17 @@ def test_rounding_up_counts():
 @pytest.mark.parametrize(("robots", "levels"), [(1, 12), (3, 12), (6, 9), (10, 5), (50, 2)])
 def test_large_teams_get_fewer_levels(robots, levels):
     assert most_levels(robots, 12, 6_000) == levels
+
+
+def test_convex_functions_from_below():
+    values = np.array([0.0, 1.0, 1.0, 2.0, 8.0])
+    assert convex_below(values).tolist() == pytest.approx([0.0, 0.5, 1.0, 2.0, 8.0])
+    assert convex_below(np.array([0.0, -1.0, 2.0])).tolist() == [0.0, 0.0, 2.0]
+
+
+def test_area_under_the_highest_line():
+    """1 − x and x meet at 0.5; −inf does not count."""
+    heights, rises = np.array([1.0, 0.0, -np.inf]), np.array([-1.0, 1.0, 0.0])
+    assert area_under_highest(heights, rises) == pytest.approx(0.75)
+    assert area_under_highest(np.array([1.0]), np.array([-1.0])) == pytest.approx(0.5)
+    assert area_under_highest(np.array([-np.inf]), np.array([0.0])) == 0.0

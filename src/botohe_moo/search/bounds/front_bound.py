@@ -11,10 +11,11 @@ from numpy.typing import ArrayLike
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from botohe_moo._base.files import read_bytes, replace_file
-from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo._base.types import FloatArray
 from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.digest import numbers_digest
 from botohe_moo.mission.model import Mission
+from botohe_moo.search.bounds.envelopes import area_under_highest, lower_envelope
 
 # By how much survivors are taken to be fewer than given, relative: they are sums of products.
 _ROUNDING = 1e-12
@@ -203,7 +204,7 @@ class FrontBound:
             rise = np.where(np.isfinite(low) & np.isfinite(high), high - low, 0.0)
         area = 0.0
         for heights, rises, wide in zip((low - rise / 2).T, rise.T * 2, width, strict=True):
-            area += wide * _under_highest(heights, rises)
+            area += wide * area_under_highest(heights, rises)
         return min(1.0, area / whole)
 
     def gap(self, front: ArrayLike) -> float:
@@ -301,35 +302,3 @@ class _Record(BaseModel):
     max_length: float | None
     seconds: float
     notes: tuple[str, ...]
-
-
-def lower_envelope(most: ArrayLike, mu: ArrayLike) -> OffsetArray:
-    """Tell which lines ``most`` − ``mu`` · x are the lowest somewhere, by ascending mu."""
-    # Products must not overflow.
-    y, x = (np.asarray(each) / (np.max(each) or 1.0) for each in (most, mu))
-    corners: list[int] = []
-    for i in np.lexsort((y, x)).tolist():
-        if corners and x[i] == x[corners[-1]]:
-            continue
-        while corners and y[i] <= y[corners[-1]]:
-            corners.pop()
-        while len(corners) > 1:
-            one, last = corners[-2:]
-            if (y[last] - y[one]) * (x[i] - x[one]) < (y[i] - y[one]) * (x[last] - x[one]):
-                break
-            corners.pop()
-        corners.append(i)
-    return np.array(corners, np.int64)
-
-
-def _under_highest(heights: FloatArray, rises: FloatArray) -> float:
-    """Integrate the highest of lines from 0 to 1; those at −inf do not count."""
-    here = np.isfinite(heights)
-    heights, rises = heights[here], rises[here]
-    if len(heights) == 0:
-        return 0.0
-    with np.errstate(divide="ignore", invalid="ignore"):
-        cross = (heights[:, None] - heights) / (rises - rises[:, None])
-    at = np.unique(np.concatenate([[0.0, 1.0], cross[(cross > 0.0) & (cross < 1.0)]]))
-    highest = np.maximum((heights + np.multiply.outer(at, rises)).max(axis=1), 0.0)
-    return float(np.trapezoid(highest, at))

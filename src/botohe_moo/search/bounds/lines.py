@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import FloatArray
-from botohe_moo.search.bounds.front_bound import Line, lower_envelope
+from botohe_moo.search.bounds.envelopes import lower_envelope
+from botohe_moo.search.bounds.front_bound import Line
 from botohe_moo.search.bounds.master import Master
 from botohe_moo.search.bounds.pool import Pool
 from botohe_moo.search.bounds.prices import Team, refine

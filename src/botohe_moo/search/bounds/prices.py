@@ -13,6 +13,7 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.bounds.states import Net
+from botohe_moo.search.bounds.envelopes import convex_below
 
 _EPSILON = float(np.finfo(float).eps)
 _TINY = float(np.finfo(float).tiny)  # rounding where a relative error no longer holds
@@ -86,21 +87,6 @@ class Team:
         for row, each in enumerate(prices):
             prices[row] = convex_below(each)
         return prices
-
-
-def convex_below(values: FloatArray) -> FloatArray:
-    """Give the largest convex function on a grid that is nowhere above, at least 0."""
-    corners: list[int] = []
-    for i, value in enumerate(values):
-        while len(corners) > 1:
-            before, last = corners[-2:]
-            rise = (values[last] - values[before]) * (i - before)
-            if rise < (value - values[before]) * (last - before):
-                break
-            corners.pop()
-        corners.append(i)
-    envelope: FloatArray = np.interp(np.arange(len(values)), corners, values[corners])
-    return np.maximum(envelope, 0.0)
 
 
 def refine(prices: FloatArray, n_times: int) -> FloatArray:

@@ -1,0 +1,60 @@
+"""Envelopes of points and of lines."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from botohe_moo._base.types import FloatArray, OffsetArray
+
+
+def lower_hull(x: FloatArray, y: FloatArray) -> OffsetArray:
+    """Tell which points are corners of the largest convex function below all, by ascending x.
+
+    Andrew, "Another efficient algorithm for convex hulls in two dimensions", Information Processing
+    Letters 9(5), 1979; scipy's refuses points on one line.
+    """
+    corners: list[int] = []
+    for i in np.lexsort((y, x)).tolist():
+        if corners and x[i] == x[corners[-1]]:
+            continue
+        while len(corners) > 1:
+            one, last = corners[-2:]
+            if (y[last] - y[one]) * (x[i] - x[one]) < (y[i] - y[one]) * (x[last] - x[one]):
+                break
+            corners.pop()
+        corners.append(i)
+    return np.array(corners, np.int64)
+
+
+def convex_below(values: FloatArray) -> FloatArray:
+    """Give the largest convex function on a grid that is nowhere above, at least 0."""
+    levels = np.arange(len(values), dtype=float)
+    corners = lower_hull(levels, values)
+    envelope: FloatArray = np.maximum(np.interp(levels, corners, values[corners]), 0.0)
+    return envelope
+
+
+def lower_envelope(most: ArrayLike, mu: ArrayLike) -> OffsetArray:
+    """Tell which lines ``most`` − ``mu`` · x are the lowest at some x ≥ 0, by ascending mu."""
+    # Products must not overflow.
+    y, x = (np.asarray(each) / (np.max(each) or 1.0) for each in (most, mu))
+    corners = lower_hull(x, y)
+    # Lines before the last with the least ``most`` are nowhere below it.
+    lowest: Any = np.flatnonzero(y[corners] == y[corners].min())[-1]
+    return corners[lowest:]
+
+
+def area_under_highest(heights: FloatArray, rises: FloatArray) -> float:
+    """Integrate the highest of some lines from 0 to 1; those at −inf do not count."""
+    here = np.isfinite(heights)
+    heights, rises = heights[here], rises[here]
+    if len(heights) == 0:
+        return 0.0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        cross = (heights[:, None] - heights) / (rises - rises[:, None])
+    at = np.unique(np.concatenate([[0.0, 1.0], cross[(cross > 0.0) & (cross < 1.0)]]))
+    highest = (heights + np.multiply.outer(at, rises)).max(axis=1)
+    return float(np.trapezoid(highest, at))
