@@ -1185,6 +1185,7 @@ class TestBound:
         gap = bound.gap(solution.objectives)
         title, empty, told, blank, head, *rows, wrote = ended.out.splitlines()
         assert title.startswith(toy.title)
+        assert "budget" not in title
         assert (empty, blank, wrote) == ("", "", "wrote bound.json")
         assert told.startswith(
             f"area {solution.area:.4f}; no plans whatsoever reach more than {bound.area:.4f}: "
@@ -1223,6 +1224,7 @@ class TestBound:
             (["toy", "--time-limit", "soon"], ["seconds > 0", "got soon"]),
             (["toy", "--front", "nowhere"], ["nowhere"]),
             (["toy", "--out", "no/where.json"], ["no"]),
+            (["toy", "--out", "."], [".: expected a file", "found a folder"]),
             (["museum"], ["museum"]),
         ],
     )

@@ -4,6 +4,7 @@ import moocore
 import numpy as np
 from numpy.typing import ArrayLike
 
+from botohe_moo._base.checks import quoted
 from botohe_moo._base.types import FloatArray
 from botohe_moo.mission.model import Mission, check_mission
 
@@ -38,7 +39,7 @@ def area_indicator(objectives: ArrayLike, mission: Mission) -> float:
     hypervolume indicator", CEC 2006).
     """
     whole = check_mission(mission).total_reward * mission.robots
-    values = _checked("objectives", objectives)
+    values = check_objectives("objectives", objectives)
     if whole == 0 or len(values) == 0:
         return 0.0
     area = float(moocore.hypervolume(values, ref=[0.0, 0.0], maximise=True)) / whole
@@ -76,9 +77,26 @@ def epsilon_indicator(objectives: ArrayLike, reference: ArrayLike, mission: Miss
     return float(moocore.epsilon_additive(points, ref=targets, maximise=True))
 
 
-def _checked(name: str, given: ArrayLike) -> FloatArray:
-    """Convert to an array (n, 2) of E[R] and E[S]; n may be 0, and minus infinity is accepted."""
-    values = np.asarray(given, np.float64)
+def check_objectives(name: str, given: ArrayLike) -> FloatArray:
+    """Convert to an array (n, 2) of E[R] and E[S]; n may be 0, and minus infinity is accepted.
+
+    Parameters
+    ----------
+    name
+        Of the parameter, for messages.
+    given
+        What is to be converted.
+
+    Raises
+    ------
+    ValueError
+        If it is not of that shape, holds NaN or infinity, or is ``result.F``, which holds the
+        negatives.
+    """
+    try:
+        values = np.asarray(given, np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f"Expected {name} of shape (n, 2), got {quoted(given)}.") from None
     if values.shape == (0,):
         return np.empty((0, 2))
     if values.ndim != 2 or values.shape[1] != 2:
@@ -97,8 +115,8 @@ def _normalised(
     objectives: ArrayLike, reference: ArrayLike, mission: Mission
 ) -> tuple[FloatArray, FloatArray]:
     """Divide E[R] by the total reward and E[S] by the number of robots; a reward of 0 gives 0."""
-    points = _checked("objectives", objectives)
-    targets = _checked("reference", reference)
+    points = check_objectives("objectives", objectives)
+    targets = check_objectives("reference", reference)
     if not len(targets):
         raise ValueError("Expected at least one point in reference, got none.")
     for name, values in (("objectives", points), ("reference", targets)):

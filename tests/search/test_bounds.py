@@ -257,6 +257,8 @@ class TestByHand:
         ({"min_survival": 2}, "min_survival"),
         ({"front": [1.0, 2.0]}, "shape"),
         ({"front": [[-1.0, -2.0]]}, "-result.F"),
+        ({"front": "plans"}, "front of shape .n, 2., got 'plans'"),
+        ({"front": [[1.0, np.nan]]}, "front without NaN"),
     ],
 )
 def test_bad_parameters_are_named(options, named):

@@ -87,7 +87,10 @@ def bound_mission(
             floor, budget = _limits_of(solution, front, min_survival, max_length)
         if out is not None:
             check_parent(out)
-    tell(f"{loaded.title}: {brief(loaded, loaded.max_length if budget is None else budget)}\n")
+            if out.is_dir():
+                raise ValueError(f"{out}: expected a file to write, found a folder.")
+    shown = loaded.max_length if budget is None else budget
+    tell(f"{loaded.title}: {brief(loaded, None if shown == math.inf else shown)}\n")
     with hold_interrupt(answer=_STOPPING) as stop, _showing(time_limit, solution) as show:
 
         def look(bound: FrontBound) -> None:

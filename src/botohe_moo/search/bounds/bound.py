@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from botohe_moo._base.checks import check_integer, check_number
 from botohe_moo._base.types import FloatArray, OffsetArray
-from botohe_moo.indicators import area_indicator
+from botohe_moo.indicators import check_objectives
 from botohe_moo.kernels.graph.graph import Limits
 from botohe_moo.kernels.local_search.workspace import SearchRule
 from botohe_moo.mission.model import Mission, check_mission
@@ -128,8 +128,7 @@ def bound_front(
     )
     wanted = check_number("gap", gap, at_least=0)
     if front is not None:
-        area_indicator(front, mission)  # names what is wrong with it
-        search.know(np.asarray(front, np.float64).reshape(-1, 2))
+        search.know(check_objectives("front", front))
     try:
         if not search.find_front():
             search.find_lines(wanted, callback)
