@@ -17,6 +17,10 @@ ARGUMENTS = [
 ]
 
 
+FILLED = "#main:not([hidden]), #problem:not([hidden])"
+"""What there is when the page has been filled, which may be after it has been loaded."""
+
+
 @pytest.fixture(scope="session")
 def browser():
     api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
@@ -46,7 +50,7 @@ def opened(browser):
         if before:
             page.add_init_script(before)
         page.goto(path.as_uri() + address)
-        page.wait_for_selector("#main:not([hidden]), #problem:not([hidden])")
+        page.wait_for_selector(FILLED)
         try:
             yield page
         finally:

@@ -20,7 +20,7 @@ from botohe_moo.decide.judging import MAX_OUTCOMES, N_SAMPLES, SEED
 from botohe_moo.explorer import explore
 from botohe_moo.outcomes import plan_outcomes, reach_probabilities
 from tests.decide.made import MISSION, PLANS
-from tests.explorer.conftest import solution_of, toy_plans
+from tests.explorer.conftest import FILLED, solution_of, toy_plans
 
 WIDTHS = pytest.mark.parametrize(
     "viewport", [{"width": 1280, "height": 900}, {"width": 390, "height": 844}], ids=["wide", "390"]
@@ -81,6 +81,7 @@ class TestMuseum:
             shown = view(page)
             address = page.url.partition("#")[2]
             page.reload()
+            page.wait_for_selector(FILLED)
             assert view(page) == shown
             page.go_back()
             expect(page.locator("#filter-reward")).to_have_value("")

@@ -11,7 +11,7 @@ from playwright.sync_api import expect
 
 from botohe_moo import Mission
 from botohe_moo.explorer import explore
-from tests.explorer.conftest import solution_of
+from tests.explorer.conftest import FILLED, solution_of
 from tests.explorer.test_browser import WIDTHS, at_hand, shows
 
 
@@ -202,6 +202,7 @@ class TestAddress:
             page.select_option("#filter-node", label="any")
             assert re.search(r"#plan=50$", page.url)
             page.reload()
+            page.wait_for_selector(FILLED)
             assert page.is_hidden("#problem")
             page.go_back()
             expect(page.locator("#filter-reach")).to_have_value("0.5")
