@@ -330,6 +330,15 @@ def survival_of(mission, trail):
     return prod(survival[arc] for arc in pairwise(trail))
 
 
+def reach_of(mission, trail):
+    """The probability to be alive at each node of a trail, at the first visit."""
+    survival, alive, reached = arc_survivals(mission), 1.0, {}
+    for arc in pairwise(trail):
+        alive *= survival[arc]
+        reached.setdefault(arc[1], alive)
+    return reached
+
+
 def length_of(mission, trail):
     arrays = mission.arrays
     arcs = zip(arrays.tail.tolist(), arrays.head.tolist(), strict=True)

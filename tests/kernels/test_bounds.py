@@ -1,6 +1,6 @@
 """Relaxed trails and exact ones, beside readable twins: dictionaries of states, and all trails."""
 
-from itertools import pairwise
+from itertools import combinations_with_replacement, pairwise
 
 import networkx as nx
 import numpy as np
@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from botohe_moo import Mission
 from botohe_moo.kernels.bounds.relaxed import best_leaving, follow, relax, shortfall
 from botohe_moo.kernels.bounds.states import find_states
-from botohe_moo.kernels.bounds.trails import find_best, new_depths
+from botohe_moo.kernels.bounds.teams import find_teams, write_misses
+from botohe_moo.kernels.bounds.trails import Completions, find_trails, new_depths
 from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
 from botohe_moo.search.bounds.memory import Remembered
 from botohe_moo.search.bounds.net import new_net, pieces_of
@@ -157,18 +158,130 @@ def test_no_trail_is_worth_more_than_relaxed_ones_and_the_best_is_found(
     ]
     worths = [value_of(net, trail, prices, mu) for trail in within]
     assert best_leaving(net, states, prices, values) + spare >= max(worths, default=0.0)
-    depths = new_depths(net, np.random.default_rng(seed), 1 << 8)
-    n = find_best(net, states, prices, mu, values, 0.0, 1_000_000, depths)
+    line = Completions(values[None], np.zeros(1), np.zeros((1, net.graph.n_nodes)))
+    depths = new_depths(net, np.random.default_rng(seed), 1 << 8, 2, 1)
+    stairs = np.zeros(1)
+    given = net, states, prices, mu, line
+    n = find_trails(*given, stairs, np.inf, 0.0, 0.0, False, 1_000_000, depths)
     assert n >= 0
     best = max([*worths, 0.0])
-    assert best - spare - 1e-12 <= depths.found.value <= best * (1 + 1e-12)
+    assert best - spare - 1e-12 <= stairs[0] <= best * (1 + 1e-12)
     assert spare < 1e-9 or not is_settled
-    arcs = depths.arcs[: depths.found.n_arcs]
-    if len(arcs):
+    if depths.found.n_trails:
+        last = min(depths.found.n_trails, 2) - 1
+        arcs = depths.arcs[last, : depths.n_arcs[last]]
         trail = [net.graph.base, *net.graph.head[arcs].tolist()]
-        assert value_of(net, trail, prices, mu) == pytest.approx(depths.found.value, rel=1e-12)
+        assert value_of(net, trail, prices, mu) == pytest.approx(stairs[0], rel=1e-12)
     if n > 1:
-        assert find_best(net, states, prices, mu, values, 0.0, n - 1, depths) == -1
+        stairs[:] = 0.0
+        assert find_trails(*given, stairs, np.inf, 0.0, 0.0, False, n - 1, depths) == -1
+
+
+N_STEPS = 7
+
+
+def lines_ahead(net, states, prices, mus, seed):
+    """Completions under the prices themselves, and under others that are lower."""
+    lower = prices * np.random.default_rng(seed).uniform(0.5, 1.0)
+    values, beside = [], []
+    for mu in mus:
+        for own in (prices, lower):
+            value = np.zeros((len(states.node), N_LEVELS + 1))
+            cap = np.full((net.graph.n_nodes, N_LEVELS + 1), np.inf)
+            assert relax(net, states, own, mu, cap, 1e-13, value)
+            values.append(value)
+            beside.append((prices - own).max(axis=1))
+    return Completions(np.array(values), np.repeat(mus, 2), np.array(beside))
+
+
+@settings(max_examples=80)
+@given(
+    missions(max_nodes=6, survivals=st.sampled_from([0.5, 0.8, 0.97])),
+    memories,
+    st.sampled_from([0.0, 0.3, 0.6]),
+    st.integers(0, 99),
+)
+def test_stairs_are_above_all_trails(mission, memory, least, seed):
+    net, _, states = prepared(mission, *memory)
+    prices, mu = drawn_prices(net, seed)
+    every = twins.all_trails(mission)
+    assume(every is not None)
+    arcs = set(zip(net.graph.tail.tolist(), net.graph.head.tolist(), strict=True))
+    known = [
+        (twins.survival_of(mission, trail), value_of(net, trail, prices, 0.0))
+        for trail in every
+        if len(trail) > 1 and arcs.issuperset(pairwise(trail))
+    ]
+    known = [(survival, worth) for survival, worth in known if survival >= least * (1 - 1e-12)]
+    ahead = lines_ahead(net, states, prices, [0.0, mu, 3 * mu + 1], seed)
+    width = 1.0 / N_STEPS
+    steps = np.minimum((np.array([survival for survival, _ in known]) / width + 1e-9), N_STEPS - 1)
+    expected = np.zeros(N_STEPS)
+    for step, (_, worth) in zip(steps.astype(int), known, strict=True):
+        expected[: step + 1] = np.maximum(expected[: step + 1], worth)
+    first = int(least / width + 1e-9)
+    depths = new_depths(net, np.random.default_rng(seed), 1 << 8, 5_000, 6)
+    stairs = np.zeros(N_STEPS)
+    given = net, states, prices, 0.0, ahead
+    assert find_trails(*given, stairs, width, least, 0.0, False, 1_000_000, depths) >= 0
+    assert stairs[first:] == pytest.approx(expected[first:], abs=1e-9)
+    # All trails above some stairs, each once.
+    needed = expected * np.random.default_rng(seed).uniform(0.3, 1.1) + 1e-6
+    assert find_trails(*given, needed, width, least, 0.0, True, 1_000_000, depths) >= 0
+    above = sum(worth > needed[int(step)] for step, (_, worth) in zip(steps, known, strict=True))
+    assert depths.found.n_trails == above
+    found = {tuple(depths.arcs[i, : depths.n_arcs[i]]) for i in range(above)}
+    assert len(found) == above
+    if above > 1:
+        small = new_depths(net, np.random.default_rng(seed), 1 << 8, above - 1, 6)
+        assert find_trails(*given, needed, width, least, 0.0, True, 1_000_000, small) == -1
+
+
+@settings(max_examples=60)
+@given(missions(max_nodes=6), st.integers(1, 3), st.integers(0, 99))
+def test_the_best_teams_are_found(mission, n_robots, seed):
+    """Beside all combinations of some trails, with prices that leave something beside."""
+    net, _, _ = prepared(mission, 0, 0)
+    every = twins.all_trails(mission)
+    arc_of = {pair: i for i, pair in enumerate(zip(net.graph.tail, net.graph.head, strict=True))}
+    assume(every is not None)
+    rng = np.random.default_rng(seed)
+    some = [trail for trail in every if len(trail) > 1 and arc_of.keys() >= {*pairwise(trail)}]
+    assume(some)
+    some = [some[i] for i in rng.choice(len(some), min(len(some), 9), replace=False)]
+    arcs = np.zeros((len(some), net.graph.n_arcs), np.int32)
+    n_arcs = np.array([len(trail) - 1 for trail in some])
+    for row, trail in zip(arcs, some, strict=True):
+        row[: len(trail) - 1] = [arc_of[pair] for pair in pairwise(trail)]
+    nodes = np.flatnonzero(net.graph.reward > 0)
+    place = np.full(net.graph.n_nodes, -1)
+    place[nodes] = np.arange(len(nodes))
+    misses, survival = np.empty((len(some), len(nodes))), np.empty(len(some))
+    write_misses(net, arcs, n_arcs, place, misses, survival)
+    reward = net.graph.reward[nodes]
+    for trail, missed, alive in zip(some, misses, survival, strict=True):
+        reached = twins.reach_of(mission, trail)
+        assert missed == pytest.approx([1 - reached.get(int(node), 0.0) for node in nodes])
+        assert alive == pytest.approx(twins.survival_of(mission, trail))
+    teams = [list(team) for team in combinations_with_replacement(range(len(some)), n_robots)]
+    sums = np.array([survival[team].sum() for team in teams])
+    collected = np.array([reward @ (1 - misses[team].prod(axis=0)) for team in teams])
+    # What trails are worth at prices of a share of what one robot alone gives.
+    values = 0.6 * (1 - misses) @ reward
+    beside = max(0.0, float((collected - [values[team].sum() for team in teams]).max()))
+    order = np.argsort(-values, kind="stable")
+    at = np.sort(rng.uniform(0, n_robots, 4))
+    heights = np.sort(rng.uniform(0, reward.sum() * 1.1, 4))[::-1].copy()
+    expected = [
+        max([height, *collected[sums >= x * (1 - 1e-12)]])
+        for x, height in zip(at, heights, strict=True)
+    ]
+    given = values[order], survival[order], misses[order], reward, beside, n_robots, at
+    again = heights.copy()
+    assert find_teams(*given, heights, 1_000_000)
+    assert heights == pytest.approx(expected)
+    if n_robots > 1 and expected[0] > again[0]:
+        assert not find_teams(*given, again, 1)
 
 
 @settings(max_examples=40)

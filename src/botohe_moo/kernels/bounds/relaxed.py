@@ -11,10 +11,13 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.bounds.states import Net, States
-from botohe_moo.kernels.compile import inlined, kernel
+from botohe_moo.kernels.compile import helper, inlined, kernel
 
 # Links are looked at so often each, on average, before it is given up to raise values.
 _MOST_LOOKS = 1_000
+_MOST_CHOICES = 200  # times that choices are made better
+_STRAIGHT = 1e-12  # how far prices may be from a straight line, relative
+_LEAST_LOSS = 1e-9  # on a cycle, for it to be worth no more than floats can say
 
 
 @inlined
@@ -49,6 +52,98 @@ def _value_behind(
     return float(value + paid if states.pays[link] else value)
 
 
+@inlined
+def _count_linear(prices: FloatArray) -> int:
+    """Count the levels, from the lowest, up to which all prices are straight lines from 0."""
+    n = prices.shape[1] - 1
+    for node in range(prices.shape[0]):
+        level = 1
+        while level < n and abs(prices[node, level + 1] - prices[node, 1] * (level + 1)) <= (
+            _STRAIGHT * prices[node, level + 1]
+        ):
+            level += 1
+        n = min(n, level)
+    return int(n)
+
+
+@helper
+def _follow_choices(
+    net: Net,
+    states: States,
+    chosen: OffsetArray,
+    paid: FloatArray,
+    stop: FloatArray,
+    value: FloatArray,
+    path: OffsetArray,
+    seen: OffsetArray,
+) -> bool:
+    """Value all states, each with its chosen link, −1 to stop; False where a cycle never ends."""
+    seen[:] = 0
+    for first in range(value.shape[0]):
+        n, state = 0, first
+        while seen[state] == 0 and chosen[state] >= 0:
+            seen[state] = 1
+            path[n] = state
+            n += 1
+            state = states.to[chosen[state]]
+        if seen[state] == 0:
+            value[state], seen[state] = stop[state], 2
+        elif seen[state] == 1:  # a cycle
+            total, alive, at = 0.0, 1.0, state
+            while True:
+                link = chosen[at]
+                if states.pays[link]:
+                    total += alive * paid[states.arc[link]]
+                alive *= net.ratio[states.arc[link]]
+                at = states.to[link]
+                if at == state:
+                    break
+            if alive > 1.0 - _LEAST_LOSS:
+                return False
+            value[state] = total / (1.0 - alive)
+        end = state
+        for i in range(n - 1, -1, -1):
+            at = path[i]
+            link = chosen[at]
+            seen[at] = 2
+            if at == end:  # of a cycle, valued before
+                continue
+            worth = value[states.to[link]] * net.ratio[states.arc[link]]
+            value[at] = worth + paid[states.arc[link]] if states.pays[link] else worth
+    return True
+
+
+@helper(makes_arrays=True)
+def _relax_linear(
+    net: Net, states: States, paid: FloatArray, stop: FloatArray, tolerance: float, most: int
+) -> tuple[FloatArray, bool]:
+    """Give what lies ahead of each state at a level up to which prices are straight lines.
+
+    All values are proportional to the probability to be alive there, so that a choice of a link in
+    each state can be valued at once, and is made better until none is: Howard, "Dynamic Programming
+    and Markov Processes", MIT Press, 1960. False where a cycle is worth more without end.
+    """
+    n_states = stop.shape[0]
+    value, chosen = np.zeros(n_states), np.full(n_states, -1, np.int64)
+    path, seen = np.empty(n_states, np.int64), np.empty(n_states, np.int64)
+    for _ in range(most):
+        if not _follow_choices(net, states, chosen, paid, stop, value, path, seen):
+            return value, False
+        is_settled = True
+        for state in range(n_states):
+            best = value[state]
+            for link in range(states.first[state], states.first[state + 1]):
+                arc = states.arc[link]
+                worth = value[states.to[link]] * net.ratio[arc]
+                if states.pays[link]:
+                    worth += paid[arc]
+                if worth > best + tolerance:
+                    best, chosen[state], is_settled = worth, link, False
+        if is_settled:
+            break
+    return value, True
+
+
 @kernel
 def relax(
     net: Net,
@@ -69,7 +164,17 @@ def relax(
     values[:, 0] = 0.0
     n_looks = 0
     most_looks = _MOST_LOOKS * (states.arc.shape[0] + 1_000)
-    for level in range(1, n_levels + 1):
+    n_linear = 0
+    if np.isinf(cap).all():
+        n_linear = _count_linear(prices)
+        stop = np.where(states.node == net.graph.base, mu * n_linear / n_levels, 0.0)
+        _weigh_arcs(net, prices, n_linear, low, part, paid)
+        lowest, is_finite = _relax_linear(net, states, paid, stop, tolerance, _MOST_CHOICES)
+        if not is_finite:
+            return False
+        for level in range(1, n_linear + 1):
+            values[:, level] = lowest * (level / n_linear)
+    for level in range(n_linear + 1, n_levels + 1):
         _weigh_arcs(net, prices, level, low, part, paid)
         begin = n_queued = 0
         grown = level / (level - 1.0) if level > 1 else 0.0

@@ -1,4 +1,4 @@
-"""The trail that is worth the most: depth-first search, bounded by what lies ahead if relaxed.
+"""Trails that are worth the most: depth-first search, bounded by what lies ahead if relaxed.
 
 Of partial trails that use the same arcs only the most valuable is gone on from: they are at the
 same node, alive with the same probability, and have seen the same nodes. Sets of arcs are known by
@@ -12,7 +12,11 @@ import numpy as np
 from botohe_moo._base.types import FloatArray, OffsetArray, Record, RecordArray, SeedArray
 from botohe_moo.kernels.bounds.relaxed import chord
 from botohe_moo.kernels.bounds.states import ROUNDING, Net, States
-from botohe_moo.kernels.compile import kernel
+from botohe_moo.kernels.compile import inlined, kernel
+
+# Survivals this much below a step of stairs count as on it, relative.
+_EDGE = 1e-13
+_LINK = 16  # numbers that are written in the time of a link
 
 _STEP = np.dtype(
     [(name, np.int64) for name in ("state", "link", "arc", "pays")]
@@ -22,16 +26,32 @@ _STEP = np.dtype(
 _SEEN = np.dtype(
     [("low", np.uint64), ("high", np.uint64), ("value", np.float64), ("search", np.int64)]
 )
-_FOUND = np.dtype([("value", np.float64), ("n_arcs", np.int64), ("n_searches", np.int64)])
+_FOUND = np.dtype([("n_trails", np.int64), ("n_searches", np.int64)])
+
+
+class Completions(NamedTuple):
+    """Bounds on what lies ahead, under several prices of survival and of visits at once.
+
+    Line m: what a partial trail becomes worth whose robot comes home with probability s or more is
+    at most what it is worth so far + ``values[m]`` + ``beside`` of all nodes not yet visited
+    − ``mu[m]`` · s.
+    """
+
+    values: FloatArray  # (n_lines, n_states, n_levels + 1)
+    mu: FloatArray  # (n_lines)
+    beside: FloatArray  # (n_lines, n_nodes)
 
 
 class Depths(NamedTuple):
     """Scratch of depth-first searches, and what the last has found."""
 
-    # The best ``value`` found, with how many arcs, and how many searches there have been.
+    # How many trails have raised stairs in the last search, and how many searches there have been.
     found: Record
-    arcs: OffsetArray  # the arcs of the best trail found (n_arcs)
+    # The arcs of these, as many as there is room for, and the last one (n_room, n_arcs); how many.
+    arcs: OffsetArray
+    n_arcs: OffsetArray
     steps: RecordArray  # of the partial trail (n_arcs + 2)
+    left: FloatArray  # what unvisited nodes give beside prices, at each step (n_arcs + 2, n_lines)
     used: OffsetArray  # the last search in which an arc is on the partial trail (n_arcs)
     met: OffsetArray  # the same of nodes that have paid (n_nodes)
     keys: SeedArray  # random bits of each arc (n_arcs, 2)
@@ -39,13 +59,17 @@ class Depths(NamedTuple):
     seen: RecordArray
 
 
-def new_depths(net: Net, random_state: np.random.Generator, n_seen: int) -> Depths:
+def new_depths(
+    net: Net, random_state: np.random.Generator, n_seen: int, n_room: int, n_lines: int
+) -> Depths:
     """Make the scratch; ``n_seen`` is a power of 2."""
     n_arcs, n_nodes = net.graph.n_arcs, net.graph.n_nodes
     return Depths(
         np.zeros(1, _FOUND).view(np.recarray)[0],
-        np.zeros(n_arcs, np.int64),
+        np.zeros((n_room, n_arcs), np.int32),
+        np.zeros(n_room, np.int64),
         np.zeros(n_arcs + 2, _STEP).view(np.recarray),
+        np.zeros((n_arcs + 2, n_lines)),
         np.full(n_arcs, -1, np.int64),
         np.full(n_nodes, -1, np.int64),
         random_state.integers(2**64, size=(n_arcs, 2), dtype=np.uint64),
@@ -53,31 +77,91 @@ def new_depths(net: Net, random_state: np.random.Generator, n_seen: int) -> Dept
     )
 
 
+@inlined
+def _raise(stairs: FloatArray, at: int, value: float) -> None:
+    while at >= 0 and stairs[at] < value:
+        stairs[at] = value
+        at -= 1
+
+
+@inlined
+def _step_of(survival: float, width: float, n_steps: int) -> int:
+    """Give the step of the stairs that a survival lies on, or the next where it is on the edge."""
+    return min(int(survival / width * (1.0 + _EDGE) + _EDGE), n_steps - 1)
+
+
+@inlined
+def _find_corners(stairs: FloatArray, first: int, corners: OffsetArray) -> int:
+    """Write the first step of each height, from ``first``; give how many there are."""
+    n = 0
+    for at in range(first, stairs.shape[0]):
+        if at == first or stairs[at] < stairs[at - 1]:
+            corners[n] = at
+            n += 1
+    return n
+
+
+@inlined
+def _may_exceed(
+    most: FloatArray,
+    mu: FloatArray,
+    stairs: FloatArray,
+    width: float,
+    corners: OffsetArray,
+    last: int,
+) -> bool:
+    """Tell whether lines ``most`` − ``mu`` · s leave room above the stairs, up to a step."""
+    for i in range(corners.shape[0]):
+        at = corners[i]
+        if at > last:
+            break
+        survival, bound = at * width * (1.0 - ROUNDING) if at > 0 else 0.0, np.inf
+        for line in range(most.shape[0]):
+            bound = min(bound, most[line] - mu[line] * survival)
+        if bound > stairs[at]:
+            return True
+    return False
+
+
 @kernel
-def find_best(
+def find_trails(
     net: Net,
     states: States,
     prices: FloatArray,
     mu: float,
-    values: FloatArray,
+    ahead: Completions,
+    stairs: FloatArray,
+    width: float,
     least: float,
+    slack: float,
+    every: bool,
     n_most: int,
     depths: Depths,
 ) -> int:
-    """Find a trail that leaves the base and is worth more than ``least``, and no other more.
+    """Raise stairs until no trail is above: none that comes home with ``least`` or more.
 
-    Gives how many steps were tried; −1 if ``n_most`` have not been enough.
+    Step b stands for survivals of b · ``width`` or more; heights fall. A trail is worth what prices
+    say of its visits, and ``mu`` for survival. It raises its step, and those before, to
+    what it is worth and ``slack``. With ``every`` nothing is raised, and all trails above are
+    found, whatever the order of their arcs. Gives how many links were tried; −1 if ``n_most``, or
+    the room for trails, have not been enough.
     """
     graph, found, steps = net.graph, depths.found, depths.steps
-    n_levels = values.shape[1] - 1
+    n_levels, n_lines, n_stairs = prices.shape[1] - 1, ahead.mu.shape[0], stairs.shape[0]
+    least = max(least, net.min_survival) * (1.0 - ROUNDING)
+    first = _step_of(least, width, n_stairs)
+    most, corners = np.empty(n_lines), np.empty(n_stairs, np.int64)
+    n_corners = _find_corners(stairs, first, corners)
     found.n_searches += 1
     search = found.n_searches
-    found.value, found.n_arcs = least, 0
+    found.n_trails = 0
     last = np.uint64(depths.seen.shape[0] - 1)
     step, depth, n = steps[0], 0, 0
     step.state, step.link, step.arc, step.pays = 0, states.first[0], -1, 0
     step.alive, step.value, step.length = 1.0, 0.0, 0.0
     step.low, step.high = 0, 0
+    for line in range(n_lines):
+        depths.left[0, line] = ahead.beside[line].sum()
     while depth >= 0:
         here = steps[depth]
         if here.link == states.first[here.state + 1]:
@@ -94,7 +178,8 @@ def find_best(
             continue
         node, alive = graph.head[arc], here.alive * graph.survival[arc]
         length = here.length + graph.length[arc]
-        if alive * graph.home[node] < net.min_survival * (1.0 - ROUNDING):
+        at_home = alive * graph.home[node]
+        if at_home < least:
             continue
         if (length + net.home_length[node]) * (1.0 - ROUNDING) > net.max_length:
             continue
@@ -106,18 +191,38 @@ def find_best(
         if graph.reward[node] > 0.0 and depths.met[node] != search and node != graph.base:
             value += chord(prices, node, level)
             pays = 1
-        if node == graph.base and value + mu * alive > found.value:
-            found.value, found.n_arcs = value + mu * alive, depth + 1
-            for i in range(depth):
-                depths.arcs[i] = steps[i + 1].arc
-            depths.arcs[depth] = arc
-        if value + chord(values, states.to[link], level) <= found.value:
+        if node == graph.base:
+            at = _step_of(alive, width, n_stairs)
+            if value + mu * alive > stairs[at]:
+                if not every:
+                    _raise(stairs, at, value + mu * alive + slack)
+                    n_corners = _find_corners(stairs, first, corners)
+                    n += (n_stairs + depth) // _LINK  # what this takes
+                elif found.n_trails == depths.n_arcs.shape[0]:
+                    n = n_most + 1
+                    break
+                row = min(found.n_trails, depths.n_arcs.shape[0] - 1)
+                found.n_trails += 1
+                depths.n_arcs[row] = depth + 1
+                for i in range(depth):
+                    depths.arcs[row, i] = steps[i + 1].arc
+                depths.arcs[row, depth] = arc
+        for line in range(n_lines):
+            left = depths.left[depth, line]
+            if pays:
+                left -= ahead.beside[line, node]
+            depths.left[depth + 1, line] = left
+            most[line] = value + left + chord(ahead.values[line], states.to[link], level)
+        highest = _step_of(at_home, width, n_stairs)
+        if not _may_exceed(most, ahead.mu, stairs, width, corners[:n_corners], highest):
             continue
         low, high = here.low ^ depths.keys[arc, 0], here.high ^ depths.keys[arc, 1]
         seen = depths.seen[np.int64(low & last)]
-        if seen.search == search and seen.low == low and seen.high == high and seen.value >= value:
-            continue
-        seen.search, seen.low, seen.high, seen.value = search, low, high, value
+        if not every:
+            is_seen = seen.search == search and seen.low == low and seen.high == high
+            if is_seen and seen.value >= value:
+                continue
+            seen.search, seen.low, seen.high, seen.value = search, low, high, value
         depth += 1
         step = steps[depth]
         step.state, step.link, step.arc, step.pays = states.to[link], 0, arc, pays

@@ -14,10 +14,11 @@ from botohe_moo.search.bounds.envelopes import lower_envelope
 from botohe_moo.search.bounds.front_bound import Line
 from botohe_moo.search.bounds.master import Master
 from botohe_moo.search.bounds.pool import Pool
-from botohe_moo.search.bounds.prices import Team, refine
+from botohe_moo.search.bounds.prices import Team
 from botohe_moo.search.bounds.relaxation import Relaxation
 
 _EPSILON = float(np.finfo(float).eps)
+_SAMPLES = 200  # of survival, where lines are compared
 _NEW = 1e-6  # by how much a new trail has to exceed what is known
 
 
@@ -43,24 +44,27 @@ class Lines:
         base_reward: float,
         rule: LineSearch,
     ) -> None:
-        self._relaxation, self._pool, self._n_robots = relaxation, pool, n_robots
-        self._base_reward, self._rule = base_reward, rule
+        self._relaxation, self._pool, self.n_robots = relaxation, pool, n_robots
+        self.base_reward, self.rule = base_reward, rule
         graph = relaxation.net.graph
         missed = (1.0 - np.minimum(relaxation.net.reach * (1.0 + 1e-12), 1.0)) ** n_robots
         everything = float((graph.reward * (1.0 - missed)).sum())
         self.found = [self._line(everything, 0.0, "everything")]
+        # Of each line the prices that gave it (n_nodes that pay, n_levels + 1), if any did.
+        self.prices: list[FloatArray | None] = [None]
         self._made: Master | None = None
         self.others: list[Lines] = []  # for other numbers of robots
 
     @cached_property
-    def _team(self) -> Team:
-        return Team(self._relaxation.net, self._n_robots, self._pool.n_levels)
+    def team(self) -> Team:
+        """What nodes give a team of as many robots."""
+        return Team(self._relaxation.net, self.n_robots, self._pool.n_levels)
 
     @property
     def _master(self) -> Master:
         """The linear programme: large, and made when it is needed."""
         if self._made is None:
-            self._made = Master(self._team, self._relaxation.total)
+            self._made = Master(self.team, self._relaxation.total)
         return self._made
 
     def drop(self, number: int) -> None:
@@ -70,18 +74,39 @@ class Lines:
 
     def _line(self, most: float, mu: float, proof: str) -> Line:
         n_terms = self._relaxation.net.graph.n_nodes + 8
-        scale = self._relaxation.total + self._base_reward + abs(most) + mu
+        scale = self._relaxation.total + self.base_reward + abs(most) + mu
         spare = n_terms * _EPSILON * scale
-        return Line(self._n_robots, self._base_reward + most + spare, mu, proof)
+        return Line(self.n_robots, self.base_reward + most + spare, mu, proof)
 
     def prune(self) -> None:
         """Leave out lines that are nowhere the lowest."""
         lowest = lower_envelope(*zip(*((line.most, line.mu) for line in self.found), strict=True))
         self.found = [self.found[i] for i in lowest.tolist()]
+        self.prices = [self.prices[i] for i in lowest.tolist()]
 
     def bound(self, x: float) -> float:
         """Bound E[R] where the moving robots' survivals sum to ``x`` or more."""
         return min(line.most - line.mu * x for line in self.found)
+
+    def lowest(self, x: float, end: float, n_most: int) -> list[tuple[FloatArray, float]]:
+        """Give prices, and the price of survival, of lines that bound lowest from ``x`` to an end.
+
+        At least one, and at most so many, each of which lowers the bound the most.
+        """
+        known = zip(self.found, self.prices, strict=True)
+        lines = [(line, prices) for line, prices in known if prices is not None]
+        if not lines:
+            return [(np.zeros((len(self.team.nodes), self.team.n_levels + 1)), 0.0)]
+        at = np.linspace(x, end, _SAMPLES)
+        heights = np.array([line.most - line.mu * at for line, _ in lines])
+        lowest, chosen = np.full(_SAMPLES, np.inf), list[int]()
+        while len(chosen) < n_most:
+            best = int(np.minimum(heights, lowest).sum(axis=1).argmin())
+            if best in chosen:
+                break
+            chosen.append(best)
+            lowest = np.minimum(lowest, heights[best])
+        return [(lines[i][1], lines[i][0].mu) for i in chosen]
 
     def tighten(self, x: float, deadline: float) -> bool:
         """Find better lines at ``x``, first by relaxed trails, then by exact ones.
@@ -98,12 +123,12 @@ class Lines:
     def _by_relaxed(
         self, x: float, deadline: float
     ) -> tuple[FloatArray, float, tuple[list[int], list[bool]] | None]:
-        rule, pool = self._rule, self._pool
+        rule, pool = self.rule, self._pool
         self._master.allow_relaxed(pool, allowed=True)
         centre, value, walk, stay = None, np.inf, None, rule.smoothing
         for _ in range(rule.most_relaxed):
             least, prices, theta, mu = self._master.solve(pool, x, deadline)
-            least += self._base_reward
+            least += self.base_reward
             known = min(value, self.bound(x))
             if known - least < 5 * rule.tolerance * known or time.monotonic() > deadline:
                 break
@@ -111,8 +136,8 @@ class Lines:
             if centre is not None:
                 here = stay * centre[0] + (1 - stay) * prices
                 slope = stay * centre[1] + (1 - stay) * mu
-            here = self._team.tidy(here)
-            ahead = self._relaxation.look_ahead(self._spread(here, rule.n_levels), slope)
+            here = self.team.tidy(here)
+            ahead = self._relaxation.look_ahead(self.team.spread(here, rule.n_levels), slope)
             reached = self._keep(here, slope, ahead.most, "relaxed") - slope * x
             found = self._relaxation.best_trails(ahead)
             added = [pool.add(*trail) for trail in found]
@@ -127,7 +152,7 @@ class Lines:
                 break
             stay = rule.smoothing if is_new else 0.0
         if centre is None:
-            centre = self._team.tidy(prices), mu
+            centre = self.team.tidy(prices), mu
         return *centre, walk
 
     def _by_search(self, x: float, prices: FloatArray, mu: float, deadline: float) -> bool:
@@ -135,18 +160,18 @@ class Lines:
 
         Tells whether the best prices themselves have been.
         """
-        rule, pool = self._rule, self._pool
+        rule, pool = self.rule, self._pool
         self._master.allow_relaxed(pool, allowed=False)
         centre, value, step, is_exact = (prices, mu), np.inf, 0.0, False
         for i in range(rule.most_exact):
             least, known, theta, slope = self._master.solve(pool, x, deadline)
-            least += self._base_reward
+            least += self.base_reward
             best = self.bound(x)
             if best - least < rule.tolerance * best or time.monotonic() > deadline:
                 break
-            here = self._team.tidy((1 - step) * centre[0] + step * known)
+            here = self.team.tidy((1 - step) * centre[0] + step * known)
             there = (1 - step) * centre[1] + step * slope
-            ahead = self._relaxation.look_ahead(self._spread(here, 2 * rule.n_levels), there)
+            ahead = self._relaxation.look_ahead(self.team.spread(here, 2 * rule.n_levels), there)
             worth = pool.values(here[:, 1:], there)
             worth = worth[~pool.is_relaxed]
             at_least = max(0.0, float(worth.max(initial=0.0))) + 1e-9
@@ -180,14 +205,6 @@ class Lines:
                 step = min(1.0, 2 * step)
         return is_exact
 
-    def _spread(self, prices: FloatArray, n_levels: int) -> FloatArray:
-        """Write prices to all nodes, on a grid of so many levels or a few more."""
-        n_times = -(-n_levels // self._team.n_levels)
-        n_nodes = self._relaxation.net.graph.n_nodes
-        fine = np.zeros((n_nodes, self._team.n_levels * n_times + 1))
-        fine[self._team.nodes] = refine(prices, n_times)
-        return fine
-
     def _keep(self, prices: FloatArray, mu: float, theta: float, proof: str) -> float:
         """Keep the line that prices give, and those that they give other numbers of robots."""
         for lines in self.others:
@@ -196,8 +213,9 @@ class Lines:
 
     def keep(self, prices: FloatArray, mu: float, theta: float, proof: str) -> float:
         """Keep the line of these prices if no trail is worth more than ``theta``; give its most."""
-        beside = float(self._team.most(prices).sum())
-        line = self._line(beside + self._n_robots * theta, mu, proof)
+        beside = float(self.team.most(prices).sum())
+        line = self._line(beside + self.n_robots * theta, mu, proof)
         if math.isfinite(line.most):  # prices of a programme that went astray may overflow
             self.found.append(line)
+            self.prices.append(prices)
         return line.most

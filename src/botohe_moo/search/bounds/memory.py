@@ -34,6 +34,7 @@ class Remembered:
         self.net = net
         self.bits: list[list[int]] = [[] for _ in range(graph.n_nodes)]
         self.between: FloatArray | None = None
+        self._next: list[list[int]] = [[] for _ in range(graph.n_nodes)]
         self._backs: dict[int, int] = {}
         if n_bits == 0:
             return
@@ -54,6 +55,13 @@ class Remembered:
                 rewards, ways = self._nearest(node, pays, [pieces[gate] for gate in gates])
                 bits = rewards[:nearest] + [graph.n_nodes + way.arc for way in ways]
                 self.bits[node] = bits[:n_bits]
+                self._next[node] = rewards
+
+    def widen(self, n_bits: int) -> None:
+        """Add the next rewards near by to nodes that remember less than so many bits."""
+        for bits, rewards in zip(self.bits, self._next, strict=True):
+            more = [reward for reward in rewards if reward not in bits]
+            bits += more[: max(0, n_bits - len(bits))]
 
     def _nearest(
         self, node: int, pays: OffsetArray, ways: list[Piece]

@@ -36,7 +36,7 @@ class Team:
 
     def __init__(self, net: Net, n_robots: int, n_levels: int) -> None:
         graph = net.graph
-        self.n_robots, self.n_levels = n_robots, n_levels
+        self.n_robots, self.n_levels, self._n_all = n_robots, n_levels, graph.n_nodes
         self.nodes: OffsetArray = np.flatnonzero(graph.reward > 0.0)
         self.reward: FloatArray = graph.reward[self.nodes]
         self.alive = np.outer(net.reach[self.nodes], np.arange(n_levels + 1) / n_levels)
@@ -87,6 +87,19 @@ class Team:
         for row, each in enumerate(prices):
             prices[row] = convex_below(each)
         return prices
+
+    def to_all(self, values: FloatArray) -> FloatArray:
+        """Write values of nodes that pay to all nodes of the mission, 0 elsewhere."""
+        everywhere = np.zeros(self._n_all)
+        everywhere[self.nodes] = values
+        return everywhere
+
+    def spread(self, prices: FloatArray, n_levels: int) -> FloatArray:
+        """Write prices to all nodes of the mission, on a grid of so many levels or a few more."""
+        n_times = -(-n_levels // self.n_levels)
+        fine = np.zeros((self._n_all, self.n_levels * n_times + 1))
+        fine[self.nodes] = refine(prices, n_times)
+        return fine
 
 
 def refine(prices: FloatArray, n_times: int) -> FloatArray:

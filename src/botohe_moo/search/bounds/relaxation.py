@@ -10,9 +10,10 @@ import numpy as np
 from botohe_moo._base.types import BoolArray, FloatArray, OffsetArray
 from botohe_moo.kernels.bounds.relaxed import best_leaving, follow, relax, shortfall
 from botohe_moo.kernels.bounds.states import Net, States, find_states
-from botohe_moo.kernels.bounds.trails import find_best, new_depths
+from botohe_moo.kernels.bounds.trails import Completions, find_trails, new_depths
 from botohe_moo.search.bounds.memory import Remembered
 
+_SLACK = 1e-9  # by which stairs are raised too much, so that equal trails are left out
 _EPSILON = float(np.finfo(float).eps)
 _TOLERANCE = 1e-9  # to which values are raised, in shares of all reward
 _MOST_TRAIL = 400  # links of a relaxed trail that are looked at
@@ -20,6 +21,9 @@ _MOST_TRAIL = 400  # links of a relaxed trail that are looked at
 _TURNS = (-1, 0, 1, 2, 4, 7, 11)
 # What a trail does twice and is remembered next; and what there may have been no room for.
 _MOST_FORGOTTEN, _MOST_FAILED = 2, 6
+# Trails that a search of stairs gives, as far as there is room for; and its lines.
+_MOST_FOUND, _MOST_FOUND_ARCS = 50_000, 1 << 22
+MOST_LINES = 8
 
 
 class Ahead(NamedTuple):
@@ -49,7 +53,8 @@ class Relaxation:
         self.net, self._remembered = net, remembered
         self._most_bits, self._most_states = most_bits, most_states
         self.total = float(net.graph.reward.sum())
-        self._depths = new_depths(net, random_state, n_searched)
+        n_room = max(1, min(_MOST_FOUND, _MOST_FOUND_ARCS // max(1, net.graph.n_arcs)))
+        self._depths = new_depths(net, random_state, n_searched, n_room, MOST_LINES)
         self._is_capped = False
         states = find_states(net, remembered.pack(), most_states)
         self.remembers_less = len(states.node) == 0  # than it was to
@@ -126,11 +131,57 @@ class Relaxation:
 
         Gives whether the search has ended, what no trail is worth more than then, and its arcs.
         """
-        given = ahead.prices, ahead.mu, ahead.values, least, n_most
-        n = find_best(self.net, self.states, *given, self._depths)
-        found = self._depths.found
-        arcs = self._depths.arcs[: int(found.n_arcs)].tolist()
-        return n >= 0, float(found.value) + ahead.spare, arcs
+        stairs = np.array([least])
+        line = Completions(ahead.values[None], np.zeros(1), np.zeros((1, len(ahead.prices))))
+        given = ahead.prices, ahead.mu, line, stairs, np.inf, 0.0, 0.0, False, n_most
+        n = find_trails(self.net, self.states, *given, self._depths)
+        found = self._found()
+        return n >= 0, float(stairs[0]) + ahead.spare, found[-1] if found else []
+
+    def raise_stairs(
+        self,
+        prices: FloatArray,
+        lines: Sequence[tuple[Ahead, FloatArray]],
+        stairs: FloatArray,
+        width: float,
+        least: float,
+        n_most: int,
+    ) -> tuple[bool, list[list[int]]]:
+        """Raise stairs above all trails that come home with ``least`` or more.
+
+        Step b stands for survivals of b · ``width`` or more. With each line comes what ``prices``
+        may exceed its own by at each node. Gives whether the search has ended, and trails found.
+        """
+        given = prices, 0.0, _completions(lines), stairs, width, least, _SLACK * self.total
+        n = find_trails(self.net, self.states, *given, False, n_most, self._depths)
+        stairs += max(ahead.spare for ahead, _ in lines)
+        return n >= 0, self._found()
+
+    def find_all(
+        self,
+        prices: FloatArray,
+        lines: Sequence[tuple[Ahead, FloatArray]],
+        stairs: FloatArray,
+        width: float,
+        least: float,
+        n_most: int,
+    ) -> tuple[OffsetArray, OffsetArray] | None:
+        """Find all trails above the stairs that come home with ``least`` or more.
+
+        Gives their arcs (n, n_arcs), and how many they are (n); None where they are too many.
+        """
+        lowered = stairs - max(ahead.spare for ahead, _ in lines) - _SLACK * self.total
+        given = prices, 0.0, _completions(lines), lowered, width, least, 0.0
+        if find_trails(self.net, self.states, *given, True, n_most, self._depths) < 0:
+            return None
+        depths, n = self._depths, int(self._depths.found.n_trails)
+        return depths.arcs[:n], depths.n_arcs[:n]
+
+    def _found(self) -> list[list[int]]:
+        """List the trails of the last search, the last one last."""
+        depths = self._depths
+        n = min(int(depths.found.n_trails), len(depths.n_arcs))
+        return [depths.arcs[i, : depths.n_arcs[i]].tolist() for i in range(n)]
 
     def remember(self, arcs: Sequence[int], paid: Sequence[bool]) -> bool:
         """Remember what a relaxed trail does twice; False where nothing more can be remembered."""
@@ -155,6 +206,16 @@ class Relaxation:
                 break
         return grown > 0
 
+    def widen(self, n_bits: int, most_states: int) -> None:
+        """Remember more rewards near by, where there are not too many states then."""
+        before = [list(bits) for bits in self._remembered.bits]
+        self._remembered.widen(n_bits)
+        states = find_states(self.net, self._remembered.pack(), most_states)
+        if len(states.node):
+            self.states = states
+        else:
+            self._remembered.bits = before
+
     def allows(self, arcs: Sequence[int], paid: Sequence[bool]) -> bool:
         """Tell whether this is a relaxed trail still."""
         states, state = self.states, 0
@@ -165,3 +226,11 @@ class Relaxation:
                 return False
             state = int(states.to[link])
         return True
+
+
+def _completions(lines: Sequence[tuple[Ahead, FloatArray]]) -> Completions:
+    return Completions(
+        np.stack([ahead.values for ahead, _ in lines]),
+        np.array([ahead.mu for ahead, _ in lines]),
+        np.stack([beside for _, beside in lines]),
+    )

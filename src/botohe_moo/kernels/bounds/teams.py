@@ -1,0 +1,94 @@
+"""The best teams of given trails: depth-first over combinations, bounded by prices."""
+
+import numpy as np
+
+from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo.kernels.bounds.states import ROUNDING, Net
+from botohe_moo.kernels.compile import inlined, kernel
+
+
+@kernel
+def write_misses(
+    net: Net,
+    arcs: OffsetArray,
+    n_arcs: OffsetArray,
+    row: OffsetArray,
+    misses: FloatArray,
+    survival: FloatArray,
+) -> None:
+    """Write with what probability trails miss nodes (n_trails, n_rows), and come home (n_trails).
+
+    ``row`` says which row stands for a node, −1 for none.
+    """
+    for trail in range(n_arcs.shape[0]):
+        alive = 1.0
+        misses[trail] = 1.0
+        for i in range(n_arcs[trail]):
+            arc = arcs[trail, i]
+            alive *= net.graph.survival[arc]
+            place = row[net.graph.head[arc]]
+            if place >= 0:  # a robot is never likelier alive than before
+                misses[trail, place] = min(misses[trail, place], 1.0 - alive)
+        survival[trail] = alive
+
+
+@inlined
+def _last_at(at: FloatArray, survival: float) -> int:
+    """Give the last place in ``at`` up to a sum of survivals, −1 if there is none."""
+    return int(np.searchsorted(at, survival * (1.0 + ROUNDING), "right")) - 1
+
+
+@kernel
+def find_teams(
+    values: FloatArray,
+    survival: FloatArray,
+    misses: FloatArray,
+    reward: FloatArray,
+    beside: float,
+    n_robots: int,
+    at: FloatArray,
+    heights: FloatArray,
+    n_most: int,
+) -> bool:
+    """Raise heights until no team of these trails collects more; False if that takes too long.
+
+    A team whose survivals sum to ``at[i]`` or more counts for ``heights[i]``; ``at`` ascends and
+    heights never rise. Trails are sorted by descending value; a team collects no more than their
+    values and ``beside``. Looks at no more than ``n_most`` teams and parts of teams.
+    """
+    n_trails, most = survival.shape[0], survival.max()
+    chosen, sums = np.zeros(n_robots, np.int64), np.zeros((n_robots, 2))
+    missed = np.ones((n_robots, reward.shape[0]))
+    k, n = 0, 0
+    while k >= 0:
+        i, left = chosen[k], n_robots - k
+        highest = _last_at(at, sums[k, 1] + left * most)
+        if (
+            i == n_trails
+            or highest < 0
+            or sums[k, 0] + left * values[i] + beside < heights[highest]
+        ):
+            k -= 1
+            if k >= 0:
+                chosen[k] += 1
+            continue
+        n += 1
+        if n > n_most:
+            return False
+        value, alive = sums[k, 0] + values[i], sums[k, 1] + survival[i]
+        if left > 1:
+            missed[k + 1] = missed[k] * misses[i]
+            k += 1
+            chosen[k], sums[k, 0], sums[k, 1] = i, value, alive
+            continue
+        chosen[k] += 1
+        place = _last_at(at, alive)
+        if place < 0 or value + beside < heights[place]:
+            continue
+        collected = 0.0
+        for node in range(reward.shape[0]):
+            collected += reward[node] * (1.0 - missed[k, node] * misses[i, node])
+        while place >= 0 and heights[place] < collected:
+            heights[place] = collected
+            place -= 1
+    return True

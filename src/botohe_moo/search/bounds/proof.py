@@ -1,0 +1,283 @@
+"""What is proved of a front, and what is proved next, until the time is over."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo.kernels.bounds.states import Net
+from botohe_moo.kernels.graph.graph import Limits
+from botohe_moo.kernels.local_search.workspace import SearchRule
+from botohe_moo.mission.model import Mission
+from botohe_moo.search.bounds.front_bound import FrontBound, Step
+from botohe_moo.search.bounds.lines import Lines, LineSearch
+from botohe_moo.search.bounds.memory import Remembered
+from botohe_moo.search.bounds.net import new_net
+from botohe_moo.search.bounds.pool import Pool
+from botohe_moo.search.bounds.prices import most_levels
+from botohe_moo.search.bounds.relaxation import Relaxation
+from botohe_moo.search.bounds.steps import Steps, StepSearch
+from botohe_moo.search.bounds.targets import Known, LineTargets, StepTargets
+from botohe_moo.search.exact import TooLargeError, exact_front
+from botohe_moo.search.local_search import DEFAULT_MOVES, LocalSearch
+from botohe_moo.trails import PlanBatch, TrailPlan
+
+# Shares of the time: for the true front, to find trails, and for lines before steps.
+_EXACT_SHARE, _SEARCH_SHARE, _LINES_SHARE = 0.2, 0.05, 0.4
+_EVALUATIONS, _FIRST_EVALUATIONS = 100_000, 100  # of the search for trails
+_MOST_CONFIGURATIONS = 6_000  # of levels of a team, which are looked at for each node
+# Levels of prices, and how many prices a linear programme has at most if there are enough levels.
+_LEAST_LEVELS, _MOST_LEVELS, _MOST_PRICES = 4, 12, 400
+# What each node remembers at first: rewards near by, and bridges; and at most. The same for steps.
+_NEAREST, _FIRST_BITS, _MOST_BITS, _MOST_STATES = 8, 10, 14, 40_000
+_STEP_BITS, _MOST_STEP_STATES = 12, 120_000
+_MOST_COMPARED = 3_000  # nodes, of which all pairs are compared
+_MIB = 2**20
+_BYTES_A_LINK = 40.0
+_ROUNDING = 1e-12
+# Where the first lines of one robot are found, in shares of its best survival.
+_FIRST_LINES = (0.5, 0.75, 0.25)
+# Steps in a row that may fail where lines are still to be found; and what a unit of effort takes.
+_MOST_FAILED, _SECONDS_OF_EFFORT = 8, 0.3
+
+Callback = Callable[[FrontBound], Any] | None
+
+
+class Proof:
+    """What is known of a front, from below and from above."""
+
+    def __init__(
+        self, mission: Mission, limits: Limits, *, seed: int, seconds: float, memory: float
+    ) -> None:
+        self._began = time.monotonic()
+        self._mission, self._limits, self._memory = mission, limits, memory
+        self._seconds, self._deadline = seconds, self._began + seconds
+        self._random_state = np.random.default_rng(seed)
+        graph = mission.arrays
+        # In units in which all reward is about 100: a power of 2, so that nothing is rounded.
+        self._unit = 2.0 ** round(math.log2(mission.total_reward / 100 or 1.0))
+        self._net = new_net(graph._replace(reward=graph.reward / self._unit), limits)
+        self._most_survival = _most_survival(self._net)
+        base_reward = float(graph.reward[graph.base])
+        self._base_reward = base_reward / self._unit
+        self._known = Known(base_reward, mission.robots)
+        self._front: list[Step] = []
+        self._notes: list[str] = []
+        # Without a memory, and with one level: where there is time, they are made anew.
+        self._lines: list[Lines] = []
+        self._steps: list[Steps] = []
+        self._prepare(0, 0, 1, 1)
+
+    def _prepare(self, nearest: int, n_bits: int, n_levels: int, n_searched: int) -> None:
+        net, mission = self._net, self._mission
+        rule, n_bytes = LineSearch(), self._memory * _MIB
+        # Two tables of what lies ahead, at the most levels that are looked at, and the links.
+        per_state = 16.0 * (2 * rule.n_levels + n_levels + 1)
+        per_state += _BYTES_A_LINK * max(1.0, net.graph.n_arcs / net.graph.n_nodes)
+        fits = int(n_bytes / per_state)
+        self._relaxation = Relaxation(
+            net,
+            # Four tables of all pairs of nodes, in a quarter of the memory.
+            Remembered(net, nearest, n_bits, min(_MOST_COMPARED, math.isqrt(int(n_bytes / 128)))),
+            self._random_state,
+            most_bits=_MOST_BITS,
+            most_states=max(net.graph.n_nodes + 1, min(_MOST_STATES, fits)),
+            n_searched=n_searched,
+        )
+        nodes: OffsetArray = np.flatnonzero(net.graph.reward > 0.0)
+        self._pool = Pool(net, nodes, n_levels)
+        made = self._relaxation, self._pool
+        self._lines = [
+            Lines(*made, moving, self._base_reward, rule) for moving in range(1, mission.robots + 1)
+        ]
+        for lines in self._lines:
+            lines.others = [other for other in self._lines if other is not lines]
+        self._steps = [
+            Steps(*made, lines, StepSearch(), self._most_survival) for lines in self._lines
+        ]
+
+    def _levels(self) -> int:
+        """Choose how many levels prices have, by what programmes and the memory have room for."""
+        n_nodes, robots = max(1, len(self._pool.nodes)), self._mission.robots
+        n_levels = min(max(_MOST_PRICES // n_nodes, _LEAST_LEVELS), _MOST_LEVELS)
+        # Half of the memory for two tables of each number of robots.
+        fits = int(self._memory * _MIB / 2 / (16 * n_nodes * robots))
+        return most_levels(robots, n_levels, min(_MOST_CONFIGURATIONS, fits))
+
+    def know(self, objectives: FloatArray) -> None:
+        """Take note of the E[R] and E[S] of plans."""
+        self._known.add(objectives)
+
+    def find_front(self) -> bool:
+        """Take the true front for the bound, if it is found in a share of the time."""
+        mission, limits = self._mission, self._limits
+        try:
+            front = exact_front(
+                mission,
+                min_survival=limits.min_survival,
+                max_length=None if limits.max_length == math.inf else limits.max_length,
+                time_limit=_EXACT_SHARE * self._seconds,
+                memory_limit=self._memory,
+            )
+        except TooLargeError:
+            return False
+        objectives = mission.evaluate(front)  # by ascending E[S]
+        # What exact_front takes for equal.
+        reward, robots = 2e-12 * mission.total_reward, 2e-12 * mission.robots
+        most = [float(objectives[0, 0]) + reward, *(objectives[1:, 0] + reward).tolist()]
+        least = [-math.inf, *(objectives[:-1, 1] + robots).tolist()]
+        for moving in range(1, mission.robots + 1):
+            stay = mission.robots - moving
+            for height, start in zip(most, least, strict=True):
+                self._front.append(Step(moving, height, max(start - stay, 0.0), "front"))
+        return True
+
+    def find(self, gap: float, callback: Callback) -> None:
+        """Find lines and steps where the gap is the widest, until it is no more than ``gap``.
+
+        Steps of one robot take little, and spare its lines; other steps take most where lines are
+        as low as they get.
+        """
+        self._prepare(_NEAREST, _FIRST_BITS, self._levels(), 1 << 18)
+        if self._relaxation.remembers_less:
+            self._notes.append("Relaxed trails remember less than they would with more memory.")
+        if self._limits.max_length < math.inf:
+            self._notes.append("Relaxed trails keep the travel budget one arc at a time only.")
+        if self._limits.min_survival > 0.0:
+            self._notes.append("Relaxed trails keep the survival floor one arc at a time only.")
+        self._find_trails()
+        lines = LineTargets(self._known)
+        steps = StepTargets(self._known, self._mission.robots, self._most_survival)
+        if self._wanted(gap, callback) is not None:
+            for share in _FIRST_LINES:
+                self._tighten(1, share * self._most_survival, self._deadline)
+            self._find_steps(steps, 1, _MOST_FAILED, gap, callback)
+        began = time.monotonic()
+        until = began + _LINES_SHARE * (self._deadline - began)
+        is_lowest = self._find_lines(lines, until, gap, callback)
+        most_failed = 10**9 if is_lowest else _MOST_FAILED
+        self._find_steps(steps, self._mission.robots, most_failed, gap, callback)
+        self._find_lines(lines, self._deadline, gap, callback)
+
+    def _wanted(self, gap: float, callback: Callback) -> FrontBound | None:
+        """Give the bound if there is time, and if its gap is larger than wanted."""
+        if time.monotonic() > self._deadline:
+            return None
+        bound = self.bound()
+        if callback is not None:
+            callback(bound)
+        bounds = bound.by_robots(self._known.survivors).max(axis=0)
+        return bound if self._known.gap(bounds) > gap else None
+
+    def _find_lines(
+        self, targets: LineTargets, until: float, gap: float, callback: Callback
+    ) -> bool:
+        """Find lines; tells whether no line can be lowered any more."""
+        while time.monotonic() < until and (bound := self._wanted(gap, callback)) is not None:
+            target = targets.next(bound)
+            if target is None:
+                return True
+            moving, survivors, place = target
+            x = survivors - (self._mission.robots - moving)
+            if not self._tighten(moving, max(x, moving * self._limits.min_survival), until):
+                targets.close(place)
+        return False
+
+    def _tighten(self, moving: int, x: float, until: float) -> bool:
+        """Find lines at ``x``; True where relaxed trails remember more from now on."""
+        if not self._lines[moving - 1].tighten(x, until):
+            return False
+        # Drop relaxed trails that remember now what they did twice.
+        for number, how in enumerate(self._pool.relaxed):
+            if how is None or self._pool.dropped[number] or self._relaxation.allows(*how):
+                continue
+            self._pool.dropped[number] = True
+            for lines in self._lines:
+                lines.drop(number)
+        return True
+
+    def _find_steps(
+        self,
+        targets: StepTargets,
+        most_moving: int,
+        most_failed: int,
+        gap: float,
+        callback: Callback,
+    ) -> None:
+        """Find steps for up to so many moving robots, until too many have failed in a row."""
+        if most_moving > 1:
+            fits = int(self._memory * _MIB / 2 / StepSearch().bytes_a_state)
+            self._relaxation.widen(_STEP_BITS, min(_MOST_STEP_STATES, fits))
+        failed = 0
+        while failed < most_failed and (bound := self._wanted(gap, callback)) is not None:
+            left = self._deadline - time.monotonic()
+            target = targets.next(bound, most_moving, left / _SECONDS_OF_EFFORT)
+            if target is None:
+                return
+            x = max(0.0, target.survivors - (self._mission.robots - target.moving))
+            steps = self._steps[target.moving - 1]
+            is_proved = steps.tighten(x, target.goal / self._unit, target.effort)
+            targets.tell(target, is_proved=is_proved)
+            failed = 0 if is_proved else failed + 1
+
+    def bound(self) -> FrontBound:
+        """Give what has been proved, without lines that are nowhere the lowest."""
+        for each in self._lines:
+            each.prune()
+        unit = self._unit
+        lines = (
+            line._replace(most=line.most * unit, mu=line.mu * unit)
+            for each in self._lines
+            for line in each.found
+        )
+        steps = (
+            step._replace(most=step.most * unit) for each in self._steps for step in each.found
+        )
+        return FrontBound(
+            mission=self._mission,
+            lines=tuple(lines),
+            steps=(*self._front, *steps),
+            most_survival=self._most_survival,
+            min_survival=self._limits.min_survival,
+            max_length=self._limits.max_length,
+            seconds=time.monotonic() - self._began,
+            notes=tuple(self._notes),
+        )
+
+    def _find_trails(self) -> None:
+        """Search for plans, to begin with their trails."""
+        mission, graph = self._mission, self._net.graph
+        search = LocalSearch(
+            mission,
+            SearchRule(**self._limits._asdict()),
+            moves=DEFAULT_MOVES,
+            random_state=self._random_state,
+        )
+        at_base = TrailPlan([[graph.base]] * mission.robots)
+        search.admit(PlanBatch.from_plans([at_base], mission.robots))
+        until = time.monotonic() + _SEARCH_SHARE * self._seconds
+        wanted = n = _FIRST_EVALUATIONS
+        while n < _EVALUATIONS and search.run(wanted) == wanted and time.monotonic() < until:
+            wanted, n = n, 2 * n
+        batch, objectives, _ = search.plans()
+        self.know(objectives)
+        ends = zip(graph.tail.tolist(), graph.head.tolist(), strict=True)
+        arcs = {pair: arc for arc, pair in enumerate(ends)}
+        for trail in {tuple(trail) for plan in batch for trail in plan.trails}:
+            way = [arcs.get(pair, -1) for pair in pairwise(trail)]
+            if way and min(way) >= 0:
+                self._pool.add(way)
+
+
+def _most_survival(net: Net) -> float:
+    """Give what a robot that moves survives with at most."""
+    graph = net.graph
+    leaving = slice(graph.first[graph.base], graph.first[graph.base + 1])
+    survival = graph.survival[leaving] * graph.home[graph.head[leaving]]
+    return min(1.0, float(survival.max(initial=0.0)) * (1.0 + _ROUNDING))

@@ -1,0 +1,215 @@
+"""Steps that no plan of so many moving robots lies above: they keep the team's survivors whole."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo.kernels.bounds.teams import find_teams, write_misses
+from botohe_moo.search.bounds.front_bound import Step
+from botohe_moo.search.bounds.lines import Lines
+from botohe_moo.search.bounds.pool import Pool
+from botohe_moo.search.bounds.relaxation import MOST_LINES, Ahead, Relaxation
+from botohe_moo.search.bounds.stairs import add_stairs, last_steps, least_total, stairs_of
+
+_EPSILON = float(np.finfo(float).eps)
+_ROUNDING = 1e-12
+_HIGHER = 1e-9  # by how much what bounds a search is raised, relative
+
+
+class StepSearch(NamedTuple):
+    """How steps are searched for."""
+
+    n_steps: int = 2_000  # of survival, in the stairs of trails
+    n_heights: int = 40  # that thresholds have at most: few are quicker to search
+    most_links: int = 1_000_000  # of a depth-first search, for each unit of effort
+    most_teams: int = 20_000_000
+    most_rounds: int = 3  # in which thresholds are raised
+    # Prices of survival that bound what lies ahead, in shares of that of the line.
+    shares: tuple[float, ...] = (0.0, 0.4, 0.7, 1.0, 1.5, 3.0, 8.0)
+    least_mu: float = 0.01  # of all reward
+
+    @property
+    def bytes_a_state(self) -> float:
+        """The bytes that what lies ahead of a state takes, at all of these prices twice."""
+        return 16.0 * len(self.shares) * 60
+
+
+class Steps:
+    """All steps for a number of moving robots."""
+
+    def __init__(
+        self,
+        relaxation: Relaxation,
+        pool: Pool,
+        lines: Lines,
+        rule: StepSearch,
+        most_survival: float,
+    ) -> None:
+        self._relaxation, self._pool, self._lines, self._rule = relaxation, pool, lines, rule
+        self._n_robots, self._most_survival = lines.n_robots, most_survival
+        self._width = most_survival * (1.0 + 1e-9) / rule.n_steps
+        self.found: list[Step] = []
+
+    def tighten(self, x: float, goal: float, effort: int) -> bool:
+        """Lower the bound to a goal where the moving robots' survivals sum to ``x`` or more.
+
+        Or to what teams collect, where that is more. False where it takes too long.
+        """
+        if self._n_robots == 1:
+            return self._for_one(x, effort)
+        if effort == 1:
+            self._lines.tighten(x, np.inf)
+        return self._for_team(x, goal - self._lines.base_reward, effort)
+
+    def _keep(self, least: float, most: float) -> None:
+        """Keep a step, if it is below what is proved there."""
+        base_reward = self._lines.base_reward
+        spare = (self._relaxation.net.graph.n_nodes + 8) * _EPSILON
+        most += base_reward + spare * (self._relaxation.total + base_reward)
+        below = [step.most for step in self.found if step.least <= least]
+        if most >= min([self._lines.bound(least), *below]):
+            return
+        step = Step(self._n_robots, most, least, "exact")
+        self.found = [old for old in self.found if old.least < least or old.most < most]
+        self.found.append(step)
+
+    def _for_one(self, x: float, effort: int) -> bool:
+        """Find what one robot collects that survives with ``x`` or more, whatever it collects.
+
+        Its prices are the rewards, which leave nothing beside.
+        """
+        rule, team = self._rule, self._lines.team
+        prices = team.reward[:, None] * team.alive
+        stairs = np.maximum(self._known(prices), 0.0)
+        lines = [
+            (self._ahead(own, mu), team.to_all(team.most(own)))
+            for own, mu in self._lines.lowest(x, self._most_survival, MOST_LINES)
+        ]
+        fine = self._fine(prices)
+        given = fine, lines, stairs, self._width, x, rule.most_links * effort
+        ended, trails = self._relaxation.raise_stairs(*given)
+        self._pool.add_all(trails)
+        if not ended:
+            return False
+        first = int(x / self._width * (1 - _ROUNDING))
+        self._keep(x, float(stairs[first]))
+        for step in (last_steps(stairs) + 1).tolist():
+            if first < step < len(stairs):
+                self._keep(max(x, step * self._width), float(stairs[step]))
+        return True
+
+    def _for_team(self, x: float, goal: float, effort: int) -> bool:
+        """Find all trails of teams that collect more than the goal, and the best of these teams.
+
+        Of such a team each trail is worth what is left of the goal without what nodes give beside
+        prices, and without the most that the others are worth.
+        """
+        rule, team, n_most = self._rule, self._lines.team, self._rule.most_links * effort
+        prices, mu = self._lines.lowest(x, x, 1)[0]
+        mu = max(mu, rule.least_mu * self._relaxation.total)
+        lines = [
+            (self._ahead(prices, share * mu), team.to_all(np.zeros(len(prices))))
+            for share in rule.shares
+        ]
+        fine, beside = self._fine(prices), float(team.most(prices).sum())
+        least = max(0.0, x - (self._n_robots - 1) * self._most_survival)
+        ahead = [each for each, _ in lines]
+        needed = self._needed(x, goal - beside, ahead, None)
+        for _ in range(rule.most_rounds):
+            stairs = np.maximum(self._known(prices), needed)
+            given = fine, lines, stairs, self._width, least, n_most
+            ended, trails = self._relaxation.raise_stairs(*given)
+            self._pool.add_all(trails)
+            if not ended:
+                return False
+            before, needed = needed, self._needed(x, goal - beside, ahead, stairs)
+            needed = np.maximum(before, needed)
+            if (needed <= before + _HIGHER * self._relaxation.total).all():
+                break
+        found = self._relaxation.find_all(fine, lines, needed, self._width, least, n_most)
+        if found is None:
+            return False
+        height = self._best_team(x, goal, *found, fine, beside)
+        if height is None:
+            return False
+        self._keep(x, height)
+        return True
+
+    def _fine(self, prices: FloatArray) -> FloatArray:
+        return self._lines.team.spread(prices, 2 * self._lines.rule.n_levels)
+
+    def _ahead(self, prices: FloatArray, mu: float) -> Ahead:
+        return self._relaxation.look_ahead(self._fine(prices), mu)
+
+    def _known(self, prices: FloatArray) -> FloatArray:
+        """Give the stairs of known trails."""
+        pool = self._pool
+        worth = pool.values(prices[:, 1:], 0.0)
+        worth[pool.is_relaxed] = -np.inf
+        survival = np.array([visits.survival for visits in pool.visits])
+        return stairs_of(worth, survival, self._width, self._rule.n_steps)
+
+    def _needed(
+        self, x: float, goal: float, ahead: list[Ahead], stairs: FloatArray | None
+    ) -> FloatArray:
+        """Say what a trail is worth at least, on each step, in a team that is worth a goal.
+
+        ``stairs`` bound what any trail is worth.
+        """
+        n_others, n_steps = self._n_robots - 1, self._rule.n_steps
+        # The others survive with what this one does not, and steps are as wide as they are.
+        left = np.maximum(x - (np.arange(n_steps) + 1) * self._width, 0.0)
+        each = np.minimum(left / n_others, self._most_survival)
+        others = np.full(n_steps, np.inf)
+        for line in ahead:
+            others = np.minimum(others, n_others * (line.most - line.mu * each))
+        if stairs is not None:
+            most = add_stairs(np.maximum(stairs, 0.0), n_others)
+            totals = np.minimum(least_total(left, self._width, n_others), len(most) - 1)
+            others = np.minimum(others, most[totals])
+        wide = -(-n_steps // self._rule.n_heights)
+        starts = np.arange(0, n_steps, wide)
+        lowest = np.repeat(np.minimum.reduceat(goal - others, starts), wide)[:n_steps]
+        falling: FloatArray = np.maximum.accumulate(lowest[::-1])[::-1]
+        return falling
+
+    def _best_team(
+        self,
+        x: float,
+        goal: float,
+        arcs: OffsetArray,
+        n_arcs: OffsetArray,
+        prices: FloatArray,
+        beside: float,
+    ) -> float | None:
+        """Give what the best team of these trails collects, or the goal; None for too many."""
+        heights = np.array([goal])
+        if len(n_arcs) == 0:
+            return goal
+        team, net = self._lines.team, self._relaxation.net
+        row = np.full(net.graph.n_nodes, -1)
+        row[team.nodes] = np.arange(len(team.nodes))
+        misses, survival = np.empty((len(n_arcs), len(team.nodes))), np.empty(len(n_arcs))
+        write_misses(net, arcs, n_arcs, row, misses, survival)
+        levels = np.arange(prices.shape[1]) / (prices.shape[1] - 1)
+        worth = np.zeros(len(n_arcs))
+        for place, node in enumerate(team.nodes.tolist()):
+            alive = 1.0 - misses[:, place]
+            worth += np.interp(alive, net.reach[node] * levels, prices[node])
+        worth *= 1.0 + _HIGHER
+        order = np.argsort(-worth, kind="stable")
+        ended = find_teams(
+            worth[order],
+            survival[order],
+            misses[order],
+            team.reward,
+            beside,
+            self._n_robots,
+            np.array([x]),
+            heights,
+            self._rule.most_teams,
+        )
+        return float(heights[0]) if ended else None

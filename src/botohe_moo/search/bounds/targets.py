@@ -1,0 +1,159 @@
+"""What to prove next: where the gap between known plans and the bound is the widest."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from botohe_moo._base.types import BoolArray, FloatArray, OffsetArray
+from botohe_moo.search.bounds.front_bound import FrontBound
+
+_CELLS = 24  # of the range of E[S], for the widest gap
+_SAMPLES = 3_000
+_ROUNDING = 1e-12
+# From how little above a known plan on a step begins, relative; what is close enough to a goal.
+_AFTER, _CLOSE = 1e-9, 5e-4
+# A step that is too hard: its goal is raised by this share of the gap, up to a most; then it is
+# tried with more effort.
+_EASIER, _EASIEST, _MORE, _MOST_EFFORT = 0.25, 0.5, 8, 64
+
+
+class Known:
+    """What is known of a front from below."""
+
+    def __init__(self, base_reward: float, robots: int) -> None:
+        self._robots = robots
+        self._objectives = np.array([[base_reward, float(robots)]])
+        self.survivors: FloatArray = (np.arange(_SAMPLES) + 0.5) / _SAMPLES * robots
+        self.cells: OffsetArray = (self.survivors / robots * _CELLS).astype(np.int64)
+        self.reached: FloatArray = np.full(_SAMPLES, base_reward)
+
+    def add(self, objectives: FloatArray) -> None:
+        """Take note of the E[R] and E[S] of plans."""
+        self._objectives = np.vstack([self._objectives, objectives])
+        ends, heights = self._corners()
+        # The last plan may survive a little worse than all robots, by rounding alone.
+        places = np.searchsorted(ends * (1 + _ROUNDING), self.survivors)
+        self.reached = heights[np.minimum(places, len(ends) - 1)]
+
+    def _corners(self) -> tuple[FloatArray, FloatArray]:
+        """Give up to which E[S] which E[R] is reached: both of a staircase, by ascending E[S]."""
+        order = np.lexsort((-self._objectives[:, 0], self._objectives[:, 1]))
+        reward, survivors = self._objectives[order].T
+        best = np.maximum.accumulate(reward[::-1])[::-1]
+        is_corner = np.append(best[1:] < best[:-1], True)
+        return survivors[is_corner], best[is_corner]
+
+    def stairs(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Give where steps begin and end in E[S], and their E[R]."""
+        ends, heights = self._corners()
+        return np.append(0.0, ends[:-1] * (1 + _AFTER)), ends, heights
+
+    def gap(self, bounds: FloatArray) -> float:
+        """Give the share by which bounds at ``survivors`` exceed what is reached, on average."""
+        above = float(np.maximum(0.0, bounds - self.reached).sum())
+        return 0.0 if above == 0.0 else above / float(self.reached.sum() or 1e-300)
+
+
+class LineTargets:
+    """Where to find the next line."""
+
+    def __init__(self, known: Known) -> None:
+        self._known = known
+        self._done: set[tuple[int, int]] = set()
+
+    def next(self, bound: FrontBound) -> tuple[int, float, tuple[int, int]] | None:
+        """Give how many robots move, the E[S] to look at, and what :meth:`close` takes.
+
+        None where no cell is open in which the bound is above what is known.
+        """
+        known, bounds = self._known, bound.by_robots(self._known.survivors)
+        above = np.maximum(0.0, bounds.max(axis=0) - known.reached)
+        highest = bounds.argmax(axis=0)
+        masses = np.bincount(known.cells, above, _CELLS)
+        for cell in np.argsort(-masses, kind="stable").tolist():
+            inside = np.flatnonzero((known.cells == cell) & (above > 0.0))
+            for moving in np.unique(highest[inside]).tolist():
+                if moving > 0 and (cell, moving) not in self._done:
+                    at = inside[highest[inside] == moving]
+                    return moving, float(known.survivors[at[len(at) // 2]]), (cell, moving)
+        return None
+
+    def close(self, place: tuple[int, int]) -> None:
+        """Leave a cell: nothing is better there."""
+        self._done.add(place)
+
+
+class StepTarget(NamedTuple):
+    """E[R] up to ``goal`` where E[S] is ``survivors`` or more and so many robots move."""
+
+    moving: int
+    corner: int
+    survivors: float
+    goal: float
+    effort: int
+
+
+class StepTargets:
+    """Which step to prove next: that no plan of so many moving robots is better than a known one.
+
+    Steps begin behind known plans. Of all that may be proved, that is next which lowers the bound
+    the most for its effort. Where one is too hard, those near by are not tried before their goals
+    are raised as well.
+    """
+
+    def __init__(self, known: Known, robots: int, most_survival: float) -> None:
+        self._known, self._robots = known, robots
+        self._starts, ends, self._heights = known.stairs()
+        moving = np.arange(robots + 1)[:, None]
+        stay = robots - moving
+        self._is_open: BoolArray = (ends > stay) & (self._starts <= stay + moving * most_survival)
+        self._is_open[0] = False
+        self._share = np.zeros(self._is_open.shape)
+        self._effort = np.ones(self._is_open.shape, np.int64)
+        self._first = np.searchsorted(known.survivors, self._starts)
+
+    def next(self, bound: FrontBound, most_moving: int, most_effort: float) -> StepTarget | None:
+        """Give the best one for up to so many moving robots; None where none is left."""
+        here = bound.by_robots(self._starts * (1 + _AFTER))
+        goals = self._heights + self._share * np.maximum(0.0, here - self._heights)
+        gains = self._gains(bound, here, goals)
+        gains[most_moving + 1 :] = 0.0
+        gains[self._effort > most_effort] = 0.0
+        moving, corner = (int(i) for i in np.unravel_index(gains.argmax(), gains.shape))
+        if gains[moving, corner] <= 0.0:
+            return None
+        start, goal = float(self._starts[corner]), float(goals[moving, corner])
+        return StepTarget(moving, corner, start, goal, int(self._effort[moving, corner]))
+
+    def _gains(self, bound: FrontBound, here: FloatArray, goals: FloatArray) -> FloatArray:
+        """Say by how much each step would lower the bound, for its effort (all corners)."""
+        bounds = bound.by_robots(self._known.survivors)
+        gains = np.zeros(goals.shape)
+        is_worth = self._is_open & (here > goals * (1 + _CLOSE))
+        for moving in np.flatnonzero(is_worth.any(axis=1)).tolist():
+            own, others = bounds[moving], np.delete(bounds, moving, axis=0).max(axis=0)
+            for corner in np.flatnonzero(is_worth[moving]).tolist():
+                tail = slice(int(self._first[corner]), None)
+                left = np.maximum(goals[moving, corner], others[tail])
+                gains[moving, corner] = np.maximum(0.0, own[tail] - left).sum()
+        scaled: FloatArray = gains / self._effort
+        return scaled
+
+    def tell(self, target: StepTarget, *, is_proved: bool) -> None:
+        """Say what became of a target."""
+        moving, corner = target.moving, target.corner
+        share, effort = self._share[moving], self._effort[moving]
+        if is_proved:
+            self._is_open[moving, corner] &= share[corner] > 0.0
+            near: BoolArray = np.arange(len(share)) == corner
+        else:
+            near = abs(self._starts - self._starts[corner]) < self._robots / _CELLS / 2
+            near &= (share == share[corner]) & (effort == effort[corner])
+        if is_proved or share[corner] >= _EASIEST:
+            share[near] = 0.0
+            effort[near] *= _MORE
+            self._is_open[moving] &= effort <= _MOST_EFFORT
+        else:
+            share[near] += _EASIER
