@@ -249,6 +249,7 @@ class Solution:
 
         Each file appears complete, or not at all. If a picture fails, the tables are there: they
         may have cost hours. ``mission.json`` is left out if JSON cannot hold the mission.
+        ``explorer.html`` and ``bound.json`` of an earlier solution are removed.
 
         Parameters
         ----------
