@@ -707,6 +707,11 @@ class TestBadOptions:
             (["--robots", "2.5"], ["--robots", "an integer", "2.5"]),
             (["--out"], ["--out", "requires an argument"]),
             (["--sed", "1"], ["--sed", "--seed"]),
+            (["--certify", "0"], ["--certify", "a number of seconds > 0", "got 0"]),
+            (["--certify", "-1"], ["--certify", "got -1"]),
+            (["--certify", "nan"], ["--certify", "got nan"]),
+            (["--certify", "soon"], ["--certify", "got soon"]),
+            (["--certify"], ["--certify", "requires an argument"]),
             (["extra"], ["unexpected", "extra"]),
             (["--algorithm", "boaco"], ["'boaco': there is no such algorithm; known are bo-aco, "]),
             (["-a", "[red]"], ["Algorithm '[red]': there is no such algorithm"]),
@@ -1251,6 +1256,108 @@ class TestBound:
         assert "it has 2, the mission 3" in message
 
 
+class TestCertify:
+    SOLVE = ("solve", "toy", "-a", "greedy", "-n", 50, "--out", "out")
+
+    def test_a_front_is_judged_and_drawn_with_its_bound(self, botohe, tmp_path):
+        folder = tmp_path / "out"
+        assert botohe(*self.SOLVE).status == 0
+        plain = {name: (folder / name).read_bytes() for name in FILES}
+        ended = botohe(*self.SOLVE, "--certify", 5)
+        assert (ended.status, ended.err) == (0, "")
+        assert names_in(folder) == sorted([*FILES, "bound.json"])
+        solution = read_solution(folder)
+        bound = FrontBound.load(folder / "bound.json", solution.mission)
+        gap = bound.gap(solution.objectives)
+        assert gap > 0.01
+        *_, empty, told, first, second = ended.out.splitlines()
+        assert (empty, first, second) == ("", "wrote out/bound.json", "wrote out/front.png")
+        assert told.startswith(
+            f"area {solution.area:.4f}; no plans whatsoever reach more than {bound.area:.4f}: "
+            f"within {100 * gap:.2f} % of the optimum, proved "
+        )
+        changed = [name for name in FILES if (folder / name).read_bytes() != plain[name]]
+        assert changed == ["front.png"]
+        assert botohe("choose", "out").status == botohe("explore", "out").status == 0
+
+    def test_another_front_drops_the_bound(self, botohe, tmp_path):
+        assert botohe(*self.SOLVE, "--certify", 5).status == 0
+        assert botohe(*self.SOLVE).status == 0
+        assert names_in(tmp_path / "out") == FILES
+
+    def test_the_limits_of_the_search_count(self, botohe, tmp_path):
+        limits = ["--min-survival", 0.4, "--max-length", 6]
+        assert botohe(*self.SOLVE, *limits, "--certify", 5).status == 0
+        record = json.loads((tmp_path / "out" / "bound.json").read_text())
+        assert (record["min_survival"], record["max_length"]) == (0.4, 6.0)
+
+    def test_no_budget_instead_of_the_mission_s_own(self, botohe, pier, tmp_path):
+        for budget, lengths in ((), 0.0), (("--max-length", "inf"), None):
+            args = ["solve", pier(max_length=0), "-n", 50, "--out", "out", *budget]
+            assert botohe(*args, "--certify", 5).status == 0
+            record = json.loads((tmp_path / "out" / "bound.json").read_text())
+            assert record["max_length"] == lengths
+
+    def test_notes_follow_the_verdict(self, botohe):
+        args = ["solve", "art_museum", "-n", 200, "--out", "out", "--max-length", 20]
+        ended = botohe(*args, "--certify", 0.01)
+        assert ended.status == 0
+        assert "\nRelaxed trails keep the travel budget one arc at a time only.\n" in ended.out
+
+    def test_choice_and_page_come_first(self, botohe, tmp_path):
+        wish = ["--choose", "survivors >= 2 and reward >= 9", "--explore"]
+        ended = botohe(*self.SOLVE, *wish, "--certify", 5)
+        assert (ended.status, ended.err) == (1, "botohe: no plan meets all wishes.\n")
+        parts = ("explorer.html", "None of these plans", "no plans whatsoever", "bound.json")
+        places = [ended.out.index(part) for part in parts]
+        assert places == sorted(places)
+        assert names_in(tmp_path / "out") == sorted([*FILES, "bound.json", "explorer.html"])
+
+    def test_ctrl_c_keeps_what_is_proved(self, botohe, tmp_path):
+        code = when_called("botohe_moo.search.bounds.bound", "LocalSearch")
+        args = ["solve", "art_museum", "-n", 200, "--out", "out", "--certify", 500]
+        ended = botohe(*args, code=code)
+        assert ended.status == 130
+        assert ended.err.count("botohe: ") == 1
+        assert "stopping; what is proved will be shown" in ended.err
+        assert "; no plans whatsoever reach more than" in ended.out
+        folder = tmp_path / "out"
+        assert names_in(folder) == sorted([*FILES, "bound.json"])
+        assert FrontBound.load(folder / "bound.json", read_solution(folder).mission).area < 1
+
+    def test_pressed_while_the_bound_is_written(self, botohe, tmp_path):
+        code = when_called("botohe_moo.search.bounds.front_bound", "replace_file")
+        ended = botohe(*self.SOLVE, "--certify", 5, code=code)
+        assert ended.status == 130
+        assert names_in(tmp_path / "out") == sorted([*FILES, "bound.json"])
+        ended = botohe(*self.SOLVE, "--certify", 5, code=code.replace("range(1)", "range(2)"))
+        assert ended.status == 130
+        assert names_in(tmp_path / "out") == FILES
+
+    def test_a_search_that_was_stopped_is_not_bounded(self, botohe, tmp_path):
+        code = when_called("botohe_moo.solving", "search")
+        ended = botohe(*self.SOLVE, "--certify", 5, code=code)
+        assert (ended.status, ended.err) == (130, STOPPING)
+        assert "no plans whatsoever" not in ended.out
+        assert names_in(tmp_path / "out") == FILES
+
+    def test_what_fails_afterwards_loses_nothing(self, botohe, tmp_path):
+        code = """
+            import botohe_moo.plots
+
+            def plot_front(*args, usual=botohe_moo.plots.plot_front, bound=None):
+                if bound is not None:
+                    raise RuntimeError("No such glyph.")
+                return usual(*args)
+
+            botohe_moo.plots.plot_front = plot_front
+        """
+        ended = botohe(*self.SOLVE, "--certify", 5, code=code)
+        message = "botohe: front.png cannot be drawn (RuntimeError: No such glyph.).\n"
+        assert (ended.status, ended.err) == (1, message)
+        assert names_in(tmp_path / "out") == sorted([*FILES, "bound.json"])
+
+
 class TestExplore:
     """What is on the page is tested in tests/explorer."""
 
@@ -1476,6 +1583,7 @@ class TestHelp:
             "--evaluations",
             "--seed",
             "--out",
+            "--certify",
             "results/solve/MISSION",
             "Ctrl-C",
         ):
@@ -1544,7 +1652,9 @@ def test_signals_are_as_before_once_libraries_are_loaded(thread):
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.parametrize("name", ["plans.json", "../found/plans.json", "front.csv", "front.png"])
+@pytest.mark.parametrize(
+    "name", ["plans.json", "../found/plans.json", "front.csv", "front.png", "bound.json"]
+)
 def test_files_of_a_solution_are_not_replaced_by_a_plan(refused, tmp_path, name):
     solution = solve(load_mission("toy"), evaluations=200, seed=1)
     solution.write(tmp_path / "found")

@@ -422,7 +422,8 @@ class TestWriting:
             assert (folder / picture).read_bytes().startswith(b"\x89PNG")
 
     def test_again(self, toy, solution, tmp_path):
-        (tmp_path / "notes.txt").write_text("mine")
+        for name in ("notes.txt", "bound.json"):  # the bound is of an earlier front
+            (tmp_path / name).write_text("mine")
         solution.write(tmp_path)
         before = {name: (tmp_path / name).read_bytes() for name in FILES}
         solution_of(toy, [[[1], [1]]]).write(str(tmp_path))

@@ -34,6 +34,7 @@ from botohe_moo.plots import (
 from botohe_moo.plots.draw.places import node_positions
 from botohe_moo.plots.draw.trails import lanes
 from botohe_moo.plots.front import staircase
+from botohe_moo.search.bounds import bound_front
 from tests.strategies import missions_with_plans
 
 DATA = Path(botohe_moo.__file__).parent / "mission" / "data"
@@ -581,6 +582,71 @@ def test_front_of_bad_values_is_refused():
             plot_front([[1, 1]], highlight=row)
 
 
+def enclosed(artist):
+    x, y = artist.get_xy().T
+    return abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
+
+
+def test_what_a_bound_leaves_open_is_shaded_and_told(tmp_path):
+    toy = load("toy")
+    bound = bound_front(toy)
+    front = [[7, 1], [4, 1.5], [3, 1]]  # an area of 9 of 10 rewards x 2 robots
+    ax = plot_front(front, toy, bound=bound)
+    assert legend_texts(ax) == [f"open: at most {100 * (bound.area / 0.45 - 1):.2f} % more area"]
+    assert words(ax) == "area 0.4500, 3 plans"
+    assert ax.get_xlim() == (0, 10)
+    assert enclosed(only(ax, "area")) == pytest.approx(9)
+    assert enclosed(only(ax, "open")) == pytest.approx(20 * bound.area - 9)
+    assert only(ax, "bound").get_xydata().tolist() == staircase(bound.points)[:-1].tolist()
+    plain = plot_front(front, toy)
+    assert (rendered(ax, tmp_path / "open.png") != rendered(plain, tmp_path / "plain.png")).any()
+
+
+def test_a_bound_brings_its_mission():
+    toy = load("toy")
+    ax = plot_front([[7, 1]], bound=bound_front(toy))
+    assert unbroken(title(ax)) == toy.title
+    assert words(ax) == "area 0.3500, 1 plan"
+
+
+def test_a_bound_of_a_front_without_plans_or_area():
+    bound = bound_front(load("toy"))
+    for front in ([], [[0, 2]]):
+        ax = plot_front(front, bound=bound)
+        assert legend_texts(ax) == [f"open: area at most {bound.area:.4f}"]
+        assert enclosed(only(ax, "open")) == pytest.approx(20 * bound.area)
+
+
+def test_overlaid_fronts_name_what_is_open():
+    toy = load("toy")
+    bound = bound_front(toy)
+    ax = plot_front([[7, 1]], toy, label="first", bound=bound)
+    plot_front([[4, 1.5]], toy, label="$second$", bound=bound, ax=ax)
+    names = [text.partition(" at most")[0] for text in legend_texts(ax)]
+    assert names == [
+        "first: area 0.3500, 1 plan",
+        "first, open:",
+        "$second$: area 0.3000, 1 plan",
+        "$second$, open:",
+    ]
+    assert len({line.get_color() for line in drawn(ax, "front")}) == 2
+
+
+def test_a_bound_that_does_not_fit_is_refused():
+    toy, figures = load("toy"), plt.get_fignums()
+    bound = bound_front(toy)
+    with pytest.raises(TypeError, match=r"^Expected bound to be a FrontBound, got \[\[9, 2\]\]\.$"):
+        plot_front([[1, 1]], toy, bound=[[9, 2]])
+    with pytest.raises(TypeError, match=r"^Expected a Mission, got 'toy'"):
+        plot_front([[1, 1]], "toy", bound=bound)
+    expected = (
+        "a bound of the mission 'made' with 1 robot, got one of another mission, 'toy' with 2"
+    )
+    with pytest.raises(ValueError, match=expected):
+        plot_front([[1, 1]], alone(), bound=bound)
+    assert plt.get_fignums() == figures
+
+
 # Pheromone
 
 
@@ -650,6 +716,7 @@ def test_unknown_kind_is_refused():
 PICTURES = {
     "mission": lambda ax: plot_mission(load("toy"), load("toy").plan([[1, 3, 1], [1]]), ax=ax),
     "front": lambda ax: plot_front([[8, 1]], load("toy"), label="one", ax=ax),
+    "bound": lambda ax: plot_front([[7, 1]], load("toy"), bound=bound_front(load("toy")), ax=ax),
     "pheromone": lambda ax: plot_pheromone(load("toy"), pheromone_of(load("toy")), ax=ax),
     "plan": lambda ax: plot_plan(load("toy"), load("toy").plan([[1, 3, 1], [1]]), ax=ax),
     "choices": lambda ax: plot_choices(load("toy"), [load("toy").plan([[1, 3, 1], [1]])], ax=ax),

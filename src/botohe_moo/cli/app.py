@@ -20,7 +20,7 @@ with ending_on_interrupt:
 
     import typer
 
-    from botohe_moo.cli.bound import bound_mission
+    from botohe_moo.cli.bound import bound_mission, certify
     from botohe_moo.cli.choose import ChooseOption, choose_plan, tell_choice
     from botohe_moo.cli.describe import (
         brief,
@@ -42,6 +42,7 @@ with ending_on_interrupt:
         SeedOption,
         mission_source,
         read_parameters,
+        seconds,
     )
     from botohe_moo.cli.shell import FAILED, fail, failing, run, tell
     from botohe_moo.cli.study import study_app
@@ -115,13 +116,24 @@ def solve_mission(
         bool,
         typer.Option("--explore", help="Also write explorer.html, as `botohe explore` does."),
     ] = False,
+    certify_for: Annotated[
+        float | None,
+        typer.Option(
+            "--certify",
+            metavar="S",
+            parser=seconds,
+            help="Seconds to prove, as `botohe bound` does, how far the front is from the best "
+            "there is. Also writes bound.json, and draws the bound in front.png.",
+        ),
+    ] = None,
 ) -> None:
     """Search for the Pareto front of a mission; write it as tables and pictures.
 
     Writes front.csv, plans.json, mission.json, front.png and mission.png. In the folder that --out
     names they replace those of an earlier search; without it, every search gets a new folder.
 
-    Ctrl-C stops the search and writes what was found.
+    Ctrl-C stops the search and writes what was found, without --choose, --explore and --certify.
+    While --certify proves, it keeps what is proved.
 
     The exit status is 1 if nothing was found or it cannot be written, or if no plan meets all
     wishes of --choose; 2 for bad input.
@@ -157,8 +169,10 @@ def solve_mission(
     if choice is not None:
         tell("")
         tell_choice(loaded, choice, folder)
-        if not choice.met:
-            fail("no plan meets all wishes.", FAILED)
+    if certify_for is not None:
+        certify(solution, folder, certify_for)
+    if choice is not None and not choice.met:
+        fail("no plan meets all wishes.", FAILED)
 
 
 def _search_and_write(

@@ -9,7 +9,7 @@ with ending_on_interrupt:
     from collections.abc import Callable, Iterator
     from contextlib import contextmanager
     from pathlib import Path
-    from typing import TYPE_CHECKING, Annotated
+    from typing import TYPE_CHECKING, Annotated, Any
 
     import typer
 
@@ -24,9 +24,11 @@ with ending_on_interrupt:
         mission_source,
         seconds,
     )
-    from botohe_moo.cli.shell import failing, tell
+    from botohe_moo.cli.shell import FAILED, fail, failing, tell
 
 if TYPE_CHECKING:
+    from threading import Event
+
     from botohe_moo.mission.model import Mission
     from botohe_moo.search.bounds import FrontBound
     from botohe_moo.solution import Solution
@@ -77,7 +79,6 @@ def bound_mission(
         from botohe_moo._base.files import check_parent
         from botohe_moo._base.interrupts import hold_interrupt
         from botohe_moo.mission import load_mission
-        from botohe_moo.search.bounds import bound_front
 
         loaded = load_mission(**source)
         floor, budget = min_survival, max_length
@@ -91,21 +92,15 @@ def bound_mission(
                 raise ValueError(f"{out}: expected a file to write, found a folder.")
     shown = loaded.max_length if budget is None else budget
     tell(f"{loaded.title}: {brief(loaded, None if shown == math.inf else shown)}\n")
-    with hold_interrupt(answer=_STOPPING) as stop, _showing(time_limit, solution) as show:
-
-        def look(bound: FrontBound) -> None:
-            if stop.is_set():
-                raise KeyboardInterrupt
-            show(bound)
-
-        bound = bound_front(
+    with hold_interrupt(answer=_STOPPING) as stop:
+        bound = _prove(
             loaded,
-            front=None if solution is None else solution.objectives,
+            solution,
+            stop,
             time_limit=time_limit,
             min_survival=floor,
             max_length=budget,
             seed=seed,
-            callback=look,
         )
     _tell_bound(bound, solution)
     if out is not None:
@@ -114,6 +109,54 @@ def bound_mission(
         tell(f"wrote {out}")
     if stop.is_set():
         raise typer.Exit(INTERRUPTED)
+
+
+def certify(solution: Solution, folder: Path, time_limit: float) -> None:
+    """Bound the front of a solution, say how good it is, and write the bound to its folder."""
+    from botohe_moo._base.interrupts import hold_interrupt
+    from botohe_moo.plots import plot_front
+    from botohe_moo.solution.model import BOUND, FRONT_PICTURE, PictureError, draw_picture
+
+    with hold_interrupt(answer=_STOPPING) as stop:
+        bound = _prove(
+            solution.mission,
+            solution,
+            stop,
+            time_limit=time_limit,
+            min_survival=solution.min_survival,
+            max_length=_budget_of(solution),
+            seed=solution.seed,
+        )
+        tell("")
+        _tell_verdict(bound, solution)
+        shown = solution.objectives, solution.mission
+        with hold_interrupt() as late, failing(FAILED):
+            bound.save(folder / BOUND)
+            tell(f"wrote {folder / BOUND}")
+            try:
+                draw_picture(folder / FRONT_PICTURE, plot_front, *shown, bound=bound)
+            except PictureError as error:
+                fail(error, FAILED)
+            tell(f"wrote {folder / FRONT_PICTURE}")
+    if stop.is_set() or late.is_set():
+        raise typer.Exit(INTERRUPTED)
+
+
+def _prove(
+    mission: Mission, solution: Solution | None, stop: Event, *, time_limit: float, **how: Any
+) -> FrontBound:
+    """Bound the front of a mission until the time is over or the event is set."""
+    from botohe_moo.search.bounds import bound_front
+
+    with _showing(time_limit, solution) as show:
+
+        def look(bound: FrontBound) -> None:
+            if stop.is_set():
+                raise KeyboardInterrupt
+            show(bound)
+
+        front = None if solution is None else solution.objectives
+        return bound_front(mission, front=front, time_limit=time_limit, callback=look, **how)
 
 
 def _read_front(folder: Path, mission: Mission) -> Solution:
@@ -133,7 +176,7 @@ def _limits_of(
     solution: Solution, folder: Path, min_survival: float, max_length: float | None
 ) -> tuple[float, float]:
     """Give the limits of a front, or raise a ValueError where stricter ones are given."""
-    budget = math.inf if solution.max_length is None else solution.max_length
+    budget = _budget_of(solution)
     for name, given, kept in (
         ("--min-survival", -min_survival, -solution.min_survival),
         ("--max-length", math.inf if max_length is None else max_length, budget),
@@ -144,6 +187,10 @@ def _limits_of(
                 f"{abs(kept):g}: its plans need not keep it."
             )
     return solution.min_survival, budget
+
+
+def _budget_of(solution: Solution) -> float:
+    return math.inf if solution.max_length is None else solution.max_length
 
 
 def verdict(bound: FrontBound, solution: Solution | None) -> str:
@@ -157,10 +204,14 @@ def verdict(bound: FrontBound, solution: Solution | None) -> str:
     return f"area {solution.area:.4f}; {most}{within}, {took}"
 
 
-def _tell_bound(bound: FrontBound, solution: Solution | None) -> None:
+def _tell_verdict(bound: FrontBound, solution: Solution | None) -> None:
     tell(verdict(bound, solution))
     for note in bound.notes:
         tell(note)
+
+
+def _tell_bound(bound: FrontBound, solution: Solution | None) -> None:
+    _tell_verdict(bound, solution)
     tell("\n survivors  reward at most" + ("" if solution is None else "     found"))
     for i in range(_ROWS + 1):
         survivors = bound.mission.robots * i / _ROWS

@@ -1,22 +1,30 @@
 """The picture of a front: what plans are expected to bring, and the area they dominate."""
 
+from __future__ import annotations
+
+import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
+from botohe_moo._base.checks import quoted
 from botohe_moo._base.types import FloatArray
 from botohe_moo._base.words import counted
 from botohe_moo.decide.fronts import check_objectives
-from botohe_moo.mission import Mission
+from botohe_moo.mission.digest import numbers_digest
+from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.plots.draw.labels import drawable
 from botohe_moo.plots.draw.panels import study_axes
 from botohe_moo.plots.draw.scales import title_above
 from botohe_moo.plots.draw.space import Space, write_beside
-from botohe_moo.plots.draw.style import INK, MARKERS, colours, dress, theme, tint
+from botohe_moo.plots.draw.style import INK, MARKERS, MUTED, colours, dress, theme, tint
+
+if TYPE_CHECKING:
+    from botohe_moo.search.bounds import FrontBound
 
 OBJECTIVES = ("expected team reward E[R]", "expected number of survivors E[S]")
 _CROWD = 150
@@ -28,6 +36,7 @@ def plot_front(
     *,
     highlight: int | Sequence[int] | Mapping[int, str] | None = None,
     label: str | None = None,
+    bound: FrontBound | None = None,
     ax: Axes | None = None,
 ) -> Axes:
     """Draw plans in objective space and shade the area that they dominate.
@@ -42,22 +51,31 @@ def plot_front(
     mission
         Mission of the plans. With it the axes reach to the total reward and to the number of
         robots, and the area is the normalised one, in [0, 1]; without it, it is E[R] times E[S].
+        By default that of ``bound``, if one is given.
     highlight
         Rows of ``objectives``, counted from 0, to ring and to number: ``plan 7``. A mapping gives
         them names, too: ``{7: "knee"}`` is ``plan 7: knee``.
     label
         Name of the front. Area and number of plans are then in the legend instead of the title.
+    bound
+        What no plan exceeds, of :func:`bound_front`. The area between the front and it is shaded,
+        too, and the legend says how large it is.
     ax
         Axes to draw on. One will be created if not given.
 
     Raises
     ------
+    TypeError
+        If ``mission`` is not a Mission, or ``bound`` not a FrontBound.
     ValueError
-        If ``objectives`` has another shape or is not finite, or ``highlight`` names no row of it.
+        If ``objectives`` has another shape or is not finite, ``highlight`` names no row of it, or
+        ``bound`` is of another mission.
     """
     points = np.asarray(objectives, dtype=float)
     points = check_objectives(points.reshape(-1, 2) if points.shape == (0,) else points)
     chosen = _rows(highlight, len(points))
+    if bound is not None:
+        mission = _mission_of(bound, mission)
     corners = staircase(points)
     summary = front_summary(points, corners, mission)
     with theme():
@@ -65,7 +83,9 @@ def plot_front(
             (ax,) = study_axes(6.0, 4.0)
         drawn = sum(line.get_gid() == "front" for line in ax.lines)
         _draw(ax, points, corners, drawn, drawable(f"{label}: {summary}") if label else None)
-        if label:
+        if bound is not None:
+            _draw_open(ax, corners, bound, _open_words(bound, points, label))
+        if label or bound is not None:
             ax.legend(loc="upper right", framealpha=0.9)
         _dress(ax, mission)
         title = ax.get_title(loc="left") if mission is None else mission.title
@@ -90,6 +110,20 @@ def staircase(objectives: FloatArray) -> FloatArray:
     right = np.concatenate([[0.0], np.repeat(reward, 2), [0.0]])
     up = np.concatenate([np.repeat(survivors, 2), [0.0, 0.0]])
     return np.column_stack([right, up])
+
+
+def _mission_of(bound: FrontBound, mission: Mission | None) -> Mission:
+    """Give the mission of a bound; a TypeError or a ValueError if it is not one of ``mission``."""
+    from botohe_moo.search.bounds import FrontBound  # late: few pictures have a bound
+
+    if not isinstance(bound, FrontBound):
+        raise TypeError(f"Expected bound to be a FrontBound, got {quoted(bound)}.")
+    own = bound.mission
+    if mission is None or numbers_digest(check_mission(mission)) == numbers_digest(own):
+        return own if mission is None else mission
+    expected = f"a bound of the mission {mission.name!r} with {counted(mission.robots, 'robot')}"
+    found = f"{own.name!r} with {counted(own.robots, 'robot')}"
+    raise ValueError(f"Expected {expected}, got one of another mission, {found}.")
 
 
 def _rows(
@@ -143,6 +177,24 @@ def _draw(ax: Axes, points: FloatArray, corners: FloatArray, drawn: int, label: 
     pale = tint(colour, 0.55)
     ax.plot(*points[dominated].T, **style, color=pale, zorder=2.5, gid="dominated")
     ax.plot(*points[~dominated].T, **style, color=colour, zorder=3, label=label, gid="front")
+
+
+def _open_words(bound: FrontBound, points: FloatArray, label: str | None) -> str:
+    gap = bound.gap(points)
+    more = f"at most {100 * gap:.2f} % more area"
+    if math.isinf(gap):
+        more = f"area at most {bound.area:.4f}"
+    return drawable(f"{label}, open: {more}" if label else f"open: {more}")
+
+
+def _draw_open(ax: Axes, corners: FloatArray, bound: FrontBound, label: str) -> None:
+    """Shade what lies between a front, whose corners are given, and a bound."""
+    highest = staircase(bound.points)
+    # Back along the front, so that what it dominates is left out.
+    between = np.concatenate([highest, corners[::-1]])
+    look: dict[str, Any] = {"facecolor": MUTED, "alpha": 0.25, "linewidth": 0, "zorder": 1}
+    ax.fill(*between.T, **look, label=label, gid="open")
+    ax.plot(*highest[:-1].T, color=MUTED, linewidth=1.0, zorder=1.5, gid="bound")
 
 
 def _mark(ax: Axes, points: FloatArray, chosen: Mapping[int, str]) -> None:

@@ -31,8 +31,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 TABLES = ("front.csv", "plans.json", "mission.json")
+FRONT_PICTURE = "front.png"
 PAGE = "explorer.html"
-FILES = (*TABLES, "front.png", "mission.png", PAGE)
+BOUND = "bound.json"
+FILES = (*TABLES, FRONT_PICTURE, "mission.png", PAGE, BOUND)
 COLUMNS = ("plan_id", "reward", "survivors")
 _ROWS_SHOWN = 40
 _LONG_START = 0.5  # seconds; with everything loaded and compiled, a search starts in milliseconds
@@ -247,6 +249,7 @@ class Solution:
 
         Each file appears complete, or not at all. If a picture fails, the tables are there: they
         may have cost hours. ``mission.json`` is left out if JSON cannot hold the mission.
+        ``explorer.html`` and ``bound.json`` of an earlier solution are removed.
 
         Parameters
         ----------
@@ -269,7 +272,7 @@ class Solution:
             before_pictures()
         from botohe_moo.plots import plot_front, plot_mission
 
-        draw_picture(folder / "front.png", plot_front, self.objectives, self.mission)
+        draw_picture(folder / FRONT_PICTURE, plot_front, self.objectives, self.mission)
         draw_picture(folder / "mission.png", plot_mission, self.mission)
         return [folder / name for name in FILES if (folder / name).exists()]
 
@@ -290,12 +293,12 @@ class Solution:
                     (folder / name).unlink(missing_ok=True)
 
 
-def draw_picture(path: Path, plot: Callable[..., Axes], *shown: Any) -> None:
+def draw_picture(path: Path, plot: Callable[..., Axes], *shown: Any, **options: Any) -> None:
     """Draw a picture to a file; an OSError if that fails, a PictureError if the picture does."""
     from botohe_moo.plots import save_plot
 
     try:
-        save_plot(plot(*shown), path)
+        save_plot(plot(*shown, **options), path)
     except OSError:
         raise
     except Exception as error:  # fonts may fail on what a mission's texts hold
