@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from botohe_moo._base.types import FloatArray
 from botohe_moo.study.file.digest import canonical
 from botohe_moo.study.file.model import Run, Study, StudyError, StudyMission
 from botohe_moo.study.run.task import PATIENCE, BoundTask, Task
@@ -102,19 +103,25 @@ def make_bound_task(
     mission: StudyMission, runs: Iterable[Run], folder: StudyFolder, seconds: float
 ) -> BoundTask:
     """Give what a worker needs to know to bound a mission: what its runs have found guides it."""
-    fronts = [np.empty((0, 2))]
-    for run in runs:
-        if run.mission.bound_digest == mission.bound_digest and folder.has_run(run.digest):
-            with contextlib.suppress(DamagedError):
-                fronts += [record.objectives for record in folder.load(run).records[-1:]]
     return BoundTask(
         digest=mission.bound_digest,
         mission=mission.mission,
         min_survival=mission.min_survival,
         max_length=math.inf if mission.max_length is None else mission.max_length,
-        front=np.unique(np.concatenate(fronts), axis=0),
+        front=found_points(mission, runs, folder),
         seconds=seconds,
     )
+
+
+def found_points(mission: StudyMission, runs: Iterable[Run], folder: StudyFolder) -> FloatArray:
+    """Give E[R] and E[S] (n, 2) of all final fronts that a folder has of a mission."""
+    fronts = [np.empty((0, 2))]
+    for run in runs:
+        if run.mission.bound_digest == mission.bound_digest and folder.has_run(run.digest):
+            with contextlib.suppress(DamagedError):
+                fronts += [record.objectives for record in folder.load(run).records[-1:]]
+    points: FloatArray = np.unique(np.concatenate(fronts), axis=0)
+    return points
 
 
 def refresh_tables(

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from botohe_moo._base.files import read_bytes
+from botohe_moo.indicators import TIE
 from botohe_moo.search.bounds import FrontBound
 from botohe_moo.study.file.digest import canonical
-from botohe_moo.study.file.model import StudyMission
+from botohe_moo.study.file.model import StudyError, StudyMission
 
 
 @dataclass(frozen=True)
@@ -19,6 +20,15 @@ class KeptBound:
     bound: FrontBound
     seconds: float  # that it was allowed; it may have ended before
     content: str  # digest of the file
+
+    def check(self, mission: str, area: float) -> None:
+        """Raise a StudyError if the runs on a mission have found a larger area than there is."""
+        if area > self.bound.area + TIE:
+            raise StudyError(
+                f"{self.path}: not a bound: it says that no front has an area above "
+                f"{self.bound.area:.6f}, but runs on {mission} have found {area:.6f}. Remove the "
+                "file; running the study makes it again."
+            )
 
 
 def bound_file(folder: Path, mission: StudyMission, seconds: float) -> Path:
