@@ -85,7 +85,11 @@ SCHEMAS: dict[str, pa.Schema] = {
     ),
     "bounds": _schema(
         ("mission", TEXT, "label of the mission in the study file"),
-        ("reward", NUMBER, "E[R] of a point; each plan is weakly dominated by one of its mission"),
+        (
+            "reward",
+            NUMBER,
+            "E[R] of a point; one of them weakly dominates each plan of the mission",
+        ),
         ("survivors", NUMBER, "E[S] of the point"),
     ),
     "comparisons": _schema(
