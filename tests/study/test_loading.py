@@ -553,6 +553,10 @@ indicators: [area, igd]
         assert any(said in line for line in found), found
         assert len(found) <= 2
 
+    def test_bounds_without_seconds(self):
+        [said] = lines({**GOOD, "bounds": None})
+        assert said == 'bounds: "bounds:" has no value: expected seconds.'
+
     @pytest.mark.parametrize(
         ("one", "other", "why"),
         [

@@ -138,8 +138,8 @@ class ProgressWatcher:
         if self._n_bounds:
             self._say(f"{counted(self._n_bounds, 'bound')} to compute when the runs are done.")
         if self._bar is not None:
-            total = (self._n_runs + self._n_bounds) * _STEPS
-            self._task = self._bar.add_task("", total=total, words=self._words())
+            n_first = self._n_runs or self._n_bounds
+            self._task = self._bar.add_task("", total=n_first * _STEPS, words=self._words())
 
     def record(self, run: Run, record: Record) -> None:
         """Note which part of its budget a run has spent."""
@@ -162,6 +162,9 @@ class ProgressWatcher:
                     f"{outcome.status}: {outcome.error}"
                 )
             self._show()
+            if self._bar is not None and self._is_bounding:
+                # Bounds take another time than runs do.
+                self._bar.reset(self._task, total=self._n_bounds * _STEPS, words=self._words())
 
     def end_bound(self, mission: StudyMission, error: str | None) -> None:
         """Note that a mission is bounded, or why not."""
@@ -173,11 +176,15 @@ class ProgressWatcher:
 
     def _show(self) -> None:
         if self._bar is not None:
-            ended = self._n_ended + self._n_bounded + sum(self._shares.values())
-            self._bar.update(self._task, completed=ended * _STEPS, words=self._words())
+            steps = (self._n_bounded or self._n_ended + sum(self._shares.values())) * _STEPS
+            self._bar.update(self._task, completed=steps, words=self._words())
         elif time.monotonic() - self._said_at > _SECONDS_BETWEEN_LINES:
             self._said_at = time.monotonic()
             self._say(self._words())
+
+    @property
+    def _is_bounding(self) -> bool:
+        return self._n_bounds > 0 and self._n_ended == self._n_runs
 
     def _words(self) -> str:
         failed = f", {self._n_failed} failed" if self._n_failed else ""

@@ -72,6 +72,8 @@ class StudyFolder:
             # After the lock, which marks the folder as a study's even if it holds nothing else.
             for folder in (self._runs, self._failures, self._missions):
                 _make_folder(folder)
+            if study.file.bounds:
+                _make_folder(self._bounds)
             with writing(self.path):
                 replace_file(self._runner_file, f"{os.getpid()}\n".encode())
             self._tidy()
@@ -203,7 +205,6 @@ class StudyFolder:
     def save_bound(self, mission: StudyMission, bound: FrontBound, seconds: float) -> None:
         """Write the bound of a mission that was allowed so many seconds, in place of any other."""
         path = bound_file(self._bounds, mission, seconds)
-        _make_folder(self._bounds)
         with writing(self.path):
             bound.save(path)
             for other in bound_files(self._bounds, mission):
