@@ -159,7 +159,7 @@ def _settings(tables: StudyTables) -> list[tuple[str, str]]:
     indicators = tables.manifest["indicators"]
     compared = f"others with {tables.control}" if tables.control is not None else "all pairs"
     bounds = tables.manifest.get("bounds")
-    bounded = [("Bounds", f"{count(bounds['seconds'])} seconds each")] if bounds else []
+    bounded = [("Bounds", f"{bounds['seconds']:,g} seconds each")] if bounds else []
     return [
         ("Seeds", seed_words(tables.manifest["seeds"])),
         ("Indicators", ", ".join(INDICATORS[name] for name in indicators)),

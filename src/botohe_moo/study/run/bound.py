@@ -1,5 +1,7 @@
 """Bounding the front of one mission: from a task to a bound."""
 
+import functools
+import math
 import traceback
 
 from botohe_moo.mission.library import load_mission
@@ -27,14 +29,17 @@ def find_bound(task: BoundTask) -> FrontBound | str:
         return " ".join("".join(traceback.format_exception_only(error)).split())
 
 
-def warm_up_bounds(task: BoundTask) -> None:
-    """Compile, or load from the cache, the kernels that a bound needs, so that it is not timed."""
+@functools.cache
+def warm_up_bounds(*, floor: bool, budget: bool) -> None:
+    """Compile, or load from the cache, the kernels that a bound needs, so that it is not timed.
+
+    A limit, however loose, has kernels of its own: a survival floor, and a travel budget.
+    """
     for name in _WARM_UP_MISSIONS:
         bound_front(
             load_mission(name),
             time_limit=_WARM_UP_SECONDS,
             gap=_WARM_UP_GAP,
-            # A limit, however loose, has kernels of its own.
-            min_survival=min(task.min_survival, WARM_UP_SURVIVAL),
-            max_length=max(task.max_length, WARM_UP_LENGTH),
+            min_survival=WARM_UP_SURVIVAL if floor else 0.0,
+            max_length=WARM_UP_LENGTH if budget else math.inf,
         )

@@ -5,6 +5,7 @@ that started it ends.
 """
 
 import contextlib
+import math
 import os
 import random
 import select
@@ -71,7 +72,7 @@ def _bound(task: BoundTask) -> "FrontBound | str":
     from botohe_moo.study.run.bound import find_bound, warm_up_bounds
 
     with contextlib.suppress(Exception):  # the bound will raise and report it
-        warm_up_bounds(task)
+        warm_up_bounds(floor=task.min_survival > 0, budget=task.max_length < math.inf)
     return find_bound(task)
 
 
