@@ -223,6 +223,8 @@ class TestProgressCurves:
             ({"mission": list("xxxxxy")}, {}, "trace of one mission, got 'x', 'y'"),
             ({"evaluations": [1, 2, np.nan, 4, 5, 6]}, {}, r"evaluations in \[0, inf\), got nan"),
             ({"evaluations": -1}, {}, r"evaluations in \[0, inf\), got -1"),
+            ({}, {"bound": 1.5}, r"bound in \[0, 1\], got 1\.5"),
+            ({}, {"bound": 0.5, "value": "igd_plus"}, "no bound, which is of areas, with igd_plus"),
         ],
     )
     def test_what_it_refuses(self, change, options, message):
@@ -275,6 +277,25 @@ class TestPlotCurves:
     )
     def test_it_says_what_the_band_is(self, runs, options, said):
         assert words(plot_curves(trace_of(runs), **options)) == said
+
+    def test_a_bound_is_a_dashed_line_in_sight(self):
+        ax = plot_curves(trace_of(TWO), bound=0.6)
+        line = only(ax, "bound")
+        assert (set(line.get_ydata()), line.get_linestyle()) == ({0.6}, "--")
+        assert ax.get_ylim()[1] > 0.6
+        assert words(ax).endswith("; dashed: no front reaches more than 0.6000")
+
+    def test_one_that_is_too_far_is_only_told(self):
+        runs = {("A", 1): [(1, 0.1), (9, 0.12)]}
+        ax = plot_curves(trace_of(runs), bound=0.9)
+        assert not drawn(ax, "bound")
+        assert ax.get_ylim() == plot_curves(trace_of(runs)).get_ylim()
+        assert words(ax).endswith("; no front reaches more than 0.9000, off the axis")
+
+    def test_panels_have_it_each(self):
+        runs = {(f"a{i}", 1): [(1, 0.1), (9, 0.5)] for i in range(12)}
+        ax = plot_curves(trace_of(runs), bound=0.6)
+        assert all(drawn(panel, "bound") for panel in ax.figure.axes)
 
     def test_a_long_low_start_is_cut_off_and_said_to_be(self):
         runs = {
@@ -426,6 +447,17 @@ class TestPlotAreas:
         assert ax.get_ylim()[0] > ax.get_ylim()[1]  # the first is on top
         assert "crosses: runs that are not done" in words(ax)
 
+    def test_a_bound_is_a_dashed_line_unless_it_is_too_far(self):
+        near, far = (plot_areas(*areas_of(VALUES), bound=bound) for bound in (0.7, 1.0))
+        assert set(only(near, "bound").get_xdata()) == {0.7}
+        assert near.get_xlim()[1] > 0.7
+        assert "dashed: no front reaches more than 0.7000" in words(near)
+        assert set(only(far, "bound").get_xdata()) == {1.0}
+        narrow = plot_areas(*areas_of({"A": [0.3, 0.31]}), bound=0.4)
+        assert not drawn(narrow, "bound")
+        assert narrow.get_xlim()[1] < 0.32
+        assert "no front reaches more than 0.4000, off the axis" in words(narrow)
+
     def test_without_lost_runs_nothing_is_said_of_them(self):
         assert "crosses" not in words(plot_areas(*areas_of(VALUES)))
 
@@ -488,6 +520,14 @@ class TestPlotFronts:
         line = only(ax, "reference").get_xydata().tolist()
         assert line == [[0, 3], [2, 3], [2, 1], [5, 1], [5, 0]]
         assert legend_texts(ax)[0] == "all runs together"
+
+    def test_the_bound(self):
+        bound = pd.DataFrame({"reward": [5.0, 2.0], "survivors": [1.0, 3.0]})
+        ax = plot_fronts(*fronts_of(RUNS), bound=bound)
+        line = only(ax, "bound")
+        assert line.get_xydata().tolist() == [[0, 3], [2, 3], [2, 1], [5, 1], [5, 0]]
+        assert line.get_linestyle() == "--"
+        assert legend_texts(ax)[0] == "no plan lies beyond"
 
     @pytest.mark.parametrize(
         ("areas", "seed"), [([0.5], 1), ([0.1, 0.3], 1), ([0.3, 0.1, 0.2], 3), ([0.2, 0.2], 1)]

@@ -9,6 +9,7 @@ from unittest import mock
 import pytest
 
 from botohe_moo.study.run import pool, sandbox
+from botohe_moo.study.run.bound import find_bound
 from botohe_moo.study.run.environment import THREAD_SETTINGS, environment
 from botohe_moo.study.run.perform import perform
 from botohe_moo.study.run.sandbox import _RunState
@@ -34,6 +35,9 @@ class InProcess:
             note(record)
 
         return state.ended(perform(task, send))
+
+    def bound(self, task, *, stopped):
+        return find_bound(task)
 
     def close(self):
         pass

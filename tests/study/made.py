@@ -12,7 +12,12 @@ import pandas as pd
 from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.digest import mission_digest
 from botohe_moo.mission.formats.files import save_mission
-from botohe_moo.study.judge.summary import algorithm_table, mission_table, reach_targets
+from botohe_moo.study.judge.summary import (
+    algorithm_table,
+    bound_table,
+    mission_table,
+    reach_targets,
+)
 from botohe_moo.study.store.tables import SCHEMAS, read_study, write_tables
 
 ENVIRONMENT = {
@@ -80,7 +85,7 @@ def random_record(
     return Record(label, algorithm, seed, fronts)
 
 
-def study_tables(missions, algorithms, records, *, control=None):
+def study_tables(missions, algorithms, records, *, control=None, bounds=()):
     """The tables of a study; intervals and tests are placeholders with plausible numbers."""
     areas = {r.run: area_indicator(r.front, missions[r.mission]) for r in records}
     frames = {
@@ -127,7 +132,11 @@ def study_tables(missions, algorithms, records, *, control=None):
         "environments": [ENVIRONMENT],
     }
     runs = pd.DataFrame(frames["runs"], columns=SCHEMAS["runs"].names)
-    summary = [row for label in missions for row in _summary(label, runs[runs["mission"] == label])]
+    summary = [
+        row
+        for label in missions
+        for row in _summary(label, runs[runs["mission"] == label], dict(bounds).get(label))
+    ]
     frames["summary"] = summary
     frames["comparisons"] = [
         row
@@ -136,6 +145,7 @@ def study_tables(missions, algorithms, records, *, control=None):
     ]
     frames["ranks"] = _ranks(summary, list(algorithms), len(missions))
     frames["posthoc"] = []
+    frames["bounds"] = bound_table(dict(bounds)).to_dict("records")
     tables = {name: _typed(name, rows) for name, rows in frames.items()}
     tables["targets"] = reach_targets(
         tables["runs"],
@@ -147,7 +157,7 @@ def study_tables(missions, algorithms, records, *, control=None):
     return tables
 
 
-def make_study(folder, missions, algorithms, records, *, control=None, **manifest):
+def make_study(folder, missions, algorithms, records, *, control=None, bounds=(), **manifest):
     """Write a study's folder, and read it again as ``StudyTables``."""
     (folder / "missions").mkdir(exist_ok=True)
     entries = {}
@@ -177,8 +187,8 @@ def make_study(folder, missions, algorithms, records, *, control=None, **manifes
         "comparison": {"control": control, "significance": 0.05},
         **manifest,
     }
-    tables = study_tables(missions, algorithms, records, control=control)
-    tables["missions"] = mission_table(content, missions)
+    tables = study_tables(missions, algorithms, records, control=control, bounds=bounds)
+    tables["missions"] = mission_table(content, missions, dict(bounds))
     tables["algorithms"] = algorithm_table(content)
     write_tables(folder, tables, content)
     return read_study(folder)
@@ -223,7 +233,7 @@ def _union(fronts):
     return kept
 
 
-def _summary(mission, runs):
+def _summary(mission, runs, bound):
     medians = runs.groupby("algorithm", sort=False)["area"].median()
     ranks = medians.rank(ascending=False)
     for label, own in runs.groupby("algorithm", sort=False):
@@ -239,6 +249,7 @@ def _summary(mission, runs):
             "area_mean": areas.mean(),
             "area_sd": areas.std(),
             "area_best": areas.max(),
+            "area_gap": None if bound is None else bound.area / areas.mean() - 1,
             "igd_plus_median": 0.0123456 * ranks[label],
             "epsilon_median": None,
             "front_size_median": own["front_size"].median(),

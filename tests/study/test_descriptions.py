@@ -20,7 +20,7 @@ def algorithms(*parameters):
 def missions(*grids):
     entry = {"source": {"name_or_path": "terrain"}, "min_survival": 0.0, "family": "hills"}
     given = {f"M{i}": {**entry, "grid": grid} for i, grid in enumerate(grids)}
-    return mission_table({"missions": given}, dict.fromkeys(given, TOY))
+    return mission_table({"missions": given}, dict.fromkeys(given, TOY), {})
 
 
 @pytest.mark.parametrize(
@@ -73,7 +73,7 @@ def test_parameters_named_like_a_column_stay_apart():
     table = algorithms({"name": "x", "parameter_name": "y", "version": 2})
     assert list(table)[5:] == ["parameter_name", "parameter_parameter_name", "parameter_version"]
     table = missions({"nodes": 20, "robots": 3}, {"nodes": 40, "robots": 3})
-    assert list(table)[9:] == ["grid_nodes", "grid_robots"]
+    assert list(table)[11:] == ["grid_nodes", "grid_robots"]
     assert list(table["nodes"]) == [len(TOY.nodes)] * 2
     assert list(table["grid_nodes"]) == [20, 40]
 

@@ -83,6 +83,8 @@ class TestTrials:
 class TestTimeLeft:
     def test_runs_are_not_cut_to_pieces(self):
         assert time_left([made(3, 1.0)], 2) == 2.0
+        assert time_left([made(3, 1.0)], 2, n_bounds=3, bound_seconds=10.0) == 22.0
+        assert time_left([], 2, n_bounds=1, bound_seconds=10.0) == 10.0
         assert time_left([made(3, 1.0)], 3) == time_left([made(3, 1.0)], 8) == 1.0
 
     def test_workers_take_the_next_when_they_are_free(self):

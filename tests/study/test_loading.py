@@ -243,6 +243,7 @@ class TestIdentity:
             {"comparison": {"control": "ants"}},
             {"indicators": ["area"]},
             {"title": "x"},
+            {"bounds": {"seconds": 9}},
         ],
     )
     def test_nothing_else_is(self, changes):
@@ -489,6 +490,13 @@ indicators: [area, igd]
             ({"seeds": {"count": 1, "values": [1]}}, "either count or values"),
             ({"recording": {"start": 0.5}}, "start"),
             ({"indicators": []}, "indicators"),
+            ({"bounds": 300}, "bounds: Expected bounds to be a mapping, got 300."),
+            ({"bounds": {}}, "bounds.seconds: expected the key 'seconds', which is missing."),
+            ({"bounds": {"seconds": 0}}, "bounds.seconds: Expected seconds > 0, got 0"),
+            ({"bounds": {"seconds": "9"}}, "to be a number, got '9'."),
+            ({"bounds": {"seconds": float("nan")}}, "bounds.seconds: "),
+            ({"bounds": {"second": 9}}, "there is no key 'second'; known are seconds."),
+            ({"bound": {"seconds": 9}}, "there is no key 'bound'; known are bounds,"),
             ({"indicators": ["area", "area"]}, "expected each once, got 'area' 2 times"),
             ({"algorithms": ["random", "random"]}, "expected each once, got 'random' 2 times"),
             ({"algorithms": {"_a": "random"}}, "does not begin with _"),
@@ -544,6 +552,10 @@ indicators: [area, igd]
         found = lines(changed(**changes))
         assert any(said in line for line in found), found
         assert len(found) <= 2
+
+    def test_bounds_without_seconds(self):
+        [said] = lines({**GOOD, "bounds": None})
+        assert said == 'bounds: "bounds:" has no value: expected seconds.'
 
     @pytest.mark.parametrize(
         ("one", "other", "why"),
@@ -667,6 +679,8 @@ class TestSchema:
             {"missions": {"a": 3}},
             {"algorithms": {"a": {"algorithm": "x", "parameter": {}}}},
             {"budget": {"evaluations": 0}},
+            {"bounds": {"seconds": 0}},
+            {"bounds": {}},
             {"indicators": ["igd"]},
             {"algorithms": {"a": {"algorithm": "bo-aco", "parameters": {"evaporation": 1}}}},
             {"algorithms": {"a": {"algorithm": "bo-aco", "parameters": {"evaporatio": 0.5}}}},

@@ -251,12 +251,12 @@ def test_a_terminal_that_is_closed(study_file, tmp_path):
 
 
 def test_a_terminal_shows_how_it_gets_on(tmp_path):
-    """Runs done, the time left, and failures, on a bar that moves within runs."""
+    """Runs and bounds done, the time left, and failures, on a bar that moves within runs."""
     path = tmp_path / "s.yaml"
     slow = f"{{algorithm: '{MADE}:Slow', parameters: {{seconds: 0.2}}}}"
     path.write_text(
         f"name: s\nmissions: [toy]\nalgorithms: {{bad: '{MADE}:Raising', slow: {slow}}}\n"
-        "budget: {evaluations: 100, seconds: 60}\nseeds: 1\n"
+        "budget: {evaluations: 100, seconds: 60}\nseeds: 1\nbounds: {seconds: 1}\n"
     )
     ours, theirs = pty.openpty()
     fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 120, 0, 0))
@@ -278,7 +278,8 @@ def test_a_terminal_shows_how_it_gets_on(tmp_path):
     assert process.returncode == 1
     assert "0 of 2 runs" in plain
     assert "1 of 2 runs, 1 failed" in plain
-    assert "2 of 2 runs, 1 failed" in plain
+    assert "2 of 2 runs, 1 failed, 0 of 1 bounds" in plain
+    assert "2 of 2 runs, 1 failed, 1 of 1 bounds" in plain
     shares = {int(found) for found in re.findall(r"(\d+)% ", plain)}
     assert any(0 < share < 50 or 50 < share < 100 for share in shares)
     assert re.search(r"\d:\d\d:\d\d left", plain)

@@ -31,7 +31,7 @@ from botohe_moo.study.store.tables import SCHEMAS, to_arrow
 pytestmark = pytest.mark.usefixtures("in_process")
 
 MADE = "tests.study.algorithms_made"
-TIMES = {"began", "seconds", "recording_seconds", "seconds_median", "traceback"}
+TIMES = {"began", "seconds", "recording_seconds", "seconds_median", "bound_seconds", "traceback"}
 TABLES = tuple(SCHEMAS)
 
 
@@ -69,7 +69,7 @@ class Watcher:
     """Notes what is performed."""
 
     def __init__(self):
-        self.performed, self.plan, self.records = [], None, 0
+        self.performed, self.plan, self.records, self.bounded = [], None, 0, []
 
     def begin(self, plan):
         self.plan = plan
@@ -79,6 +79,9 @@ class Watcher:
 
     def end(self, run, outcome):
         self.performed.append((run.algorithm.label, run.seed, outcome.status))
+
+    def end_bound(self, mission, error):
+        self.bounded.append((mission.label, error))
 
 
 def watched(source, folder, **options):

@@ -4,6 +4,7 @@ import itertools
 import math
 import re
 import warnings
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -713,16 +714,17 @@ class TestRanks:
         assert len(ranked(FIVE, indicator="front_size")) == 0
 
 
-def pipeline(missions, algorithms, found, *, control=None, level=0.05):
+def pipeline(missions, algorithms, found, *, control=None, level=0.05, bounds=None):
     runs, final = tables(found)
     references = reference_fronts(runs, final)
     known = dict.fromkeys(missions, quay())
     scores = score_runs(runs, final, references, missions=known, indicators=list(INDICATORS))
     options = {"algorithms": algorithms, "significance": level}
+    most = {mission: SimpleNamespace(area=area) for mission, area in (bounds or {}).items()}
     made = {
         "comparisons": compare_algorithms(scores, runs=runs, control=control, **options),
         "ranks": rank_algorithms(scores, **options),
-        "summary": summarise(runs, scores, missions=missions, **options),
+        "summary": summarise(runs, scores, missions=missions, bounds=most, **options),
     }
     for name, table in made.items():
         to_arrow(name, table)
@@ -762,6 +764,15 @@ class TestSummary:
         assert (a["front_size_median"], b["front_size_median"]) == (1, 1)
         assert (a["evaluations_median"], a["seconds_median"]) == (250, 1.25)
 
+    def test_gaps_by_hand(self):
+        a, b = self.summary(bounds={"m": 0.6}).to_dict("records")
+        assert a["area_gap"] == pytest.approx(0.6 / (0.85 / 4) - 1)
+        assert b["area_gap"] == pytest.approx(2)
+        lost = [("m", "A", 1, [], "failed"), ("m", "B", 1, [(4, 1)])]
+        assert self.summary(lost, bounds={"m": 0.2})["area_gap"].tolist() == [np.inf, 0]
+        assert self.summary(lost[:1], bounds={"m": 0.0})["area_gap"].tolist() == [0]
+        assert self.summary(bounds={"other": 0.6})["area_gap"].isna().all()
+
     def test_distances_by_hand(self):
         # The union is (1, 0.5) and (0.1, 1) as shares; B's (0.4, 0.5) lacks 0.6 and 0.5 of them.
         b = self.summary().to_dict("records")[1]
@@ -777,7 +788,8 @@ class TestSummary:
         runs, final = tables(FOUND)
         options = {"missions": {"m": quay()}, "indicators": ["epsilon"]}
         scores = score_runs(runs, final, reference_fronts(runs, final), **options)
-        table = summarise(runs, scores, missions=["m"], algorithms=["A", "B"], significance=0.05)
+        options = {"algorithms": ["A", "B"], "significance": 0.05, "bounds": {}}
+        table = summarise(runs, scores, missions=["m"], **options)
         to_arrow("summary", table)
         assert table["igd_plus_median"].isna().all()
         assert table["epsilon_median"].notna().all()
@@ -786,8 +798,8 @@ class TestSummary:
     def test_another_algorithm_does_not_move_the_intervals(self):
         areas = rng(8).random(40)
         found = [("m", "AB"[i % 2], i, [(10 * area, 2)]) for i, area in enumerate(areas)]
-        alone = self.summary(found[::2])
-        both = self.summary(found[::-1])
+        alone = self.summary(found[::2], bounds={"m": 1.0})
+        both = self.summary(found[::-1], bounds={"m": 1.0})
         columns = [name for name in alone if name.startswith("area")]
         assert both.loc[0, columns].tolist() == alone.loc[0, columns].tolist()
         assert alone["area_low"][0] < alone["area_median"][0] < alone["area_high"][0]

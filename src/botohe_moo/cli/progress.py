@@ -10,13 +10,14 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Self
 
+from botohe_moo._base.words import counted
 from botohe_moo.cli.shell import harmless
 
 if TYPE_CHECKING:
     from rich.progress import Progress as Bar
 
     from botohe_moo.solving import Progress
-    from botohe_moo.study.file.model import Run
+    from botohe_moo.study.file.model import Run, StudyMission
     from botohe_moo.study.planning import Plan
     from botohe_moo.study.run.task import Outcome, Record
 
@@ -108,12 +109,13 @@ class ProgressWatcher:
         self._lock = threading.Lock()
         self._shares: dict[str, float] = {}
         self._n_ended = self._n_runs = self._n_failed = 0
+        self._n_bounded = self._n_bounds = 0
         self._bar: Bar | None = None
         self._said_at = time.monotonic()
 
     def __enter__(self) -> Self:
         if is_terminal():
-            words = "{task.fields[done]} of {task.fields[runs]} runs{task.fields[failed]} "
+            words = "{task.fields[words]} "
             self._bar = new_bar(24, words)
             self._bar.start()
         return self
@@ -127,14 +129,17 @@ class ProgressWatcher:
         """Say how many runs are finished, and how many are to go."""
         for fault in plan.damaged.values():
             self._say(f"{fault}; the run is performed again.")
-        self._n_runs = len(plan.missing)
+        for fault in plan.damaged_bounds.values():
+            self._say(f"{fault}; the bound is computed again.")
+        self._n_runs, self._n_bounds = len(plan.missing), len(plan.unbounded)
         there = len(plan.runs) - self._n_runs
         again = f", {len(plan.failed)} of them failed before" if plan.failed else ""
         self._say(f"{len(plan.runs)} runs: {there} are there, {self._n_runs} to go{again}.")
+        if self._n_bounds:
+            self._say(f"{counted(self._n_bounds, 'bound')} to compute when the runs are done.")
         if self._bar is not None:
-            self._task = self._bar.add_task(
-                "", total=self._n_runs * _STEPS, done=0, runs=self._n_runs, failed=""
-            )
+            n_first = self._n_runs or self._n_bounds
+            self._task = self._bar.add_task("", total=n_first * _STEPS, words=self._words())
 
     def record(self, run: Run, record: Record) -> None:
         """Note which part of its budget a run has spent."""
@@ -157,12 +162,31 @@ class ProgressWatcher:
                     f"{outcome.status}: {outcome.error}"
                 )
             self._show()
+            if self._bar is not None and self._is_bounding:
+                # Bounds take another time than runs do.
+                self._bar.reset(self._task, total=self._n_bounds * _STEPS, words=self._words())
+
+    def end_bound(self, mission: StudyMission, error: str | None) -> None:
+        """Note that a mission is bounded, or why not."""
+        with self._lock:
+            self._n_bounded += 1
+            if error is not None:
+                self._say(f"bound of {mission.label}: failed: {error}")
+            self._show()
 
     def _show(self) -> None:
-        failed = f", {self._n_failed} failed" if self._n_failed else ""
         if self._bar is not None:
-            steps = (self._n_ended + sum(self._shares.values())) * _STEPS
-            self._bar.update(self._task, completed=steps, done=self._n_ended, failed=failed)
+            steps = (self._n_bounded or self._n_ended + sum(self._shares.values())) * _STEPS
+            self._bar.update(self._task, completed=steps, words=self._words())
         elif time.monotonic() - self._said_at > _SECONDS_BETWEEN_LINES:
             self._said_at = time.monotonic()
-            self._say(f"{self._n_ended} of {self._n_runs} runs{failed}")
+            self._say(self._words())
+
+    @property
+    def _is_bounding(self) -> bool:
+        return self._n_bounds > 0 and self._n_ended == self._n_runs
+
+    def _words(self) -> str:
+        failed = f", {self._n_failed} failed" if self._n_failed else ""
+        bounds = f", {self._n_bounded} of {self._n_bounds} bounds" if self._n_bounds else ""
+        return f"{self._n_ended} of {self._n_runs} runs{failed}{bounds}"

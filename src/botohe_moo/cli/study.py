@@ -102,6 +102,8 @@ def run(
             f"{counted(n_failed, 'run')} failed: runs.csv says why; run the study again to retry.",
             FAILED,
         )
+    if n_unbounded := len(tables.missing_bounds):
+        fail(f"{counted(n_unbounded, 'bound')} failed; run the study again to retry.", FAILED)
 
 
 def _outcome(tables: StudyTables) -> str:
@@ -119,7 +121,9 @@ def _outcome(tables: StudyTables) -> str:
         shown = shown.set_axis(
             ["algorithm", "runs", "median area", "low", "high", "seconds"], axis=1
         )
-        formats = {"seconds": "{:.2f}".format}
+        if rows["area_gap"].notna().any():
+            shown.insert(5, "gap at most", rows["area_gap"])
+        formats = {"seconds": "{:.2f}".format, "gap at most": "{:.2%}".format}
         with option_context("display.unicode.east_asian_width", True):
             table = shown.to_string(
                 index=False, float_format="{:.4f}".format, formatters=formats, justify="right"
@@ -146,15 +150,22 @@ def plan(file: FileArgument, out: OutOption = None, workers: WorkersOption = Non
         planned = plan_study(study, folder)
     for fault in planned.damaged.values():
         say(f"{fault}; the run will be performed again.")
+    for fault in planned.damaged_bounds.values():
+        say(f"{fault}; the bound will be computed again.")
     with showing_trials(say) as show:
         estimates = list(estimate_times(planned, show))
     tell(_plan_table(estimates))
     n_there, n_runs = len(planned.finished), len(planned.runs)
     tell(f"\n{n_runs} runs: {n_there} are there, {n_runs - n_there} to go, in {folder.path}")
-    n_workers = _workers(workers)
-    if waiting := [estimate for estimate in estimates if estimate.n_there < estimate.n_runs]:
-        left = time_left(waiting, n_workers)
-        about = "at most about" if any(e.at_most for e in waiting) else "about"
+    n_workers, n_bounds = _workers(workers), len(planned.unbounded)
+    if n_bounds:
+        each = _duration(study.bound_seconds)
+        tell(f"{counted(n_bounds, 'bound')} to compute when the runs are done, at most {each} each")
+    waiting = [estimate for estimate in estimates if estimate.n_there < estimate.n_runs]
+    if waiting or n_bounds:
+        left = time_left(waiting, n_workers, n_bounds=n_bounds, bound_seconds=study.bound_seconds)
+        at_most = n_bounds or any(e.at_most for e in waiting)
+        about = "at most about" if at_most else "about"
         unknown = any(estimate.seconds is None for estimate in waiting)
         tell(
             f"{about} {_duration(left)} with {n_workers} at a time"
@@ -231,6 +242,9 @@ def _say_missing(tables: StudyTables) -> None:
     n_runs = len(tables.runs) + tables.n_missing
     if tables.n_missing:
         say(f"{tables.n_missing} of the study's {n_runs} runs are missing from the tables.")
+    if n_unbounded := len(tables.missing_bounds):
+        n_missions = len(tables.mission_labels)
+        say(f"{n_unbounded} of the study's {n_missions} bounds are missing from the tables.")
 
 
 @study_app.command("report")

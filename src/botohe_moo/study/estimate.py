@@ -86,15 +86,20 @@ def estimate_times(plan: Plan, tell: Callable[[str], None]) -> Iterator[Estimate
             )
 
 
-def time_left(estimates: Iterable[Estimate], workers: int) -> float:
-    """Give the seconds until the last missing run ends, with so many workers."""
+def time_left(
+    estimates: Iterable[Estimate], workers: int, *, n_bounds: int = 0, bound_seconds: float = 0.0
+) -> float:
+    """Give the seconds until the last missing run ends, and then the last bound, with ``workers``.
+
+    Each of ``n_bounds`` takes ``bound_seconds`` at most.
+    """
     estimates = [estimate for estimate in estimates if estimate.n_left]
     start = max((estimate.shared_start_seconds for estimate in estimates), default=0.0)
     free_at = [start] * workers
     for estimate in estimates:
         for _ in range(estimate.n_left):
             heapq.heapreplace(free_at, free_at[0] + estimate.each)
-    return max(free_at)
+    return max(free_at) + math.ceil(n_bounds / workers) * bound_seconds
 
 
 def _has_own_process(run: Run) -> bool:

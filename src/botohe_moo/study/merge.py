@@ -1,16 +1,25 @@
 """Merging the results that several machines have of one study."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from botohe_moo.study.file.model import MANIFEST, Run, Study, StudyError, study_folder
+from botohe_moo.indicators import area_indicator
+from botohe_moo.study.file.model import (
+    MANIFEST,
+    Run,
+    Study,
+    StudyError,
+    StudyMission,
+    study_folder,
+)
 from botohe_moo.study.file.union import unite_studies
-from botohe_moo.study.planning import make_task, refresh_tables
+from botohe_moo.study.planning import found_points, make_task, refresh_tables
 from botohe_moo.study.run.perform import verify
 from botohe_moo.study.run.task import Outcome
+from botohe_moo.study.store.bound_files import KeptBound
 from botohe_moo.study.store.folder import DamagedError, StudyFolder
 from botohe_moo.study.store.manifest import restore_study
 from botohe_moo.study.store.run_files import IndexedFile
@@ -26,7 +35,8 @@ def merge_studies(
     The studies may differ in their missions, algorithms and seeds; the merged one has all of
     these. Every run is checked: its file has to be whole, it has spent no more than its budget, and
     the plans of its final front are evaluated again. Nothing is written before all is checked. Of
-    a run that several folders have, ``out`` keeps its own, or else takes that of the first folder.
+    a run that several folders have, ``out`` keeps its own, or else takes that of the first folder;
+    of bounds, that which was allowed the most seconds. Bounds that are missing are not computed.
 
     Parameters
     ----------
@@ -54,6 +64,7 @@ def merge_studies(
     sources = [StudyFolder(path) for path in resolved]
     _check_nothing_is_lost(target.path, study)
     found = {run.digest: _find_run(run, sources) for run in study.runs()}
+    bounds = list(_find_bounds(study, sources))
     with target.locked(study):
         target.write_study(study)
         finished = {}
@@ -64,6 +75,8 @@ def merge_studies(
                 failures = (source.failure(run.digest) for source in sources)
                 if failure := next(filter(None, failures), None):
                     target.save(run, failure)
+        for mission, kept in bounds:
+            target.save_bound(mission, kept.bound, kept.seconds)
         with tables_locked(target.path):
             return refresh_tables(study, target, finished)
 
@@ -105,6 +118,25 @@ def _find_run(run: Run, sources: Sequence[StudyFolder]) -> StudyFolder | None:
                 f"{found[0].path}; the same run gives the same on every machine."
             )
     return found[0] if found else None
+
+
+def _find_bounds(
+    study: Study, sources: Sequence[StudyFolder]
+) -> Iterator[tuple[StudyMission, KeptBound]]:
+    """Give the bound of each mission that was allowed the most seconds, if there is one."""
+    runs = study.runs()
+    for mission in study.missions if study.file.bounds else ():
+        try:
+            kept = [bound for folder in sources if (bound := folder.bound(mission))]
+        except DamagedError as error:
+            raise StudyError(f"{error}; remove the file, and merge again.") from error
+        if not kept:
+            continue
+        longest = max(kept, key=lambda bound: bound.seconds)
+        for folder in sources:
+            area = area_indicator(found_points(mission, runs, folder), mission.mission)
+            longest.check(mission.label, area)
+        yield mission, longest
 
 
 def _verify_outcome(run: Run, outcome: Outcome) -> None:

@@ -4,14 +4,17 @@ import contextlib
 import functools
 import hashlib
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
+import numpy as np
+
+from botohe_moo._base.types import FloatArray
 from botohe_moo.study.file.digest import canonical
-from botohe_moo.study.file.model import Run, Study, StudyError
-from botohe_moo.study.run.task import PATIENCE, Task
+from botohe_moo.study.file.model import Run, Study, StudyError, StudyMission
+from botohe_moo.study.run.task import PATIENCE, BoundTask, Task
 from botohe_moo.study.store.folder import DamagedError, StudyFolder, writing
 from botohe_moo.study.store.manifest import read_manifest
 from botohe_moo.study.store.run_files import IndexedFile, read_index, write_index
@@ -21,13 +24,16 @@ from botohe_moo.study.store.tables import SMALL, StudyTables, read_study
 
 @dataclass(frozen=True)
 class Plan:
-    """The runs of a study, and which of them are finished."""
+    """The runs of a study, which of them are finished, and which bounds are missing."""
 
     runs: tuple[Run, ...]
     # All by digest of the run:
     finished: Mapping[str, IndexedFile]  # files of finished runs
     failed: frozenset[str]  # runs that failed the last time
     damaged: Mapping[str, str]  # what is wrong with files that cannot be used
+    # All by digest of the bound:
+    unbounded: Mapping[str, StudyMission]  # whose bounds are to be computed
+    damaged_bounds: Mapping[str, str]  # what is wrong with files that cannot be used
 
     @property
     def missing(self) -> tuple[Run, ...]:
@@ -36,7 +42,7 @@ class Plan:
 
 
 def plan_study(study: Study, folder: StudyFolder, *, anew: bool = False) -> Plan:
-    """Find out which runs of a study are finished.
+    """Find out which runs of a study are finished, and which bounds are there.
 
     A file that is new, or has changed since it was read, is read in full and checked; with
     ``anew`` every file is.
@@ -52,7 +58,22 @@ def plan_study(study: Study, folder: StudyFolder, *, anew: bool = False) -> Plan
             damaged[run.digest] = str(error)
     failed = folder.failures().keys() & {run.digest for run in runs} - finished.keys()
     readable = (digest for digest in failed if folder.failure(digest) is not None)
-    return Plan(runs, finished, frozenset(readable), damaged)
+    return Plan(runs, finished, frozenset(readable), damaged, *_plan_bounds(study, folder))
+
+
+def _plan_bounds(
+    study: Study, folder: StudyFolder
+) -> tuple[dict[str, StudyMission], dict[str, str]]:
+    """Find out which missions have no bound that was allowed as many seconds as are asked for."""
+    missing, damaged = {}, {}
+    for mission in study.missions if study.file.bounds else ():
+        try:
+            kept = folder.bound(mission)
+        except DamagedError as error:
+            kept, damaged[mission.bound_digest] = None, str(error)
+        if kept is None or kept.seconds < study.bound_seconds:
+            missing[mission.bound_digest] = mission
+    return missing, damaged
 
 
 def make_task(run: Run, patience: float = PATIENCE) -> Task:
@@ -76,6 +97,31 @@ def make_task(run: Run, patience: float = PATIENCE) -> Task:
         version=version("botohe-moo"),
         patience=patience,
     )
+
+
+def make_bound_task(
+    mission: StudyMission, runs: Iterable[Run], folder: StudyFolder, seconds: float
+) -> BoundTask:
+    """Give what a worker needs to know to bound a mission: what its runs have found guides it."""
+    return BoundTask(
+        digest=mission.bound_digest,
+        mission=mission.mission,
+        min_survival=mission.min_survival,
+        max_length=math.inf if mission.max_length is None else mission.max_length,
+        front=found_points(mission, runs, folder),
+        seconds=seconds,
+    )
+
+
+def found_points(mission: StudyMission, runs: Iterable[Run], folder: StudyFolder) -> FloatArray:
+    """Give E[R] and E[S] (n, 2) of all final fronts that a folder has of a mission."""
+    fronts = [np.empty((0, 2))]
+    for run in runs:
+        if run.mission.bound_digest == mission.bound_digest and folder.has_run(run.digest):
+            with contextlib.suppress(DamagedError):
+                fronts += [record.objectives for record in folder.load(run).records[-1:]]
+    points: FloatArray = np.unique(np.concatenate(fronts), axis=0)
+    return points
 
 
 def refresh_tables(
@@ -112,7 +158,8 @@ def _inputs_digest(study: Study, folder: StudyFolder, finished: Mapping[str, Ind
         if digest in missing
     }
     contents = {digest: file.content for digest, file in finished.items()}
-    parts = [study.manifest(), contents, failures, _code_digest()]
+    bounds = {label: kept.content for label, kept in folder.bounds(study).items()}
+    parts = [study.manifest(), contents, failures, bounds, _code_digest()]
     return hashlib.sha256(canonical(parts).encode()).hexdigest()
 
 

@@ -11,10 +11,10 @@ from typing import Any, Protocol
 from botohe_moo._base.checks import check_integer, check_number
 from botohe_moo._base.interrupts import hold_interrupt
 from botohe_moo.study.file.loading import load_study
-from botohe_moo.study.file.model import Run, Study, study_folder
-from botohe_moo.study.planning import Plan, make_task, plan_study, refresh_tables
+from botohe_moo.study.file.model import Run, Study, StudyMission, study_folder
+from botohe_moo.study.planning import Plan, make_bound_task, make_task, plan_study, refresh_tables
 from botohe_moo.study.run.cluster import check_address, dask_outcomes
-from botohe_moo.study.run.pool import Outcomes, local_outcomes
+from botohe_moo.study.run.pool import FoundBounds, Outcomes, local_bounds, local_outcomes
 from botohe_moo.study.run.task import PATIENCE, Outcome, Record
 from botohe_moo.study.store.folder import StudyFolder
 from botohe_moo.study.store.manifest import read_manifest, restore_study
@@ -87,6 +87,9 @@ class Watcher(Protocol):
     def end(self, run: Run, outcome: Outcome) -> None:
         """Take note of a run that has ended and whose outcome is saved."""
 
+    def end_bound(self, mission: StudyMission, error: str | None) -> None:
+        """Take note of a mission whose bound is saved, or of the error that there is instead."""
+
 
 class _Silent:
     """A watcher that shows nothing."""
@@ -96,6 +99,8 @@ class _Silent:
     def record(self, run: Run, record: Record) -> None: ...
 
     def end(self, run: Run, outcome: Outcome) -> None: ...
+
+    def end_bound(self, mission: StudyMission, error: str | None) -> None: ...
 
 
 def run_study(
@@ -107,11 +112,12 @@ def run_study(
     patience: float = PATIENCE,
     watcher: Watcher | None = None,
 ) -> StudyTables:
-    """Perform what is missing of a study, and make its tables.
+    """Perform what is missing of a study, bound its missions if it says so, and make its tables.
 
     Runs that are already in the folder are not performed again, unless something has changed that
     their result depends on: mission, algorithm, parameters, budget, recording, seed or package
-    version. Failed runs are performed again.
+    version. Failed runs are performed again. Bounds are computed when all runs are done, unless the
+    folder has those that were allowed as many seconds.
 
     Parameters
     ----------
@@ -120,9 +126,9 @@ def run_study(
     out
         Folder to write to; default: ``results/NAME``.
     workers
-        Runs at a time on this machine, at least 1. Results do not depend on it.
+        Runs or bounds at a time on this machine, at least 1. Results of runs do not depend on it.
     dask
-        Address of the scheduler of a Dask cluster, to work there instead.
+        Address of the scheduler of a Dask cluster, to perform runs there instead.
     patience
         Seconds, above 0, after which a run of another package's algorithm fails that evaluates no
         plan any more, where no budget of seconds ends it.
@@ -175,6 +181,13 @@ def run_study(
                     note=lambda task, record: watcher.record(runs[task.digest], record),
                 )
             done = _save(outcomes, runs, folder, watcher)
+            bound_tasks = (
+                make_bound_task(mission, plan.runs, folder, study.bound_seconds)
+                for mission in plan.unbounded.values()
+                if not stop.pressed.is_set()
+            )
+            bounds = local_bounds(bound_tasks, workers=workers, stopped=stop.pressed.is_set)
+            _save_bounds(bounds, plan.unbounded, folder, watcher)
             with tables_locked(folder.path):
                 tables = refresh_tables(study, folder, {**plan.finished, **done})
     if stop.pressed.is_set():
@@ -194,6 +207,18 @@ def _save(
                 done[run.digest] = file
             watcher.end(run, outcome)
     return done
+
+
+def _save_bounds(
+    bounds: FoundBounds, missions: Mapping[str, StudyMission], folder: StudyFolder, watcher: Watcher
+) -> None:
+    """Save bounds as they are found."""
+    with contextlib.closing(bounds):
+        for task, found in bounds:
+            mission, error = missions[task.digest], found if isinstance(found, str) else None
+            if not isinstance(found, str):
+                folder.save_bound(mission, found, task.seconds)
+            watcher.end_bound(mission, error)
 
 
 def make_tables(
@@ -221,7 +246,8 @@ def make_tables(
     with tables_locked(ours.path):
         study = restore_study(ours.path)
         plan = plan_study(study, ours, anew=True)
-        for fault in plan.damaged.values():
-            if say is not None:
-                say(f"{fault}; the run is missing from the tables.")
+        for what, damaged in (("run", plan.damaged), ("bound", plan.damaged_bounds)):
+            for fault in damaged.values():
+                if say is not None:
+                    say(f"{fault}; the {what} is missing from the tables.")
         return refresh_tables(study, ours, plan.finished, anew=True)

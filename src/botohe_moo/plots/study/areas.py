@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
+from botohe_moo._base.checks import check_number
 from botohe_moo.plots.draw.algorithms import (
     AlgorithmStyle,
     chosen_algorithms,
@@ -17,6 +18,7 @@ from botohe_moo.plots.draw.algorithms import (
 from botohe_moo.plots.draw.panels import study_axes
 from botohe_moo.plots.draw.scales import title_above
 from botohe_moo.plots.draw.style import INK, dress, theme, tint
+from botohe_moo.plots.study.bounds import draw_bound
 
 _GOLDEN = (5**0.5 - 1) / 2  # its multiples spread evenly, whatever their number
 
@@ -27,6 +29,7 @@ def plot_areas(
     *,
     algorithms: Sequence[str] | None = None,
     styles: Mapping[str, AlgorithmStyle] | None = None,
+    bound: float | None = None,
     title: str | None = None,
     ax: Axes | None = None,
 ) -> Axes:
@@ -40,15 +43,17 @@ def plot_areas(
     summary
         Rows of the same mission in the summary: columns ``algorithm``, ``area_median``,
         ``area_low`` and ``area_high``.
-    algorithms, styles, title, ax
+    algorithms, styles, bound, title, ax
         As in :func:`plot_curves`; algorithms from top to bottom.
 
     Raises
     ------
     ValueError
         If a column is missing, there are rows of several missions, or an algorithm is not known or
-        has no row in ``summary``.
+        has no row in ``summary``, or ``bound`` is not in [0, 1].
     """
+    if bound is not None:
+        check_number("bound", bound, at_least=0, at_most=1)
     labels = chosen_algorithms("runs", runs, ("algorithm", "seed", "status", "area"), algorithms)
     interval = ("algorithm", "area_median", "area_low", "area_high")
     chosen_algorithms("summary", summary, interval, labels)
@@ -72,8 +77,11 @@ def plot_areas(
         ax.set_xlabel("area of the final front (normalised hypervolume)")
         crosses = "; crosses: runs that are not done" if (runs["status"] != "done").any() else ""
         words = f"points: runs; above them their median and its interval{crosses}"
-        title_above(ax, title, words)
         low, high = ax.dataLim.intervalx
+        if bound is not None:
+            high, said = draw_bound([ax], bound, low, high, "x")
+            words += said
+        title_above(ax, title, words)
         margin = max(0.04 * (high - low), 0.005)
         ax.set_xlim(max(low - margin, -0.3 * margin), high + margin)
     return ax

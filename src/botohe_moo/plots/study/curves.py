@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from botohe_moo._base.checks import check_integer
+from botohe_moo._base.checks import check_integer, check_number
 from botohe_moo._base.types import FloatArray
 from botohe_moo.plots.draw.algorithms import (
     AlgorithmStyle,
@@ -20,6 +20,7 @@ from botohe_moo.plots.draw.algorithms import (
 from botohe_moo.plots.draw.panels import add_band, open_algorithm_axes
 from botohe_moo.plots.draw.scales import label_ends, log_axis
 from botohe_moo.plots.draw.style import theme
+from botohe_moo.plots.study.bounds import draw_bound
 
 Progress = Literal["evaluations", "seconds"]
 Value = Literal["area", "igd_plus", "epsilon"]
@@ -59,6 +60,7 @@ def plot_curves(
     algorithms: Sequence[str] | None = None,
     styles: Mapping[str, AlgorithmStyle] | None = None,
     band: Band = "quartiles",
+    bound: float | None = None,
     title: str | None = None,
     ax: Axes | None = None,
 ) -> Axes:
@@ -88,6 +90,9 @@ def plot_curves(
         ``quartiles``: median, between a quarter and three quarters of the runs; ``sd``: mean plus
         and minus one standard deviation, where runs are; ``range``: median, smallest to largest.
         The line under the title says which. An algorithm with one run has no band.
+    bound
+        An area that no front exceeds, such as ``FrontBound.area``: a dashed line, unless it is too
+        far from what is shown. Only where ``value`` is ``area``.
     title
         Name of the mission; what follows a line break is paler.
     ax
@@ -97,8 +102,12 @@ def plot_curves(
     ------
     ValueError
         If a column is missing, there are rows of several missions or none at all, or an algorithm
-        or option is not known.
+        or option is not known, or ``bound`` is not in [0, 1] or given with another ``value``.
     """
+    if bound is not None:
+        check_number("bound", bound, at_least=0, at_most=1)
+        if value != "area":
+            raise ValueError(f"Expected no bound, which is of areas, with {value}, got {bound}.")
     curves = progress_curves(trace, x=x, value=value, algorithms=algorithms, band=band)
     styles = styles_of(list(curves), styles)
     found = list(curves.values())
@@ -108,7 +117,8 @@ def plot_curves(
         first, last = min(float(c.x[0]) for c in found), max(float(c.x[-1]) for c in found)
         log_axis(axes.first, first, last, small=not axes.in_panels)
         if value == "area":
-            cut = _area_axis(axes.first, found)
+            panels = list(dict.fromkeys(axes.of.values()))
+            cut = _area_axis(panels, found, bound)
         else:
             cut = _distance_axis(axes.first, found, small=not axes.in_panels)
         marked = not axes.in_panels and len(curves) > _COLOURS_ALONE
@@ -152,16 +162,19 @@ def _draw(ax: Axes, label: str, curve: Curve, style: AlgorithmStyle, many: int |
         ax.plot([curve.ended, last], end, **stroke(style, 1.0), zorder=2, gid="held")
 
 
-def _area_axis(ax: Axes, curves: Sequence[Curve]) -> str:
+def _area_axis(axes: Sequence[Axes], curves: Sequence[Curve], bound: float | None) -> str:
     """Show where curves end, and at least the upper half of the way there; say what is cut off."""
     ends = [float(curve.middle[-1]) for curve in curves]
     lowest = min(float(curve.low.min()) for curve in curves)
     low = max(lowest, min(2 * min(ends) - max(ends), 0.5 * max(ends)))
     high = max(float(curve.high.max()) for curve in curves)
+    said = ""
+    if bound is not None:
+        high, said = draw_bound(axes, bound, low, high, "y")
     margin = max(0.05 * (high - low), 0.005)
     bottom = max(low - margin, -0.3 * margin)
-    ax.set_ylim(bottom, high + margin)
-    return f"; areas below {bottom:.2f} cut off" if lowest < bottom else ""
+    axes[0].set_ylim(bottom, high + margin)
+    return (f"; areas below {bottom:.2f} cut off" if lowest < bottom else "") + said
 
 
 def _distance_axis(ax: Axes, curves: Sequence[Curve], *, small: bool) -> str:

@@ -18,7 +18,7 @@ from botohe_moo.plots.draw.algorithms import (
 )
 from botohe_moo.plots.draw.labels import WIDTH, columns
 from botohe_moo.plots.draw.panels import AlgorithmAxes, open_algorithm_axes
-from botohe_moo.plots.draw.style import INK, dress, theme
+from botohe_moo.plots.draw.style import INK, MUTED, dress, theme
 from botohe_moo.plots.front import OBJECTIVES, staircase
 
 
@@ -27,6 +27,7 @@ def plot_fronts(
     runs: pd.DataFrame,
     *,
     reference: pd.DataFrame | None = None,
+    bound: pd.DataFrame | None = None,
     algorithms: Sequence[str] | None = None,
     styles: Mapping[str, AlgorithmStyle] | None = None,
     title: str | None = None,
@@ -45,6 +46,8 @@ def plot_fronts(
         Rows of the same mission in its runs: columns ``algorithm``, ``seed`` and ``area``.
     reference
         Points of the reference front, columns ``reward`` and ``survivors``; a thin line.
+    bound
+        Points that plans do not exceed, as in a study's bounds, in the same columns; a dashed line.
     algorithms, styles, title, ax
         As in :func:`plot_curves`, with panels from twelve algorithms on.
 
@@ -67,18 +70,28 @@ def plot_fronts(
         lines = {label: found[:-1] for label, found in corners.items()}
         axes = open_algorithm_axes(lines, styles, ax, size=(5.6, 4.2), stretch=2.0, names=names)
         if reference is not None:
-            line = staircase(reference[["reward", "survivors"]].to_numpy(float))[:-1].T
             look: dict[str, Any] = {"color": INK, "linewidth": 0.6, "zorder": 4}
-            for own in dict.fromkeys(axes.of.values()):
-                own.plot(*line, **look, label="all runs together", gid="reference")
+            _draw_line(axes, reference, label="all runs together", gid="reference", **look)
+        if bound is not None:
+            look = {"color": MUTED, "linewidth": 1.0, "linestyle": "--", "zorder": 1}
+            _draw_line(axes, bound, label="no plan lies beyond", gid="bound", **look)
         for label, own in axes.of.items():
             _draw(own, corners[label], styles[label])
             if not axes.in_panels:
                 key = {**stroke(styles[label], 1.4), "marker": styles[label].marker}
                 own.plot([], [], **key, markersize=5.5, label=names[label], gid="key")
-        words += "; thin: all runs together" if axes.in_panels else ""
+        if axes.in_panels:
+            words += "; thin: all runs together" if reference is not None else ""
+            words += "; dashed: no plan lies beyond" if bound is not None else ""
         finish_objectives(axes, title, words)
     return axes.first
+
+
+def _draw_line(axes: AlgorithmAxes, points: pd.DataFrame, **look: Any) -> None:
+    """Draw the staircase of points on all panels."""
+    line = staircase(points[["reward", "survivors"]].to_numpy(float))[:-1].T
+    for own in dict.fromkeys(axes.of.values()):
+        own.plot(*line, **look)
 
 
 def _with_seed(name: str, seed: int, n_points: int) -> str:

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal, Self, get_args
 from pydantic import (
     AfterValidator,
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Field,
     StringConstraints,
@@ -194,6 +195,19 @@ class Comparison(_Entry):
     """Significance level; intervals cover 1 minus this."""
 
 
+class Bounds(_Entry):
+    """A bound on the front of each mission: how far the fronts found are from the best there is."""
+
+    seconds: Annotated[float, Field(gt=0, le=1e9, allow_inf_nan=False)]
+    """Time for the bound of a mission, when its runs are done."""
+
+
+def _given_bounds(value: Any) -> Any:
+    if value is None:
+        raise ValueError('"bounds:" has no value: expected seconds')
+    return value
+
+
 class StudyFile(_Entry):
     """A comparative study: algorithms on missions, each for several seeds."""
 
@@ -221,6 +235,8 @@ class StudyFile(_Entry):
     """What fronts are judged by."""
     comparison: Comparison = Comparison()
     """The control algorithm, if any, and the significance level."""
+    bounds: Annotated[Bounds | None, BeforeValidator(_given_bounds)] = None
+    """Bounds to be proved on the missions' fronts; default: none. No run depends on them."""
 
     @model_validator(mode="before")
     @classmethod

@@ -46,14 +46,18 @@ class StudyMission:
         """Give everything that results depend on; labels are not part of it."""
         # Without a budget of seconds no run is killed.
         unused = {"grace_seconds"} if self.budget.seconds is None else None
+        return {**self._limited(), "budget": self.budget.model_dump(exclude=unused)}
+
+    @property
+    def bound_digest(self) -> str:
+        """Digest of all that a bound on its front depends on; the name of the bound."""
+        return hashlib.sha256(canonical(self._limited()).encode()).hexdigest()[:16]
+
+    def _limited(self) -> dict[str, Any]:
+        """Give the mission and the limits of its plans."""
         # Only where there is one, so that runs of earlier versions keep their names.
         limit = {} if self.max_length is None else {"max_length": float(self.max_length)}
-        return {
-            "mission": self.digest,
-            "min_survival": float(self.min_survival),
-            **limit,
-            "budget": self.budget.model_dump(exclude=unused),
-        }
+        return {"mission": self.digest, "min_survival": float(self.min_survival), **limit}
 
 
 @dataclass(frozen=True)
@@ -125,6 +129,11 @@ class Study:
         """The study's name."""
         return self.file.name
 
+    @property
+    def bound_seconds(self) -> float:
+        """Seconds for the bound of each mission; 0 if none is asked for."""
+        return self.file.bounds.seconds if self.file.bounds else 0.0
+
     def runs(self) -> tuple[Run, ...]:
         """List the runs: mission by mission, algorithm by algorithm, seed by seed."""
         return tuple(
@@ -171,6 +180,7 @@ class Study:
             "recording": self.file.recording.model_dump(),
             "indicators": list(self.file.indicators),
             "comparison": self.file.comparison.model_dump(),
+            "bounds": self.file.bounds and self.file.bounds.model_dump(),
             "tables": None,
         }
 

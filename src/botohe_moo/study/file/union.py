@@ -22,7 +22,7 @@ _COMMON = ("name", "recording", "indicators", "comparison")  # must be the same 
 
 
 def unite_studies(paths: Sequence[Path], studies: Sequence[Study]) -> Study:
-    """Give the study that has the missions, algorithms and seeds of all."""
+    """Give the study that has the missions, algorithms and seeds of all, and the longest bounds."""
     first = studies[0]
     for path, study in zip(paths[1:], studies[1:], strict=True):
         for name in _COMMON:
@@ -40,6 +40,7 @@ def unite_studies(paths: Sequence[Path], studies: Sequence[Study]) -> Study:
     missions = _members("mission", paths, [study.missions for study in studies])
     algorithms = _members("algorithm", paths, [study.algorithms for study in studies])
     seeds = tuple(dict.fromkeys(seed for study in studies for seed in study.seeds))
+    asked = [study.file.bounds for study in studies if study.file.bounds]
     file = first.file.model_copy(
         update={
             "missions": _mission_entries([study.file.missions for study in studies], missions),
@@ -50,6 +51,7 @@ def unite_studies(paths: Sequence[Path], studies: Sequence[Study]) -> Study:
             ),
             "seeds": Seeds.model_construct(values=list(seeds)),
             "budget": None,  # each mission has its own
+            "bounds": max(asked, key=lambda bounds: bounds.seconds, default=None),
         }
     )
     # JSON is YAML, too, and leaves no doubt what is a text.

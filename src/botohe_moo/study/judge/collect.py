@@ -11,11 +11,18 @@ import pandas as pd
 
 from botohe_moo._base.types import FloatArray
 from botohe_moo.mission.model import Mission
+from botohe_moo.search.bounds import FrontBound
 from botohe_moo.study.file.model import Run, Study
 from botohe_moo.study.judge.comparisons import compare_algorithms
 from botohe_moo.study.judge.ranks import compare_ranks, rank_algorithms
 from botohe_moo.study.judge.scores import reference_fronts, score_records, score_runs
-from botohe_moo.study.judge.summary import algorithm_table, mission_table, reach_targets, summarise
+from botohe_moo.study.judge.summary import (
+    algorithm_table,
+    bound_table,
+    mission_table,
+    reach_targets,
+    summarise,
+)
 from botohe_moo.study.run.environment import environment
 from botohe_moo.study.run.task import Outcome
 from botohe_moo.study.store.folder import DamagedError, StudyFolder, writing
@@ -27,16 +34,22 @@ from botohe_moo.study.store.tables import write_tables
 def collect_tables(study: Study, folder: StudyFolder) -> dict[str, pd.DataFrame]:
     """Make all tables of a study, and write them to its folder.
 
-    Runs that are not there, or whose files are damaged, are not in the tables. A StudyError says
-    that the folder cannot be written to.
+    Runs and bounds that are not there, or whose files are damaged, are not in the tables. A
+    StudyError says that the folder cannot be written to, or names a bound that a run refutes.
     """
     found = _Found()
     for run, outcome in _outcomes(study, folder):
         found.add(run, outcome)
     missions = {mission.label: mission.mission for mission in study.missions}
     manifest = study.manifest()
-    tables = _judged(study, found, missions)
-    tables["missions"] = mission_table(manifest, missions)
+    kept = folder.bounds(study)
+    bounds = {label: of_mission.bound for label, of_mission in kept.items()}
+    tables = _judged(study, found, missions, bounds)
+    largest = tables["runs"].groupby("mission")["area"].max()
+    for label in kept.keys() & largest.keys():
+        kept[label].check(label, float(largest[label]))
+    tables["missions"] = mission_table(manifest, missions, bounds)
+    tables["bounds"] = bound_table(bounds)
     tables["algorithms"] = algorithm_table(manifest)
     ordered = {name: tables[name] for name in SCHEMAS}
     with writing(folder.path):
@@ -103,8 +116,13 @@ def _run_row(run: Run, outcome: Outcome, where: str) -> dict[str, Any]:
     }
 
 
-def _judged(study: Study, found: _Found, missions: dict[str, Mission]) -> dict[str, pd.DataFrame]:
-    """Give all tables but ``missions`` and ``algorithms``."""
+def _judged(
+    study: Study,
+    found: _Found,
+    missions: dict[str, Mission],
+    bounds: dict[str, FrontBound],
+) -> dict[str, pd.DataFrame]:
+    """Give all tables but ``missions``, ``bounds`` and ``algorithms``."""
     comparison, indicators = study.file.comparison, study.file.indicators
     level = comparison.significance
     labels = [algorithm.label for algorithm in study.algorithms]
@@ -130,7 +148,12 @@ def _judged(study: Study, found: _Found, missions: dict[str, Mission]) -> dict[s
         "ranks": ranks,
         "posthoc": compare_ranks(ranks, significance=level),
         "summary": summarise(
-            runs, scores, missions=list(missions), algorithms=labels, significance=level
+            runs,
+            scores,
+            missions=list(missions),
+            algorithms=labels,
+            significance=level,
+            bounds=bounds,
         ),
         "targets": reach_targets(
             runs, tables["trace"], references, missions=missions, algorithms=labels

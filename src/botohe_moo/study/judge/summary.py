@@ -10,6 +10,7 @@ from scipy import stats
 from botohe_moo._base.checks import check_number
 from botohe_moo.indicators import TIE, area_indicator
 from botohe_moo.mission.model import Mission
+from botohe_moo.search.bounds import FrontBound
 from botohe_moo.study.file.digest import value_text
 from botohe_moo.study.judge.scores import (
     as_table,
@@ -21,11 +22,19 @@ from botohe_moo.study.judge.scores import (
 from botohe_moo.study.judge.statistics import generator_for, median_interval
 
 
-def mission_table(manifest: Mapping[str, Any], missions: Mapping[str, Mission]) -> pd.DataFrame:
-    """Make the table ``missions``, with a further column for each parameter in a grid."""
+def mission_table(
+    manifest: Mapping[str, Any],
+    missions: Mapping[str, Mission],
+    bounds: Mapping[str, FrontBound],
+) -> pd.DataFrame:
+    """Make the table ``missions``, with a further column for each parameter in a grid.
+
+    ``bounds`` are those that there are, by label of the mission.
+    """
     rows = []
     for label, entry in manifest["missions"].items():
         mission = missions[label]
+        bound = bounds.get(label)
         rows.append(
             {
                 "mission": label,
@@ -37,10 +46,22 @@ def mission_table(manifest: Mapping[str, Any], missions: Mapping[str, Mission]) 
                 "total_reward": mission.total_reward,
                 "min_survival": entry["min_survival"],
                 "max_length": entry.get("max_length"),
+                "bound_area": None if bound is None else bound.area,
+                "bound_seconds": None if bound is None else bound.seconds,
             }
         )
     varied = [entry.get("grid") or {} for entry in manifest["missions"].values()]
     return _widened("missions", rows, varied, prefix="grid_")
+
+
+def bound_table(bounds: Mapping[str, FrontBound]) -> pd.DataFrame:
+    """Make the table ``bounds`` of the bounds that there are, by label of the mission."""
+    rows = [
+        {"mission": label, "reward": reward, "survivors": survivors}
+        for label, bound in bounds.items()
+        for reward, survivors in bound.points.tolist()
+    ]
+    return as_table("bounds", rows)
 
 
 def algorithm_table(manifest: Mapping[str, Any]) -> pd.DataFrame:
@@ -104,6 +125,7 @@ def summarise(
     missions: Sequence[str],
     algorithms: Sequence[str],
     significance: float,
+    bounds: Mapping[str, FrontBound],
 ) -> pd.DataFrame:
     """Make the table ``summary``: the runs of each algorithm on each mission.
 
@@ -124,12 +146,22 @@ def summarise(
         areas_of = [found[mission, label]["area"].to_numpy(float) for label in labels]
         ranks = stats.rankdata(best_first("area", areas_of))
         for label, rank in zip(labels, ranks, strict=True):
-            row = {"mission": mission, "algorithm": label, "rank": float(rank)}
+            row: dict[str, Any] = {"mission": mission, "algorithm": label, "rank": float(rank)}
             for name in ("igd_plus", "epsilon"):
                 values = samples.get((mission, name), {}).get(label)
                 row[f"{name}_median"] = None if values is None else float(np.median(values))
-            rows.append(row | _described(found[mission, label], level))
+            row |= _described(found[mission, label], level)
+            if mission in bounds:
+                row["area_gap"] = _gap(bounds[mission].area, row["area_mean"])
+            rows.append(row)
     return as_table("summary", rows)
+
+
+def _gap(most: float, area: float) -> float:
+    """Give by which share an area may be exceeded at most, as ``FrontBound.gap`` does."""
+    if area == 0.0:
+        return np.inf if most > 0.0 else 0.0
+    return max(0.0, most / area - 1.0)
 
 
 def _described(runs: pd.DataFrame, level: float) -> dict[str, Any]:

@@ -5,7 +5,14 @@ import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from botohe_moo.study.report.words import INDICATORS, comparison_cells, count, fixed, summary_cells
+from botohe_moo.study.report.words import (
+    INDICATORS,
+    comparison_cells,
+    count,
+    fixed,
+    percent,
+    summary_cells,
+)
 from botohe_moo.study.store.tables import StudyTables
 
 _SPECIAL = {
@@ -130,6 +137,9 @@ def summary_latex(tables: StudyTables) -> str:
     header = ["algorithm", "runs", r"\shortstack[r]{median\\area}", "interval"]
     header += [r"IGD\textsuperscript{+}", r"$\varepsilon$", "points"]
     header += [r"\shortstack[r]{evalu-\\ations}", r"\shortstack[r]{time\\(s)}", "rank"]
+    bounded = bool(tables.summary["area_gap"].notna().any())
+    if bounded:
+        header.insert(4, r"\shortstack[r]{gap\\at most}")
     groups = []
     for mission in tables.mission_labels:
         rows = tables.summary[tables.summary["mission"] == mission]
@@ -137,6 +147,8 @@ def summary_latex(tables: StudyTables) -> str:
         cells = []
         for row, found in zip(rows.to_dict("records"), summary_cells(rows), strict=True):
             numbers = [count(row["n"]), *found]
+            if bounded:
+                numbers.insert(3, percent(row["area_gap"]))
             line = [breakable(row["algorithm"]), *map(escape_latex, numbers)]
             if row["rank"] == least:
                 line[2] = rf"\textbf{{{line[2]}}}"

@@ -22,10 +22,12 @@ from botohe_moo.study.report.page_tables import (
 from botohe_moo.study.report.standing import leader, matrix, standing
 from botohe_moo.study.report.words import (
     INDICATORS,
+    bound_words,
     budget_words,
     count,
     fixed,
     level,
+    listed,
     main_indicator,
     parameter_words,
     seed_words,
@@ -82,6 +84,7 @@ def render_page(tables: StudyTables, figures: Mapping[str, Sequence[ReportFigure
         n_faults=int((tables.runs["status"] != "done").sum()),
         max_faults=_MANY_FAULTS,
         level=level(tables),
+        unbounded=listed(tables.missing_bounds) if tables.missing_bounds else "",
         environments=_environments(tables),
     )
     return f"{page.strip()}\n"
@@ -155,10 +158,13 @@ def _algorithms(tables: StudyTables) -> TextTable:
 def _settings(tables: StudyTables) -> list[tuple[str, str]]:
     indicators = tables.manifest["indicators"]
     compared = f"others with {tables.control}" if tables.control is not None else "all pairs"
+    bounds = tables.manifest.get("bounds")
+    bounded = [("Bounds", f"{bounds['seconds']:,g} seconds each")] if bounds else []
     return [
         ("Seeds", seed_words(tables.manifest["seeds"])),
         ("Indicators", ", ".join(INDICATORS[name] for name in indicators)),
         ("Compared", f"{compared}, at a significance level of {tables.significance:g}"),
+        *bounded,
     ]
 
 
@@ -166,7 +172,9 @@ def _section(
     tables: StudyTables, mission: str, figures: Mapping[str, Sequence[ReportFigure]]
 ) -> dict[str, Any]:
     comparisons = tables.comparisons[tables.comparisons["mission"] == mission]
+    [row] = tables.missions[tables.missions["mission"] == mission].to_dict("records")
     return {
+        "bound": bound_words(row),
         "label": mission,
         "anchor": f"mission-{slug(mission)}",
         "title": tables.mission(mission).title,

@@ -13,6 +13,7 @@ from botohe_moo.study.report.words import (
     fixed,
     listed,
     p_value,
+    percent,
     significant,
     summary_cells,
 )
@@ -37,6 +38,9 @@ def summary_table(tables: StudyTables, mission: str) -> TextTable:
     rows = tables.summary[tables.summary["mission"] == mission]
     header = ["algorithm", "runs", "median area", "interval", "mean ± sd", "best"]
     header += ["IGD+", "epsilon", "points", "evaluations", "seconds", "rank"]
+    bounded = bool(rows["area_gap"].notna().any())
+    if bounded:
+        header.insert(6, "gap at most")
     n_seeds = len(tables.manifest["seeds"])
     cells = []
     for row, found in zip(rows.to_dict("records"), summary_cells(rows), strict=True):
@@ -50,6 +54,7 @@ def summary_table(tables: StudyTables, mission: str) -> TextTable:
                 *found[:2],
                 f"{fixed(row['area_mean'])}{spread}",
                 fixed(row["area_best"]),
+                *([percent(row["area_gap"])] if bounded else []),
                 *found[2:],
             ]
         )

@@ -61,6 +61,8 @@ class MissionPictures:
         known = set(self._runs["algorithm"])
         self._labels = [label for label in tables.algorithm_labels if label in known]
         self._names = ", ".join(self._labels)
+        most = self._rows(tables.missions)["bound_area"].iloc[0]
+        self._most = None if pd.isna(most) else float(most)
         self._many = len(self._labels) >= MANY
 
     def _rows(self, table: pd.DataFrame) -> pd.DataFrame:
@@ -105,7 +107,7 @@ class MissionPictures:
             "seconds": "The same over the algorithms' own time, without recording.",
         }
         for (x, caption), kind in zip(captions.items(), ("curves", "seconds"), strict=True):
-            ax = plot_curves(trace, x=x, algorithms=labels, **self._look)
+            ax = plot_curves(trace, x=x, algorithms=labels, bound=self._most, **self._look)
             yield kind, ax, caption, f"Area over {x} of {', '.join(labels)}"
 
     def _stacked(self, *, share: bool) -> Sequence[Axes]:
@@ -168,7 +170,9 @@ class MissionPictures:
 
     def _areas(self) -> Iterator[Picture]:
         summary = self._rows(self._tables.summary)
-        ax = plot_areas(self._runs, summary, algorithms=self._labels, **self._look)
+        ax = plot_areas(
+            self._runs, summary, algorithms=self._labels, bound=self._most, **self._look
+        )
         caption = (
             "The area of every run's final front, a point each. Above them the median (diamond) "
             f"and its {level(self._tables)} bootstrap interval (line)."
@@ -196,12 +200,15 @@ class MissionPictures:
     def _fronts(self) -> Iterator[Picture]:
         plans, reference = self._rows(self._tables.plans), self._rows(self._tables.references)
         chosen = {"algorithms": self._labels, **self._look}
-        ax = plot_fronts(plans, self._runs, reference=reference, **chosen)
+        bound = None if self._most is None else self._rows(self._tables.bounds)
+        ax = plot_fronts(plans, self._runs, reference=reference, bound=bound, **chosen)
         caption = (
             "For each algorithm the final front of the run with the median area, of the middle two "
             "the one with less; its seed stands beside the name. The thin line is the reference "
             "front: what all runs on this mission found together."
         )
+        if bound is not None:
+            caption += " No plan whatsoever lies beyond the dashed line: that is proved."
         yield "fronts", ax, caption, f"Final fronts of the median runs of {self._names}"
         ax = plot_attainment(plans, self._runs, **chosen)
         caption = (

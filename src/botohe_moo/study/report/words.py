@@ -36,6 +36,11 @@ def significant(value: Any, digits: int = 3) -> str:
     return f"{number:,.{max(places, 0)}f}" if places <= 8 else f"{number:.{digits}g}"
 
 
+def percent(share: Any) -> str:
+    """Write a share in percent; a dash where it is missing."""
+    return _DASH if pd.isna(share) else f"{100 * float(share):,.2f} %"
+
+
 def count(value: Any) -> str:
     """Write a count, or a median of counts, which may end in a half."""
     if pd.isna(value):
@@ -95,6 +100,16 @@ def budget_words(budget: Mapping[str, Any]) -> str:
         if budget.get(unit) is not None
     ]
     return " or ".join(limits) or "no limit"
+
+
+def bound_words(mission: Mapping[Any, Any]) -> str:
+    """Say what is proved of a mission, a row of that table; empty where nothing is."""
+    if pd.isna(mission["bound_area"]):
+        return ""
+    took = significant(mission["bound_seconds"])
+    return (
+        f"No front whatsoever has an area above {fixed(mission['bound_area'])}, proved in {took} s."
+    )
 
 
 def parameter_words(parameters: Mapping[str, Any]) -> str:

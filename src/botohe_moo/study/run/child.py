@@ -1,10 +1,11 @@
-"""The process in which runs are performed: ``python -m botohe_moo.study.run.child``.
+"""The process of runs and of bounds: ``python -m botohe_moo.study.run.child``.
 
 It reads tasks from its standard input and writes messages to its standard output, until the process
 that started it ends.
 """
 
 import contextlib
+import math
 import os
 import random
 import select
@@ -12,13 +13,17 @@ import signal
 import threading
 import time
 from multiprocessing.connection import Connection
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from botohe_moo.study.file.digest import code_mismatch
 from botohe_moo.study.run.environment import environment
 from botohe_moo.study.run.perform import perform, warm_up
-from botohe_moo.study.run.task import Task, failure
+from botohe_moo.study.run.task import BoundTask, Task, failure
+
+if TYPE_CHECKING:
+    from botohe_moo.search.bounds import FrontBound
 
 _SECONDS_BETWEEN_MESSAGES = 0.2
 _SIGNS_OF_LIFE = 10  # within the patience that a run may need
@@ -37,9 +42,12 @@ def main() -> None:
     warm: set[tuple[str, str]] = set()
     while True:
         try:
-            task: Task = tasks.recv()
+            task: Task | BoundTask = tasks.recv()
         except EOFError:
             return
+        if isinstance(task, BoundTask):
+            messages.send(("end", task.digest, _bound(task), environment()))
+            continue
         if mismatch := code_mismatch({"version": task.version}, {task.algorithm: task.origin}):
             messages.send(("end", task.digest, failure(f"the worker {mismatch}"), environment()))
             continue
@@ -57,6 +65,15 @@ def main() -> None:
         outcome = perform(task, reporter.put, reporter.show_progress)
         reporter.send_records()
         reporter.send("end", outcome)
+
+
+def _bound(task: BoundTask) -> "FrontBound | str":
+    # Imported late: runs do not need it.
+    from botohe_moo.study.run.bound import find_bound, warm_up_bounds
+
+    with contextlib.suppress(Exception):  # the bound will raise and report it
+        warm_up_bounds(floor=task.min_survival > 0, budget=task.max_length < math.inf)
+    return find_bound(task)
 
 
 class _Reporter:

@@ -83,8 +83,8 @@ class Recorder:
 
 
 _WARM_UP_EVALUATIONS = 250
-_WARM_UP_SURVIVAL = 1e-9
-_WARM_UP_LENGTH = 1e9
+WARM_UP_SURVIVAL = 1e-9
+WARM_UP_LENGTH = 1e9
 
 
 def perform(
@@ -223,8 +223,8 @@ def warm_up(task: Task) -> None:
         task,
         mission=toy,
         # A limit, however loose, has kernels of its own.
-        min_survival=min(task.min_survival, _WARM_UP_SURVIVAL),
-        max_length=max(task.max_length, _WARM_UP_LENGTH),
+        min_survival=min(task.min_survival, WARM_UP_SURVIVAL),
+        max_length=max(task.max_length, WARM_UP_LENGTH),
         algorithm=task.algorithm if ours else "random",
         parameters=task.parameters if ours else {},
         evaluations=_WARM_UP_EVALUATIONS,

@@ -9,14 +9,17 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from multiprocessing.connection import Connection
-from typing import IO, Any
+from typing import IO, TYPE_CHECKING, Any
 
 from botohe_moo.study.run.environment import THREAD_SETTINGS, environment
 from botohe_moo.study.run.perform import verify
-from botohe_moo.study.run.task import Outcome, Record, Task, failure
+from botohe_moo.study.run.task import BoundTask, Outcome, Record, Task, failure
+
+if TYPE_CHECKING:
+    from botohe_moo.search.bounds import FrontBound
 
 _SECONDS_BETWEEN_LOOKS = 0.1
 _MOST_SECONDS_TO_START = 600.0  # kernels are compiled then, perhaps on a slow machine
@@ -94,7 +97,10 @@ def _most_seconds(task: Task) -> float:
 
 
 class Sandbox:
-    """A process that performs one run after another, and is replaced when it has to be killed."""
+    """A process that performs one run after another, and is replaced when it has to be killed.
+
+    It bounds missions, too.
+    """
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
@@ -107,17 +113,47 @@ class Sandbox:
         ``stopped`` is asked ten times a second and ends the run when it is true; ``note`` is given
         the latest record whenever there are new ones.
         """
-        if self._process is None or self._process.poll() is not None:
-            self.close()
-            self._start()
-        try:
+        with self._closed_by_errors():
             outcome = self._follow(task, stopped, note)
-        except BaseException:
-            self.close()
-            raise
         if task.origin["source"] is not None:  # its code might leave something behind
             self.close()
         return outcome
+
+    def bound(self, task: BoundTask, *, stopped: Callable[[], bool]) -> "FrontBound | str | None":
+        """Bound the front of a mission; say what went wrong, or give None if it was stopped.
+
+        ``stopped`` is asked ten times a second and ends the process when it is true.
+        """
+        with self._closed_by_errors():
+            self._send(task)
+            while not stopped():
+                message = self._receive()
+                if message is None:
+                    continue
+                kind, digest, content, _ = message
+                if kind == "died":
+                    return self._last_words()[0]
+                if (kind, digest) == ("end", task.digest):
+                    return content  # type: ignore[no-any-return]
+            self.close()
+        return None
+
+    @contextlib.contextmanager
+    def _closed_by_errors(self) -> Iterator[None]:
+        try:
+            yield
+        except BaseException:
+            self.close()
+            raise
+
+    def _send(self, task: Task | BoundTask) -> None:
+        """Give a task to the process, which is started if there is none."""
+        if self._process is None or self._process.poll() is not None:
+            self.close()
+            self._start()
+        self._output.truncate(0)  # what earlier tasks have printed
+        with contextlib.suppress(OSError):  # it has died in between: seen when it should answer
+            self._tasks.send(task)
 
     def _start(self) -> None:
         self._output: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115
@@ -144,10 +180,8 @@ class Sandbox:
     def _follow(
         self, task: Task, stopped: Callable[[], bool], note: Callable[[Record], None]
     ) -> Outcome | None:
+        self._send(task)
         state = _RunState(task, environment(), time.monotonic() + _MOST_SECONDS_TO_START)
-        self._output.truncate(0)  # what earlier runs have printed
-        with contextlib.suppress(OSError):  # it has died in between: seen below
-            self._tasks.send(task)
         while True:
             if stopped():
                 self.close()
@@ -163,7 +197,7 @@ class Sandbox:
                 continue
             state.environment = seen_in or state.environment
             if kind == "died":
-                return self._died(state)
+                return state.failed(*self._last_words())
             if kind == "end":
                 return state.ended(content)
             if kind == "begin":
@@ -191,7 +225,8 @@ class Sandbox:
             pass
         return "died", None, None, None
 
-    def _died(self, state: _RunState) -> Outcome:
+    def _last_words(self) -> tuple[str, str | None]:
+        """Say how the process died, and give what it had printed last; None if that is nothing."""
         process = self._process
         assert process is not None
         size = self._output.seek(0, os.SEEK_END)
@@ -202,10 +237,10 @@ class Sandbox:
         status = process.poll()
         self.close()
         if status is None:
-            return state.failed("its process closed the connection", output or None)
+            return "its process closed the connection", output or None
         known = {member.value: member.name for member in signal.Signals}
         how = f"signal {known.get(-status, -status)}" if status < 0 else f"exit status {status}"
-        return state.failed(f"its process died ({how})", output or None)
+        return f"its process died ({how})", output or None
 
     def close(self) -> None:
         """End the process and all it has started, whatever they do."""

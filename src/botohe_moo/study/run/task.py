@@ -36,6 +36,18 @@ class Task:
 
 
 @dataclass(frozen=True)
+class BoundTask:
+    """What a worker needs to know to bound the front of a mission."""
+
+    digest: str  # the name of the bound
+    mission: Mission
+    min_survival: float
+    max_length: float  # infinite without a travel budget
+    front: FloatArray  # E[R] and E[S] of what runs have found (n, 2)
+    seconds: float
+
+
+@dataclass(frozen=True)
 class Record:
     """A run's front at some moment."""
 

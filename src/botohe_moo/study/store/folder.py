@@ -12,8 +12,10 @@ import filelock
 
 from botohe_moo._base.files import read_bytes, replace_file
 from botohe_moo.mission.formats.files import save_mission
-from botohe_moo.study.file.model import MANIFEST, Run, Study, StudyError
+from botohe_moo.search.bounds import FrontBound
+from botohe_moo.study.file.model import MANIFEST, Run, Study, StudyError, StudyMission
 from botohe_moo.study.run.task import Outcome
+from botohe_moo.study.store.bound_files import KeptBound, bound_file, bound_files, read_bound
 from botohe_moo.study.store.manifest import dump_study, read_manifest
 from botohe_moo.study.store.run_files import (
     DAMAGE,
@@ -29,15 +31,16 @@ _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 class DamagedError(Exception):
-    """A run's file cannot be trusted; names the file and says why."""
+    """The file of a run or of a bound cannot be trusted; names the file and says why."""
 
 
 class StudyFolder:
     """The folder of a study's results; it need not exist, and :meth:`locked` makes it.
 
     ``runs/DIGEST.npz`` holds a finished run, ``failures/DIGEST.json`` the last failure of a run
-    that has never finished. Failures are not results: the run is performed again. What cannot be
-    used or written to is named by a StudyError.
+    that has never finished. Failures are not results: the run is performed again.
+    ``bounds/DIGEST-SECONDS.json`` holds the bound of a mission. What cannot be used or written to
+    is named by a StudyError.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
@@ -45,6 +48,7 @@ class StudyFolder:
         self._runs = self.path / "runs"
         self._failures = self.path / "failures"
         self._missions = self.path / "missions"
+        self._bounds = self.path / "bounds"
         self._lock_file = self.path / ".lock"
         self._runner_file = self.path / ".runner"
 
@@ -68,6 +72,8 @@ class StudyFolder:
             # After the lock, which marks the folder as a study's even if it holds nothing else.
             for folder in (self._runs, self._failures, self._missions):
                 _make_folder(folder)
+            if study.file.bounds:
+                _make_folder(self._bounds)
             with writing(self.path):
                 replace_file(self._runner_file, f"{os.getpid()}\n".encode())
             self._tidy()
@@ -85,7 +91,8 @@ class StudyFolder:
     def _tidy(self) -> None:
         """Remove unfinished files of a runner that was killed."""
         with tables_locked(self.path):  # tables may be made meanwhile
-            for folder in (self.path, self._runs, self._failures, self._missions):
+            folders = (self.path, self._runs, self._failures, self._missions, self._bounds)
+            for folder in folders:
                 for leftover in folder.glob(".*.tmp"):
                     if _TEMPORARY.match(leftover.name):
                         leftover.unlink(missing_ok=True)
@@ -169,6 +176,40 @@ class StudyFolder:
     def load(self, run: Run) -> Outcome:
         """Read the outcome of a run; a DamagedError names a file that cannot be trusted."""
         return self._read(run)[1]
+
+    def bound(self, mission: StudyMission) -> KeptBound | None:
+        """Read the bound of a mission; of several that with the most seconds, None without any.
+
+        A DamagedError names a file that cannot be trusted, if there is no other.
+        """
+        fault = None
+        for path in bound_files(self._bounds, mission):
+            try:
+                return read_bound(path, mission)
+            except (OSError, ValueError) as error:
+                said = getattr(error, "strerror", None) or str(error).removeprefix(f"{path} ")
+                fault = fault or DamagedError(f"{path}: damaged ({said.rstrip('.')})")
+        if fault:
+            raise fault
+        return None
+
+    def bounds(self, study: Study) -> dict[str, KeptBound]:
+        """Read all bounds that a study asks for, by label of the mission, but damaged ones."""
+        found = {}
+        for mission in study.missions if study.file.bounds else ():
+            with contextlib.suppress(DamagedError):
+                if kept := self.bound(mission):
+                    found[mission.label] = kept
+        return found
+
+    def save_bound(self, mission: StudyMission, bound: FrontBound, seconds: float) -> None:
+        """Write the bound of a mission that was allowed so many seconds, in place of any other."""
+        path = bound_file(self._bounds, mission, seconds)
+        with writing(self.path):
+            bound.save(path)
+            for other in bound_files(self._bounds, mission):
+                if other != path:
+                    other.unlink(missing_ok=True)
 
     def _read(self, run: Run) -> tuple[bytes, Outcome]:
         path = self._path(run.digest)

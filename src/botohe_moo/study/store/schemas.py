@@ -83,6 +83,15 @@ SCHEMAS: dict[str, pa.Schema] = {
         ("mission", TEXT, "label of the mission in the study file"),
         *_PLAN,
     ),
+    "bounds": _schema(
+        ("mission", TEXT, "label of the mission in the study file"),
+        (
+            "reward",
+            NUMBER,
+            "E[R] of a point; one of them weakly dominates each plan of the mission",
+        ),
+        ("survivors", NUMBER, "E[S] of the point"),
+    ),
     "comparisons": _schema(
         ("mission", TEXT, "label of the mission in the study file"),
         ("indicator", TEXT, "what is compared"),
@@ -121,13 +130,18 @@ SCHEMAS: dict[str, pa.Schema] = {
         ("area_mean", NUMBER, "mean area"),
         ("area_sd", NUMBER, "standard deviation of the areas; missing for a single run"),
         ("area_best", NUMBER, "largest area"),
+        (
+            "area_gap",
+            NUMBER,
+            "share by which area_mean may be exceeded at most; missing without bound",
+        ),
         ("igd_plus_median", NUMBER, "median IGD+; missing where it is not computed"),
         ("epsilon_median", NUMBER, "median additive epsilon; missing where it is not computed"),
         ("front_size_median", NUMBER, "median number of points on the front"),
         ("rank", NUMBER, "rank of the median area on this mission; 1 is best"),
         ("evaluations_median", NUMBER, "median number of evaluations"),
         ("seconds_median", NUMBER, "median of the algorithm's own time"),
-        optional=("area_sd", "igd_plus_median", "epsilon_median"),
+        optional=("area_sd", "area_gap", "igd_plus_median", "epsilon_median"),
     ),
     "posthoc": _schema(
         ("indicator", TEXT, "what is ranked by"),
@@ -159,7 +173,9 @@ SCHEMAS: dict[str, pa.Schema] = {
         ("total_reward", NUMBER, "sum of the nodes' rewards"),
         ("min_survival", NUMBER, "survival floor of every robot"),
         ("max_length", NUMBER, "travel budget of every robot; missing where there is none"),
-        optional=("max_length",),
+        ("bound_area", NUMBER, "area that no front exceeds; missing where there is no bound"),
+        ("bound_seconds", NUMBER, "how long that bound was computed; missing where there is none"),
+        optional=("max_length", "bound_area", "bound_seconds"),
         further="one for each parameter in a grid; `grid_NAME` where there is a NAME above",
     ),
     "algorithms": _schema(

@@ -22,7 +22,8 @@ from botohe_moo.study.store.table_files import AGAIN, put_tables, read_file
 from botohe_moo.trails import TrailPlan
 
 # These are written as CSV, too.
-SMALL = tuple(name for name in SCHEMAS if name not in ("trace", "fronts", "plans", "references"))
+_LARGE = ("trace", "fronts", "plans", "references", "bounds")
+SMALL = tuple(name for name in SCHEMAS if name not in _LARGE)
 # Types of the columns that depend on the study.
 _TYPES = {dtype: dtype for dtype in (pa.string(), pa.int64(), pa.float64(), pa.bool_())}
 _TYPES[pa.large_string()] = pa.string()
@@ -42,6 +43,9 @@ class StudyTables:
         How the area of recorded fronts grows, their points, and the plans of the final ones.
     references
         The reference fronts: what all runs on a mission found together.
+    bounds
+        Points of which one weakly dominates each plan of a mission, found or not; none where the
+        study asks for no bounds, or they are not computed yet.
     comparisons
         Pairwise tests, by mission.
     ranks, posthoc
@@ -60,6 +64,7 @@ class StudyTables:
     plans: pd.DataFrame
     indicators: pd.DataFrame
     references: pd.DataFrame
+    bounds: pd.DataFrame
     comparisons: pd.DataFrame
     ranks: pd.DataFrame
     summary: pd.DataFrame
@@ -120,6 +125,12 @@ class StudyTables:
         ]
         table = pd.DataFrame(rows, columns=["mission", "algorithm", "missing"])
         return table[table["missing"] > 0].reset_index(drop=True)
+
+    @property
+    def missing_bounds(self) -> list[str]:
+        """Labels of missions without the bound that the study asks for."""
+        missing = self.missions["bound_area"].isna() & (self.manifest.get("bounds") is not None)
+        return self.missions.loc[missing, "mission"].tolist()
 
     def mission(self, label: str) -> Mission:
         """Give a mission by its label.

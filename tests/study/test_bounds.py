@@ -1,0 +1,362 @@
+"""The bounds that a study asks for: computed once, kept, in the tables and the report."""
+
+import json
+import os
+import signal
+import subprocess
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from botohe_moo import load_mission
+from botohe_moo.cli.study import study_app
+from botohe_moo.search.bounds import FrontBound
+from botohe_moo.study import (
+    StudyError,
+    StudyInterrupted,
+    load_study,
+    make_tables,
+    merge_studies,
+    read_study,
+    run_study,
+)
+from botohe_moo.study.planning import make_bound_task, plan_study
+from botohe_moo.study.report import folder as report_folder
+from botohe_moo.study.report.folder import write_report
+from botohe_moo.study.run import pool
+from botohe_moo.study.run.bound import find_bound
+from botohe_moo.study.run.sandbox import Sandbox
+from botohe_moo.study.store.folder import StudyFolder
+from tests.study.conftest import InProcess
+from tests.study.test_perform import marked_processes
+from tests.study.test_processes import finish, start, wait_until
+from tests.study.test_runner import Watcher
+
+LIMITED = {"mission": "toy", "min_survival": 0.3, "max_length": 6}
+FOREVER = 1e6  # seconds
+HARD = {"mission": "terrain", "parameters": {"nodes": 60, "seed": 1}}  # takes minutes
+
+
+def study_of(seconds=2, **changes):
+    bounds = {} if seconds is None else {"bounds": {"seconds": seconds}}
+    return {
+        "name": "trial",
+        "missions": ["toy"],
+        "algorithms": ["random", "greedy"],
+        "budget": {"evaluations": 300},
+        "seeds": 2,
+        **bounds,
+        **changes,
+    }
+
+
+def watched(source, folder):
+    watcher = Watcher()
+    return run_study(source, folder, watcher=watcher), watcher
+
+
+def files(folder):
+    return sorted(path for path in (folder / "bounds").glob("*") if path.is_file())
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A study with bounds on a mission, with limits and without."""
+    folder = tmp_path_factory.mktemp("made")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pool, "Sandbox", InProcess)
+        run_study(study_of(missions={"toy": "toy", "limited": LIMITED}), folder)
+    return folder
+
+
+@pytest.fixture
+def copied(made, tmp_path, in_process):
+    for path in made.rglob("*"):
+        there = tmp_path / "study" / path.relative_to(made)
+        if path.is_file():
+            there.parent.mkdir(parents=True, exist_ok=True)
+            there.write_bytes(path.read_bytes())
+    return tmp_path / "study"
+
+
+def both(seconds=2):
+    return study_of(seconds, missions={"toy": "toy", "limited": LIMITED})
+
+
+class TestTables:
+    def test_areas_and_gaps(self, made):
+        tables = read_study(made)
+        missions = tables.missions.set_index("mission")
+        summary = tables.summary.set_index(["mission", "algorithm"])
+        kept = [FrontBound.load(path, load_mission("toy")) for path in files(made)]
+        by_floor = {bound.min_survival: bound for bound in kept}
+        for label, floor in (("toy", 0.0), ("limited", 0.3)):
+            bound = by_floor[floor]
+            assert missions.loc[label, "bound_area"] == bound.area
+            assert missions.loc[label, "bound_seconds"] == bound.seconds
+            points = tables.bounds.loc[tables.bounds["mission"] == label, ["reward", "survivors"]]
+            assert points.to_numpy().tolist() == bound.points.tolist()
+            for algorithm in ("random", "greedy"):
+                row = summary.loc[label, algorithm]
+                assert row["area_gap"] == pytest.approx(bound.area / row["area_mean"] - 1)
+                assert row["area_gap"] >= 0
+        assert by_floor[0.3].max_length == 6
+        assert missions.loc["limited", "bound_area"] < missions.loc["toy", "bound_area"]
+        assert tables.missing_bounds == []
+
+    def test_they_are_made_of_the_files(self, copied):
+        before = read_study(copied)
+        after = make_tables(copied)
+        pd.testing.assert_frame_equal(before.bounds, after.bounds)
+        pd.testing.assert_frame_equal(before.summary, after.summary)
+
+    def test_without_bounds_they_are_empty(self, tmp_path, in_process):
+        tables = run_study(study_of(None), tmp_path)
+        assert not (tmp_path / "bounds").exists()
+        assert len(tables.bounds) == 0
+        assert tables.missions["bound_area"].isna().all()
+        assert tables.summary["area_gap"].isna().all()
+        assert tables.missing_bounds == []
+
+    def test_a_bound_that_a_run_refutes_is_refused(self, copied):
+        for path in files(copied):
+            content = json.loads(path.read_text())
+            content["steps"] = []
+            content["lines"] = [[n, 0.1, 0.0, "relaxed"] for n in (1, 2)]
+            path.write_text(json.dumps(content))
+        with pytest.raises(StudyError, match=r"bounds/\w+-2.json: not a bound: it says that no"):
+            make_tables(copied)
+
+
+class TestAgain:
+    def test_nothing_is_computed_twice(self, copied):
+        before = files(copied)
+        tables, watcher = watched(both(), copied)
+        assert (watcher.performed, watcher.bounded) == ([], [])
+        assert files(copied) == before
+        assert tables.summary["area_gap"].notna().all()
+
+    def test_fewer_seconds_are_enough_and_more_are_not(self, copied):
+        _, watcher = watched(both(1), copied)
+        assert watcher.bounded == []
+        tables, watcher = watched(both(2.5), copied)
+        assert sorted(watcher.bounded) == [("limited", None), ("toy", None)]
+        assert watcher.performed == []
+        assert {path.name.partition("-")[2] for path in files(copied)} == {"2.5.json"}
+        assert tables.missing_bounds == []
+
+    def test_runs_stay_when_bounds_are_asked_for_or_not_any_more(self, tmp_path, in_process):
+        run_study(study_of(None), tmp_path)
+        tables, watcher = watched(study_of(), tmp_path)
+        assert (watcher.performed, watcher.bounded) == ([], [("toy", None)])
+        assert tables.summary["area_gap"].notna().all()
+        tables, watcher = watched(study_of(None), tmp_path)
+        assert (watcher.performed, watcher.bounded) == ([], [])
+        assert tables.summary["area_gap"].isna().all()
+        assert len(files(tmp_path)) == 1
+
+    def test_one_mission_under_two_budgets_has_one_bound(self, tmp_path, in_process):
+        longer = {"mission": "toy", "budget": {"evaluations": 400}}
+        tables, watcher = watched(study_of(missions={"a": "toy", "b": longer}), tmp_path)
+        assert len(watcher.bounded) == 1
+        one, other = tables.missions["bound_area"]
+        assert one == other > 0
+
+    @pytest.mark.parametrize(
+        ("damage", "said"),
+        [
+            (lambda path: path.write_bytes(b""), "is not a bound"),
+            (lambda path: path.write_bytes(path.read_bytes()[:-20]), "is not a bound"),
+            (lambda path: path.write_bytes(b"\x80\x04K\x01."), "is not a bound"),
+            (lambda path: path.write_text("[" * 100_000), "is not a bound"),
+            (lambda path: (path.unlink(), path.mkdir()), "directory"),
+            (lambda path: (path.unlink(), os.mkfifo(path)), "found a device or a pipe"),
+            (lambda path: save_other(path, "toy"), "it bounds plans with other limits"),
+            (lambda path: save_other(path, "art_museum"), "bounds another mission than 'toy'"),
+        ],
+        ids=["empty", "cut", "pickle", "deep", "folder", "pipe", "limits", "mission"],
+    )
+    def test_damaged_files_are_named_and_computed_again(self, copied, damage, said):
+        path = StudyFolder(copied).bound(load_study(both()).missions[1]).path
+        damage(path)
+        plan = plan_study(load_study(both()), StudyFolder(copied))
+        assert [mission.label for mission in plan.unbounded.values()] == ["limited"]
+        [fault] = plan.damaged_bounds.values()
+        assert fault.startswith(f"{path}: damaged (")
+        assert said in fault
+        heard = []
+        assert make_tables(copied, say=heard.append).missing_bounds == ["limited"]
+        assert heard == [f"{fault}; the bound is missing from the tables."]
+        if path.is_dir():
+            path.rmdir()
+        tables, watcher = watched(both(), copied)
+        assert watcher.bounded == [("limited", None)]
+        assert tables.missing_bounds == []
+
+    def test_other_files_beside_them_are_left_alone(self, copied):
+        name = load_study(both()).missions[0].bound_digest
+        for other in ("notes.txt", f"{name}-nan.json", f"{name}-x.json", f"{name}.json"):
+            (copied / "bounds" / other).write_text("x")
+        before = files(copied)
+        _, watcher = watched(both(), copied)
+        assert (watcher.bounded, watcher.plan.damaged_bounds) == ([], {})
+        assert files(copied) == before
+
+
+def save_other(path, mission):
+    find_bound(
+        make_bound_task(load_study(study_of(missions=[mission])).missions[0], (), None, 0.5)
+    ).save(path)
+
+
+class TestComputing:
+    def test_what_runs_have_found_is_the_guide(self, made):
+        folder, study = StudyFolder(made), load_study(both())
+        task = make_bound_task(study.missions[0], study.runs(), folder, 2)
+        tables = read_study(made)
+        plans = tables.plans[tables.plans["mission"] == "toy"]
+        expected = np.unique(plans[["reward", "survivors"]].to_numpy(), axis=0)
+        assert task.front.tolist() == expected.tolist()
+        assert (task.min_survival, task.max_length, task.seconds) == (0, np.inf, 2)
+
+    def test_one_that_fails_is_told_and_tried_again(self, tmp_path, in_process, monkeypatch):
+        with monkeypatch.context() as patch:
+            patch.setattr(InProcess, "bound", lambda *_, **__: "MemoryError: no room")
+            tables, watcher = watched(study_of(), tmp_path)
+            assert watcher.bounded == [("toy", "MemoryError: no room")]
+            assert tables.missing_bounds == ["toy"]
+            path = tmp_path / "study.yaml"
+            ended = CliRunner().invoke(study_app, ["run", str(path), "--out", str(tmp_path)])
+            assert ended.exit_code == 1
+            assert "bound of toy: failed: MemoryError: no room" in ended.stderr
+            assert "1 bound failed; run the study again to retry." in ended.stderr
+        assert run_study(study_of(), tmp_path).missing_bounds == []
+
+    def test_whatever_is_raised_is_a_line(self):
+        task = make_bound_task(load_study(study_of()).missions[0], (), None, -1.0)
+        assert find_bound(task).endswith("ParameterError: Expected time_limit > 0, got -1.0.")
+
+    def test_a_process_that_is_killed_is_told(self, monkeypatch, tmp_path):
+        monkeypatch.setenv("BOTOHE_TEST_FOLDER", str(tmp_path))
+        mission = load_study(study_of(missions={"hard": HARD})).missions[0]
+        sandbox, asked = Sandbox(), []
+
+        def stopped():
+            asked.append(1)
+            if len(asked) == 3:
+                [process] = marked_processes(tmp_path)
+                process.kill()
+            return False
+
+        task = make_bound_task(mission, (), None, FOREVER)
+        assert sandbox.bound(task, stopped=stopped) == "its process died (signal SIGKILL)"
+        sandbox.close()
+
+    def test_signals_keep_what_is_finished(self, tmp_path, monkeypatch):
+        """In real processes: the bound that takes for ever is lost, the other is kept."""
+        folder, path = tmp_path / "out", tmp_path / "study.yaml"
+        source = study_of(FOREVER, missions={"toy": "toy", "hard": HARD}, algorithms=["random"])
+        path.write_text(json.dumps(source))
+        environment = {**os.environ, "BOTOHE_TEST_FOLDER": str(folder)}
+        process = start(
+            "run", path, "--out", folder, "--workers", 1, env=environment,
+            popen=subprocess.Popen,
+        )  # fmt: skip
+        wait_until(lambda: files(folder), timeout=120)
+        os.kill(process.pid, signal.SIGINT)
+        status, _, err = finish(process)
+        assert status == 130, err
+        assert "stopped; what is done is in" in err
+        assert "2 bounds to compute when the runs are done" in err
+        assert not marked_processes(folder)
+        tables = read_study(folder)
+        assert tables.missing_bounds == ["hard"]
+        assert tables.n_missing == 0
+        assert len(files(folder)) == 1
+
+    def test_none_is_begun_after_a_stop(self, tmp_path, in_process):
+        class Stopping(Watcher):
+            def end(self, run, outcome):
+                signal.raise_signal(signal.SIGINT)
+
+        with pytest.raises(StudyInterrupted):
+            run_study(study_of(seeds=1, algorithms=["greedy"]), tmp_path, watcher=Stopping())
+        assert files(tmp_path) == []
+        assert read_study(tmp_path).missing_bounds == ["toy"]
+
+
+class TestPlan:
+    def test_it_counts_them(self, copied, tmp_path):
+        path = tmp_path / "study.yaml"
+        path.write_text(json.dumps(both(600)))
+        asked = ["plan", str(path), "--out", str(copied), "--workers", "1"]
+        ended = CliRunner().invoke(study_app, asked)
+        assert "2 bounds to compute when the runs are done, at most 10.0 min each" in ended.stdout
+        assert "at most about 20.0 min with 1 at a time" in ended.stdout
+        path.write_text(json.dumps(both()))
+        assert "bound" not in CliRunner().invoke(study_app, asked).stdout
+
+
+class TestMerging:
+    def test_the_longest_of_each_mission_is_carried_along(self, copied, tmp_path):
+        other = tmp_path / "other"
+        run_study(study_of(1, seeds=[3]), other)
+        merged = merge_studies([other, copied], tmp_path / "all")
+        assert merged.missing_bounds == []
+        assert [path.name for path in files(tmp_path / "all")] == [p.name for p in files(copied)]
+        assert merged.manifest["bounds"] == {"seconds": 2}
+        _, watcher = watched(tmp_path / "all" / "study.yaml", tmp_path / "all")
+        assert watcher.bounded == []
+
+    def test_a_part_without_bounds_joins_one_with(self, copied, tmp_path):
+        run_study(study_of(None, missions=["toy", "two_communities"]), tmp_path / "other")
+        merged = merge_studies([tmp_path / "other", copied], tmp_path / "all")
+        assert merged.missing_bounds == ["two_communities"]
+
+    def test_damaged_ones_are_refused_before_anything_is_written(self, copied, tmp_path):
+        run_study(study_of(seeds=[3]), tmp_path / "other")
+        files(copied)[0].write_text("x")
+        with pytest.raises(StudyError, match="remove the file, and merge again"):
+            merge_studies([tmp_path / "other", copied], tmp_path / "all")
+        assert not (tmp_path / "all").exists()
+
+
+@pytest.fixture
+def one_format(monkeypatch):
+    monkeypatch.setattr(report_folder, "FORMATS", report_folder.FORMATS[:1])
+
+
+@pytest.mark.usefixtures("one_format")
+class TestReport:
+    def test_gaps_stand_beside_areas(self, copied):
+        tables = read_study(copied)
+        write_report(tables)
+        page = (copied / "report" / "report.html").read_text("utf-8")
+        latex = (copied / "report" / "summary.tex").read_text("utf-8")
+        for row in tables.summary.to_dict("records"):
+            assert f">{100 * row['area_gap']:.2f} %<" in page
+            assert f"{100 * row['area_gap']:.2f} \\%" in latex
+        for area in tables.missions["bound_area"]:
+            assert f"No front whatsoever has an area above {area:.4f}, proved in" in page
+        assert page.count("gap at most</th>") == 2
+        assert page.count("No plan whatsoever lies beyond the dashed line") == 2
+        assert "2 seconds each" in page
+
+    def test_missing_ones_are_named(self, copied):
+        for path in files(copied):
+            path.unlink()
+        make_tables(copied)
+        ended = CliRunner().invoke(study_app, ["report", str(copied)])
+        assert "2 of the study's 2 bounds are missing from the tables." in ended.stderr
+        page = (copied / "report" / "report.html").read_text("utf-8")
+        assert "The bounds of toy and limited are not computed yet." in page
+        assert "gap at most" not in page
+
+    def test_without_bounds_nothing_is_said_of_them(self, tmp_path, in_process):
+        write_report(run_study(study_of(None, seeds=1, algorithms=["greedy"]), tmp_path))
+        page = (tmp_path / "report" / "report.html").read_text("utf-8").lower()
+        assert "gap at most" not in page + (tmp_path / "report" / "summary.tex").read_text("utf-8")
+        assert "no front" not in page
+        assert "dashed line:" not in page
