@@ -2,10 +2,12 @@
 
 The names are curves, speed, growth, colonies (results/bo-aco/), operators, annealing
 (results/operators/), studies (results/studies/), search, ideas, budgets, orienteering
-(results/local-search/), fronts, large (results/growth/), pictures (results/choosing/), explorer
-(results/explorer/), start and pace (results/start/) and house (results/house/). ``--before`` names
+(results/local-search/), fronts, large (results/growth/), bounds (results/bounds/), pictures
+(results/choosing/), explorer (results/explorer/), start and pace (results/start/) and house
+(results/house/). ``--before`` names
 another checkout, which start, pace and house measure beside this one. The exit status is 1 if a
-curve is not the published one, or an area, a reward, a ratio to BO-ACO or a size misses its bound;
+curve is not the published one, or an area, a reward, a gap, a ratio to BO-ACO or a size misses its
+bound;
 times themselves, and ratios to another checkout, are never judged, machines differ.
 """
 
@@ -17,6 +19,7 @@ import pandas as pd
 
 from benchmarks import (
     annealing,
+    bounds,
     budgets,
     colonies,
     curves,
@@ -51,6 +54,7 @@ BENCHMARKS = {
     "orienteering": (orienteering.run, "local-search"),
     "fronts": (fronts.run, "growth"),
     "large": (large.run, "growth"),
+    "bounds": (bounds.run, "bounds"),
     "explorer": (explorer.run, "explorer"),
     "house": (house.run, "house"),
     "pictures": (pictures.run, "choosing"),

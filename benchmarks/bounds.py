@@ -1,0 +1,108 @@
+"""How far fronts are from the best there are: certified bounds, and the time they take."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import pandas as pd
+from pymoo.optimize import minimize
+
+from benchmarks.budgets import missions
+from botohe_moo import (
+    BOTOHE,
+    FrontBound,
+    Mission,
+    ParetoLocalSearch,
+    area_indicator,
+    bound_front,
+    load_mission,
+)
+from botohe_moo.plots import plot_front
+
+RESULTS = Path(__file__).parents[1] / "results"
+# Mission, and seconds with the gap that is wanted then, in per cent; inf where none is.
+CASES: tuple[tuple[str, dict[int, float]], ...] = (
+    ("art_museum", {30: 0.8, 120: 0.6}),
+    ("power_plant", {30: 1.2, 90: 1.0}),
+    ("two_communities", {30: math.inf}),
+    ("terrain, 60 nodes, 3 robots", {60: 3.0, 180: 1.5}),
+    ("terrain, 60 nodes, 5 robots", {60: 3.0, 180: 1.5}),
+    ("corridors, 2 x 40", {60: math.inf}),
+    ("one-way, 40 nodes", {60: math.inf}),
+    ("one-way, 80 nodes", {60: math.inf}),
+    ("terrain, 1 000 nodes, 10 robots", {120: math.inf}),
+    ("terrain_200", {600: 8.0}),
+)
+EVALUATIONS = 1_000_000
+CASE_STUDIES = ("art_museum", "power_plant", "two_communities")
+
+
+def run(folder: Path) -> bool:
+    """Print and write gaps, those of all algorithms on the case studies, and a picture; judge."""
+    bound_front(load_mission("terrain", nodes=12, robots=3, seed=1), time_limit=5)  # compiles
+    rows, bounds = [], {}
+    for name, wanted in CASES:
+        mission = _mission(name)
+        result = minimize(BOTOHE(mission), ParetoLocalSearch(), ("n_eval", EVALUATIONS), seed=1)
+        for seconds, most in wanted.items():
+            bound = bound_front(mission, front=-result.F, time_limit=seconds)
+            bounds[name] = bound, -result.F
+            rows.append(_row(name, mission, bound, -result.F, seconds, most))
+            print(pd.DataFrame(rows[-1:]).to_string(index=False), flush=True)
+            pd.DataFrame(rows).to_csv(folder / "bounds.csv", index=False)
+    gaps = _of_algorithms(lambda name: bounds[name][0].area)
+    gaps.to_csv(folder / "algorithms.csv", index=False)
+    print("\nResults of studies, mean areas\n" + gaps.to_string(index=False))
+    published = pd.read_csv(RESULTS / "paper" / "published.csv")["published"]
+    below = bool(published.max() <= bounds["art_museum"][0].area)
+    print(f"\npublished areas of the art museum are below the bound: {below}")
+    bound, front = bounds["art_museum"]
+    plot_front(front, bound.mission, bound=bound).figure.savefig(folder / "front.png", dpi=150)
+    return below and all(row["gap"] <= row["gap_wanted"] for row in rows)
+
+
+def _mission(name: str) -> Mission:
+    drawn = {
+        "two_communities": lambda: load_mission("two_communities", seed=0),
+        "terrain, 60 nodes, 3 robots": lambda: load_mission("terrain", nodes=60, robots=3, seed=12),
+        "terrain, 60 nodes, 5 robots": lambda: load_mission("terrain", nodes=60, robots=5, seed=12),
+        "terrain, 1 000 nodes, 10 robots": lambda: load_mission(
+            "terrain", nodes=1_000, robots=10, seed=1
+        ),
+    }
+    if name in drawn:
+        return drawn[name]()
+    others = missions()
+    return others[name] if name in others else load_mission(name)
+
+
+def _row(
+    name: str, mission: Mission, bound: FrontBound, front: object, seconds: int, most: float
+) -> dict[str, object]:
+    """Say what was proved; gaps in per cent of the front's area."""
+    return {
+        "mission": name,
+        "nodes": len(mission.graph),
+        "robots": mission.robots,
+        "area": area_indicator(front, mission),
+        "bound_area": bound.area,
+        "gap": 100 * bound.gap(front),
+        "gap_wanted": most,
+        "seconds_given": seconds,
+        "seconds": round(bound.seconds, 1),
+        "lines": len(bound.lines),
+        "steps": len(bound.steps),
+    }
+
+
+def _of_algorithms(bound_of: Callable[[str], float]) -> pd.DataFrame:
+    """Compare mean areas of committed studies, 100 000 evaluations, with the bounds."""
+    summary = pd.read_csv(RESULTS / "state-of-the-art" / "summary.csv")
+    rows = []
+    for name in CASE_STUDIES:
+        bound = bound_of(name)
+        of_mission = summary[summary["mission"] == name.replace("_", "-")]
+        for algorithm, area in zip(of_mission["algorithm"], of_mission["area_mean"], strict=True):
+            rows.append((name, algorithm, area, bound, 100 * (bound / area - 1)))
+    columns = ["mission", "algorithm", "area_mean", "bound_area", "gap"]
+    return pd.DataFrame(rows, columns=columns)

@@ -1,0 +1,119 @@
+"""Steps of bounds: stairs of trails, and what is to be proved next."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from botohe_moo import load_mission
+from botohe_moo.search.bounds.front_bound import FrontBound, Line, Step
+from botohe_moo.search.bounds.stairs import add_stairs, least_total, stairs_of
+from botohe_moo.search.bounds.targets import Known, LineTargets, StepTargets
+
+worths = st.lists(st.tuples(st.floats(0, 10), st.floats(0, 1)), min_size=1, max_size=6)
+
+
+@given(worths, st.integers(1, 3), st.floats(0, 3))
+def test_stairs_of_several_trails_are_above_them_together(known, n_trails, x):
+    """No sum of so many trails, whose survivals sum to x, is above what is added up."""
+    values, survival = np.array(known).T
+    n_steps, width = 8, 1.0000001 / 8
+    most = add_stairs(stairs_of(values, survival, width, n_steps), n_trails)
+    chosen = list(product(range(len(values)), repeat=n_trails))
+    sums = np.array([(values[list(team)].sum(), survival[list(team)].sum()) for team in chosen])
+    within = sums[sums[:, 1] >= x, 0]
+    total = int(least_total(np.array([x]), width, n_trails)[0])
+    above = most[total] if total < len(most) else -np.inf
+    assert above >= max(within, default=-np.inf) - 1e-12
+    # And by no more than the width of steps explains.
+    near = sums[sums[:, 1] >= x - (2 * n_trails + 1) * width, 0]
+    assert above <= max(near, default=-np.inf) + 1e-12
+
+
+def test_stairs_by_hand():
+    stairs = stairs_of(np.array([5.0, 3.0, 1.0]), np.array([0.1, 0.5, 0.25]), 0.25, 4)
+    assert stairs.tolist() == [5.0, 3.0, 3.0, -np.inf]
+    assert add_stairs(stairs, 2).tolist() == [10.0, 8.0, 8.0, 6.0, 6.0, -np.inf, -np.inf]
+
+
+@pytest.fixture
+def known():
+    """Two robots: everything for 0.5 survivors, half of it for 1.25, and nobody leaves."""
+    known = Known(0.0, 2)
+    known.add(np.array([[10.0, 0.5], [5.0, 1.25], [4.0, 1.2]]))
+    return known
+
+
+def test_what_is_reached(known):
+    at = [np.searchsorted(known.survivors, x) for x in (0.4, 0.6, 1.2, 1.3)]
+    assert known.reached[at].tolist() == [10.0, 5.0, 5.0, 0.0]
+    starts, ends, heights = known.stairs()
+    assert starts == pytest.approx([0.0, 0.5, 1.25])
+    assert ends.tolist() == [0.5, 1.25, 2.0]
+    assert heights.tolist() == [10.0, 5.0, 0.0]
+    assert known.gap(known.reached) == 0.0
+    assert known.gap(known.reached * 1.5) == pytest.approx(0.5)
+
+
+def bound_of(*steps):
+    lines = (Line(1, 8.0, 0.0, "everything"), Line(2, 12.0, 0.0, "everything"))
+    toy = load_mission("toy", robots=2)
+    return FrontBound(
+        mission=toy,
+        lines=lines,
+        steps=steps,
+        most_survival=0.8,
+        min_survival=0.0,
+        max_length=np.inf,
+        seconds=0.0,
+    )
+
+
+def test_the_step_that_lowers_the_bound_the_most_is_next(known):
+    """Two robots are bounded by 12 up to 1.6, and one by 8 up to 1.8; 10, 5 and 0 are known.
+
+    For two, a goal of 10 from 0 on saves 2 x 1.6, one of 5 from 0.5 on 4 x 1.1 (8 is left for one),
+    and one of 0 from 1.25 on 4 x 0.35. Then 5 for one from 0.5 on saves 3 x 1.3, and 0 from 1.25 on
+    3 x 0.35 + 8 x 0.2. In the end there is one robot from 1.6 to 1.8.
+    """
+    targets = StepTargets(known, 2, 0.8)
+    steps = []
+    for expected in ((2, 1, 5.0), (1, 1, 5.0), (1, 2, 0.0)):
+        target = targets.next(bound_of(*steps), 2, 1)
+        assert (target.moving, target.corner, target.goal) == expected
+        targets.tell(target, is_proved=True)
+        stay = 2 - target.moving
+        least = max(0.0, target.survivors - stay)
+        steps.append(Step(target.moving, target.goal, least, "exact"))
+    assert targets.next(bound_of(), 1, 1).moving == 1
+
+
+def test_what_is_too_hard_is_made_easier_before_more_effort(known):
+    targets, goals, efforts = StepTargets(known, 2, 0.8), [], []
+    for _ in range(9):
+        target = targets.next(bound_of(), 1, 64)
+        if target is None:
+            break
+        if target.corner == 2:
+            goals.append(target.goal)
+            efforts.append(target.effort)
+        targets.tell(target, is_proved=False)
+    assert goals[:4] == [0.0, 2.0, 4.0, 0.0]
+    assert efforts[:4] == [1, 1, 1, 8]
+    assert targets.next(bound_of(), 1, 0.5) is None  # no time for any
+
+
+def test_lines_are_found_where_the_gap_is_the_widest(known):
+    targets = LineTargets(known)
+    moving, survivors, place = targets.next(bound_of())
+    assert moving == 2
+    assert 1.25 < survivors < 1.6  # 12 above 0
+    cells = set()
+    while (target := targets.next(bound_of())) is not None:
+        assert target[2] not in cells
+        cells.add(target[2])
+        targets.close(target[2])
+    assert place in cells
+    assert {moving for _, moving in cells} == {1, 2}
