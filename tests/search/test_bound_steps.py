@@ -87,22 +87,26 @@ def test_the_step_that_lowers_the_bound_the_most_is_next(known):
         stay = 2 - target.moving
         least = max(0.0, target.survivors - stay)
         steps.append(Step(target.moving, target.goal, least, "exact"))
-    assert targets.next(bound_of(), 1, 1).moving == 1
+    again = StepTargets(known, 2, 0.8)
+    assert again.next(bound_of(), 0, 1) is None  # nobody moves
 
 
-def test_what_is_too_hard_is_made_easier_before_more_effort(known):
-    targets, goals, efforts = StepTargets(known, 2, 0.8), [], []
-    for _ in range(9):
-        target = targets.next(bound_of(), 1, 64)
+@pytest.mark.parametrize(
+    ("moving", "goals", "efforts"),
+    [(1, [5.0, 5.0, 5.0], [1, 8, 64]), (2, [5.0, 6.75, 8.5, 5.0], [1, 1, 1, 8])],
+)
+def test_what_is_too_hard_is_made_easier_before_more_effort(known, moving, goals, efforts):
+    """One robot has no goals; a quarter of what is between 5 and 12 is 1.75 for two."""
+    targets, found = StepTargets(known, 2, 0.8), []
+    for _ in range(40):
+        target = targets.next(bound_of(), 2, 64)
         if target is None:
             break
-        if target.corner == 2:
-            goals.append(target.goal)
-            efforts.append(target.effort)
+        if target.moving == moving and target.corner == 1:
+            found.append((target.goal, target.effort))
         targets.tell(target, is_proved=False)
-    assert goals[:4] == [0.0, 2.0, 4.0, 0.0]
-    assert efforts[:4] == [1, 1, 1, 8]
-    assert targets.next(bound_of(), 1, 0.5) is None  # no time for any
+    assert found[: len(goals)] == list(zip(goals, efforts, strict=True))
+    assert StepTargets(known, 2, 0.8).next(bound_of(), 2, 0.5) is None  # no time for any
 
 
 def test_lines_are_found_where_the_gap_is_the_widest(known):

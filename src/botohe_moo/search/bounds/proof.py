@@ -222,7 +222,8 @@ class Proof:
                 return
             x = max(0.0, target.survivors - (self._mission.robots - target.moving))
             steps = self._steps[target.moving - 1]
-            is_proved = steps.tighten(x, target.goal / self._unit, target.effort)
+            goal = target.goal / self._unit
+            is_proved = steps.tighten(x, goal, target.effort, self._deadline)
             targets.tell(target, is_proved=is_proved)
             failed = 0 if is_proved else failed + 1
 

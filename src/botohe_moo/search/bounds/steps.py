@@ -53,7 +53,7 @@ class Steps:
         self._width = most_survival * (1.0 + 1e-9) / rule.n_steps
         self.found: list[Step] = []
 
-    def tighten(self, x: float, goal: float, effort: int) -> bool:
+    def tighten(self, x: float, goal: float, effort: int, deadline: float) -> bool:
         """Lower the bound to a goal where the moving robots' survivals sum to ``x`` or more.
 
         Or to what teams collect, where that is more. False where it takes too long.
@@ -61,7 +61,7 @@ class Steps:
         if self._n_robots == 1:
             return self._for_one(x, effort)
         if effort == 1:
-            self._lines.tighten(x, np.inf)
+            self._lines.tighten(x, deadline)
         return self._for_team(x, goal - self._lines.base_reward, effort)
 
     def _keep(self, least: float, most: float) -> None:

@@ -151,7 +151,8 @@ class StepTargets:
         else:
             near = abs(self._starts - self._starts[corner]) < self._robots / _CELLS / 2
             near &= (share == share[corner]) & (effort == effort[corner])
-        if is_proved or share[corner] >= _EASIEST:
+        # One robot's front is found as it is, without a goal.
+        if is_proved or share[corner] >= _EASIEST or moving == 1:
             share[near] = 0.0
             effort[near] *= _MORE
             self._is_open[moving] &= effort <= _MOST_EFFORT
