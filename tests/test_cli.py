@@ -1216,7 +1216,7 @@ class TestBound:
         assert own.out.splitlines()[2] != none.out.splitlines()[2]
 
     def test_ctrl_c_shows_what_is_proved(self, botohe):
-        code = when_called("botohe_moo.search.bounds.bound", "LocalSearch")
+        code = when_called("botohe_moo.search.bounds.proof", "LocalSearch")
         ended = botohe("bound", "art_museum", "--time-limit", 500, code=code)
         assert ended.status == 130
         assert "stopping; what is proved will be shown" in ended.err
@@ -1314,7 +1314,7 @@ class TestCertify:
         assert names_in(tmp_path / "out") == sorted([*FILES, "bound.json", "explorer.html"])
 
     def test_ctrl_c_keeps_what_is_proved(self, botohe, tmp_path):
-        code = when_called("botohe_moo.search.bounds.bound", "LocalSearch")
+        code = when_called("botohe_moo.search.bounds.proof", "LocalSearch")
         args = ["solve", "art_museum", "-n", 200, "--out", "out", "--certify", 500]
         ended = botohe(*args, code=code)
         assert ended.status == 130

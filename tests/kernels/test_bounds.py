@@ -11,8 +11,15 @@ from hypothesis import strategies as st
 from botohe_moo import Mission
 from botohe_moo.kernels.bounds.relaxed import best_leaving, follow, relax, shortfall
 from botohe_moo.kernels.bounds.states import find_states
-from botohe_moo.kernels.bounds.teams import find_teams, write_misses
-from botohe_moo.kernels.bounds.trails import Completions, find_trails, new_depths
+from botohe_moo.kernels.bounds.teams import Trails, find_teams, write_misses
+from botohe_moo.kernels.bounds.trails import (
+    Completions,
+    Stairs,
+    TrailRule,
+    Worth,
+    find_trails,
+    new_depths,
+)
 from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
 from botohe_moo.search.bounds.memory import Remembered
 from botohe_moo.search.bounds.net import new_net, pieces_of
@@ -161,8 +168,8 @@ def test_no_trail_is_worth_more_than_relaxed_ones_and_the_best_is_found(
     line = Completions(values[None], np.zeros(1), np.zeros((1, net.graph.n_nodes)))
     depths = new_depths(net, np.random.default_rng(seed), 1 << 8, 2, 1)
     stairs = np.zeros(1)
-    given = net, states, prices, mu, line
-    n = find_trails(*given, stairs, np.inf, 0.0, 0.0, False, 1_000_000, depths)
+    given = net, states, Worth(prices, mu), line, Stairs(stairs, np.inf, 0.0)
+    n = find_trails(*given, TrailRule(False, 0.0, 1_000_000), depths)
     assert n >= 0
     best = max([*worths, 0.0])
     assert best - spare - 1e-12 <= stairs[0] <= best * (1 + 1e-12)
@@ -174,7 +181,7 @@ def test_no_trail_is_worth_more_than_relaxed_ones_and_the_best_is_found(
         assert value_of(net, trail, prices, mu) == pytest.approx(stairs[0], rel=1e-12)
     if n > 1:
         stairs[:] = 0.0
-        assert find_trails(*given, stairs, np.inf, 0.0, 0.0, False, n - 1, depths) == -1
+        assert find_trails(*given, TrailRule(False, 0.0, n - 1), depths) == -1
 
 
 N_STEPS = 7
@@ -204,12 +211,12 @@ def lines_ahead(net, states, prices, mus, seed):
 def test_stairs_are_above_all_trails(mission, memory, least, seed):
     net, _, states = prepared(mission, *memory)
     prices, mu = drawn_prices(net, seed)
-    every = twins.all_trails(mission)
-    assume(every is not None)
+    trails = twins.all_trails(mission)
+    assume(trails is not None)
     arcs = set(zip(net.graph.tail.tolist(), net.graph.head.tolist(), strict=True))
     known = [
         (twins.survival_of(mission, trail), value_of(net, trail, prices, 0.0))
-        for trail in every
+        for trail in trails
         if len(trail) > 1 and arcs.issuperset(pairwise(trail))
     ]
     known = [(survival, worth) for survival, worth in known if survival >= least * (1 - 1e-12)]
@@ -222,19 +229,20 @@ def test_stairs_are_above_all_trails(mission, memory, least, seed):
     first = int(least / width + 1e-9)
     depths = new_depths(net, np.random.default_rng(seed), 1 << 8, 5_000, 6)
     stairs = np.zeros(N_STEPS)
-    given = net, states, prices, 0.0, ahead
-    assert find_trails(*given, stairs, width, least, 0.0, False, 1_000_000, depths) >= 0
+    given, every = (net, states, Worth(prices, 0.0), ahead), TrailRule(True, 0.0, 1_000_000)
+    raised = Stairs(stairs, width, least)
+    assert find_trails(*given, raised, TrailRule(False, 0.0, 1_000_000), depths) >= 0
     assert stairs[first:] == pytest.approx(expected[first:], abs=1e-9)
     # All trails above some stairs, each once.
     needed = expected * np.random.default_rng(seed).uniform(0.3, 1.1) + 1e-6
-    assert find_trails(*given, needed, width, least, 0.0, True, 1_000_000, depths) >= 0
+    assert find_trails(*given, Stairs(needed, width, least), every, depths) >= 0
     above = sum(worth > needed[int(step)] for step, (_, worth) in zip(steps, known, strict=True))
     assert depths.found.n_trails == above
     found = {tuple(depths.arcs[i, : depths.n_arcs[i]]) for i in range(above)}
     assert len(found) == above
     if above > 1:
         small = new_depths(net, np.random.default_rng(seed), 1 << 8, above - 1, 6)
-        assert find_trails(*given, needed, width, least, 0.0, True, 1_000_000, small) == -1
+        assert find_trails(*given, Stairs(needed, width, least), every, small) == -1
 
 
 @settings(max_examples=60)
@@ -276,7 +284,8 @@ def test_the_best_teams_are_found(mission, n_robots, seed):
         max([height, *collected[sums >= x * (1 - 1e-12)]])
         for x, height in zip(at, heights, strict=True)
     ]
-    given = values[order], survival[order], misses[order], reward, beside, n_robots, at
+    trails = Trails(values[order], survival[order], misses[order])
+    given = trails, reward, beside, n_robots, at
     again = heights.copy()
     assert find_teams(*given, heights, 1_000_000)
     assert heights == pytest.approx(expected)

@@ -1,10 +1,20 @@
 """The best teams of given trails: depth-first over combinations, bounded by prices."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.bounds.states import ROUNDING, Net
 from botohe_moo.kernels.compile import inlined, kernel
+
+
+class Trails(NamedTuple):
+    """Trails by descending value."""
+
+    values: FloatArray  # (n_trails)
+    survival: FloatArray  # with what probability they come home (n_trails)
+    misses: FloatArray  # and miss each node (n_trails, n_nodes)
 
 
 @kernel
@@ -40,9 +50,7 @@ def _last_at(at: FloatArray, survival: float) -> int:
 
 @kernel
 def find_teams(
-    values: FloatArray,
-    survival: FloatArray,
-    misses: FloatArray,
+    trails: Trails,
     reward: FloatArray,
     beside: float,
     n_robots: int,
@@ -53,9 +61,10 @@ def find_teams(
     """Raise heights until no team of these trails collects more; False if that takes too long.
 
     A team whose survivals sum to ``at[i]`` or more counts for ``heights[i]``; ``at`` ascends and
-    heights never rise. Trails are sorted by descending value; a team collects no more than their
+    heights never rise. A team collects no more than their
     values and ``beside``. Looks at no more than ``n_most`` teams and parts of teams.
     """
+    values, survival, misses = trails.values, trails.survival, trails.misses
     n_trails, most = survival.shape[0], survival.max()
     chosen, sums = np.zeros(n_robots, np.int64), np.zeros((n_robots, 2))
     missed = np.ones((n_robots, reward.shape[0]))

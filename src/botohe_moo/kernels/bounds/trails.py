@@ -42,6 +42,31 @@ class Completions(NamedTuple):
     beside: FloatArray  # (n_lines, n_nodes)
 
 
+class Stairs(NamedTuple):
+    """Heights that never rise: step b stands for survivals of b · ``width`` or more."""
+
+    heights: FloatArray  # (n_steps)
+    width: float
+    least: float  # with which trails come home that are looked for
+
+
+class Worth(NamedTuple):
+    """What a trail is worth: what prices say of its visits, and ``mu`` for survival."""
+
+    prices: FloatArray  # (n_nodes, n_levels + 1)
+    mu: float
+
+
+class TrailRule(NamedTuple):
+    """What to look for."""
+
+    # All trails above the stairs, whatever the order of their arcs; else stairs are raised, each
+    # time by ``slack`` more than they have to be.
+    every: bool
+    slack: float
+    n_most: int  # links to try
+
+
 class Depths(NamedTuple):
     """Scratch of depth-first searches, and what the last has found."""
 
@@ -123,45 +148,63 @@ def _may_exceed(
     return False
 
 
+@inlined
+def _begin(depths: Depths, states: States, ahead: Completions) -> int:
+    """Begin a search at the base; give its number."""
+    depths.found.n_searches += 1
+    depths.found.n_trails = 0
+    step = depths.steps[0]
+    step.state, step.link, step.arc, step.pays = 0, states.first[0], -1, 0
+    step.alive, step.value, step.length = 1.0, 0.0, 0.0
+    step.low, step.high = 0, 0
+    for line in range(ahead.mu.shape[0]):
+        depths.left[0, line] = ahead.beside[line].sum()
+    return int(depths.found.n_searches)
+
+
+@inlined
+def _record(depths: Depths, depth: int, arc: int) -> None:
+    """Write the arcs of the partial trail and one more, over those of the last where it is full."""
+    row = min(depths.found.n_trails, depths.n_arcs.shape[0] - 1)
+    depths.found.n_trails += 1
+    depths.n_arcs[row] = depth + 1
+    for i in range(depth):
+        depths.arcs[row, i] = depths.steps[i + 1].arc
+    depths.arcs[row, depth] = arc
+
+
+@inlined
+def _is_seen(depths: Depths, search: int, low: int, high: int, value: float) -> bool:
+    """Tell whether these arcs were gone on from with as much; if not, remember that they are."""
+    seen = depths.seen[np.int64(low & np.uint64(depths.seen.shape[0] - 1))]
+    if seen.search == search and seen.low == low and seen.high == high and seen.value >= value:
+        return True
+    seen.search, seen.low, seen.high, seen.value = search, low, high, value
+    return False
+
+
 @kernel
 def find_trails(
     net: Net,
     states: States,
-    prices: FloatArray,
-    mu: float,
+    worth: Worth,
     ahead: Completions,
-    stairs: FloatArray,
-    width: float,
-    least: float,
-    slack: float,
-    every: bool,
-    n_most: int,
+    stairs: Stairs,
+    rule: TrailRule,
     depths: Depths,
 ) -> int:
-    """Raise stairs until no trail is above: none that comes home with ``least`` or more.
+    """Raise stairs until no trail is above: each raises its step, and those before.
 
-    Step b stands for survivals of b · ``width`` or more; heights fall. A trail is worth what prices
-    say of its visits, and ``mu`` for survival. It raises its step, and those before, to
-    what it is worth and ``slack``. With ``every`` nothing is raised, and all trails above are
-    found, whatever the order of their arcs. Gives how many links were tried; −1 if ``n_most``, or
-    the room for trails, have not been enough.
+    Gives how many links were tried; −1 if ``n_most``, or the room for trails, have not been enough.
     """
+    prices, mu, heights, width = worth.prices, worth.mu, stairs.heights, stairs.width
     graph, found, steps = net.graph, depths.found, depths.steps
-    n_levels, n_lines, n_stairs = prices.shape[1] - 1, ahead.mu.shape[0], stairs.shape[0]
-    least = max(least, net.min_survival) * (1.0 - ROUNDING)
+    n_levels, n_lines, n_stairs = prices.shape[1] - 1, ahead.mu.shape[0], heights.shape[0]
+    least = max(stairs.least, net.min_survival) * (1.0 - ROUNDING)
     first = _step_of(least, width, n_stairs)
     most, corners = np.empty(n_lines), np.empty(n_stairs, np.int64)
-    n_corners = _find_corners(stairs, first, corners)
-    found.n_searches += 1
-    search = found.n_searches
-    found.n_trails = 0
-    last = np.uint64(depths.seen.shape[0] - 1)
-    step, depth, n = steps[0], 0, 0
-    step.state, step.link, step.arc, step.pays = 0, states.first[0], -1, 0
-    step.alive, step.value, step.length = 1.0, 0.0, 0.0
-    step.low, step.high = 0, 0
-    for line in range(n_lines):
-        depths.left[0, line] = ahead.beside[line].sum()
+    n_corners = _find_corners(heights, first, corners)
+    search, depth, n = _begin(depths, states, ahead), 0, 0
     while depth >= 0:
         here = steps[depth]
         if here.link == states.first[here.state + 1]:
@@ -184,7 +227,7 @@ def find_trails(
         if (length + net.home_length[node]) * (1.0 - ROUNDING) > net.max_length:
             continue
         n += 1
-        if n > n_most:
+        if n > rule.n_most:
             break
         level = alive / net.reach[node] * n_levels
         value, pays = here.value, 0
@@ -193,36 +236,25 @@ def find_trails(
             pays = 1
         if node == graph.base:
             at = _step_of(alive, width, n_stairs)
-            if value + mu * alive > stairs[at]:
-                if not every:
-                    _raise(stairs, at, value + mu * alive + slack)
-                    n_corners = _find_corners(stairs, first, corners)
+            if value + mu * alive > heights[at]:
+                if not rule.every:
+                    _raise(heights, at, value + mu * alive + rule.slack)
+                    n_corners = _find_corners(heights, first, corners)
                     n += (n_stairs + depth) // _LINK  # what this takes
                 elif found.n_trails == depths.n_arcs.shape[0]:
-                    n = n_most + 1
+                    n = rule.n_most + 1
                     break
-                row = min(found.n_trails, depths.n_arcs.shape[0] - 1)
-                found.n_trails += 1
-                depths.n_arcs[row] = depth + 1
-                for i in range(depth):
-                    depths.arcs[row, i] = steps[i + 1].arc
-                depths.arcs[row, depth] = arc
+                _record(depths, depth, arc)
         for line in range(n_lines):
-            left = depths.left[depth, line]
-            if pays:
-                left -= ahead.beside[line, node]
+            left = depths.left[depth, line] - pays * ahead.beside[line, node]
             depths.left[depth + 1, line] = left
             most[line] = value + left + chord(ahead.values[line], states.to[link], level)
         highest = _step_of(at_home, width, n_stairs)
-        if not _may_exceed(most, ahead.mu, stairs, width, corners[:n_corners], highest):
+        if not _may_exceed(most, ahead.mu, heights, width, corners[:n_corners], highest):
             continue
         low, high = here.low ^ depths.keys[arc, 0], here.high ^ depths.keys[arc, 1]
-        seen = depths.seen[np.int64(low & last)]
-        if not every:
-            is_seen = seen.search == search and seen.low == low and seen.high == high
-            if is_seen and seen.value >= value:
-                continue
-            seen.search, seen.low, seen.high, seen.value = search, low, high, value
+        if not rule.every and _is_seen(depths, search, low, high, value):
+            continue
         depth += 1
         step = steps[depth]
         step.state, step.link, step.arc, step.pays = states.to[link], 0, arc, pays
@@ -231,4 +263,4 @@ def find_trails(
         depths.used[arc] = search
         if pays:
             depths.met[node] = search
-    return n if n <= n_most else -1
+    return n if n <= rule.n_most else -1

@@ -10,7 +10,14 @@ import numpy as np
 from botohe_moo._base.types import BoolArray, FloatArray, OffsetArray
 from botohe_moo.kernels.bounds.relaxed import best_leaving, follow, relax, shortfall
 from botohe_moo.kernels.bounds.states import Net, States, find_states
-from botohe_moo.kernels.bounds.trails import Completions, find_trails, new_depths
+from botohe_moo.kernels.bounds.trails import (
+    Completions,
+    Stairs,
+    TrailRule,
+    Worth,
+    find_trails,
+    new_depths,
+)
 from botohe_moo.search.bounds.memory import Remembered
 
 _SLACK = 1e-9  # by which stairs are raised too much, so that equal trails are left out
@@ -131,48 +138,46 @@ class Relaxation:
 
         Gives whether the search has ended, what no trail is worth more than then, and its arcs.
         """
-        stairs = np.array([least])
+        stairs = Stairs(np.array([least]), np.inf, 0.0)
         line = Completions(ahead.values[None], np.zeros(1), np.zeros((1, len(ahead.prices))))
-        given = ahead.prices, ahead.mu, line, stairs, np.inf, 0.0, 0.0, False, n_most
+        given = Worth(ahead.prices, ahead.mu), line, stairs, TrailRule(False, 0.0, n_most)
         n = find_trails(self.net, self.states, *given, self._depths)
         found = self._found()
-        return n >= 0, float(stairs[0]) + ahead.spare, found[-1] if found else []
+        return n >= 0, float(stairs.heights[0]) + ahead.spare, found[-1] if found else []
 
     def raise_stairs(
         self,
         prices: FloatArray,
         lines: Sequence[tuple[Ahead, FloatArray]],
-        stairs: FloatArray,
-        width: float,
-        least: float,
+        stairs: Stairs,
         n_most: int,
     ) -> tuple[bool, list[list[int]]]:
-        """Raise stairs above all trails that come home with ``least`` or more.
+        """Raise stairs above all trails.
 
-        Step b stands for survivals of b · ``width`` or more. With each line comes what ``prices``
-        may exceed its own by at each node. Gives whether the search has ended, and trails found.
+        With each line comes what ``prices`` may exceed its own by at each node. Gives whether the
+        search has ended, and trails found.
         """
-        given = prices, 0.0, _completions(lines), stairs, width, least, _SLACK * self.total
-        n = find_trails(self.net, self.states, *given, False, n_most, self._depths)
-        stairs += max(ahead.spare for ahead, _ in lines)
+        rule = TrailRule(False, _SLACK * self.total, n_most)
+        given = Worth(prices, 0.0), _completions(lines), stairs, rule
+        n = find_trails(self.net, self.states, *given, self._depths)
+        stairs.heights[:] += max(ahead.spare for ahead, _ in lines)
         return n >= 0, self._found()
 
     def find_all(
         self,
         prices: FloatArray,
         lines: Sequence[tuple[Ahead, FloatArray]],
-        stairs: FloatArray,
-        width: float,
-        least: float,
+        stairs: Stairs,
         n_most: int,
     ) -> tuple[OffsetArray, OffsetArray] | None:
-        """Find all trails above the stairs that come home with ``least`` or more.
+        """Find all trails above the stairs.
 
         Gives their arcs (n, n_arcs), and how many they are (n); None where they are too many.
         """
-        lowered = stairs - max(ahead.spare for ahead, _ in lines) - _SLACK * self.total
-        given = prices, 0.0, _completions(lines), lowered, width, least, 0.0
-        if find_trails(self.net, self.states, *given, True, n_most, self._depths) < 0:
+        spare = max(ahead.spare for ahead, _ in lines) + _SLACK * self.total
+        lowered = stairs._replace(heights=stairs.heights - spare)
+        given = Worth(prices, 0.0), _completions(lines), lowered, TrailRule(True, 0.0, n_most)
+        if find_trails(self.net, self.states, *given, self._depths) < 0:
             return None
         depths, n = self._depths, int(self._depths.found.n_trails)
         return depths.arcs[:n], depths.n_arcs[:n]

@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
-from botohe_moo.kernels.bounds.teams import find_teams, write_misses
+from botohe_moo.kernels.bounds.teams import Trails, find_teams, write_misses
+from botohe_moo.kernels.bounds.trails import Stairs
 from botohe_moo.search.bounds.front_bound import Step
 from botohe_moo.search.bounds.lines import Lines
 from botohe_moo.search.bounds.pool import Pool
@@ -89,8 +90,9 @@ class Steps:
             for own, mu in self._lines.lowest(x, self._most_survival, MOST_LINES)
         ]
         fine = self._fine(prices)
-        given = fine, lines, stairs, self._width, x, rule.most_links * effort
-        ended, trails = self._relaxation.raise_stairs(*given)
+        given = Stairs(stairs, self._width, x)
+        n_most = rule.most_links * effort
+        ended, trails = self._relaxation.raise_stairs(fine, lines, given, n_most)
         self._pool.add_all(trails)
         if not ended:
             return False
@@ -120,8 +122,8 @@ class Steps:
         needed = self._needed(x, goal - beside, ahead, None)
         for _ in range(rule.most_rounds):
             stairs = np.maximum(self._known(prices), needed)
-            given = fine, lines, stairs, self._width, least, n_most
-            ended, trails = self._relaxation.raise_stairs(*given)
+            given = Stairs(stairs, self._width, least)
+            ended, trails = self._relaxation.raise_stairs(fine, lines, given, n_most)
             self._pool.add_all(trails)
             if not ended:
                 return False
@@ -129,7 +131,8 @@ class Steps:
             needed = np.maximum(before, needed)
             if (needed <= before + _HIGHER * self._relaxation.total).all():
                 break
-        found = self._relaxation.find_all(fine, lines, needed, self._width, least, n_most)
+        above = Stairs(needed, self._width, least)
+        found = self._relaxation.find_all(fine, lines, above, n_most)
         if found is None:
             return False
         height = self._best_team(x, goal, *found, fine, beside)
@@ -202,9 +205,7 @@ class Steps:
         worth *= 1.0 + _HIGHER
         order = np.argsort(-worth, kind="stable")
         ended = find_teams(
-            worth[order],
-            survival[order],
-            misses[order],
+            Trails(worth[order], survival[order], misses[order]),
             team.reward,
             beside,
             self._n_robots,
