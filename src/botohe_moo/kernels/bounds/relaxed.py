@@ -7,17 +7,33 @@ reach[v] · l / n_levels. Between two levels a convex function lies below the ch
 bound what lies ahead.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.bounds.states import Net, States
-from botohe_moo.kernels.compile import helper, inlined, kernel
+from botohe_moo.kernels.compile import inlined, kernel
 
-# Links are looked at so often each, on average, before it is given up to raise values.
-_MOST_LOOKS = 1_000
 _MOST_CHOICES = 200  # times that choices are made better
 _STRAIGHT = 1e-12  # how far prices may be from a straight line, relative
 _LEAST_LOSS = 1e-9  # on a cycle, for it to be worth no more than floats can say
+
+
+class _Level(NamedTuple):
+    """What lies ahead at one level, where a link is taken: ``gain`` + ``part`` × that of its end."""
+
+    gain: FloatArray  # (n_links)
+    part: FloatArray  # (n_links)
+    stop: FloatArray  # of states, where no link is taken (n_states)
+
+
+class _Scratch(NamedTuple):
+    """A choice of a link for each state, and what is needed to follow it."""
+
+    chosen: OffsetArray  # −1 to stop (n_states)
+    path: OffsetArray
+    seen: OffsetArray
 
 
 @inlined
@@ -66,18 +82,12 @@ def _count_linear(prices: FloatArray) -> int:
     return int(n)
 
 
-@helper
+@inlined
 def _follow_choices(
-    net: Net,
-    states: States,
-    chosen: OffsetArray,
-    paid: FloatArray,
-    stop: FloatArray,
-    value: FloatArray,
-    path: OffsetArray,
-    seen: OffsetArray,
+    states: States, level: _Level, cap: FloatArray, value: FloatArray, scratch: _Scratch
 ) -> bool:
-    """Value all states, each with its chosen link, −1 to stop; False where a cycle never ends."""
+    """Value all states, each with its chosen link, −1 to stop; False where that is infinite."""
+    chosen, path, seen = scratch.chosen, scratch.path, scratch.seen
     seen[:] = 0
     for first in range(value.shape[0]):
         n, state = 0, first
@@ -87,61 +97,52 @@ def _follow_choices(
             n += 1
             state = states.to[chosen[state]]
         if seen[state] == 0:
-            value[state], seen[state] = stop[state], 2
+            value[state], seen[state] = level.stop[state], 2
         elif seen[state] == 1:  # a cycle
-            total, alive, at = 0.0, 1.0, state
+            total, left, at = 0.0, 1.0, state
             while True:
                 link = chosen[at]
-                if states.pays[link]:
-                    total += alive * paid[states.arc[link]]
-                alive *= net.ratio[states.arc[link]]
+                total += left * level.gain[link]
+                left *= level.part[link]
                 at = states.to[link]
                 if at == state:
                     break
-            if alive > 1.0 - _LEAST_LOSS:
+            most = cap[states.node[state]]
+            value[state] = min(total / (1.0 - left), most) if left < 1.0 - _LEAST_LOSS else most
+            if value[state] == np.inf:
                 return False
-            value[state] = total / (1.0 - alive)
-        end = state
+            seen[state] = 2
         for i in range(n - 1, -1, -1):
             at = path[i]
-            link = chosen[at]
-            seen[at] = 2
-            if at == end:  # of a cycle, valued before
-                continue
-            worth = value[states.to[link]] * net.ratio[states.arc[link]]
-            value[at] = worth + paid[states.arc[link]] if states.pays[link] else worth
+            if seen[at] == 1:
+                link = chosen[at]
+                worth = level.gain[link] + level.part[link] * value[states.to[link]]
+                value[at] = min(worth, cap[states.node[at]])
+                seen[at] = 2
     return True
 
 
-@helper(makes_arrays=True)
-def _relax_linear(
-    net: Net, states: States, paid: FloatArray, stop: FloatArray, tolerance: float, most: int
-) -> tuple[FloatArray, bool]:
-    """Give what lies ahead of each state at a level up to which prices are straight lines.
-
-    All values are proportional to the probability to be alive there, so that a choice of a link in
-    each state can be valued at once, and is made better until none is: Howard, "Dynamic Programming
-    and Markov Processes", MIT Press, 1960. False where a cycle is worth more without end.
-    """
-    n_states = stop.shape[0]
-    value, chosen = np.zeros(n_states), np.full(n_states, -1, np.int64)
-    path, seen = np.empty(n_states, np.int64), np.empty(n_states, np.int64)
-    for _ in range(most):
-        if not _follow_choices(net, states, chosen, paid, stop, value, path, seen):
-            return value, False
-        is_settled = True
-        for state in range(n_states):
-            best = value[state]
-            for link in range(states.first[state], states.first[state + 1]):
-                arc = states.arc[link]
-                worth = value[states.to[link]] * net.ratio[arc]
-                if states.pays[link]:
-                    worth += paid[arc]
-                if worth > best + tolerance:
-                    best, chosen[state], is_settled = worth, link, False
-        if is_settled:
-            break
-    return value, True
+@inlined
+def _choose(
+    states: States,
+    level: _Level,
+    cap: FloatArray,
+    tolerance: float,
+    value: FloatArray,
+    chosen: OffsetArray,
+) -> bool:
+    """Choose better links, and raise values; tells whether there are any."""
+    is_better = False
+    for state in range(value.shape[0] - 1, -1, -1):
+        best, most = value[state], cap[states.node[state]]
+        if level.stop[state] > best + tolerance:
+            best, chosen[state], is_better = level.stop[state], -1, True
+        for link in range(states.first[state], states.first[state + 1]):
+            worth = min(level.gain[link] + level.part[link] * value[states.to[link]], most)
+            if worth > best + tolerance:
+                best, chosen[state], is_better = worth, link, True
+        value[state] = best
+    return is_better
 
 
 @kernel
@@ -154,71 +155,51 @@ def relax(
     tolerance: float,
     values: FloatArray,
 ) -> bool:
-    """Write what lies ahead of each state at each level, from below, to a tolerance (n_states, ·).
+    """Write what lies ahead of each state at each level, to a tolerance (n_states, n_levels + 1).
 
-    Nothing gets above ``cap`` (n_nodes, ·). False where it has taken too long.
+    Given the levels below, what lies ahead at one level is linear in that of other states: a choice
+    of a link in each state can be valued at once, and is made better until none is, beginning with
+    those of the level below: Howard, "Dynamic Programming and Markov Processes", MIT Press, 1960.
+    Nothing gets above ``cap`` (n_nodes, n_levels + 1). False where choices took too long.
     """
     n_states, n_levels, n_arcs = values.shape[0], values.shape[1] - 1, net.graph.head.shape[0]
     low, part, paid = np.empty(n_arcs, np.int64), np.empty(n_arcs), np.empty(n_arcs)
-    queue, is_queued = np.empty(n_states, np.int64), np.zeros(n_states, np.bool_)
+    n_links = states.arc.shape[0]
+    made = _Level(np.empty(n_links), np.empty(n_links), np.empty(n_states))
+    scratch = _Scratch(
+        np.full(n_states, -1, np.int64), np.empty(n_states, np.int64), np.empty(n_states, np.int64)
+    )
+    value, most = np.zeros(n_states), np.empty(cap.shape[0])
     values[:, 0] = 0.0
-    n_looks = 0
-    most_looks = _MOST_LOOKS * (states.arc.shape[0] + 1_000)
-    n_linear = 0
-    if np.isinf(cap).all():
-        n_linear = _count_linear(prices)
-        stop = np.where(states.node == net.graph.base, mu * n_linear / n_levels, 0.0)
-        _weigh_arcs(net, prices, n_linear, low, part, paid)
-        lowest, is_finite = _relax_linear(net, states, paid, stop, tolerance, _MOST_CHOICES)
-        if not is_finite:
-            return False
-        for level in range(1, n_linear + 1):
-            values[:, level] = lowest * (level / n_linear)
-    for level in range(n_linear + 1, n_levels + 1):
+    n_linear = _count_linear(prices) if np.isinf(cap).all() else 1
+    for level in range(n_linear, n_levels + 1):
         _weigh_arcs(net, prices, level, low, part, paid)
-        begin = n_queued = 0
-        grown = level / (level - 1.0) if level > 1 else 0.0
-        for state in range(n_states):  # a convex function that is 0 at 0 grows as much, at least
-            value = values[state, level - 1] * grown
-            if states.node[state] == net.graph.base:
-                value = max(value, mu * level / n_levels)
-            values[state, level] = min(value, cap[states.node[state], level])
-        for state in range(n_states - 1, -1, -1):
-            best = values[state, level]
-            for link in range(states.first[state], states.first[state + 1]):
-                arc = states.arc[link]
-                best = max(
-                    best, _value_behind(states, values, link, low[arc], part[arc], paid[arc])
-                )
-            best = min(best, cap[states.node[state], level])
-            if best > values[state, level]:
-                values[state, level] = best
-                queue[n_queued], is_queued[state] = state, True
-                n_queued += 1
-        while n_queued > 0:
-            state = queue[begin]
-            begin = begin + 1 if begin + 1 < n_states else 0
-            n_queued -= 1
-            is_queued[state] = False
-            first, end = states.first_entering[state], states.first_entering[state + 1]
-            n_looks += end - first
-            if n_looks > most_looks:
+        most[:] = cap[:, level]
+        for link in range(n_links):
+            arc, to = states.arc[link], states.to[link]
+            gain = paid[arc] if states.pays[link] else 0.0
+            if level == n_linear:  # proportional to the level from here on down
+                made.part[link] = net.ratio[arc]
+            elif low[arc] == level - 1:
+                gain += values[to, level - 1] * (1.0 - part[arc])
+                made.part[link] = part[arc]
+            else:
+                before, after = values[to, low[arc]], values[to, low[arc] + 1]
+                gain += before + (after - before) * part[arc]
+                made.part[link] = 0.0
+            made.gain[link] = gain
+        for state in range(n_states):
+            is_base = states.node[state] == net.graph.base
+            made.stop[state] = min(mu * level / n_levels, most[net.graph.base]) if is_base else 0.0
+        n = 0
+        while True:
+            if n == _MOST_CHOICES or not _follow_choices(states, made, most, value, scratch):
                 return False
-            for i in range(first, end):
-                link = states.entering[i]
-                arc = states.arc[link]
-                if low[arc] != level - 1:
-                    continue
-                value = _value_behind(states, values, link, low[arc], part[arc], paid[arc])
-                source = states.source[link]
-                value = min(value, cap[states.node[source], level])
-                if value > values[source, level] + tolerance:
-                    values[source, level] = value
-                    if not is_queued[source]:
-                        is_queued[source] = True
-                        last = begin + n_queued
-                        queue[last - n_states if last >= n_states else last] = source
-                        n_queued += 1
+            n += 1
+            if not _choose(states, made, most, tolerance, value, scratch.chosen):
+                break
+        for below in range(1 if level == n_linear else level, level + 1):
+            values[:, below] = value * (below / level)
     return True
 
 
