@@ -21,7 +21,7 @@ _LEAST_LOSS = 1e-9  # on a cycle, for it to be worth no more than floats can say
 
 
 class _Level(NamedTuple):
-    """What lies ahead at one level, where a link is taken: ``gain`` + ``part`` × that of its end."""
+    """What a link is worth at one level: ``gain`` + ``part`` × what lies ahead of its end."""
 
     gain: FloatArray  # (n_links)
     part: FloatArray  # (n_links)

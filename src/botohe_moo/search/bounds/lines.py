@@ -29,7 +29,7 @@ class LineSearch(NamedTuple):
     tolerance: float = 2e-4  # of the bound
     most_relaxed: int = 60
     most_exact: int = 40
-    most_steps: int = 200_000  # of a depth-first search
+    most_steps: int = 200_000  # of a depth-first search, for each unit of effort
     n_levels: int = 24  # of relaxed trails, at least; twice as many before a search
 
 
@@ -108,24 +108,36 @@ class Lines:
             lowest = np.minimum(lowest, heights[best])
         return [(lines[i][1], lines[i][0].mu) for i in chosen]
 
-    def tighten(self, x: float, deadline: float) -> bool:
+    def tighten(self, x: float, effort: int, deadline: float) -> bool:
         """Find better lines at ``x``, first by relaxed trails, then by exact ones.
 
         True where relaxed trails have been made to remember more, so that it may be worth another
         try.
         """
-        prices, mu, walk = self._by_relaxed(x, deadline)
-        is_exact = self._by_search(x, prices, mu, deadline)
-        if is_exact or walk is None or time.monotonic() > deadline:
+        prices, mu = self._by_relaxed(x, deadline)
+        used = [self._pool.relaxed[number] for number in self._master.active()]
+        is_exact = self._by_search(x, prices, mu, effort, deadline)
+        if is_exact or time.monotonic() > deadline:
             return False
-        return self._relaxation.remember(*walk)
+        if not self._relaxation.remember([walk for walk in used if walk is not None]):
+            return False
+        self.drop_forgotten()
+        return True
 
-    def _by_relaxed(
-        self, x: float, deadline: float
-    ) -> tuple[FloatArray, float, tuple[list[int], list[bool]] | None]:
+    def drop_forgotten(self) -> None:
+        """Drop relaxed trails that remember now what they did twice."""
+        pool = self._pool
+        for number, how in enumerate(pool.relaxed):
+            if how is None or pool.dropped[number] or self._relaxation.allows(*how):
+                continue
+            pool.dropped[number] = True
+            for lines in (self, *self.others):
+                lines.drop(number)
+
+    def _by_relaxed(self, x: float, deadline: float) -> tuple[FloatArray, float]:
         rule, pool = self.rule, self._pool
         self._master.allow_relaxed(pool, allowed=True)
-        centre, value, walk, stay = None, np.inf, None, rule.smoothing
+        centre, value, stay = None, np.inf, rule.smoothing
         for _ in range(rule.most_relaxed):
             least, prices, theta, mu = self._master.solve(pool, x, deadline)
             least += self.base_reward
@@ -142,7 +154,7 @@ class Lines:
             found = self._relaxation.best_trails(ahead)
             added = [pool.add(*trail) for trail in found]
             if reached < value:
-                centre, value, walk = (here, slope), reached, found[0] if found else None
+                centre, value = (here, slope), reached
             is_new = False
             if added and added[0][1]:
                 visits = pool.visits[added[0][0]]
@@ -153,9 +165,11 @@ class Lines:
             stay = rule.smoothing if is_new else 0.0
         if centre is None:
             centre = self.team.tidy(prices), mu
-        return *centre, walk
+        return centre
 
-    def _by_search(self, x: float, prices: FloatArray, mu: float, deadline: float) -> bool:
+    def _by_search(
+        self, x: float, prices: FloatArray, mu: float, effort: int, deadline: float
+    ) -> bool:
         """Step from the best prices known towards those of the programme, if they can be searched.
 
         Tells whether the best prices themselves have been.
@@ -175,7 +189,7 @@ class Lines:
             worth = pool.values(here[:, 1:], there)
             worth = worth[~pool.is_relaxed]
             at_least = max(0.0, float(worth.max(initial=0.0))) + 1e-9
-            n_most = rule.most_steps * (1 if i else 10)
+            n_most = rule.most_steps * effort * (1 if i else 10)
             ended, most, arcs = self._relaxation.search(ahead, at_least, n_most)
             number, is_new = pool.add(arcs) if arcs else (-1, False)
             if not ended:

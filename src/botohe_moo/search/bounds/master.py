@@ -86,6 +86,16 @@ class Master:
             if n == 0 or time.monotonic() > deadline:
                 return self._lp.getObjectiveValue(), prices, theta, mu
 
+    def active(self) -> list[int]:
+        """Give the trails of the pool that the last solution is made of, the most used first."""
+        duals = np.array(self._lp.getSolution().row_dual)
+        if len(duals) != self._n_rows:  # no solution
+            return []
+        numbers = np.array(list(self._rows), np.int64)
+        used = duals[list(self._rows.values())]
+        order = np.argsort(-used, kind="stable")
+        return [int(i) for i in numbers[order[used[order] > _CUT]]]
+
     def _cut_configurations(self, prices: FloatArray, solution: FloatArray) -> int:
         left = self.team.beside(prices)
         worst = left.argmax(axis=1)

@@ -59,9 +59,22 @@ class Remembered:
 
     def widen(self, n_bits: int) -> None:
         """Add the next rewards near by to nodes that remember less than so many bits."""
+        self.bits = [list(bits) for bits in self.bits]
         for bits, rewards in zip(self.bits, self._next, strict=True):
             more = [reward for reward in rewards if reward not in bits]
             bits += more[: max(0, n_bits - len(bits))]
+
+    def add(self, wanted: Sequence[tuple[int, Sequence[int]]], n_bits: int) -> bool:
+        """Add bits to nodes, each where all its nodes have room; tells whether any is new."""
+        self.bits = [list(bits) for bits in self.bits]
+        is_new = False
+        for bit, nodes in wanted:
+            lacking = [node for node in nodes if bit not in self.bits[node]]
+            if all(len(self.bits[node]) < n_bits for node in lacking):
+                is_new = is_new or bool(lacking)
+                for node in lacking:
+                    self.bits[node].append(bit)
+        return is_new
 
     def _nearest(
         self, node: int, pays: OffsetArray, ways: list[Piece]

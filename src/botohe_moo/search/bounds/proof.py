@@ -28,8 +28,12 @@ from botohe_moo.search.exact import TooLargeError, exact_front
 from botohe_moo.search.local_search import DEFAULT_MOVES, LocalSearch
 from botohe_moo.trails import PlanBatch, TrailPlan
 
-# Shares of the time: for the true front, to find trails, and for lines before steps.
-_EXACT_SHARE, _SEARCH_SHARE, _LINES_SHARE = 0.2, 0.05, 0.4
+# Shares of the time: for the true front, and to find trails.
+_EXACT_SHARE, _SEARCH_SHARE = 0.2, 0.05
+# Of what is left: for lines and steps of one robot, for lines before steps, and for steps.
+_FIRST_SHARE, _LINES_SHARE, _STEPS_SHARE = 0.1, 0.4, 0.5
+_LEAST_GAIN = 1e-3  # that makes a line worth another try when more is remembered
+_EFFORT_OF_LINES = 16  # when all steps that are easy are known
 _EVALUATIONS, _FIRST_EVALUATIONS = 100_000, 100  # of the search for trails
 _MOST_CONFIGURATIONS = 6_000  # of levels of a team, which are looked at for each node
 # Levels of prices, and how many prices a linear programme has at most if there are enough levels.
@@ -43,8 +47,7 @@ _BYTES_A_LINK = 40.0
 _ROUNDING = 1e-12
 # Where the first lines of one robot are found, in shares of its best survival.
 _FIRST_LINES = (0.5, 0.75, 0.25)
-# Steps in a row that may fail where lines are still to be found; and what a unit of effort takes.
-_MOST_FAILED, _SECONDS_OF_EFFORT = 8, 0.3
+_SECONDS_OF_EFFORT = 0.3  # that a unit takes, of a step
 
 Callback = Callable[[FrontBound], Any] | None
 
@@ -152,18 +155,21 @@ class Proof:
         if self._limits.min_survival > 0.0:
             self._notes.append("Relaxed trails keep the survival floor one arc at a time only.")
         self._find_trails()
-        lines = LineTargets(self._known)
         steps = StepTargets(self._known, self._mission.robots, self._most_survival)
         if self._wanted(gap, callback) is not None:
+            until = self._until(_FIRST_SHARE)
             for share in _FIRST_LINES:
-                self._tighten(1, share * self._most_survival, self._deadline)
-            self._find_steps(steps, 1, _MOST_FAILED, gap, callback)
-        began = time.monotonic()
-        until = began + _LINES_SHARE * (self._deadline - began)
-        is_lowest = self._find_lines(lines, until, gap, callback)
-        most_failed = 10**9 if is_lowest else _MOST_FAILED
-        self._find_steps(steps, self._mission.robots, most_failed, gap, callback)
-        self._find_lines(lines, self._deadline, gap, callback)
+                self._lines[0].tighten(share * self._most_survival, 1, until)
+            self._find_steps(steps, 1, until, gap, callback)
+        self._find_lines(1, self._until(_LINES_SHARE), gap, callback)
+        self._find_steps(steps, self._mission.robots, self._until(_STEPS_SHARE), gap, callback)
+        self._find_lines(_EFFORT_OF_LINES, self._deadline, gap, callback)
+        self._find_steps(steps, self._mission.robots, self._deadline, gap, callback)
+
+    def _until(self, share: float) -> float:
+        """Give when a share of what is left of the time is over."""
+        now = time.monotonic()
+        return now + share * (self._deadline - now)
 
     def _wanted(self, gap: float, callback: Callback) -> FrontBound | None:
         """Give the bound if there is time, and if its gap is larger than wanted."""
@@ -175,57 +181,39 @@ class Proof:
         bounds = bound.by_robots(self._known.survivors).max(axis=0)
         return bound if self._known.gap(bounds) > gap else None
 
-    def _find_lines(
-        self, targets: LineTargets, until: float, gap: float, callback: Callback
-    ) -> bool:
-        """Find lines; tells whether no line can be lowered any more."""
+    def _find_lines(self, effort: int, until: float, gap: float, callback: Callback) -> None:
+        """Find lines until the time is over, or none can be lowered any more."""
+        targets = LineTargets(self._known)
         while time.monotonic() < until and (bound := self._wanted(gap, callback)) is not None:
             target = targets.next(bound)
             if target is None:
-                return True
+                return
             moving, survivors, place = target
             x = survivors - (self._mission.robots - moving)
-            if not self._tighten(moving, max(x, moving * self._limits.min_survival), until):
+            x, own = max(x, moving * self._limits.min_survival), self._lines[moving - 1]
+            before = own.bound(x)
+            has_grown = own.tighten(x, effort, until)
+            if not has_grown or own.bound(x) > before * (1 - _LEAST_GAIN):
                 targets.close(place)
-        return False
-
-    def _tighten(self, moving: int, x: float, until: float) -> bool:
-        """Find lines at ``x``; True where relaxed trails remember more from now on."""
-        if not self._lines[moving - 1].tighten(x, until):
-            return False
-        # Drop relaxed trails that remember now what they did twice.
-        for number, how in enumerate(self._pool.relaxed):
-            if how is None or self._pool.dropped[number] or self._relaxation.allows(*how):
-                continue
-            self._pool.dropped[number] = True
-            for lines in self._lines:
-                lines.drop(number)
-        return True
 
     def _find_steps(
-        self,
-        targets: StepTargets,
-        most_moving: int,
-        most_failed: int,
-        gap: float,
-        callback: Callback,
+        self, targets: StepTargets, most_moving: int, until: float, gap: float, callback: Callback
     ) -> None:
-        """Find steps for up to so many moving robots, until too many have failed in a row."""
+        """Find steps for up to so many moving robots, until the time is over or all are tried."""
         if most_moving > 1:
             fits = int(self._memory * _MIB / 2 / StepSearch().bytes_a_state)
             self._relaxation.widen(_STEP_BITS, min(_MOST_STEP_STATES, fits))
-        failed = 0
-        while failed < most_failed and (bound := self._wanted(gap, callback)) is not None:
-            left = self._deadline - time.monotonic()
+            self._lines[0].drop_forgotten()
+        while time.monotonic() < until and (bound := self._wanted(gap, callback)) is not None:
+            left = until - time.monotonic()
             target = targets.next(bound, most_moving, left / _SECONDS_OF_EFFORT)
             if target is None:
                 return
             x = max(0.0, target.survivors - (self._mission.robots - target.moving))
             steps = self._steps[target.moving - 1]
             goal = target.goal / self._unit
-            is_proved = steps.tighten(x, goal, target.effort, self._deadline)
+            is_proved = steps.tighten(x, goal, target.effort, until)
             targets.tell(target, is_proved=is_proved)
-            failed = 0 if is_proved else failed + 1
 
     def bound(self) -> FrontBound:
         """Give what has been proved, without lines that are nowhere the lowest."""

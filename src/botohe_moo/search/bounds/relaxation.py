@@ -26,8 +26,7 @@ _TOLERANCE = 1e-9  # to which values are raised, in shares of all reward
 _MOST_TRAIL = 400  # links of a relaxed trail that are looked at
 # At which steps a relaxed trail takes the second best link, for more of them.
 _TURNS = (-1, 0, 1, 2, 4, 7, 11)
-# What a trail does twice and is remembered next; and what there may have been no room for.
-_MOST_FORGOTTEN, _MOST_FAILED = 2, 6
+_GROWTH = 1.25  # of the number of states, at most, when relaxed trails are to remember more
 # Trails that a search of stairs gives, as far as there is room for; and its lines.
 _MOST_FOUND, _MOST_FOUND_ARCS = 50_000, 1 << 22
 MOST_LINES = 8
@@ -66,8 +65,7 @@ class Relaxation:
         states = find_states(net, remembered.pack(), most_states)
         self.remembers_less = len(states.node) == 0  # than it was to
         while len(states.node) == 0:
-            for bits in remembered.bits:
-                del bits[-1:]
+            remembered.bits = [bits[:-1] for bits in remembered.bits]
             states = find_states(net, remembered.pack(), most_states)
         self.states: States = states
 
@@ -188,32 +186,27 @@ class Relaxation:
         n = min(int(depths.found.n_trails), len(depths.n_arcs))
         return [depths.arcs[i, : depths.n_arcs[i]].tolist() for i in range(n)]
 
-    def remember(self, arcs: Sequence[int], paid: Sequence[bool]) -> bool:
-        """Remember what a relaxed trail does twice; False where nothing more can be remembered."""
-        grown = failed = 0
-        for bit, nodes in self._remembered.forgets(arcs, paid):
-            bits = self._remembered.bits
-            if any(bit in bits[node] or len(bits[node]) >= self._most_bits for node in nodes):
-                continue
-            for node in nodes:
-                bits[node].append(bit)
-            states = find_states(self.net, self._remembered.pack(), self._most_states)
-            if len(states.node) == 0:
-                for node in nodes:
-                    bits[node].pop()
-                failed += 1
-                if failed == _MOST_FAILED:
-                    break
-                continue
-            self.states = states
-            grown += 1
-            if grown == _MOST_FORGOTTEN:
-                break
-        return grown > 0
+    def remember(self, walks: Sequence[tuple[Sequence[int], Sequence[bool]]]) -> bool:
+        """Remember what relaxed trails do twice; False where nothing more can be remembered.
+
+        As much of it as there is room for, that of the first trails first.
+        """
+        before = self._remembered.bits
+        n_most = min(self._most_states, int(_GROWTH * len(self.states.node)) + 1)
+        twice = [each for walk in walks for each in self._remembered.forgets(*walk)]
+        while twice:
+            if self._remembered.add(twice, self._most_bits):
+                states = find_states(self.net, self._remembered.pack(), n_most)
+                if len(states.node):
+                    self.states = states
+                    return True
+            self._remembered.bits = before
+            twice = twice[: len(twice) // 2]
+        return False
 
     def widen(self, n_bits: int, most_states: int) -> None:
         """Remember more rewards near by, where there are not too many states then."""
-        before = [list(bits) for bits in self._remembered.bits]
+        before = self._remembered.bits
         self._remembered.widen(n_bits)
         states = find_states(self.net, self._remembered.pack(), most_states)
         if len(states.node):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import NamedTuple
 
 import numpy as np
@@ -31,6 +32,7 @@ class StepSearch(NamedTuple):
     # Prices of survival that bound what lies ahead, in shares of that of the line.
     shares: tuple[float, ...] = (0.0, 0.4, 0.7, 1.0, 1.5, 3.0, 8.0)
     least_mu: float = 0.01  # of all reward
+    lines_share: float = 0.4  # of the time that is left, to find a line at the step's own place
 
     @property
     def bytes_a_state(self) -> float:
@@ -62,7 +64,8 @@ class Steps:
         if self._n_robots == 1:
             return self._for_one(x, effort)
         if effort == 1:
-            self._lines.tighten(x, deadline)
+            now = time.monotonic()
+            self._lines.tighten(x, effort, now + self._rule.lines_share * (deadline - now))
         return self._for_team(x, goal - self._lines.base_reward, effort)
 
     def _keep(self, least: float, most: float) -> None:

@@ -99,8 +99,8 @@ class StepTargets:
     """Which step to prove next: that no plan of so many moving robots is better than a known one.
 
     Steps begin behind known plans. Of all that may be proved, that is next which lowers the bound
-    the most for its effort. Where one is too hard, those near by are not tried before their goals
-    are raised as well.
+    the most for its effort. Where one is too hard, those near by and before are not tried before
+    their goals are raised as well.
     """
 
     def __init__(self, known: Known, robots: int, most_survival: float) -> None:
@@ -149,7 +149,8 @@ class StepTargets:
             self._is_open[moving, corner] &= share[corner] > 0.0
             near: BoolArray = np.arange(len(share)) == corner
         else:
-            near = abs(self._starts - self._starts[corner]) < self._robots / _CELLS / 2
+            # Where robots need not survive as likely, more trails are to be looked at.
+            near = self._starts - self._starts[corner] < self._robots / _CELLS / 2
             near &= (share == share[corner]) & (effort == effort[corner])
         # One robot's front is found as it is, without a goal.
         if is_proved or share[corner] >= _EASIEST or moving == 1:
