@@ -15,7 +15,7 @@ from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.bounds.states import Net, States
 from botohe_moo.kernels.compile import inlined, kernel
 
-_MOST_CHOICES = 200  # times that choices are made better
+_MOST_CHOICES = 2_000  # times that choices are made better
 _STRAIGHT = 1e-12  # how far prices may be from a straight line, relative
 _LEAST_LOSS = 1e-9  # on a cycle, for it to be worth no more than floats can say
 
@@ -129,11 +129,16 @@ def _choose(
     cap: FloatArray,
     tolerance: float,
     value: FloatArray,
-    chosen: OffsetArray,
+    scratch: _Scratch,
+    is_forward: bool,
 ) -> bool:
-    """Choose better links, and raise values; tells whether there are any."""
-    is_better = False
-    for state in range(value.shape[0] - 1, -1, -1):
+    """Choose better links, and raise values; tells whether there are any.
+
+    To and fro by turns, since what is raised goes on to states that come later.
+    """
+    is_better, chosen, n_states = False, scratch.chosen, value.shape[0]
+    for i in range(n_states):
+        state = i if is_forward else n_states - 1 - i
         best, most = value[state], cap[states.node[state]]
         if level.stop[state] > best + tolerance:
             best, chosen[state], is_better = level.stop[state], -1, True
@@ -196,7 +201,7 @@ def relax(
             if n == _MOST_CHOICES or not _follow_choices(states, made, most, value, scratch):
                 return False
             n += 1
-            if not _choose(states, made, most, tolerance, value, scratch.chosen):
+            if not _choose(states, made, most, tolerance, value, scratch, n % 2 == 0):
                 break
         for below in range(1 if level == n_linear else level, level + 1):
             values[:, below] = value * (below / level)
