@@ -303,8 +303,9 @@ def test_the_best_relaxed_trail_is_followed(mission, memory, seed, turn):
     relax(net, states, prices, mu, cap, 1e-13, values)
     links = np.empty(300, np.int64)
     taken = links[: follow(net, states, prices, mu, values, turn, links)]
-    assert (states.source[taken[1:]] == states.to[taken[:-1]]).all()
-    assert len(taken) == 0 or states.source[taken[0]] == 0
+    source = np.repeat(np.arange(len(states.node)), np.diff(states.first))
+    assert (source[taken[1:]] == states.to[taken[:-1]]).all()
+    assert len(taken) == 0 or source[taken[0]] == 0
     arcs = states.arc[taken]
     levels = np.cumprod(net.ratio[arcs]) * N_LEVELS
     worth = mu * levels[-1] / N_LEVELS if len(taken) else 0.0

@@ -86,7 +86,7 @@ def test_no_plan_exceeds_the_bound_at_any_stage(no_front, first):
 def test_steps_are_raised_to_better_teams(no_front, monkeypatch, n_known):
     """Where plans that are known are poor, steps end at what teams collect."""
     monkeypatch.setattr(proof_module.Proof, "_find_trails", lambda _: None)
-    monkeypatch.setattr(proof_module.Proof, "_find_lines", lambda *_: True)
+    monkeypatch.setattr(proof_module.Proof, "_find_lines", lambda *_: None)
     n_steps = n_tight = 0
     for seed in range(60):
         mission, limits = random_mission(seed)

@@ -32,8 +32,8 @@ class _Scratch(NamedTuple):
     """A choice of a link for each state, and what is needed to follow it."""
 
     chosen: OffsetArray  # −1 to stop (n_states)
-    path: OffsetArray
-    seen: OffsetArray
+    path: OffsetArray  # states in the order in which they are followed (n_states)
+    seen: OffsetArray  # 1 on the path, 2 where a state is valued (n_states)
 
 
 @inlined

@@ -61,15 +61,11 @@ class States(NamedTuple):
     node: OffsetArray  # (n_states)
     # The links that leave state s are ``first[s]`` to ``first[s + 1]`` (n_states + 1).
     first: OffsetArray
-    # Of each link its arc, the states that it leaves and enters, and whether its head's reward is
-    # collected (n_links).
+    # Of each link its arc, the state that it enters, and whether its head's reward is collected
+    # (n_links).
     arc: OffsetArray
-    source: OffsetArray
     to: OffsetArray
     pays: BoolArray
-    # The links that enter state s are ``entering[first_entering[s]:first_entering[s + 1]]``.
-    first_entering: OffsetArray
-    entering: OffsetArray
 
 
 @inlined
@@ -117,13 +113,8 @@ def find_states(net: Net, memory: Memory, n_most: int) -> States:
         at += 1
     if n > n_most:
         n = n_links = 0
-    first, first_entering = np.zeros(n + 1, np.int64), np.zeros(n + 1, np.int64)
-    way, source, target = (
-        np.empty(n_links, np.int64),
-        np.empty(n_links, np.int64),
-        np.empty(n_links, np.int64),
-    )
-    pays, entering = np.zeros(n_links, np.bool_), np.empty(n_links, np.int64)
+    first, pays = np.zeros(n + 1, np.int64), np.zeros(n_links, np.bool_)
+    way, target = np.empty(n_links, np.int64), np.empty(n_links, np.int64)
     link = 0
     for state in range(n):
         here = node[state]
@@ -131,18 +122,9 @@ def find_states(net: Net, memory: Memory, n_most: int) -> States:
             after = _next_mask(memory, arc, mask[state])
             if after < 0:
                 continue
-            to = number[offset[graph.head[arc]] + after]
-            way[link], source[link], target[link] = arc, state, to
+            way[link], target[link] = arc, number[offset[graph.head[arc]] + after]
             unpaid = memory.unpaid[arc]
             pays[link] = unpaid == NONE or (unpaid >= 0 and not (mask[state] >> unpaid) & 1)
-            first_entering[to + 1] += 1
             link += 1
         first[state + 1] = link
-    for state in range(n):
-        first_entering[state + 1] += first_entering[state]
-    free = first_entering.copy()
-    for link in range(n_links):
-        to = target[link]
-        entering[free[to]] = link
-        free[to] += 1
-    return States(node[:n].copy(), first, way, source, target, pays, first_entering, entering)
+    return States(node[:n].copy(), first, way, target, pays)

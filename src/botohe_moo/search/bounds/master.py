@@ -36,7 +36,7 @@ class Master:
         cost = np.zeros(self._mu + 1)
         cost[self._n_prices : self._theta] = 1.0
         cost[self._theta] = team.n_robots
-        upper = np.full(self._mu + 1, self._inf)
+        self._upper = upper = np.full(self._mu + 1, self._inf)
         upper[: self._n_prices] = (team.reward[:, None] * team.alive[:, 1:]).ravel()
         upper[self._mu] = _MOST_MU * total
         self._lp: Any = highspy.Highs()  # type: ignore[no-untyped-call]
@@ -76,11 +76,11 @@ class Master:
             self._lp.run()
             found = np.array(self._lp.getSolution().col_value)
             if found.shape == self._last.shape and np.isfinite(found).all():
-                self._last = found
+                self._last = np.clip(found, 0.0, self._upper)  # by rounding, or gone astray
             solution = self._last  # where HiGHS has none, that of before
             prices = np.zeros((len(self.team.nodes), self.team.n_levels + 1))
-            prices[:, 1:] = solution[: self._n_prices].reshape(prices[:, 1:].shape).clip(0.0)
-            theta, mu = float(solution[self._theta]), max(0.0, float(solution[self._mu]))
+            prices[:, 1:] = solution[: self._n_prices].reshape(prices[:, 1:].shape)
+            theta, mu = float(solution[self._theta]), float(solution[self._mu])
             n = self._cut_configurations(prices, solution)
             n = n or self._cut_trails(pool, prices, theta, mu)
             if n == 0 or time.monotonic() > deadline:

@@ -65,7 +65,7 @@ class Steps:
             return self._for_one(x, effort)
         if effort == 1:
             now = time.monotonic()
-            self._lines.tighten(x, effort, now + self._rule.lines_share * (deadline - now))
+            self._lines.tighten(x, 1, now + self._rule.lines_share * (deadline - now))
         return self._for_team(x, goal - self._lines.base_reward, effort)
 
     def _keep(self, least: float, most: float) -> None:
