@@ -278,19 +278,14 @@ def test_the_best_teams_are_found(mission, n_robots, seed):
     values = 0.6 * (1 - misses) @ reward
     beside = max(0.0, float((collected - [values[team].sum() for team in teams]).max()))
     order = np.argsort(-values, kind="stable")
-    at = np.sort(rng.uniform(0, n_robots, 4))
-    heights = np.sort(rng.uniform(0, reward.sum() * 1.1, 4))[::-1].copy()
-    expected = [
-        max([height, *collected[sums >= x * (1 - 1e-12)]])
-        for x, height in zip(at, heights, strict=True)
-    ]
     trails = Trails(values[order], survival[order], misses[order])
-    given = trails, reward, beside, n_robots, at
-    again = heights.copy()
-    assert find_teams(*given, heights, 1_000_000)
-    assert heights == pytest.approx(expected)
-    if n_robots > 1 and expected[0] > again[0]:
-        assert not find_teams(*given, again, 1)
+    for _ in range(4):
+        x, height = rng.uniform(0, n_robots), rng.uniform(0, reward.sum() * 1.1)
+        given = trails, reward, beside, n_robots, x, height
+        expected = max([height, *collected[sums >= x * (1 - 1e-12)]])
+        assert find_teams(*given, 1_000_000) == (True, pytest.approx(expected))
+        if n_robots > 1 and expected > height:
+            assert find_teams(*given, 1) == (False, height)
 
 
 @settings(max_examples=40)

@@ -1,16 +1,25 @@
 """Steps of bounds: stairs of trails, and what is to be proved next."""
 
-from itertools import product
+import time
+from fractions import Fraction
+from itertools import combinations_with_replacement, product
+from types import SimpleNamespace
 
+import networkx as nx
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from botohe_moo import load_mission
+from botohe_moo import Mission, load_mission
 from botohe_moo.search.bounds.front_bound import FrontBound, Line, Step
+from botohe_moo.search.bounds.proof import Proof
 from botohe_moo.search.bounds.stairs import add_stairs, least_total, stairs_of
+from botohe_moo.search.bounds.steps import Steps, StepSearch
 from botohe_moo.search.bounds.targets import Known, LineTargets, StepTarget, StepTargets
+from botohe_moo.search.limits import check_limits
+from tests import twins
+from tests.search.test_bounds import random_mission
 
 worths = st.lists(st.tuples(st.floats(0, 10), st.floats(0, 1)), min_size=1, max_size=6)
 
@@ -134,3 +143,104 @@ def test_lines_are_found_where_the_gap_is_the_widest(known):
         targets.close(target[2])
     assert place in cells
     assert {moving for _, moving in cells} == {1, 2}
+
+
+MOST_TEAMS = 20_000
+_AT_EASE = {"seed": 1, "seconds": 1_000, "memory": 1_024}
+
+
+def all_teams(mission, trails, n_robots):
+    """The E[R], and the sums of survivals, of all teams of these trails."""
+    graph = mission.arrays
+    missed, survival = np.ones((len(trails), graph.n_nodes)), np.empty(len(trails))
+    for i, trail in enumerate(trails):
+        for node, alive in twins.reach_of(mission, trail).items():
+            missed[i, node] = 1.0 - alive
+        survival[i] = twins.survival_of(mission, trail)
+    missed[:, graph.base] = 0.0
+    teams = np.array(list(combinations_with_replacement(range(len(trails)), n_robots)))
+    return (1.0 - missed[teams].prod(axis=1)) @ graph.reward, survival[teams].sum(axis=1)
+
+
+def test_no_team_of_all_trails_exceeds_a_step():
+    """Whatever the goal: of plans, beyond them, and 0; at any sum of survivals, and just above."""
+    n_steps = n_tight = 0
+    for seed in range(120):
+        mission, given = random_mission(seed)
+        limits, rng = check_limits(**given), np.random.default_rng(seed)
+        every = twins.all_trails(mission, 2_000)
+        if every is None or len(every) ** mission.robots > MOST_TEAMS:
+            continue
+        leaving = [trail for trail in every if len(trail) > 1]
+        trails = twins.within(mission, leaving, limits.min_survival, limits.max_length)
+        proof = Proof(mission, limits, **_AT_EASE)
+        nearest, n_bits = [(8, 10), (0, 0), (2, 2)][seed % 3]
+        proof._prepare(nearest, n_bits, int(rng.integers(1, 7)), 1 << 10)
+        if seed % 2:
+            proof._find_trails()
+        coarse = StepSearch(n_steps=int(rng.integers(2, 12)), n_heights=int(rng.integers(1, 20)))
+        for moving, rule in product(range(1, mission.robots + 1) if trails else (), (None, coarse)):
+            collected, sums = all_teams(mission, trails, moving)
+            made = proof._relaxation, proof._pool, proof._lines[moving - 1]
+            steps = Steps(*made, rule or StepSearch(), proof._most_survival)
+            for _ in range(4):
+                most = moving * proof._most_survival
+                x = rng.choice([0.0, rng.choice(sums), rng.choice(sums) * (1 + 1e-9), most])
+                best = max(collected[sums >= x], default=0.0)
+                goal = rng.choice([0.0, rng.choice(collected), best * rng.uniform(0.9, 1), 2.0])
+                steps.tighten(min(x, most), goal / proof._unit, 8, time.monotonic() + 100)
+            for step in steps.found:
+                within = collected[sums >= step.least]
+                assert step.most * proof._unit >= max(within, default=0.0)
+                n_tight += step.most * proof._unit < max(within, default=0.0) + 1e-6
+                n_steps += 1
+    assert n_steps > 300
+    assert n_tight > 0.7 * n_steps
+
+
+def test_steps_of_large_teams_are_rounded_upwards():
+    """Two nodes: everybody goes there, and the same error is made in every factor."""
+    robots, rng = 100, np.random.default_rng(1)
+    for _ in range(20):
+        graph = nx.DiGraph([(0, 1), (1, 0)])
+        nx.set_node_attributes(graph, {0: 0.0, 1: 1.0}, "reward")
+        graph.edges[0, 1]["survival"] = there = rng.uniform(0.2, 2) / robots
+        graph.edges[1, 0]["survival"] = rng.uniform(0.1, 0.9)
+        mission = Mission(graph, base=0, robots=robots)
+        proof = Proof(mission, check_limits(0.0, None), **_AT_EASE)
+        proof._prepare(8, 10, 1, 1 << 10)
+        steps = proof._steps[robots - 1]
+        assert steps.tighten(0.0, 0.0, 8, time.monotonic() + 100)
+        true = 1 - (1 - Fraction(float(there))) ** robots
+        assert steps.found
+        for step in steps.found:
+            assert true <= Fraction(step.most * proof._unit) < true + Fraction(1e-9)
+
+
+def test_nobody_survives_well_enough_for_stairs():
+    """A ring of so many dangerous arcs that survivals are hardly numbers."""
+    graph = nx.DiGraph()
+    nx.add_cycle(graph, range(161))
+    nx.set_node_attributes(graph, 1.0, "reward")
+    nx.set_edge_attributes(graph, 0.01, "survival")
+    mission = Mission(graph, base=0, robots=2)
+    proof = Proof(mission, check_limits(0.0, None), **_AT_EASE)
+    for steps in proof._steps:
+        assert not steps.tighten(0.0, 0.0, 8, time.monotonic() + 100)
+        assert steps.found == []
+
+
+def test_what_a_trail_has_to_be_worth_by_hand():
+    """Two robots, four steps of 0.2; what the other one is worth falls from 10 by 5 s.
+
+    A trail on the second step, from 0.2 to 0.4, leaves at least 0.6 to the other, which is then
+    worth 7 at most: of a goal of 8 there is 1 left.
+    """
+    proof = Proof(load_mission("toy", robots=2), check_limits(0.0, None), **_AT_EASE)
+    made = proof._relaxation, proof._pool, proof._lines[1]
+    steps = Steps(*made, StepSearch(n_steps=4, n_heights=4), 0.8)
+    line = SimpleNamespace(most=10.0, mu=5.0)
+    assert steps._needed(1.0, 8.0, [line], None) == pytest.approx([2.0, 1.0, 0.0, -1.0], abs=1e-6)
+    # Stairs say that nobody is worth more than 6 and survives with 0.4 or more.
+    stairs = np.array([9.0, 9.0, 6.0, 6.0])
+    assert steps._needed(1.0, 8.0, [line], stairs) == pytest.approx([2.0, 2.0, 0.0, -1.0], abs=1e-6)

@@ -77,6 +77,7 @@ def test_no_plan_exceeds_the_bound_at_any_stage(no_front, first):
         assert last.area >= area_indicator(true, mission) - 1e-12
         points = last.points
         assert (points[:, None] >= true * (1 - 1e-12)).all(axis=2).any(axis=0).all(), seed
+        assert last.gap(true) < 0.02, seed
         tight += last.gap(true) < 1e-6
     assert n_stages > 500
     assert tight > 40

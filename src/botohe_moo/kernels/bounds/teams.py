@@ -6,7 +6,7 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.bounds.states import ROUNDING, Net
-from botohe_moo.kernels.compile import inlined, kernel
+from botohe_moo.kernels.compile import kernel
 
 
 class Trails(NamedTuple):
@@ -42,40 +42,34 @@ def write_misses(
         survival[trail] = alive
 
 
-@inlined
-def _last_at(at: FloatArray, survival: float) -> int:
-    """Give the last place in ``at`` up to a sum of survivals, −1 if there is none."""
-    return int(np.searchsorted(at, survival * (1.0 + ROUNDING), "right")) - 1
-
-
 @kernel
 def find_teams(
     trails: Trails,
     reward: FloatArray,
     beside: float,
     n_robots: int,
-    at: FloatArray,
-    heights: FloatArray,
+    x: float,
+    height: float,
     n_most: int,
-) -> bool:
-    """Raise heights until no team of these trails collects more; False if that takes too long.
+) -> tuple[bool, float]:
+    """Give the most that a team of these trails collects, or ``height``, where that is more.
 
-    A team whose survivals sum to ``at[i]`` or more counts for ``heights[i]``; ``at`` ascends and
-    heights never rise. A team collects no more than their
-    values and ``beside``. Looks at no more than ``n_most`` teams and parts of teams.
+    Of teams whose survivals sum to ``x`` or more, none of which collects more than their values
+    and ``beside``. The first is False where that takes more than ``n_most`` teams and parts of
+    teams.
     """
     values, survival, misses = trails.values, trails.survival, trails.misses
     n_trails, most = survival.shape[0], survival.max()
+    least = x / (1.0 + ROUNDING)
     chosen, sums = np.zeros(n_robots, np.int64), np.zeros((n_robots, 2))
     missed = np.ones((n_robots, reward.shape[0]))
     k, n = 0, 0
     while k >= 0:
         i, left = chosen[k], n_robots - k
-        highest = _last_at(at, sums[k, 1] + left * most)
         if (
             i == n_trails
-            or highest < 0
-            or sums[k, 0] + left * values[i] + beside < heights[highest]
+            or sums[k, 1] + left * most < least
+            or sums[k, 0] + left * values[i] + beside < height
         ):
             k -= 1
             if k >= 0:
@@ -83,7 +77,7 @@ def find_teams(
             continue
         n += 1
         if n > n_most:
-            return False
+            return False, height
         value, alive = sums[k, 0] + values[i], sums[k, 1] + survival[i]
         if left > 1:
             missed[k + 1] = missed[k] * misses[i]
@@ -91,13 +85,10 @@ def find_teams(
             chosen[k], sums[k, 0], sums[k, 1] = i, value, alive
             continue
         chosen[k] += 1
-        place = _last_at(at, alive)
-        if place < 0 or value + beside < heights[place]:
+        if alive < least or value + beside < height:
             continue
         collected = 0.0
         for node in range(reward.shape[0]):
             collected += reward[node] * (1.0 - missed[k, node] * misses[i, node])
-        while place >= 0 and heights[place] < collected:
-            heights[place] = collected
-            place -= 1
-    return True
+        height = max(height, collected)
+    return True, height

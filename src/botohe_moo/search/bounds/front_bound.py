@@ -53,7 +53,8 @@ class Step(NamedTuple):
     most, least
         The E[R] that is not exceeded, and where the step begins.
     proof
-        ``"front"``: it follows from the true front.
+        ``"front"`` (it follows from the true front) or ``"exact"`` (no team of trails collects
+        more).
     """
 
     n_robots: int

@@ -49,11 +49,17 @@ class Lines:
         graph = relaxation.net.graph
         missed = (1.0 - np.minimum(relaxation.net.reach * (1.0 + 1e-12), 1.0)) ** n_robots
         everything = float((graph.reward * (1.0 - missed)).sum())
-        self.found = [self._line(everything, 0.0, "everything")]
-        # Of each line the prices that gave it (n_nodes that pay, n_levels + 1), if any did.
-        self.prices: list[FloatArray | None] = [None]
+        # Each line with the prices that gave it (n_nodes that pay, n_levels + 1), if any did.
+        self._found: list[tuple[Line, FloatArray | None]] = [
+            (self._line(everything, 0.0, "everything"), None)
+        ]
         self._made: Master | None = None
         self.others: list[Lines] = []  # for other numbers of robots
+
+    @property
+    def found(self) -> list[Line]:
+        """The lines."""
+        return [line for line, _ in self._found]
 
     @cached_property
     def team(self) -> Team:
@@ -81,8 +87,7 @@ class Lines:
     def prune(self) -> None:
         """Leave out lines that are nowhere the lowest."""
         lowest = lower_envelope(*zip(*((line.most, line.mu) for line in self.found), strict=True))
-        self.found = [self.found[i] for i in lowest.tolist()]
-        self.prices = [self.prices[i] for i in lowest.tolist()]
+        self._found = [self._found[i] for i in lowest.tolist()]
 
     def bound(self, x: float) -> float:
         """Bound E[R] where the moving robots' survivals sum to ``x`` or more."""
@@ -93,8 +98,7 @@ class Lines:
 
         At least one, and at most so many, each of which lowers the bound the most.
         """
-        known = zip(self.found, self.prices, strict=True)
-        lines = [(line, prices) for line, prices in known if prices is not None]
+        lines = [(line, prices) for line, prices in self._found if prices is not None]
         if not lines:
             return [(np.zeros((len(self.team.nodes), self.team.n_levels + 1)), 0.0)]
         at = np.linspace(x, end, _SAMPLES)
@@ -230,6 +234,5 @@ class Lines:
         beside = float(self.team.most(prices).sum())
         line = self._line(beside + self.n_robots * theta, mu, proof)
         if math.isfinite(line.most):  # prices of a programme that went astray may overflow
-            self.found.append(line)
-            self.prices.append(prices)
+            self._found.append((line, prices))
         return line.most

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import BoolArray, FloatArray, OffsetArray
-from botohe_moo.kernels.bounds.states import Net
+from botohe_moo.kernels.bounds.states import ROUNDING, Net
 
 
 class Visits(NamedTuple):
@@ -39,10 +39,10 @@ class Pool:
     def add(self, arcs: list[int], paid: list[bool] | None = None) -> tuple[int, bool]:
         """Add a trail, or a relaxed one with the visits that pay.
 
-        Gives its number, and whether it is new. A relaxed one is a trail where it comes home, pays
-        no node twice and takes no arc twice.
+        Gives its number, and whether it is new. A relaxed one is a trail where it comes home within
+        the limits, pays no node twice and takes no arc twice.
         """
-        graph = self._net.graph
+        net, graph = self._net, self._net.graph
         alive, seen, at = 1.0, {graph.base}, []
         for i, arc in enumerate(arcs):
             alive *= graph.survival[arc]
@@ -53,6 +53,8 @@ class Pool:
         visited = [node for node, _ in at]
         is_trail = len({*visited}) == len(visited) and len({*arcs}) == len(arcs)
         is_trail = is_trail and graph.head[arcs[-1]] == graph.base
+        is_trail = is_trail and alive >= net.min_survival * (1.0 - ROUNDING)
+        is_trail = is_trail and graph.length[arcs].sum() * (1.0 - ROUNDING) <= net.max_length
         visits = self._visits(at, alive)
         key = visits.columns.tobytes() + visits.weights.round(10).tobytes()
         key += np.round(alive, 12).tobytes()

@@ -18,6 +18,7 @@ from botohe_moo.search.bounds.stairs import add_stairs, last_steps, least_total,
 
 _EPSILON = float(np.finfo(float).eps)
 _ROUNDING = 1e-12
+_LEAST_SURVIVAL = 1e-280
 _HIGHER = 1e-9  # by how much what bounds a search is raised, relative
 
 
@@ -59,8 +60,11 @@ class Steps:
     def tighten(self, x: float, goal: float, effort: int, deadline: float) -> bool:
         """Lower the bound to a goal where the moving robots' survivals sum to ``x`` or more.
 
-        Or to what teams collect, where that is more. False where it takes too long.
+        Or to what teams collect, where that is more. False where it takes too long, or robots
+        survive too rarely for stairs.
         """
+        if self._most_survival < _LEAST_SURVIVAL:
+            return False
         if self._n_robots == 1:
             return self._for_one(x, effort)
         if effort == 1:
@@ -71,8 +75,10 @@ class Steps:
     def _keep(self, least: float, most: float) -> None:
         """Keep a step, if it is below what is proved there."""
         base_reward = self._lines.base_reward
-        spare = (self._relaxation.net.graph.n_nodes + 8) * _EPSILON
-        most += base_reward + spare * (self._relaxation.total + base_reward)
+        graph = self._relaxation.net.graph
+        # What a team misses is a product of so many survivals; then nodes are summed up.
+        n_terms = 2 * self._n_robots * (graph.n_arcs + 2) + graph.n_nodes + 8
+        most += base_reward + n_terms * _EPSILON * (self._relaxation.total + base_reward)
         below = [step.most for step in self.found if step.least <= least]
         if most >= min([self._lines.bound(least), *below]):
             return
@@ -192,7 +198,6 @@ class Steps:
         beside: float,
     ) -> float | None:
         """Give what the best team of these trails collects, or the goal; None for too many."""
-        heights = np.array([goal])
         if len(n_arcs) == 0:
             return goal
         team, net = self._lines.team, self._relaxation.net
@@ -207,13 +212,13 @@ class Steps:
             worth += np.interp(alive, net.reach[node] * levels, prices[node])
         worth *= 1.0 + _HIGHER
         order = np.argsort(-worth, kind="stable")
-        ended = find_teams(
+        ended, height = find_teams(
             Trails(worth[order], survival[order], misses[order]),
             team.reward,
             beside,
             self._n_robots,
-            np.array([x]),
-            heights,
+            x,
+            goal,
             self._rule.most_teams,
         )
-        return float(heights[0]) if ended else None
+        return height if ended else None
