@@ -28,6 +28,12 @@ def described_parameters(function: Callable[..., Any]) -> dict[str, str]:
     return described
 
 
+def own_parameters(function: Callable[..., Any]) -> list[str]:
+    """List what the docstring of a function or class describes, without those of its bases."""
+    is_own = not isinstance(function, type) or vars(function).get("__doc__")
+    return [*_described_by(function)] if is_own else []
+
+
 def _described_by(function: Callable[..., Any]) -> dict[str, str]:
     section = re.search(
         r"^Parameters\n-+\n(.*?)(?=^\S[^\n]*\n-+\n|\Z)", _docstring_of(function), re.M | re.S

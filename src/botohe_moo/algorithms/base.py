@@ -30,6 +30,9 @@ PYMOO_OPTIONS = sorted({*inspect.signature(Algorithm).parameters} - {"archive", 
 class BudgetedAlgorithm(Algorithm):
     """A pymoo algorithm that never spends more evaluations than its termination allows."""
 
+    deterministic = False
+    """Whether every seed gives the same result."""
+
     def setup(self, problem: Any, **kwargs: Any) -> Algorithm:
         """Prepare to solve ``problem``; without any termination, for 100 000 evaluations.
 

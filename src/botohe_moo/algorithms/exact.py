@@ -63,6 +63,7 @@ class Exact(ArchiveAlgorithm):
     """
 
     evaluates_in_kernels = True
+    deterministic = True
 
     @checked
     def __init__(

@@ -64,6 +64,8 @@ class Greedy(ArchiveAlgorithm):
     objectives, also where a problem overrides ``evaluate_batch``.
     """
 
+    deterministic = True
+
     @checked
     def __init__(
         self,

@@ -8,6 +8,7 @@ import inspect
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 from pymoo.algorithms.base.genetic import GeneticAlgorithm
 
 from botohe_moo._plugins.checks import checked
@@ -47,7 +48,8 @@ pop_size
     Plans in the population; where there are ``ref_dirs``, their number.
 n_offsprings
     Plans that a generation adds; default: as pymoo has it.
-ref_dirs
+"""
+_DIRECTIONS = """ref_dirs
     Directions, shape (n, 2); default: ``pop_size`` of them, spread evenly.
 """
 
@@ -83,7 +85,7 @@ def _wire(path: str, wrapped: type[GeneticAlgorithm]) -> type[PopulationAlgorith
     }
     directed = "ref_dirs" in own
     if directed:
-        own["ref_dirs"] = own["ref_dirs"].replace(default=None)
+        own["ref_dirs"] = own["ref_dirs"].replace(default=None, annotation=np.ndarray | None)
 
     @checked
     def __init__(  # noqa: N807
@@ -118,7 +120,7 @@ def _wire(path: str, wrapped: type[GeneticAlgorithm]) -> type[PopulationAlgorith
             "__init__": __init__,
             "__reduce_ex__": __reduce_ex__,
             "__signature__": inspect.Signature(parameters),
-            "__doc__": _DOCSTRING.format(wrapped.__name__),
+            "__doc__": _DOCSTRING.format(wrapped.__name__) + _DIRECTIONS * directed,
         },
     )
 

@@ -113,7 +113,7 @@ def load_mission(
         raise ParameterError(
             f"Expected {expected}, got {quoted(lengths_from_pos)}.", "lengths_from_pos"
         )
-    function = _factory(name_or_path)
+    function = find_factory(name_or_path)
     if function is None:
         mission = read_mission(name_or_path, robots=robots, **parameters)
     else:
@@ -139,7 +139,7 @@ def check_mission(
     """
     try:
         given = mapping_of(parameters)
-        function = _factory(name_or_path)
+        function = find_factory(name_or_path)
         if function is not None:
             accepted = accepted_parameters(function)
             if faults := check_values(accepted, given, plain=plain, also=COMMON):
@@ -179,7 +179,7 @@ def mission_origin(name_or_path: str | os.PathLike[str]) -> dict[str, str | None
 
 def mission_parameters(name_or_path: str | os.PathLike[str]) -> tuple[Parameter, ...]:
     """List the parameters that a named mission states besides ``robots``; a file has none."""
-    function = _factory(name_or_path)
+    function = find_factory(name_or_path)
     stated = () if function is None else accepted_parameters(function).parameters
     return tuple(parameter for parameter in stated if parameter.name != "robots")
 
@@ -189,7 +189,7 @@ def describe_mission(name: str) -> str:
     return summary_of(_PLUGINS.load(name))
 
 
-def _factory(name: str | os.PathLike[str]) -> Callable[..., Any] | None:
+def find_factory(name: str | os.PathLike[str]) -> Callable[..., Any] | None:
     """Find the function that makes a mission; None for what is read from a file."""
     if isinstance(name, os.PathLike):
         return None

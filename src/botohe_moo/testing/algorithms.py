@@ -1,0 +1,337 @@
+"""What studies rest on: the rules for algorithms."""
+
+from __future__ import annotations
+
+import copy
+import inspect
+
+import numpy as np
+from pymoo.core.algorithm import Algorithm
+
+from botohe_moo._base.types import FloatArray
+from botohe_moo._plugins.docstrings import own_parameters
+from botohe_moo.algorithms.registry import accepted_by
+from botohe_moo.mission.digest import mission_digest
+from botohe_moo.mission.model import Mission
+from botohe_moo.problem import BOTOHE
+from botohe_moo.testing import places
+from botohe_moo.testing.rules import Rule, Subject, expect, rule
+from botohe_moo.testing.watching import (
+    Counted,
+    Halved,
+    Run,
+    Watched,
+    missing,
+    refuses,
+    revived,
+    run,
+    states_of_shared_generators,
+)
+
+_EVALUATIONS = 300
+_BUDGETS = (1, 7, 45, 171)
+_RETURNS_PLANS = "Put TrailPlans into X, and make them with the mission's arcs alone."
+_USE_EVALUATOR = (
+    "Evaluate plans by `self.evaluator.eval(self.problem, population)` alone, which counts them."
+)
+
+
+@rule("Let it be called without arguments, and return a new pymoo Algorithm each time.")
+def can_be_made(subject: Subject) -> None:
+    """Without arguments, a new algorithm is made at each call."""
+    one, other = subject.make(), subject.make()
+    expect(isinstance(one, Algorithm), f"it gives {type(one).__name__}, not a pymoo Algorithm")
+    expect(one is not other, "it gives the same object twice")
+
+
+@rule("State each parameter in the signature, by name, with its type and its default.")
+def parameters_stated(subject: Subject) -> None:
+    """All parameters are in the signature, with their types."""
+    stated = {parameter.name: parameter for parameter in accepted_by(subject.factory).parameters}
+    untyped = [name for name, parameter in stated.items() if not parameter.annotation]
+    expect(not untyped, f"no type is stated of {', '.join(untyped)}")
+    known = {*stated, *inspect.signature(Algorithm).parameters, "options", "kwargs"}
+    hidden = [name for name in own_parameters(subject.factory) if name not in known]
+    expect(not hidden, f"its docstring describes {', '.join(hidden)}; the signature does not")
+
+
+@rule(_RETURNS_PLANS)
+def valid_plans(subject: Subject) -> None:
+    """The result holds plans that are valid on the mission."""
+    for mission in (places.streets(), places.measured()):
+        found = _run(subject, BOTOHE(mission))
+        expect(found.plans, "its result holds no plan")
+        mission.evaluate(found.plans)  # raises a PlanError that names what is not valid
+
+
+@rule("Do not change F: the evaluator writes it as the problem computes it.")
+def objectives_of_the_problem(subject: Subject) -> None:
+    """F of the result is what the problem computes of its plans, and nothing else."""
+    mission = places.streets()
+    _expect_true_objectives(_run(subject, BOTOHE(mission)), BOTOHE(mission))
+
+
+@rule(
+    "Evaluate by the problem that `setup` is given; if that cannot be, raise a TypeError in "
+    "`setup` that names the problem's class."
+)
+def own_objectives(subject: Subject) -> None:
+    """An objective of one's own, a subclass of BOTOHE, is heeded, or refused by name."""
+    problem = Halved(places.streets())
+    if not refuses(subject.make(), problem):
+        _expect_true_objectives(_run(subject, problem), problem)
+
+
+@rule("Keep all non-dominated plans of all generations: ArchiveAlgorithm has an archive.")
+def front_of_all_evaluated(subject: Subject) -> None:
+    """The result is the front of all plans that were evaluated; none is lost on the way."""
+    for limits in ({}, {"min_survival": 0.3}):
+        problem = Watched(places.streets(), **limits)
+        watched = not refuses(subject.make(), problem)
+        problem.seen.clear()
+        found = _run(subject, problem if watched else BOTOHE(problem.mission, **limits))
+        seen = np.array([point for _, point, feasible in problem.seen if feasible] or [[0.0, 0.0]])
+        for points in (*found.fronts, seen if watched else found.fronts[-1]):
+            lost = missing(points, found.objectives)
+            expect(not len(lost), f"its result lacks a plan that it found, {_points(lost)}")
+        distinct = np.unique(found.objectives, axis=0)
+        dominated = distinct[[_dominates(distinct, point) for point in distinct]]
+        expect(not len(dominated), f"its result holds a dominated plan, {_points(dominated)}")
+
+
+@rule("Evaluate no more plans than the termination still allows, and as many.")
+def exact_budget(subject: Subject) -> None:
+    """Budgets are spent to the last evaluation, and not beyond, unless it ends by itself."""
+    problem = BOTOHE(places.streets())
+    for budget in _BUDGETS:
+        spent = _run(subject, problem, budget).spent
+        expect(spent <= budget, f"it spent {spent} of {budget} evaluations")
+        if spent < budget:
+            more = _run(subject, problem, 2 * budget).spent
+            expect(
+                more == spent, f"it spent {spent} of {budget} evaluations, {more} of twice as many"
+            )
+
+
+@rule(_USE_EVALUATOR)
+def true_budget(subject: Subject) -> None:
+    """Every plan that is evaluated is counted."""
+    plain = places.streets()
+    mission = Counted(plain.graph, base=plain.base, robots=plain.robots)
+    problem = Watched(mission)
+    watched = not refuses(subject.make(), problem)
+    problem.seen.clear()
+    mission.n_evaluated = 0
+    if watched:  # what happens in kernels cannot be seen
+        spent = _run(subject, problem).spent
+        evaluated = max(len(problem.seen), mission.n_evaluated)
+        expect(spent == evaluated, f"it evaluated {evaluated} plans, and counted {spent}")
+
+
+@rule(
+    "Draw all random numbers from `self.random_state`, and depend on no time and no order of sets."
+)
+def same_seed_same_front(subject: Subject) -> None:
+    """The same seed gives the same plans in the same order."""
+    one, same = (_run(subject, BOTOHE(places.streets()), seed=5) for _ in range(2))
+    _expect_same(one, same, "two runs with the same seed differ")
+
+
+@rule(
+    "Draw random numbers from `self.random_state`; an algorithm that draws none states so: "
+    "`deterministic = True` in its class."
+)
+def other_seed_other_front(subject: Subject) -> None:
+    """Another seed gives other plans, unless the algorithm says that it is deterministic."""
+    problem = BOTOHE(places.streets())
+    differs = any(
+        _run(subject, problem, budget, seed=1).trails
+        != _run(subject, problem, budget, seed=2).trails
+        for budget in (20, 60, 200)
+    )
+    if getattr(subject.make(), "deterministic", False):
+        expect(not differs, "it says that it is deterministic, and two seeds give other plans")
+    else:
+        expect(differs, "two seeds give the same plans with 20, with 60 and with 200 evaluations")
+
+
+@rule(
+    "Keep nothing in the class, the module or default arguments: make it in `__init__` or `_setup`."
+)
+def runs_are_independent(subject: Subject) -> None:
+    """A run does not depend on those before it, nor on where the algorithm was set up before."""
+    problem = BOTOHE(places.streets())
+    before = _run(subject, problem)
+    _run(subject, BOTOHE(places.one_way()), seed=7)
+    _expect_same(before, _run(subject, problem), "a run after one on another mission differs")
+    algorithm = subject.make()
+    for _ in range(2):
+        again = run(copy.deepcopy(algorithm), problem, _EVALUATIONS)
+        _expect_same(before, again, "a run of a copy of the algorithm differs")
+
+
+@rule("Draw from `self.random_state`, a numpy Generator, and not from np.random or random.")
+def shared_generators_untouched(subject: Subject) -> None:
+    """The generators of numpy and Python that everybody shares stay as they are."""
+    before = states_of_shared_generators()
+    _run(subject, BOTOHE(places.streets()))
+    expect(before == states_of_shared_generators(), "it draws from a generator that all share")
+
+
+@rule("Copy what is to be changed: the problem and its mission belong to others, too.")
+def inputs_unchanged(subject: Subject) -> None:
+    """The problem and the mission are not changed."""
+    plain = places.measured()
+    mission = Mission(plain.graph, base=plain.base, robots=plain.robots)
+    problem = BOTOHE(mission, min_survival=0.2, max_length=8.0)
+    before = mission_digest(mission), _attributes(mission), _attributes(problem)
+    _run(subject, problem)
+    after = mission_digest(mission), _attributes(mission), _attributes(problem)
+    for what, old, new in zip(("mission", "mission", "problem"), before, after, strict=True):
+        expect(old == new, f"it changes the {what}")
+
+
+@rule(
+    "Hold nothing that cannot be pickled, such as lambdas, generators and open files, and leave "
+    "nothing out that the run needs."
+)
+def resumes_when_pickled(subject: Subject) -> None:
+    """A run that is pickled on its way, and unpickled, ends bit for bit as one that is not."""
+    problem = BOTOHE(places.streets())
+    whole = _run(subject, problem)
+    n = len(whole.fronts)
+    for stop in sorted({0, 1, n // 2}):
+        made = subject.make()
+        if stop == 0:
+            made = revived(made)
+        resumed = run(
+            made,
+            problem,
+            _EVALUATIONS,
+            after=lambda at, algorithm, stop=stop: revived(algorithm) if at == stop else None,
+        )
+        _expect_same(
+            whole, resumed, f"a run that is pickled after {stop} of {n} generations differs"
+        )
+
+
+@rule("Lead trails along the mission's arcs, in their direction, and home over unused ones.")
+def one_way_mission(subject: Subject) -> None:
+    """Missions whose arcs have no reverse are planned, and robots leave the base."""
+    problem = BOTOHE(places.one_way())
+    found = _run(subject, problem)
+    _expect_true_objectives(found, problem)
+    expect(
+        any(found.objectives[:, 0] > 0.0), "no robot collects anything where all arcs are one-way"
+    )
+
+
+@rule("Do not take for granted that there are two robots.")
+def one_robot(subject: Subject) -> None:
+    """A team of one robot is planned."""
+    problem = BOTOHE(places.alone())
+    found = _run(subject, problem)
+    _expect_true_objectives(found, problem)
+    expect(any(found.objectives[:, 0] > 0.0), "a single robot collects nothing")
+
+
+@rule("Let robots stay at base, also all of them: `TrailPlan([[base]] * robots)`.")
+def staying_home(subject: Subject) -> None:
+    """Where leaving gains nothing, the result is to stay home."""
+    mission = places.nothing_to_gain()
+    found = _run(subject, BOTOHE(mission))
+    best = found.objectives.max(axis=0, initial=0.0)
+    expect(
+        best[1] >= mission.robots,
+        f"the best plan lets {best[1]:.6g} of {mission.robots} robots survive, and staying home all",
+    )
+
+
+@rule("Compare CV first: `result.X` holds feasible plans alone, and is None where there are none.")
+def survival_floor(subject: Subject) -> None:
+    """A survival floor is kept, also one that nothing but staying home satisfies."""
+    for floor in (0.5, 1.0):
+        problem = BOTOHE(places.streets(), min_survival=floor)
+        found = _run(subject, problem)
+        least = problem.mission.robot_survival(found.plans).min(initial=1.0)
+        expect(
+            least >= problem.survival_floor,
+            f"with a floor of {floor:g} a robot survives with {least:.6g}",
+        )
+        _expect_true_objectives(found, problem)
+
+
+@rule("Compare CV first: `result.X` holds feasible plans alone, and is None where there are none.")
+def travel_budget(subject: Subject) -> None:
+    """A travel budget is kept."""
+    for budget in (0.0, 4.0):
+        problem = BOTOHE(places.measured(), max_length=budget)
+        found = _run(subject, problem)
+        longest = problem.mission.trail_lengths(found.plans).max(initial=0.0)
+        expect(
+            longest <= problem.travel_budget,
+            f"with a budget of {budget:g} a trail is {longest:.6g} long",
+        )
+        _expect_true_objectives(found, problem)
+
+
+RULES: tuple[Rule, ...] = (
+    can_be_made,
+    parameters_stated,
+    valid_plans,
+    objectives_of_the_problem,
+    own_objectives,
+    front_of_all_evaluated,
+    exact_budget,
+    true_budget,
+    same_seed_same_front,
+    other_seed_other_front,
+    runs_are_independent,
+    shared_generators_untouched,
+    inputs_unchanged,
+    resumes_when_pickled,
+    one_way_mission,
+    one_robot,
+    staying_home,
+    survival_floor,
+    travel_budget,
+)
+
+
+def _run(
+    subject: Subject, problem: BOTOHE, evaluations: int = _EVALUATIONS, *, seed: int = 1
+) -> Run:
+    return run(subject.make(), problem, evaluations, seed=seed)
+
+
+def _expect_true_objectives(found: Run, problem: BOTOHE) -> None:
+    """Compare the objectives of a result with what the problem computes."""
+    if not found.plans:
+        return
+    true = -problem.evaluate_batch(problem.mission.batch(found.plans))
+    wrong = np.flatnonzero((true != found.objectives).any(axis=1))
+    if len(wrong):
+        claimed, computed = (_points(values[wrong]) for values in (found.objectives, true))
+        expect(False, f"it claims {claimed} of a plan that has {computed}")
+
+
+def _expect_same(one: Run, other: Run, message: str) -> None:
+    same = one.trails == other.trails and one.objectives.tolist() == other.objectives.tolist()
+    expect(same, message)
+
+
+def _dominates(points: FloatArray, point: FloatArray) -> bool:
+    """Tell whether one of some points (n, 2) dominates another."""
+    return bool(((points >= point).all(axis=1) & (points > point).any(axis=1)).any())
+
+
+def _points(points: FloatArray) -> str:
+    """Write the first of some points (n, 2); nothing if there is none."""
+    return "".join(
+        f"E[R] {reward:.6g} and E[S] {survivors:.6g}" for reward, survivors in points[:1]
+    )
+
+
+def _attributes(thing: object) -> dict[str, object]:
+    """Give what an object holds, in a form that can be compared."""
+    return {name: repr(value) for name, value in vars(thing).items() if not callable(value)}

@@ -1,0 +1,112 @@
+"""Checks of algorithms and missions of other packages."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+
+from botohe_moo._base.checks import mapping_of, quoted
+from botohe_moo.testing.rules import CheckResult, Rule, Subject, name_of, run_rules
+
+if TYPE_CHECKING:
+    from pymoo.core.algorithm import Algorithm
+
+    from botohe_moo.mission.model import Mission
+
+Kind: TypeAlias = Literal["algorithm", "mission"]
+
+
+def check_algorithm(
+    factory: str | Callable[..., Algorithm], parameters: Mapping[str, Any] | None = None
+) -> list[CheckResult]:
+    """Check whether an algorithm keeps all that studies rest on.
+
+    Parameters
+    ----------
+    factory
+        A class, or a function without arguments, that makes the algorithm; or its name, as for
+        :func:`~botohe_moo.make_algorithm`: a registered one, or ``module:Class``.
+    parameters
+        What the factory is called with; by default nothing.
+
+    Returns
+    -------
+    list of CheckResult
+        One for each rule, in the order in which they are best mended. If nothing can be made, the
+        first has failed, and the others are not run.
+
+    Raises
+    ------
+    ValueError
+        If there is no algorithm of that name, or it cannot be imported.
+    TypeError
+        If ``factory`` is neither a name nor can be called.
+
+    Notes
+    -----
+    All runs take small missions, a few hundred evaluations and fixed seeds. What an algorithm
+    raises breaks the rule that was checked. Nothing guards against one that does not return.
+
+    Examples
+    --------
+    >>> results = check_algorithm("bo-aco", {"n_ants": 20})
+    >>> {result.status for result in results}
+    {'passed'}
+    """
+    rules, subject = rules_and_subject(factory, parameters, "algorithm")
+    return run_rules(rules, subject)
+
+
+def check_mission(
+    factory: str | Callable[..., Mission], parameters: Mapping[str, Any] | None = None
+) -> list[CheckResult]:
+    """Check whether a mission keeps all that studies rest on.
+
+    As :func:`check_algorithm`, for functions that make a mission, and for the names that
+    :func:`~botohe_moo.load_mission` knows.
+
+    Parameters
+    ----------
+    factory
+        A function that makes the mission, or its name, or ``module:function``.
+    parameters
+        What the factory is called with; by default nothing.
+
+    Examples
+    --------
+    >>> [result.rule for result in check_mission("terrain", {"nodes": 20})][:3]
+    ['can_be_made', 'parameters_stated', 'same_twice']
+    """
+    rules, subject = rules_and_subject(factory, parameters, "mission")
+    return run_rules(rules, subject)
+
+
+def rules_and_subject(
+    factory: str | Callable[..., Any], parameters: Mapping[str, Any] | None, kind: Kind
+) -> tuple[tuple[Rule, ...], Subject]:
+    """Give the rules for algorithms or missions, and what they are checked on."""
+    given = mapping_of(parameters)
+    if kind == "algorithm":
+        from botohe_moo.algorithms.registry import find_algorithm, make_algorithm
+        from botohe_moo.testing.algorithms import RULES
+
+        found: Any = find_algorithm(factory) if isinstance(factory, str) else factory
+        by_name: Callable[..., Any] = make_algorithm
+        rules = RULES
+    else:
+        from botohe_moo.mission.library import find_factory, load_mission
+        from botohe_moo.testing.missions import RULES as MISSION_RULES
+
+        found = find_factory(factory) if isinstance(factory, str) else factory
+        by_name = load_mission
+        rules = MISSION_RULES
+    if not callable(found):
+        expected = f"a class or function that makes {'an' if kind[0] == 'a' else 'a'} {kind}"
+        raise TypeError(f"Expected {expected}, or its name, got {quoted(factory)}.")
+    make = functools.partial(by_name, factory) if isinstance(factory, str) else factory
+
+    def made(**others: Any) -> Any:
+        return make(**{**given, **others})
+
+    return rules, Subject(name_of(factory), found, made)

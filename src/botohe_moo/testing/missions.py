@@ -1,0 +1,108 @@
+"""What studies rest on: the rules for missions of other packages."""
+
+from __future__ import annotations
+
+import inspect
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from botohe_moo._plugins.stated import accepted_parameters
+from botohe_moo.mission.digest import mission_digest
+from botohe_moo.mission.formats.files import read_mission, save_mission
+from botohe_moo.mission.model import Mission
+from botohe_moo.search.sequential import SequentialPlanner
+from botohe_moo.testing.rules import Rule, Subject, expect, rule
+from botohe_moo.testing.watching import revived, states_of_shared_generators
+
+
+@rule("Let it be called without arguments, and return a Mission.")
+def can_be_made(subject: Subject) -> None:
+    """Without arguments, a mission is made."""
+    made = subject.make()
+    expect(isinstance(made, Mission), f"it gives {type(made).__name__}, not a Mission")
+
+
+@rule("State each parameter in the signature, by name, with its type and its default.")
+def parameters_stated(subject: Subject) -> None:
+    """All parameters are in the signature, with their types."""
+    accepted = accepted_parameters(subject.factory)
+    untyped = [each.name for each in accepted.parameters if not each.annotation]
+    expect(not untyped, f"no type is stated of {', '.join(untyped)}")
+    expect(not accepted.any_name, "it takes keywords that it does not state, such as misspelt ones")
+
+
+@rule("Draw random numbers from a generator made of a parameter `seed`, and of nothing else.")
+def same_twice(subject: Subject) -> None:
+    """The same parameters give the same mission."""
+    one, other = (mission_digest(subject.make()) for _ in range(2))
+    expect(one == other, "two missions made with the same parameters differ")
+
+
+@rule("Use the seed, or leave the parameter out.")
+def other_seed_other_mission(subject: Subject) -> None:
+    """Another seed gives another mission, where there are seeds."""
+    if "seed" in inspect.signature(subject.factory).parameters:
+        one, other = (mission_digest(subject.make(seed=seed)) for seed in (1, 2))
+        expect(one != other, "the seeds 1 and 2 give the same mission")
+
+
+@rule("Draw from `np.random.default_rng(seed)`, and not from np.random or random.")
+def shared_generators_untouched(subject: Subject) -> None:
+    """The generators of numpy and Python that everybody shares stay as they are."""
+    before = states_of_shared_generators()
+    subject.make()
+    expect(before == states_of_shared_generators(), "it draws from a generator that all share")
+
+
+@rule("Give nodes labels that are texts, integers, or tuples of these, and plain attributes.")
+def file_round_trip(subject: Subject) -> None:
+    """The mission is the same when it is saved and read again."""
+    mission = subject.make()
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "mission.json")
+        save_mission(mission, path)
+        expect(
+            mission_digest(read_mission(path)) == mission_digest(mission),
+            "the mission differs when it is saved as JSON and read again",
+        )
+
+
+@rule("Hold nothing in the graph that cannot be pickled, such as lambdas and open files.")
+def can_be_pickled(subject: Subject) -> None:
+    """The mission is the same in another process."""
+    mission = subject.make()
+    same = mission_digest(revived(mission)) == mission_digest(mission)
+    expect(same, "the mission differs when it is pickled and unpickled")
+
+
+@rule("Take `robots` for the size of the team, or leave the parameter out.")
+def other_team_size(subject: Subject) -> None:
+    """The mission can be had with another number of robots."""
+    if "robots" in inspect.signature(subject.factory).parameters:
+        for robots in (1, 3):
+            found = subject.make(robots=robots).robots
+            expect(found == robots, f"with robots={robots} it has {found}")
+
+
+@rule("Let an arc leave the base from which ways lead on to a reward, and home.")
+def something_to_gain(subject: Subject) -> None:
+    """A robot that leaves the base can collect a reward and come home."""
+    mission = subject.make()
+    plan = SequentialPlanner(mission).plan(1.0)
+    gained = mission.evaluate([plan])[0, 0] - mission.arrays.reward[mission.arrays.base]
+    expect(np.isfinite(gained) and gained > 0.0, "no robot can collect anything and come home")
+
+
+RULES: tuple[Rule, ...] = (
+    can_be_made,
+    parameters_stated,
+    same_twice,
+    other_seed_other_mission,
+    shared_generators_untouched,
+    file_round_trip,
+    can_be_pickled,
+    other_team_size,
+    something_to_gain,
+)

@@ -1,0 +1,84 @@
+"""The checks as tests of the author's own package, by pytest."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from botohe_moo._base.checks import nearest_first
+from botohe_moo.testing.checking import Kind, rules_and_subject
+from botohe_moo.testing.rules import BrokenRuleError, Rule, Subject, fault_of
+
+if TYPE_CHECKING:
+    import pytest
+
+
+@dataclass(frozen=True)
+class Check:
+    """One rule on one algorithm or mission, to be called in a test."""
+
+    rule: Rule
+    subject: Subject
+
+    def __call__(self) -> None:
+        """Check; a BrokenRuleError says what happened, and what to do."""
+        if (fault := fault_of(self.rule, self.subject)) is not None:
+            raise BrokenRuleError(
+                f"{self.subject.name}, {self.rule.name}: {fault}.\n"
+                f"The rule: {self.rule.promise}\nTo keep it: {self.rule.remedy}"
+            )
+
+
+def parametrize_with_checks(
+    factories: Iterable[str | Callable[..., Any]],
+    *,
+    expected_failed_checks: Mapping[str, str] | None = None,
+    kind: Kind = "algorithm",
+) -> pytest.MarkDecorator:
+    """Make a test of each rule for each algorithm or mission; a decorator for a pytest test.
+
+    The test takes ``check``, and calls it.
+
+    Parameters
+    ----------
+    factories
+        Classes, functions or names, as for :func:`check_algorithm`.
+    expected_failed_checks
+        Rules that are known to be broken, and why: these tests are expected to fail, and fail if
+        they pass.
+    kind
+        ``"algorithm"`` or ``"mission"``.
+
+    Raises
+    ------
+    ValueError
+        If there is no rule of a name in ``expected_failed_checks``.
+    ImportError
+        Without pytest.
+
+    Examples
+    --------
+    >>> from botohe_moo import RandomTrails
+    >>> @parametrize_with_checks([RandomTrails], expected_failed_checks={"staying_home": "no"})
+    ... def test_conforms(check):
+    ...     check()
+    """
+    import pytest
+
+    expected = dict(expected_failed_checks or {})
+    cases = []
+    for factory in factories:
+        rules, subject = rules_and_subject(factory, None, kind)
+        for name in expected:
+            if name not in {rule.name for rule in rules}:
+                known = ", ".join(nearest_first(str(name), [rule.name for rule in rules]))
+                raise ValueError(f"There is no rule {name!r}; known are {known}.")
+        for rule in rules:
+            marks: list[Any] = []
+            if rule.name in expected:
+                reason = expected[rule.name]
+                marks.append(pytest.mark.xfail(reason=reason, strict=True, raises=BrokenRuleError))
+            label = f"{subject.name}-{rule.name}"
+            cases.append(pytest.param(Check(rule, subject), id=label, marks=marks))
+    return pytest.mark.parametrize("check", cases)

@@ -1,0 +1,130 @@
+"""Rules: a promise each, how it is checked, and how to keep it."""
+
+from __future__ import annotations
+
+import inspect
+import time
+import traceback
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from botohe_moo._base.checks import quoted
+from botohe_moo._plugins.docstrings import summary_of
+
+_OURS = str(Path(__file__).parents[1])
+_LONGEST = 500  # characters of another package's message
+
+
+class BrokenRuleError(AssertionError):
+    """Says which promise is not kept, what happened, and what to do."""
+
+
+@dataclass(frozen=True)
+class Subject:
+    """What is checked: what makes it, and what it states of its parameters."""
+
+    name: str
+    factory: Callable[..., Any]  # the class or function itself
+    make: Callable[..., Any]  # makes one, given keywords that replace those of the check
+
+
+@dataclass(frozen=True)
+class Rule:
+    """A promise, and how it is checked."""
+
+    name: str
+    promise: str
+    remedy: str
+    check: Callable[[Subject], None]  # raises whatever shows that the promise is not kept
+
+
+@dataclass(frozen=True)
+class CheckResult:
+    """What a check of one rule has found.
+
+    Attributes
+    ----------
+    rule
+        The name of the rule.
+    status
+        ``"passed"``, ``"failed"``, or ``"not run"`` where nothing could be made to check it on.
+    seconds
+        How long it took.
+    message
+        What happened; empty where it passed.
+    remedy
+        How to keep the promise; empty where it passed.
+    """
+
+    rule: str
+    status: Literal["passed", "failed", "not run"]
+    seconds: float
+    message: str = ""
+    remedy: str = ""
+
+
+def rule(remedy: str) -> Callable[[Callable[[Subject], None]], Rule]:
+    """Make a rule of a function, whose name is the rule's and whose docstring is its promise."""
+
+    def made(function: Callable[[Subject], None]) -> Rule:
+        return Rule(function.__name__, summary_of(function), remedy, function)
+
+    return made
+
+
+def expect(kept: object, message: str) -> None:
+    """Raise a BrokenRuleError with this message where a promise is not kept."""
+    if not kept:
+        raise BrokenRuleError(message)
+
+
+def run_rules(rules: Iterable[Rule], subject: Subject) -> list[CheckResult]:
+    """Check all rules; without a first one that passes, nothing can be made to check the others."""
+    results: list[CheckResult] = []
+    for each in rules:
+        if results and results[0].status == "failed":
+            reason = f"{results[0].rule} failed"
+            results.append(CheckResult(each.name, "not run", 0.0, reason, results[0].remedy))
+        else:
+            results.append(_result(each, subject))
+    return results
+
+
+def _result(each: Rule, subject: Subject) -> CheckResult:
+    started = time.perf_counter()
+    message = fault_of(each, subject)
+    seconds = time.perf_counter() - started
+    if message is None:
+        return CheckResult(each.name, "passed", seconds)
+    return CheckResult(each.name, "failed", seconds, message, each.remedy)
+
+
+def fault_of(each: Rule, subject: Subject) -> str | None:
+    """Say how a rule is broken; None where it is kept."""
+    try:
+        each.check(subject)
+    except BrokenRuleError as error:
+        return str(error)
+    except (Exception, SystemExit) as error:  # whatever another package's code may raise
+        return _raised(error)
+    return None
+
+
+def _raised(error: BaseException) -> str:
+    """Say what was raised, and where in code that is not this package's."""
+    text = f"{type(error).__name__}: {error}".rstrip(": ")
+    text = " ".join(text.split())
+    frames = traceback.extract_tb(error.__traceback__)
+    theirs = [frame for frame in frames if not frame.filename.startswith(_OURS)]
+    where = f" ({Path(theirs[-1].filename).name}, line {theirs[-1].lineno})" if theirs else ""
+    return f"{text[:_LONGEST]}{where}"
+
+
+def name_of(factory: Any) -> str:
+    """Give the name of a function or class, for messages."""
+    if isinstance(factory, str):
+        return factory
+    named = inspect.isroutine(factory) or isinstance(factory, type)
+    return str(factory.__qualname__) if named else quoted(factory)

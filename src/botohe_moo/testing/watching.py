@@ -1,0 +1,148 @@
+"""Runs of an algorithm that is checked, and what it did in them."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pymoo.core.algorithm import Algorithm
+
+from botohe_moo._base.types import FloatArray
+from botohe_moo.mission.model import Mission
+from botohe_moo.problem import BOTOHE
+from botohe_moo.testing.rules import expect
+from botohe_moo.trails import PlanBatch, TrailPlan
+
+# Generations in a row without an evaluation, after which an algorithm is taken for endless.
+_MOST_IDLE = 1_000
+
+
+@dataclass
+class Run:
+    """What is known of a run that ended."""
+
+    algorithm: Algorithm
+    plans: list[TrailPlan]  # of its result
+    objectives: FloatArray  # E[R] and E[S] of these as the algorithm says (n, 2)
+    fronts: list[FloatArray]  # E[R] and E[S] after each generation
+    spent: int  # evaluations, by the algorithm's own count
+
+    @property
+    def trails(self) -> list[tuple[tuple[int, ...], ...]]:
+        """The trails of the plans of the result."""
+        return [plan.trails for plan in self.plans]
+
+
+class Watched(BOTOHE):
+    """Remembers all plans that it evaluates, their E[R] and E[S], and whether they are feasible."""
+
+    def __init__(self, mission: Mission, **limits: Any) -> None:
+        super().__init__(mission, **limits)
+        self.seen: list[tuple[TrailPlan, list[float], bool]] = []
+
+    def evaluate_batch(self, batch: PlanBatch) -> FloatArray:
+        """Evaluate as ever."""
+        F = super().evaluate_batch(batch)
+        feasible = (self.constrain_batch(batch) <= 0).all(axis=1).tolist()
+        self.seen += zip(batch, (-F).tolist(), feasible, strict=True)
+        return F
+
+    def __deepcopy__(self, memo: dict[int, object]) -> Watched:
+        return self
+
+
+class Counted(Mission):
+    """Counts all plans that are evaluated, whoever asks for it."""
+
+    n_evaluated = 0
+
+    def evaluate(self, plans: Any) -> FloatArray:
+        """Evaluate as ever."""
+        values = super().evaluate(plans)
+        self.n_evaluated += len(values)
+        return values
+
+
+class Halved(BOTOHE):
+    """Another objective: half of E[R]."""
+
+    def evaluate_batch(self, batch: PlanBatch) -> FloatArray:
+        """Halve E[R]."""
+        return super().evaluate_batch(batch) * [0.5, 1.0]
+
+
+def run(
+    algorithm: Algorithm,
+    problem: BOTOHE,
+    evaluations: int,
+    *,
+    seed: int = 1,
+    after: Callable[[int, Algorithm], Algorithm | None] | None = None,
+) -> Run:
+    """Let an algorithm run until its budget is spent, as pymoo's ``minimize`` does.
+
+    ``after`` each generation, whose number it is given, it may give another algorithm to go on.
+    """
+    algorithm.setup(problem, termination=("n_eval", evaluations), seed=seed)
+    n, idle, spent, fronts = 0, 0, 0, []
+    while algorithm.has_next():
+        algorithm.next()
+        n += 1
+        fronts.append(_objectives(algorithm))
+        idle = idle + 1 if algorithm.evaluator.n_eval == spent else 0
+        spent = algorithm.evaluator.n_eval
+        expect(idle < _MOST_IDLE, f"it spent no evaluation in {idle:,} generations in a row")
+        if after is not None:
+            algorithm = after(n, algorithm) or algorithm
+    result = algorithm.result()
+    plans = [] if result.X is None else list(np.asarray(result.X, object).ravel())
+    for plan in plans:
+        expect(isinstance(plan, TrailPlan), f"its result holds {plan!r}, which is not a TrailPlan")
+    F = np.empty((0, 2)) if result.F is None else -np.atleast_2d(result.F)
+    expect(len(F) == len(plans), f"its result has {len(plans)} plans, and F of {len(F)}")
+    return Run(algorithm, plans, F, fronts, spent)
+
+
+def _objectives(algorithm: Algorithm) -> FloatArray:
+    """Give E[R] and E[S] of the feasible plans of an algorithm's optimum."""
+    optimum = algorithm.opt
+    if optimum is None or len(optimum) == 0:
+        return np.empty((0, 2))
+    feasible = optimum[optimum.get("feas").ravel().astype(bool)]
+    return -feasible.get("F").astype(float) if len(feasible) else np.empty((0, 2))
+
+
+def refuses(algorithm: Algorithm, problem: BOTOHE) -> bool:
+    """Tell whether an algorithm says by name that it does not heed a problem's own evaluation."""
+    try:
+        algorithm.setup(problem, termination=("n_eval", 1), seed=1)
+    except TypeError as error:
+        if type(problem).__name__ in str(error):
+            return True
+        raise
+    return False
+
+
+def revived(thing: Any) -> Any:
+    """Pickle, and unpickle."""
+    return pickle.loads(pickle.dumps(thing))
+
+
+def states_of_shared_generators() -> tuple[object, object]:
+    """Give the states of the generators of numpy and Python that everybody shares."""
+    import random
+
+    kind, keys, *rest = np.random.get_state(legacy=True)
+    return (kind, keys.tobytes(), *rest), random.getstate()
+
+
+def missing(points: FloatArray, front: FloatArray) -> FloatArray:
+    """Give the points (n, 2) that no point of a front is as good as, to rounding."""
+    if not len(front):
+        return points
+    near = 1e-12 * (1.0 + np.abs(points[:, None]))
+    lost: FloatArray = points[~(front[None] >= points[:, None] - near).all(axis=2).any(axis=1)]
+    return lost
