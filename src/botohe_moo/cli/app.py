@@ -21,6 +21,7 @@ with ending_on_interrupt:
     import typer
 
     from botohe_moo.cli.bound import bound_mission, certify
+    from botohe_moo.cli.check import check_conformance
     from botohe_moo.cli.choose import ChooseOption, choose_plan, tell_choice
     from botohe_moo.cli.describe import (
         brief,
@@ -59,6 +60,7 @@ app = typer.Typer(
     name="botohe", no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False
 )
 app.command("bound")(bound_mission)
+app.command("check")(check_conformance)
 app.command("choose")(choose_plan)
 app.command("explore")(explore_front)
 app.add_typer(missions_app, name="missions")

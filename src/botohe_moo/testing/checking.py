@@ -6,7 +6,7 @@ import functools
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
-from botohe_moo._base.checks import mapping_of, quoted
+from botohe_moo._base.checks import check_number, mapping_of, quoted
 from botohe_moo.testing.rules import CheckResult, Rule, Subject, name_of, run_rules
 
 if TYPE_CHECKING:
@@ -16,9 +16,14 @@ if TYPE_CHECKING:
 
 Kind: TypeAlias = Literal["algorithm", "mission"]
 
+TIME_LIMIT = 60.0
+
 
 def check_algorithm(
-    factory: str | Callable[..., Algorithm], parameters: Mapping[str, Any] | None = None
+    factory: str | Callable[..., Algorithm],
+    parameters: Mapping[str, Any] | None = None,
+    *,
+    time_limit: float = TIME_LIMIT,
 ) -> list[CheckResult]:
     """Check whether an algorithm keeps all that studies rest on.
 
@@ -29,6 +34,8 @@ def check_algorithm(
         :func:`~botohe_moo.make_algorithm`: a registered one, or ``module:Class``.
     parameters
         What the factory is called with; by default nothing.
+    time_limit
+        Seconds that the check of one rule may take.
 
     Returns
     -------
@@ -39,14 +46,16 @@ def check_algorithm(
     Raises
     ------
     ValueError
-        If there is no algorithm of that name, or it cannot be imported.
+        If there is no algorithm of that name, it cannot be imported, or ``time_limit`` is not
+        above 0.
     TypeError
         If ``factory`` is neither a name nor can be called.
 
     Notes
     -----
     All runs take small missions, a few hundred evaluations and fixed seeds. What an algorithm
-    raises breaks the rule that was checked. Nothing guards against one that does not return.
+    raises breaks the rule that was checked, and so does taking longer than the time limit, which
+    is noticed in the main thread, and not within a kernel.
 
     Examples
     --------
@@ -54,12 +63,15 @@ def check_algorithm(
     >>> {result.status for result in results}
     {'passed'}
     """
-    rules, subject = rules_and_subject(factory, parameters, "algorithm")
+    rules, subject = rules_and_subject(factory, parameters, "algorithm", time_limit)
     return run_rules(rules, subject)
 
 
 def check_mission(
-    factory: str | Callable[..., Mission], parameters: Mapping[str, Any] | None = None
+    factory: str | Callable[..., Mission],
+    parameters: Mapping[str, Any] | None = None,
+    *,
+    time_limit: float = TIME_LIMIT,
 ) -> list[CheckResult]:
     """Check whether a mission keeps all that studies rest on.
 
@@ -72,21 +84,27 @@ def check_mission(
         A function that makes the mission, or its name, or ``module:function``.
     parameters
         What the factory is called with; by default nothing.
+    time_limit
+        Seconds that the check of one rule may take.
 
     Examples
     --------
     >>> [result.rule for result in check_mission("terrain", {"nodes": 20})][:3]
     ['can_be_made', 'parameters_stated', 'same_twice']
     """
-    rules, subject = rules_and_subject(factory, parameters, "mission")
+    rules, subject = rules_and_subject(factory, parameters, "mission", time_limit)
     return run_rules(rules, subject)
 
 
 def rules_and_subject(
-    factory: str | Callable[..., Any], parameters: Mapping[str, Any] | None, kind: Kind
+    factory: str | Callable[..., Any],
+    parameters: Mapping[str, Any] | None,
+    kind: Kind,
+    time_limit: float,
 ) -> tuple[tuple[Rule, ...], Subject]:
     """Give the rules for algorithms or missions, and what they are checked on."""
     given = mapping_of(parameters)
+    seconds = check_number("time_limit", time_limit, above=0)
     if kind == "algorithm":
         from botohe_moo.algorithms.registry import find_algorithm, make_algorithm
         from botohe_moo.testing.algorithms import RULES
@@ -109,4 +127,4 @@ def rules_and_subject(
     def made(**others: Any) -> Any:
         return make(**{**given, **others})
 
-    return rules, Subject(name_of(factory), found, made)
+    return rules, Subject(name_of(factory), found, made, seconds)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from botohe_moo._base.checks import nearest_first
-from botohe_moo.testing.checking import Kind, rules_and_subject
+from botohe_moo.testing.checking import TIME_LIMIT, Kind, rules_and_subject
 from botohe_moo.testing.rules import BrokenRuleError, Rule, Subject, fault_of
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ def parametrize_with_checks(
     expected = dict(expected_failed_checks or {})
     cases = []
     for factory in factories:
-        rules, subject = rules_and_subject(factory, None, kind)
+        rules, subject = rules_and_subject(factory, None, kind, TIME_LIMIT)
         for name in expected:
             if name not in {rule.name for rule in rules}:
                 known = ", ".join(nearest_first(str(name), [rule.name for rule in rules]))

@@ -1,8 +1,8 @@
-"""The missions that algorithms are checked on: small enough for all of them."""
+"""The missions that algorithms are checked on: small enough for all, and new for each check."""
 
 from __future__ import annotations
 
-import functools
+from typing import Any
 
 import networkx as nx
 import numpy as np
@@ -11,16 +11,14 @@ from botohe_moo.mission.generators import random
 from botohe_moo.mission.model import Mission
 
 
-@functools.cache
 def streets() -> Mission:
     """Eight nodes, arcs there and back, two robots."""
     return random(nodes=8, arc_probability=0.4, robots=2, seed=3)
 
 
-@functools.cache
 def one_way() -> Mission:
     """Six nodes on two rings that share the base; no arc has a reverse."""
-    graph = nx.DiGraph()
+    graph: nx.DiGraph[Any] = nx.DiGraph()
     for node in range(6):
         graph.add_node(node, reward=float(node))
     nx.add_cycle(graph, [0, 1, 2, 3], survival=0.9)
@@ -29,26 +27,25 @@ def one_way() -> Mission:
     return Mission(graph, base=0, robots=2, name="one-way")
 
 
-@functools.cache
 def alone() -> Mission:
     """The streets, with one robot."""
     return streets().with_robots(1)
 
 
-@functools.cache
 def nothing_to_gain() -> Mission:
     """The streets, where only the base pays: the best plan is to stay home."""
-    graph = nx.DiGraph(streets().graph)
+    plain = streets()
+    graph: nx.DiGraph[Any] = nx.DiGraph(plain.graph)
     for node in graph:
-        graph.nodes[node]["reward"] = 5.0 if node == streets().base else 0.0
-    return Mission(graph, base=streets().base, robots=2, name="nothing-to-gain")
+        graph.nodes[node]["reward"] = 5.0 if node == plain.base else 0.0
+    return Mission(graph, base=plain.base, robots=2, name="nothing-to-gain")
 
 
-@functools.cache
 def measured() -> Mission:
     """The streets, with lengths."""
-    graph = nx.DiGraph(streets().graph)
+    plain = streets()
+    graph: nx.DiGraph[Any] = nx.DiGraph(plain.graph)
     rng = np.random.default_rng(3)
     for arc in sorted(graph.edges):
         graph.edges[arc]["length"] = float(rng.uniform(0.5, 1.5))
-    return Mission(graph, base=streets().base, robots=2, name="measured")
+    return Mission(graph, base=plain.base, robots=2, name="measured")

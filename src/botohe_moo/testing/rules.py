@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import inspect
+import signal
+import threading
 import time
 import traceback
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -28,6 +31,7 @@ class Subject:
     name: str
     factory: Callable[..., Any]  # the class or function itself
     make: Callable[..., Any]  # makes one, given keywords that replace those of the check
+    seconds: float  # that the check of a rule may take
 
 
 @dataclass(frozen=True)
@@ -38,6 +42,7 @@ class Rule:
     promise: str
     remedy: str
     check: Callable[[Subject], None]  # raises whatever shows that the promise is not kept
+    comes_first: bool = False  # whether without it there is nothing to check the others on
 
 
 @dataclass(frozen=True)
@@ -65,11 +70,11 @@ class CheckResult:
     remedy: str = ""
 
 
-def rule(remedy: str) -> Callable[[Callable[[Subject], None]], Rule]:
+def rule(remedy: str, *, comes_first: bool = False) -> Callable[[Callable[[Subject], None]], Rule]:
     """Make a rule of a function, whose name is the rule's and whose docstring is its promise."""
 
     def made(function: Callable[[Subject], None]) -> Rule:
-        return Rule(function.__name__, summary_of(function), remedy, function)
+        return Rule(function.__name__, summary_of(function), remedy, function, comes_first)
 
     return made
 
@@ -81,14 +86,17 @@ def expect(kept: object, message: str) -> None:
 
 
 def run_rules(rules: Iterable[Rule], subject: Subject) -> list[CheckResult]:
-    """Check all rules; without a first one that passes, nothing can be made to check the others."""
+    """Check all rules, up to one that comes first and fails: then the others are not run."""
     results: list[CheckResult] = []
+    broken: CheckResult | None = None
     for each in rules:
-        if results and results[0].status == "failed":
-            reason = f"{results[0].rule} failed"
-            results.append(CheckResult(each.name, "not run", 0.0, reason, results[0].remedy))
-        else:
-            results.append(_result(each, subject))
+        if broken is not None:
+            reason = f"{broken.rule} failed"
+            results.append(CheckResult(each.name, "not run", 0.0, reason, broken.remedy))
+            continue
+        results.append(_result(each, subject))
+        if each.comes_first and results[-1].status == "failed":
+            broken = results[-1]
     return results
 
 
@@ -104,12 +112,40 @@ def _result(each: Rule, subject: Subject) -> CheckResult:
 def fault_of(each: Rule, subject: Subject) -> str | None:
     """Say how a rule is broken; None where it is kept."""
     try:
-        each.check(subject)
+        with _ending_after(subject.seconds):
+            each.check(subject)
     except BrokenRuleError as error:
         return str(error)
     except (Exception, SystemExit) as error:  # whatever another package's code may raise
         return _raised(error)
     return None
+
+
+@contextmanager
+def _ending_after(seconds: float) -> Iterator[None]:
+    """Raise a BrokenRuleError when the time is over, where the system has alarms.
+
+    Only the main thread gets them, and not while a kernel runs.
+    """
+    if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "SIGALRM"):
+        yield
+        return
+
+    def ring(*_: object) -> None:
+        raise BrokenRuleError(f"it did not return within {seconds:g} s")
+
+    started = time.monotonic()
+    others = signal.getitimer(signal.ITIMER_REAL)[0]  # a test's own, for instance
+    handler = signal.signal(signal.SIGALRM, ring)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, handler)
+        if others:
+            left = others - (time.monotonic() - started)
+            signal.setitimer(signal.ITIMER_REAL, max(left, 1e-3))
 
 
 def _raised(error: BaseException) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from pymoo.core.algorithm import Algorithm
 
-from botohe_moo._base.types import FloatArray
+from botohe_moo._base.types import BoolArray, FloatArray
 from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE
 from botohe_moo.testing.rules import expect
@@ -46,7 +46,7 @@ class Watched(BOTOHE):
     def evaluate_batch(self, batch: PlanBatch) -> FloatArray:
         """Evaluate as ever."""
         F = super().evaluate_batch(batch)
-        feasible = (self.constrain_batch(batch) <= 0).all(axis=1).tolist()
+        feasible = np.asarray((self.constrain_batch(batch) <= 0).all(axis=1)).tolist()
         self.seen += zip(batch, (-F).tolist(), feasible, strict=True)
         return F
 
@@ -131,18 +131,38 @@ def revived(thing: Any) -> Any:
     return pickle.loads(pickle.dumps(thing))
 
 
-def states_of_shared_generators() -> tuple[object, object]:
-    """Give the states of the generators of numpy and Python that everybody shares."""
+def leaves_shared_generators(work: Callable[[], object]) -> bool:
+    """Tell whether work leaves the generators of numpy and Python alone that everybody shares.
+
+    They are put into a state that no seed of a run leads to, and afterwards back into their own.
+    """
     import random
 
-    kind, keys, *rest = np.random.get_state(legacy=True)
-    return (kind, keys.tobytes(), *rest), random.getstate()
+    saved = random.getstate(), np.random.get_state()  # noqa: NPY002
+    try:
+        random.seed("nobody's seed")
+        np.random.seed(2**32 - 1)  # noqa: NPY002
+        before = _shared_states()
+        work()
+        return before == _shared_states()
+    finally:
+        random.setstate(saved[0])
+        np.random.set_state(saved[1])  # noqa: NPY002
+
+
+def _shared_states() -> tuple[object, ...]:
+    import random
+
+    kind, keys, *rest = np.random.get_state()  # noqa: NPY002
+    return random.getstate(), kind, np.asarray(keys).tobytes(), *rest
 
 
 def missing(points: FloatArray, front: FloatArray) -> FloatArray:
     """Give the points (n, 2) that no point of a front is as good as, to rounding."""
     if not len(front):
         return points
-    near = 1e-12 * (1.0 + np.abs(points[:, None]))
-    lost: FloatArray = points[~(front[None] >= points[:, None] - near).all(axis=2).any(axis=1)]
+    near: FloatArray = 1e-12 * (1.0 + np.abs(points[:, None]))
+    as_good: BoolArray = front[None] >= points[:, None] - near
+    is_reached = np.logical_or.reduce(np.logical_and.reduce(as_good, axis=2), axis=1)
+    lost: FloatArray = points[~is_reached]
     return lost

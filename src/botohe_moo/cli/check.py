@@ -1,0 +1,84 @@
+"""The command ``botohe check``."""
+
+from __future__ import annotations
+
+from botohe_moo.cli.interrupt import ending_on_interrupt
+
+with ending_on_interrupt:
+    from typing import TYPE_CHECKING, Annotated
+
+    import typer
+
+    from botohe_moo.cli.options import pairs_option, read_parameters, seconds
+    from botohe_moo.cli.shell import FAILED, failing, tell
+
+if TYPE_CHECKING:
+    from botohe_moo.testing import CheckResult
+
+
+def check_conformance(
+    name: Annotated[
+        str,
+        typer.Argument(metavar="NAME", help="module:Class, module:function, or a registered name."),
+    ],
+    mission: Annotated[
+        bool, typer.Option("--mission", help="Check a mission instead of an algorithm.")
+    ] = False,
+    parameter: Annotated[
+        list[str] | None, pairs_option("--parameter", "-p", help="A parameter to check it with.")
+    ] = None,
+    time_limit: Annotated[
+        float,
+        typer.Option(
+            "--time-limit", "-t", metavar="S", parser=seconds, help="Seconds that a rule may take."
+        ),
+    ] = 60.0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the results as JSON.")] = False,
+) -> None:
+    """Check whether an algorithm, or a mission, keeps all that studies rest on.
+
+    Names each rule, whether it is kept, what happened where it is not, and what to do.
+
+    The exit status is 1 if a rule is broken, 2 for bad input.
+    """
+    with failing():
+        parameters = read_parameters(parameter or [])
+        from botohe_moo import testing
+        from botohe_moo.algorithms import registry
+        from botohe_moo.mission import library
+
+        faults = (library.check_mission if mission else registry.check_algorithm)(
+            name, parameters, plain=True
+        )
+        if parameters and faults:
+            raise ValueError(f"{name}: {' '.join(message for _, message in faults)}")
+        check = testing.check_mission if mission else testing.check_algorithm
+        results = check(name, parameters, time_limit=time_limit)
+    if as_json:
+        import json
+        from dataclasses import asdict
+
+        tell(json.dumps([asdict(result) for result in results], indent=2))
+    else:
+        _tell_results(results)
+    if any(result.status != "passed" for result in results):
+        raise typer.Exit(FAILED)
+
+
+def _tell_results(results: list[CheckResult]) -> None:
+    from botohe_moo.cli.describe import paragraph
+
+    width = max(len(result.rule) for result in results)
+    for result in results:
+        tell(f"{result.rule:{width}}  {result.status:8} {result.seconds:6.1f} s")
+    for result in results:
+        if result.status == "failed":
+            tell("")
+            tell(paragraph(f"{result.rule}: {result.message}."))
+            tell(paragraph(f"To keep it: {result.remedy}"))
+    counts = [
+        f"{n} {status}"
+        for status in ("passed", "failed", "not run")
+        if (n := sum(result.status == status for result in results))
+    ]
+    tell(f"\n{', '.join(counts)}")

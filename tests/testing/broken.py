@@ -1,0 +1,282 @@
+"""An algorithm that keeps all promises, and others of which each breaks some."""
+
+import random
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+from pymoo.core.algorithm import Algorithm
+from pymoo.core.population import Population
+
+from botohe_moo import BOTOHE, TrailPlan
+from botohe_moo.algorithms.base import ArchiveAlgorithm
+from botohe_moo.operators import RandomTrailSampling
+from botohe_moo.trails import PlanBatch
+
+
+class Walks(ArchiveAlgorithm):
+    """Random walks: keeps all promises."""
+
+    def __init__(self, *, n: Annotated[int, Field(ge=1)] = 20, **options):
+        super().__init__(**options)
+        self.n = n
+
+    def rng(self):
+        return self.random_state
+
+    def walks(self, n):
+        return RandomTrailSampling().sample_batch(self.problem, n, self.rng())
+
+    def _advance(self, **_):
+        self._take_in(self.walks(min(self.n, self._n_left())))
+
+
+class MakesNothing:
+    """Is not an algorithm of pymoo's."""
+
+
+class Untyped(Walks):
+    """States a parameter without its type."""
+
+    def __init__(self, *, n=20):
+        super().__init__(n=n)
+
+
+class Described(Walks):
+    """Describes a parameter that its signature hides.
+
+    Parameters
+    ----------
+    width
+        Of what it looks at.
+    """
+
+    def __init__(self, **options):
+        options.pop("width", None)
+        super().__init__(**options)
+
+
+class Teleports(Walks):
+    """Reports plans that are not valid: robots jump from the base to the last node and back."""
+
+    def result(self):
+        found = super().result()
+        mission = self.problem.mission
+        jump = [mission.arrays.base, mission.arrays.n_nodes - 1, mission.arrays.base]
+        found.X = np.array([[TrailPlan([jump] * mission.robots)]] * len(found.F), object)
+        return found
+
+
+class Boasts(Walks):
+    """Reports twice the reward."""
+
+    def result(self):
+        found = super().result()
+        found.F = found.F * [2.0, 1.0]
+        return found
+
+
+class OwnWay(Walks):
+    """Computes objectives itself, whatever the problem says."""
+
+    def _take_in(self, batch):
+        self.evaluator.n_eval += len(batch)
+        objectives = self.problem.mission.evaluate(batch)
+        if self.problem.n_ieq_constr:
+            fine = (self.problem.constrain_batch(batch) <= 0).all(axis=1)
+            batch, objectives = batch.take(np.flatnonzero(fine)), objectives[fine]
+        return objectives, self.archive.absorb(batch, objectives)
+
+
+class Forgetful(Walks):
+    """Reports the last generation only."""
+
+    def _advance(self, **_):
+        self.archive = type(self.archive)(self.problem.mission.robots)
+        super()._advance()
+
+
+class WholeGenerations(Walks):
+    """Evaluates twenty plans a generation, whatever the budget."""
+
+    def _advance(self, **_):
+        self._take_in(self.walks(20))
+
+
+class LeavesSome(Walks):
+    """Does not begin a generation that it cannot end."""
+
+    def _advance(self, **_):
+        if self._n_left() < 20:
+            self.termination.terminate()
+        else:
+            super()._advance()
+
+
+class Secret(Walks):
+    """Looks at more plans than it counts."""
+
+    def _advance(self, **_):
+        drawn = self.walks(3 * self.n)
+        worth = self.problem.mission.evaluate(drawn)[:, 0]
+        best = np.argsort(-worth, kind="stable")[: min(self.n, self._n_left())]
+        self._take_in(drawn.take(best))
+
+
+class Unseeded(Walks):
+    """Draws from a generator that no seed determines."""
+
+    def rng(self):
+        return np.random.default_rng()
+
+
+class OneSeed(Walks):
+    """Draws from a generator with a seed of its own."""
+
+    def _setup(self, problem, **options):
+        super()._setup(problem, **options)
+        self.own = np.random.default_rng(0)
+
+    def rng(self):
+        return self.own
+
+
+class SaysDeterministic(Walks):
+    """Says that no seed matters, and draws random numbers."""
+
+    deterministic = True
+
+
+class Shared(Walks):
+    """Draws from the generators that everybody shares, set by the seed."""
+
+    def _advance(self, **_):
+        if not self.evaluator.n_eval:
+            random.seed(int(self.random_state.integers(1 << 30)))
+        self.n = 10 + random.randrange(10)
+        super()._advance()
+
+
+class Remembers(Walks):
+    """Goes on where the last run of the process ended."""
+
+    runs = 0
+
+    def _advance(self, **_):
+        Remembers.runs += 1
+        self.n = 10 + Remembers.runs % 10
+        super()._advance()
+
+
+class Meddles(Walks):
+    """Writes into the mission's graph."""
+
+    def _setup(self, problem, **options):
+        super()._setup(problem, **options)
+        problem.mission.graph.graph["seen"] = True
+
+
+class Lambda(Walks):
+    """Holds what cannot be pickled."""
+
+    def _setup(self, problem, **options):
+        super()._setup(problem, **options)
+        self.key = lambda plan: plan.trails
+
+
+class LosesItsState(Walks):
+    """Leaves out of its pickle what the run needs."""
+
+    def _advance(self, **_):
+        self.turn = getattr(self, "turn", 0) + 1
+        self.n = 10 + self.turn
+        super()._advance()
+
+    def __getstate__(self):
+        return {name: value for name, value in vars(self).items() if name != "turn"}
+
+
+class BackTheSameWay(Walks):
+    """Leads each robot to a neighbour and back, as if every arc had a reverse."""
+
+    def walks(self, n):
+        mission = self.problem.mission
+        arrays, rng = mission.arrays, self.random_state
+        there = arrays.head[arrays.first[arrays.base] : arrays.first[arrays.base + 1]]
+        home = [arrays.base]
+        plans = [
+            TrailPlan(
+                [
+                    [*home, int(rng.choice(there)), *home] if rng.random() < 0.8 else home
+                    for _ in range(mission.robots)
+                ]
+            )
+            for _ in range(n)
+        ]
+        return PlanBatch.from_plans(plans, mission.robots)
+
+
+class Pairs(Walks):
+    """Takes for granted that there is a second robot."""
+
+    def walks(self, n):
+        walks = super().walks(n)
+        for plan in walks:
+            plan.trails[1]
+        return walks
+
+
+class Restless(Walks):
+    """Lets no robot stay at base."""
+
+    def walks(self, n):
+        free = BOTOHE(self.problem.mission, max_length=np.inf)
+        drawn = RandomTrailSampling().sample_batch(free, 10 * n, self.random_state)
+        plans = [plan for plan in drawn if min(map(len, plan.trails)) > 1]
+        return PlanBatch.from_plans(plans[:n], self.problem.mission.robots)
+
+
+class Reckless(Walks):
+    """Does not look at constraints."""
+
+    def _take_in(self, batch):
+        self.evaluator.n_eval += len(batch)
+        objectives = -self.problem.evaluate_batch(batch)
+        return objectives, self.archive.absorb(batch, objectives)
+
+    def walks(self, n):
+        free = BOTOHE(self.problem.mission, max_length=np.inf)
+        return RandomTrailSampling().sample_batch(free, n, self.random_state)
+
+
+class Idle(Walks):
+    """Waits for a better time to evaluate."""
+
+    def _advance(self, **_): ...
+
+
+class Endless(Walks):
+    """Does not return."""
+
+    def _advance(self, **_):
+        while True:
+            pass
+
+
+class Plain(Algorithm):
+    """Not of this package's kind, and fine: all that it evaluates is its population."""
+
+    def __init__(self, *, n: Annotated[int, Field(ge=1)] = 20):
+        super().__init__()
+        self.n = n
+
+    def _infill(self):
+        n = min(self.n, self.termination.n_max_evals - self.evaluator.n_eval)
+        return RandomTrailSampling().do(self.problem, n, random_state=self.random_state)
+
+    _initialize_infill = _infill
+
+    def _advance(self, infills=None, **_):
+        self.pop = Population.merge(self.pop, infills) if self.pop is not None else infills
+
+    _initialize_advance = _advance

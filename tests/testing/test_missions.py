@@ -1,0 +1,106 @@
+"""Conformance of missions: those of this package, and those that break a promise."""
+
+import itertools
+import random as shared
+
+import networkx as nx
+import pytest
+
+from botohe_moo import Mission, load_mission
+from botohe_moo.testing import check_mission, parametrize_with_checks
+from botohe_moo.testing.missions import RULES
+
+
+@parametrize_with_checks(
+    ["art_museum", "power_plant", "toy", "two_communities", "random", "complete"], kind="mission"
+)
+def test_conforms(check):
+    check()
+
+
+def fork(*, seed: int = 0, robots: int = 2) -> Mission:
+    """Conforming: a base, and two nodes, of which the seed makes one worth more."""
+    graph = nx.DiGraph([("base", "a"), ("a", "base"), ("base", "b"), ("b", "base")])
+    nx.set_node_attributes(graph, {"base": 0.0, "a": 1.0 + seed, "b": 2.0}, "reward")
+    nx.set_edge_attributes(graph, 0.9, "survival")
+    return Mission(graph, base="base", robots=robots)
+
+
+def nothing():
+    return None
+
+
+def untyped(*, seed=0) -> Mission:
+    return fork(seed=seed)
+
+
+def swallows(**others) -> Mission:
+    return fork()
+
+
+counter = itertools.count()
+
+
+def another_each_time() -> Mission:
+    return fork(seed=next(counter))
+
+
+def heedless(*, seed: int = 0) -> Mission:
+    return fork()
+
+
+def draws(*, seed: int = 0) -> Mission:
+    shared.seed(seed)
+    return fork(seed=shared.randrange(1_000_000))
+
+
+def odd_labels() -> Mission:
+    graph = nx.relabel_nodes(fork().graph, {"a": frozenset("a")})
+    return Mission(graph, base="base", robots=2)
+
+
+def unpicklable() -> Mission:
+    graph = nx.DiGraph(fork().graph, made_by=lambda: None)
+    return Mission(graph, base="base", robots=2)
+
+
+def alone(*, robots: int = 2) -> Mission:
+    return fork()
+
+
+def pointless() -> Mission:
+    graph = nx.DiGraph(fork().graph)
+    nx.set_node_attributes(graph, 0.0, "reward")
+    return Mission(graph, base="base", robots=2)
+
+
+BROKEN = {
+    nothing: ("not a Mission", {"can_be_made"}),
+    untyped: ("no type is stated of seed", {"parameters_stated"}),
+    swallows: ("takes keywords that it does not state", {"parameters_stated"}),
+    another_each_time: ("same parameters differ", {"same_twice", "file_round_trip"}),
+    heedless: ("seeds 1 and 2 give the same", {"other_seed_other_mission"}),
+    draws: ("a generator that all share", {"shared_generators_untouched"}),
+    odd_labels: ("", {"file_round_trip"}),
+    unpicklable: ("pickle", {"can_be_pickled", "file_round_trip"}),
+    alone: ("with robots=1 it has 2", {"other_team_size"}),
+    pointless: ("no robot can collect anything", {"something_to_gain"}),
+}
+
+
+def test_a_fork_conforms():
+    assert {result.status for result in check_mission(fork)} == {"passed"}
+    assert load_mission("tests.testing.test_missions:fork", seed=3).total_reward == 6.0
+
+
+@pytest.mark.parametrize("mission", BROKEN, ids=lambda mission: mission.__name__)
+def test_each_fails_for_its_reason(mission):
+    said, rules = BROKEN[mission]
+    failed = {r.rule: r.message for r in check_mission(mission) if r.status == "failed"}
+    assert failed.keys() <= rules
+    assert min(rules, key=[rule.name for rule in RULES].index) in failed or len(rules) > 1
+    assert any(said in message for message in failed.values())
+
+
+def test_every_rule_is_broken_by_one():
+    assert {rule.name for rule in RULES} == set().union(*(rules for _, rules in BROKEN.values()))
