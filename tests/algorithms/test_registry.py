@@ -14,8 +14,8 @@ from botohe_moo import BOACO, BOTOHE, RandomTrails, algorithm_names, load_missio
 from botohe_moo._plugins import entry_points as plugins
 from botohe_moo.algorithms.origin import algorithm_identity, algorithm_origin
 from botohe_moo.algorithms.registry import (
+    algorithm_faults,
     algorithm_parameters,
-    check_algorithm,
     describe_algorithm,
 )
 
@@ -448,10 +448,10 @@ class TestCheck:
         ],
     )
     def test_of_bo_aco(self, parameters, faults):
-        assert check_algorithm("bo-aco", parameters, plain=True) == faults
+        assert algorithm_faults("bo-aco", parameters, plain=True) == faults
 
     def test_unknown_names_and_wrong_types_at_once(self):
-        unknown, also_unknown, wrong = check_algorithm("bo-aco", {"n_ant": 3, "n_ants": "3", 4: 5})
+        unknown, also_unknown, wrong = algorithm_faults("bo-aco", {"n_ant": 3, "n_ants": "3", 4: 5})
         assert unknown[0] == "n_ant"
         assert unknown[1].startswith("there is no parameter 'n_ant'; known are n_ants, n_threads")
         assert also_unknown[1].startswith("there is no parameter 4; known are ")
@@ -472,15 +472,15 @@ class TestCheck:
         ],
     )
     def test_what_no_parameter_is_to_blame_for(self, name, parameters, message):
-        [(blamed, found)] = check_algorithm(name, parameters)
+        [(blamed, found)] = algorithm_faults(name, parameters)
         assert blamed is None
         assert found.startswith(message)
 
     def test_python_objects_are_for_python(self):
         plan = load_mission("toy").plan([[1], [1]])
-        assert check_algorithm("bo-aco", {"sampling": [plan]}) == []
+        assert algorithm_faults("bo-aco", {"sampling": [plan]}) == []
         expected = "sampling can be given from Python only, as Iterable[TrailPlan] | "
-        [(name, message)] = check_algorithm("bo-aco", {"sampling": [plan]}, plain=True)
+        [(name, message)] = algorithm_faults("bo-aco", {"sampling": [plan]}, plain=True)
         assert (name, message[: len(expected)]) == ("sampling", expected)
 
     def test_plans_to_start_from_are_not_used_up(self):
@@ -489,13 +489,13 @@ class TestCheck:
 
     def test_by_a_model(self, install):
         install("cave-algorithms", TYPED, cave="Cave")
-        assert check_algorithm("cave", {"light": 2}) == []
-        assert check_algorithm("cave", {"depth": "3", "lihgt": 1}) == [
+        assert algorithm_faults("cave", {"light": 2}) == []
+        assert algorithm_faults("cave", {"depth": "3", "lihgt": 1}) == [
             ("lihgt", "there is no parameter 'lihgt'; known are light, depth."),
             ("light", "missing a required parameter 'light'."),
             ("depth", "Expected depth to be an integer in [1, 9], got '3'."),
         ]
-        assert check_algorithm("cave", {"depth": 10, "light": 0}) == [
+        assert algorithm_faults("cave", {"depth": 10, "light": 0}) == [
             ("depth", "Expected depth in [1, 9], got 10."),
             ("light", "Expected light > 0, got 0."),
         ]
@@ -507,8 +507,8 @@ class TestCheck:
     def test_whatever_a_constructor_raises(self, install):
         install("cave-algorithms", TYPED, cave="Cave", shaft="shaft")
         flooded = [(None, "OSError: it is flooded")]
-        assert check_algorithm("cave", {"depth": 7, "light": 1}) == flooded
-        assert check_algorithm("shaft", {"steps": 7}) == [(None, "SystemExit: ")]
+        assert algorithm_faults("cave", {"depth": 7, "light": 1}) == flooded
+        assert algorithm_faults("shaft", {"steps": 7}) == [(None, "SystemExit: ")]
 
     def test_ranges_are_stated(self, install):
         install("cave-algorithms", TYPED, cave="Cave", shaft="shaft")
@@ -522,7 +522,7 @@ class TestCheck:
         assert stated("pymoo.algorithms.moo.rvea:RVEA")["alpha"].annotation == "float"
         normalize = stated("pymoo.algorithms.moo.sms:SMSEMOA")["normalize"]
         assert (normalize.annotation, normalize.default) == ("bool", True)
-        assert check_algorithm("pymoo.algorithms.moo.rvea:RVEA", {"alpha": "x"}) == [
+        assert algorithm_faults("pymoo.algorithms.moo.rvea:RVEA", {"alpha": "x"}) == [
             ("alpha", "Expected alpha to be a number, got 'x'.")
         ]
 
@@ -674,7 +674,7 @@ class TestOnlyAlgorithmsAreCalled:
     def test_what_says_that_it_makes_one_is(self, local, path):
         local(DANGER, "danger")
         assert isinstance(make_algorithm(path), BOACO)
-        assert check_algorithm(path) == []
+        assert algorithm_faults(path) == []
 
     @pytest.mark.parametrize(
         ("path", "what"),
@@ -739,7 +739,7 @@ class TestOnlyAlgorithmsAreCalled:
                 refuse()
             assert what in str(caught.value)
             assert "\n" not in str(caught.value)
-        [(blamed, said)] = check_algorithm(path, {"command": "true"}, plain=True)
+        [(blamed, said)] = algorithm_faults(path, {"command": "true"}, plain=True)
         assert blamed is None
         assert what in said
         if "danger" in sys.modules:

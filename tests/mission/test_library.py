@@ -16,7 +16,7 @@ from botohe_moo.mission import (
     mission_names,
     save_mission,
 )
-from botohe_moo.mission.library import check_mission, mission_parameters
+from botohe_moo.mission.library import mission_faults, mission_parameters
 
 DATA = Path(__file__).parents[1] / "data"
 
@@ -256,13 +256,13 @@ class TestOtherPackages:
 
 class TestCheck:
     def test_nothing_to_say(self):
-        assert check_mission("terrain", {"nodes": 5, "seed": 1, "robots": 2}) == []
-        assert check_mission("toy") == check_mission("toy", {"robots": 3}) == []
-        assert check_mission(DATA / "pier.json", {"robots": 3}) == []
+        assert mission_faults("terrain", {"nodes": 5, "seed": 1, "robots": 2}) == []
+        assert mission_faults("toy") == mission_faults("toy", {"robots": 3}) == []
+        assert mission_faults(DATA / "pier.json", {"robots": 3}) == []
 
     def test_names_and_types_at_once_and_nothing_is_made(self, install):
         install("reef-missions", TYPED, wreck="wreck")
-        assert check_mission("wreck", {"depht": 1, "depth": 2.5, "robots": 2}) == [
+        assert mission_faults("wreck", {"depht": 1, "depth": 2.5, "robots": 2}) == [
             (
                 "depht",
                 "there is no parameter 'depht'; known are depth, danger, lengths_from_pos, robots, "
@@ -272,15 +272,15 @@ class TestCheck:
             ("depth", "Expected depth to be an integer >= 1, got 2.5."),
         ]
         assert "made" not in sys.modules["reef_missions"].__dict__
-        assert check_mission("wreck", {"danger": 0.5}) == []
+        assert mission_faults("wreck", {"danger": 0.5}) == []
         assert "made" in sys.modules["reef_missions"].__dict__
 
     def test_python_objects_are_for_python(self, install):
         install("reef-missions", TYPED, wreck="wreck")
         given = {"danger": 0.5, "known": [load_mission("toy")]}
-        assert check_mission("wreck", given) == []
+        assert mission_faults("wreck", given) == []
         message = "known can be given from Python only, as list[Mission] | None."
-        assert check_mission("wreck", given, plain=True) == [("known", message)]
+        assert mission_faults("wreck", given, plain=True) == [("known", message)]
 
     @pytest.mark.parametrize(
         ("name", "parameters", "faults"),
@@ -302,10 +302,10 @@ class TestCheck:
         ],
     )
     def test_what_only_making_it_finds(self, name, parameters, faults):
-        assert check_mission(name, parameters) == faults
+        assert mission_faults(name, parameters) == faults
 
     def test_unknown_names(self):
-        [(name, message)] = check_mission("terain")
+        [(name, message)] = mission_faults("terain")
         assert name is None
         assert message.startswith("there is no such mission; known are terrain, ")
         assert "a package that registers it may not be installed" in message
@@ -316,7 +316,7 @@ class TestCheck:
             ' "nodes": [{"id": 1, "reward": -1}, {"id": 2, "reward": 1}],'
             ' "edges": [{"source": 1, "target": 2, "survival": 2}]}'
         )
-        faults = check_mission(tmp_path / "bad.json")
+        faults = mission_faults(tmp_path / "bad.json")
         assert len(faults) >= 2
         assert {name for name, _ in faults} == {None}
 
@@ -401,7 +401,7 @@ class TestModules:
         for path in ("dark_shore:bare", "dark_shore:other", "dark_shore:called.append"):
             with pytest.raises(MissionError, match=r"that it makes a Mission|is looked for in"):
                 load_mission(path)
-            [(blamed, said)] = check_mission(path, {}, plain=True)
+            [(blamed, said)] = mission_faults(path, {}, plain=True)
             assert blamed is None
             assert "makes a Mission" in said or "is looked for in" in said
         assert sys.modules["dark_shore"].called == []

@@ -6,7 +6,7 @@ import tracemalloc
 import pytest
 
 from botohe_moo.mission import MissionError, generators, load_mission, memory, read_mission
-from botohe_moo.mission.library import check_mission
+from botohe_moo.mission.library import mission_faults
 
 TOO_LARGE = [
     ("terrain", {"nodes": 10**7}, "85.7 GiB; lower nodes."),
@@ -45,7 +45,7 @@ class TestGenerators:
             read_mission(path, neighbours=1)
 
     def test_in_study_files(self):
-        ((name, fault),) = check_mission("terrain", {"nodes": 10**7}, plain=True)
+        ((name, fault),) = mission_faults("terrain", {"nodes": 10**7}, plain=True)
         assert name == "nodes"
         assert fault.endswith("which takes about 85.7 GiB; lower nodes.")
 

@@ -11,9 +11,9 @@ from typer.testing import CliRunner
 
 from botohe_moo import load_mission, make_algorithm
 from botohe_moo._plugins.types import UNIONS, is_scalar
-from botohe_moo.algorithms.registry import algorithm_parameters, check_algorithm
+from botohe_moo.algorithms.registry import algorithm_faults, algorithm_parameters
 from botohe_moo.cli.app import app
-from botohe_moo.mission.library import check_mission, mission_parameters
+from botohe_moo.mission.library import mission_faults, mission_parameters
 
 OURS = distribution("botohe-moo").entry_points
 ALGORITHMS = sorted(OURS.select(group="botohe_moo.algorithms").names)
@@ -87,7 +87,7 @@ def test_each_number_states_its_range(make, name, parameter, hint):
 @pytest.mark.parametrize(("make", "name", "parameter", "number", "kind", "bound"), BOUNDS)
 def test_what_is_just_outside_is_refused(make, name, parameter, number, kind, bound):
     value = outside(kind, bound, number)
-    check = check_algorithm if make is make_algorithm else check_mission
+    check = algorithm_faults if make is make_algorithm else mission_faults
     expected = f"Expected {parameter.name} {parameter.range}"
     [(blamed, said)] = check(name, {parameter.name: value}, plain=True)
     assert blamed == parameter.name

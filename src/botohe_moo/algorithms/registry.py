@@ -67,7 +67,7 @@ def make_algorithm(name: str, /, **parameters: Any) -> Algorithm:
     return _made(name, factory, accepted_by(factory), parameters)
 
 
-def check_algorithm(
+def algorithm_faults(
     name: str, parameters: Mapping[str, Any] | None = None, *, plain: bool = False
 ) -> list[Fault]:
     """Say everything that keeps :func:`make_algorithm` from making an algorithm.
@@ -78,9 +78,9 @@ def check_algorithm(
 
     Examples
     --------
-    >>> check_algorithm("bo-aco", {"n_ants": "100", "evaporation": 0.5})
+    >>> algorithm_faults("bo-aco", {"n_ants": "100", "evaporation": 0.5})
     [('n_ants', "Expected n_ants to be an integer in [1, 1000000], got '100'.")]
-    >>> check_algorithm("bo-aco", {"evaporation": 1.3})
+    >>> algorithm_faults("bo-aco", {"evaporation": 1.3})
     [('evaporation', 'Expected evaporation in (0, 1), got 1.3.')]
     """
     try:

@@ -47,7 +47,7 @@ def check_conformance(
         from botohe_moo.algorithms import registry
         from botohe_moo.mission import library
 
-        faults = (library.check_mission if mission else registry.check_algorithm)(
+        faults = (library.mission_faults if mission else registry.algorithm_faults)(
             name, parameters, plain=True
         )
         if parameters and faults:

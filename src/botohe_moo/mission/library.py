@@ -121,7 +121,7 @@ def load_mission(
     return mission.with_lengths_from_pos() if lengths_from_pos else mission
 
 
-def check_mission(
+def mission_faults(
     name_or_path: str | os.PathLike[str],
     parameters: Mapping[str, Any] | None = None,
     *,
@@ -129,12 +129,12 @@ def check_mission(
 ) -> list[Fault]:
     """Say everything that keeps `load_mission` from giving a mission.
 
-    As :func:`~botohe_moo.algorithms.registry.check_algorithm` does; ``robots`` and
+    As :func:`~botohe_moo.algorithms.registry.algorithm_faults` does; ``robots`` and
     ``lengths_from_pos`` are parameters, too.
 
     Examples
     --------
-    >>> check_mission("terrain", {"nodes": "50", "robots": 3})
+    >>> mission_faults("terrain", {"nodes": "50", "robots": 3})
     [('nodes', "Expected nodes to be an integer >= 2, got '50'.")]
     """
     try:

@@ -368,7 +368,13 @@ class Mission:
 
 
 def check_mission(value: object) -> Mission:
-    """Give a mission back, or raise a TypeError that says how to get one."""
+    """Give a mission back, or raise a TypeError that says how to get one.
+
+    Parameters
+    ----------
+    value
+        What should be a mission.
+    """
     if isinstance(value, Mission):
         return value
     raise TypeError(

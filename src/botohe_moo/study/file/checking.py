@@ -11,11 +11,11 @@ from pydantic import ValidationError
 
 from botohe_moo._base.checks import nearest_first, quoted
 from botohe_moo.algorithms.origin import algorithm_identity, algorithm_origin
-from botohe_moo.algorithms.registry import check_algorithm
+from botohe_moo.algorithms.registry import algorithm_faults
 from botohe_moo.mission.digest import mission_digest
 from botohe_moo.mission.formats.files import SUFFIXES
 from botohe_moo.mission.formats.nodelink import mission_content
-from botohe_moo.mission.library import COMMON, check_mission, load_mission, mission_origin
+from botohe_moo.mission.library import COMMON, load_mission, mission_faults, mission_origin
 from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE
 from botohe_moo.study.file.config import AlgorithmEntry, Budget, MissionEntry, StudyFile
@@ -102,7 +102,7 @@ class CheckedContent:
             mission = load_mission(**source)
         except (Exception, SystemExit) as error:  # whatever another package's code may do
             unknown = f"{type(error).__name__}: {error}"
-            found = check_mission(name, parameters, plain=True)
+            found = mission_faults(name, parameters, plain=True)
             for blamed, message in found or [(None, unknown)]:
                 said = message if blamed else self._said_of(name, message)
                 self.faults.add((*path, *_place(blamed, member.entry)), said)
@@ -129,7 +129,7 @@ class CheckedContent:
         origins: dict[str, dict[str, str | None]] = {}
         for member in members("algorithms", entries, self.faults):
             name = member.entry.algorithm
-            found = check_algorithm(name, member.parameters, plain=True)
+            found = algorithm_faults(name, member.parameters, plain=True)
             for blamed, message in found:
                 said = message if blamed else self._said_of(name, message)
                 self.faults.add((*member.path, *_place(blamed, member.entry)), said)
