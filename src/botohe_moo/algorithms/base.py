@@ -57,6 +57,20 @@ class ArchiveAlgorithm(BudgetedAlgorithm):
     counts them, and puts into the archive what belongs there. pymoo individuals are made when
     ``opt`` or ``pop`` is read. A TypeError is raised for unknown options of pymoo's, and for a
     ``sampling`` that holds anything but plans.
+
+    Examples
+    --------
+    >>> from botohe_moo import solve
+    >>> from botohe_moo.algorithms import ArchiveAlgorithm
+    >>> from botohe_moo.operators import RandomTrailSampling
+    >>> class Draw(ArchiveAlgorithm):
+    ...     '''Draw trails at random, a hundred plans at a time.'''
+    ...     def _advance(self, **_):
+    ...         size = min(100, self._n_left())
+    ...         drawn = RandomTrailSampling().sample_batch(self.problem, size, self.random_state)
+    ...         self._take_in(drawn)
+    >>> solve("toy", Draw(), evaluations=250).evaluations
+    250
     """
 
     is_initialized: bool

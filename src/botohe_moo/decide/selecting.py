@@ -44,6 +44,7 @@ def representatives(mission: Mission, plans: Plans, k: int = 5) -> tuple[int, ..
     Examples
     --------
     >>> from botohe_moo import load_mission
+    >>> from botohe_moo.decide import representatives
     >>> toy = load_mission("toy")
     >>> out = [1, 3, 2, 4, 2, 3, 1]
     >>> teams = [[[1], [1]], [out, [1]], [out, [1, 2, 4, 2, 1]], [out, out]]
