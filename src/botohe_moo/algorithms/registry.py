@@ -35,7 +35,7 @@ def make_algorithm(name: str, /, **parameters: Any) -> Algorithm:
     name
         One of :func:`algorithm_names`, or ``module:Class``.
     **parameters
-        Its parameters; :func:`algorithm_parameters` lists them. pymoo's own options, such as
+        Its parameters; ``botohe algorithms NAME`` lists them. pymoo's own options, such as
         ``callback`` and ``verbose``, are for ``minimize``.
 
     Raises

@@ -106,7 +106,7 @@ def compare(mission: Mission, first: TrailPlan, second: TrailPlan) -> Difference
 
     Robots are identical, so each of the first plan is matched with one of the second: first those
     with equal trails, then the others such that the sum of the distances of their trails,
-    1 − |A ∩ B| / |A ∪ B| of their arcs, is the smallest.
+    ``1 − |A ∩ B| / |A ∪ B|`` of their arcs, is the smallest.
 
     Parameters
     ----------
