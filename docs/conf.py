@@ -42,6 +42,8 @@ nitpick_ignore_regex = [
 numpydoc_show_class_members = False
 numpydoc_attributes_as_param_list = True
 
+smartquotes = False  # --robots is an option, and no dash
+
 html_theme = "pydata_sphinx_theme"
 html_title = "botohe_moo"
 html_math_renderer = "mathml"

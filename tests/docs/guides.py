@@ -10,7 +10,7 @@ GUIDES = sorted(DOCS.glob("*.md"))
 
 def blocks(path):
     """The fenced blocks of a page, in their order: pairs of language and text."""
-    return re.findall(r"^```(\w*)\n(.*?)^```$", path.read_text("utf-8"), re.M | re.S)
+    return re.findall(r"^```([^`\n]*)\n(.*?)^```$", path.read_text("utf-8"), re.M | re.S)
 
 
 def links(path):
