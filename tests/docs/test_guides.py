@@ -60,10 +60,25 @@ def test_the_index_has_every_page():
     assert linked == {*GUIDES, DOCS / "reference" / "index.md"} - {DOCS / "index.md"}
 
 
+def test_the_gallery_shows_what_its_code_draws():
+    code = "".join(text for language, text in blocks(DOCS / "gallery.md") if language == "python")
+    drawn = set(re.findall(r'"([\w-]+\.png)"', code))
+    kept = ROOT / "results" / "gallery"
+    shown = {
+        target.name for target in links(DOCS / "gallery.md") if target.parent.name == "gallery"
+    }
+    assert drawn == shown == {path.name for path in kept.glob("*.png")}
+
+
 def table(frame):
     """A table in Markdown."""
     rows = [frame.columns, ["---"] * len(frame.columns), *frame.astype(object).to_numpy()]
-    return "".join(f"| {' | '.join(map(str, row))} |\n" for row in rows)
+    return "".join(f"| {' | '.join(map(cell, row))} |\n" for row in rows)
+
+
+def cell(value):
+    """A number in groups of three digits, or a text."""
+    return f"{value:,}".replace(",", " ") if isinstance(value, int) else str(value)
 
 
 def published():
