@@ -3,13 +3,15 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+READY_FOR_DOCS := $(VENV)/.ready-for-docs
 
-.PHONY: help demo test check format bench smoke paper state-of-the-art baselines clean clean-kernels
+.PHONY: help demo test check docs format bench smoke paper state-of-the-art baselines clean clean-kernels
 
 help:
 	@echo "make demo    plan the art museum and write tables and pictures to results/demo/"
 	@echo "make test    run the tests"
 	@echo "make check   ruff (lint and format) and mypy strict"
+	@echo "make docs    the documentation, in docs/_build/html"
 	@echo "make bench   the numbers this project claims"
 	@echo "make smoke   a study of seconds, with its report"
 	@echo "make paper   the paper's study, with its report, beside what was published"
@@ -19,6 +21,10 @@ help:
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable ".[dev]"
+	@touch $@
+
+$(READY_FOR_DOCS): $(READY)
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable ".[docs]"
 	@touch $@
 
 demo: $(READY)
@@ -32,6 +38,12 @@ check: $(READY)
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
+
+# Warnings and references that lead nowhere are errors; nothing is read from a network.
+docs: $(READY_FOR_DOCS)
+	rm -rf docs/_build docs/reference/names
+	$(BIN)/python -m sphinx --builder html --nitpicky --fail-on-warning --keep-going --quiet docs docs/_build/html
+	$(BIN)/python -m pytest docs/test_built.py
 
 format: $(READY)
 	$(BIN)/ruff check --fix
@@ -60,5 +72,5 @@ clean-kernels:
 	find src tests -name '*.nb[ci]' -delete
 
 clean:
-	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache results/demo results/bench
+	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache results/demo results/bench docs/_build docs/reference/names
 	find . -name __pycache__ -prune -exec rm -rf {} +

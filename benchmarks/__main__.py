@@ -3,12 +3,11 @@
 The names are curves, speed, growth, colonies (results/bo-aco/), operators, annealing
 (results/operators/), studies (results/studies/), search, ideas, budgets, orienteering
 (results/local-search/), fronts, large (results/growth/), bounds (results/bounds/), pictures
-(results/choosing/), explorer (results/explorer/), start and pace (results/start/) and house
-(results/house/). ``--before`` names
-another checkout, which start, pace and house measure beside this one. The exit status is 1 if a
-curve is not the published one, or an area, a reward, a gap, a ratio to BO-ACO or a size misses its
-bound;
-times themselves, and ratios to another checkout, are never judged, machines differ.
+(results/choosing/), gallery (results/gallery/), explorer (results/explorer/), start and pace
+(results/start/) and house (results/house/). ``--before`` names another checkout, which start, pace
+and house measure beside this one. The exit status is 1 if a curve is not the published one, or an
+area, a reward, a gap, a ratio to BO-ACO or a size misses its bound; times themselves, and ratios to
+another checkout, are never judged, machines differ.
 """
 
 import argparse
@@ -25,6 +24,7 @@ from benchmarks import (
     curves,
     explorer,
     fronts,
+    gallery,
     growth,
     house,
     ideas,
@@ -58,6 +58,7 @@ BENCHMARKS = {
     "explorer": (explorer.run, "explorer"),
     "house": (house.run, "house"),
     "pictures": (pictures.run, "choosing"),
+    "gallery": (gallery.run, "gallery"),
     "start": (start.run, "start"),
     "pace": (pace.run, "start"),
 }

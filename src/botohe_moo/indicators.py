@@ -8,6 +8,8 @@ from botohe_moo._base.checks import quoted
 from botohe_moo._base.types import FloatArray
 from botohe_moo.mission.model import Mission, check_mission
 
+__all__ = ["area_indicator", "epsilon_indicator", "igd_plus_indicator"]
+
 # Indicators that differ by less are equal: such differences come from the order of sums.
 TIE = 1e-12
 _ROUNDING = 1e-9
@@ -37,6 +39,13 @@ def area_indicator(objectives: ArrayLike, mission: Mission) -> float:
     The area indicator of Simon, Richley, Overbey and Perez-Lavin, normalised; hypervolume by
     moocore (Fonseca, Paquete and López-Ibáñez, "An improved dimension-sweep algorithm for the
     hypervolume indicator", CEC 2006).
+
+    Examples
+    --------
+    >>> from botohe_moo import area_indicator, load_mission
+    >>> toy = load_mission("toy")  # a total reward of 10, and 2 robots
+    >>> area_indicator([[5, 1], [2, 2]], toy)  # (5 · 1 + 2 · 1) / (10 · 2)
+    0.35
     """
     whole = check_mission(mission).total_reward * mission.robots
     values = check_objectives("objectives", objectives)
@@ -57,6 +66,14 @@ def igd_plus_indicator(objectives: ArrayLike, reference: ArrayLike, mission: Mis
 
     Ishibuchi, Masuda, Tanigaki and Nojima, "Modified distance calculation in generational distance
     and inverted generational distance", EMO 2015; computed by moocore.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.indicators import igd_plus_indicator
+    >>> toy = load_mission("toy")  # a total reward of 10, and 2 robots
+    >>> igd_plus_indicator([[5, 1]], [[5, 1], [5, 2]], toy)  # no distance, and half of the robots
+    0.25
     """
     points, targets = _normalised(objectives, reference, mission)
     return float(moocore.igd_plus(points, ref=targets, maximise=True))
@@ -72,6 +89,14 @@ def epsilon_indicator(objectives: ArrayLike, reference: ArrayLike, mission: Miss
     Zitzler, Thiele, Laumanns, Fonseca and Grunert da Fonseca, "Performance assessment of
     multiobjective optimizers: an analysis and review", IEEE Transactions on Evolutionary
     Computation 7(2), 2003; computed by moocore.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.indicators import epsilon_indicator
+    >>> toy = load_mission("toy")  # a total reward of 10, and 2 robots
+    >>> epsilon_indicator([[5, 1]], [[5, 1], [5, 2]], toy)
+    0.5
     """
     points, targets = _normalised(objectives, reference, mission)
     return float(moocore.epsilon_additive(points, ref=targets, maximise=True))

@@ -19,6 +19,8 @@ from botohe_moo.kernels.graph.graph import Limits
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.trails import PlanBatch
 
+__all__ = ["BOTOHE", "FrontOutput"]
+
 _ROUNDING = 1e-12
 
 
@@ -55,6 +57,15 @@ class BOTOHE(Problem):
     surviving orienteers problem: Jorgensen, Chen, Milam and Pavone, "The team surviving
     orienteers problem: routing teams of robots in uncertain environments with survival
     constraints", Autonomous Robots 42(4), 2018.
+
+    Examples
+    --------
+    >>> from pymoo.optimize import minimize
+    >>> from botohe_moo import BOTOHE, load_mission, make_algorithm
+    >>> problem = BOTOHE(load_mission("toy"), min_survival=0.6)
+    >>> result = minimize(problem, make_algorithm("nsga2", pop_size=20), ("n_eval", 200), seed=1)
+    >>> bool(problem.mission.robot_survival(result.X).min() >= 0.6)
+    True
     """
 
     @checked
@@ -174,7 +185,21 @@ class BOTOHE(Problem):
 
 
 class FrontOutput(Output):
-    """What pymoo prints under ``verbose=True``: area, largest expected reward, front size."""
+    """What pymoo prints under ``verbose=True``: area, largest expected reward, front size.
+
+    Examples
+    --------
+    >>> from pymoo.optimize import minimize
+    >>> from botohe_moo import BOACO, BOTOHE, load_mission
+    >>> from botohe_moo.problem import FrontOutput
+    >>> algorithm = BOACO(n_ants=50, output=FrontOutput())  # what it has anyway
+    >>> problem = BOTOHE(load_mission("toy"))
+    >>> done = minimize(problem, algorithm, ("n_gen", 1), verbose=True)  # doctest: +ELLIPSIS
+    ===================================================
+    n_gen  |  n_eval  |   area   |  max E[R]  | n_front
+    ===================================================
+         1 |       50 | ...
+    """
 
     def __init__(self) -> None:
         super().__init__()

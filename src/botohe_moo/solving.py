@@ -22,12 +22,25 @@ from botohe_moo.problem import BOTOHE
 from botohe_moo.solution import Solution
 from botohe_moo.trails import TrailPlan
 
+__all__ = ["RefusalError", "solve"]
+
 Progress = Callable[[int, Callable[[], float]], None]
 """Takes the evaluations so far, and a function that gives the area of what was found."""
 
 
 class RefusalError(ValueError):
-    """The algorithm cannot search this mission; says why."""
+    """The algorithm cannot search this mission; says why.
+
+    Examples
+    --------
+    >>> from botohe_moo import solve
+    >>> from botohe_moo.solving import RefusalError
+    >>> try:
+    ...     solve("art_museum", "exact", memory_limit=1)
+    ... except RefusalError as error:
+    ...     print(str(error)[:39])
+    Algorithm 'exact': Mission 'art_museum'
+    """
 
 
 def solve(
@@ -82,6 +95,7 @@ def solve(
 
     Examples
     --------
+    >>> from botohe_moo import solve
     >>> solution = solve("toy", "greedy", evaluations=100)
     >>> solution.table.round(2).tail(2)
        plan_id  reward  survivors

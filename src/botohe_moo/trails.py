@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from botohe_moo._base.checks import check_integer, quoted
 from botohe_moo._base.types import IntArray, ObjectArray, OffsetArray
 
+__all__ = ["PlanBatch", "TrailPlan"]
+
 _MAX_INDEX = np.iinfo(np.int32).max
 
 
@@ -39,6 +41,7 @@ class TrailPlan:
 
     Examples
     --------
+    >>> from botohe_moo import TrailPlan
     >>> plan = TrailPlan([[0, 1, 0], [0]])
     >>> plan == TrailPlan([[0], [0, 1, 0]])
     True
@@ -171,6 +174,19 @@ class PlanBatch:
     ------
     ValueError
         If these are not integers, or do not fit together.
+
+    Examples
+    --------
+    >>> from botohe_moo import TrailPlan
+    >>> from botohe_moo.trails import PlanBatch
+    >>> plans = [TrailPlan([[0, 1, 0], [0]]), TrailPlan([[0], [0]])]
+    >>> batch = PlanBatch.from_plans(plans, 2)
+    >>> batch
+    <PlanBatch of 2 plans, 2 robots, 6 nodes>
+    >>> batch[0]
+    TrailPlan([[0, 1, 0], [0]])
+    >>> batch.nodes, batch.offsets
+    (array([0, 1, 0, 0, 0, 0], dtype=int32), array([0, 3, 4, 5, 6]))
     """
 
     __slots__ = ("n_robots", "nodes", "offsets")

@@ -42,6 +42,8 @@ class SameResult:
 
     Examples
     --------
+    >>> from typing import Annotated
+    >>> from botohe_moo.algorithms import SameResult
     >>> def search(*, workers: Annotated[int, SameResult()] = 1): ...
     """
 

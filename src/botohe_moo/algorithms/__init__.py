@@ -9,6 +9,7 @@ from botohe_moo._base.lazy import lazy_names
 
 if TYPE_CHECKING:
     from botohe_moo._plugins.types import SameResult as SameResult
+    from botohe_moo.algorithms.base import ArchiveAlgorithm as ArchiveAlgorithm
     from botohe_moo.algorithms.bo_aco import BOACO as BOACO
     from botohe_moo.algorithms.exact import Exact as Exact
     from botohe_moo.algorithms.greedy import Greedy as Greedy

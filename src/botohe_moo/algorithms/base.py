@@ -56,10 +56,43 @@ class BudgetedAlgorithm(Algorithm):
 class ArchiveAlgorithm(BudgetedAlgorithm):
     """A pymoo algorithm whose optimum is an archive of all non-dominated plans it evaluated.
 
-    A subclass builds plans in ``_advance`` and hands them to ``_take_in``, which evaluates them,
-    counts them, and puts into the archive what belongs there. pymoo individuals are made when
-    ``opt`` or ``pop`` is read. A TypeError is raised for unknown options of pymoo's, and for a
-    ``sampling`` that holds anything but plans.
+    A subclass builds plans in ``_advance``, one iteration, and hands them to ``_take_in``, which
+    evaluates them, counts them, and puts into the archive what belongs there. ``_n_left`` says how
+    many evaluations the budget still allows. pymoo individuals are made when ``opt`` or ``pop`` is
+    read.
+
+    Parameters
+    ----------
+    max_ties
+        Plans with equal objectives but different trails that the archive keeps.
+    sampling
+        Trail plans to start from: an iterable of plans, or ``X`` of another result.
+    **options
+        pymoo's own: ``termination``, ``callback``, ``output``, ``save_history``, ``seed``, ...
+
+    Raises
+    ------
+    TypeError
+        If an option is unknown, or ``sampling`` holds anything but plans.
+
+    Attributes
+    ----------
+    archive : PlanArchive
+        All non-dominated plans found so far (``plans``, ``objectives``).
+
+    Examples
+    --------
+    >>> from botohe_moo import solve
+    >>> from botohe_moo.algorithms import ArchiveAlgorithm
+    >>> from botohe_moo.operators import RandomTrailSampling
+    >>> class Draw(ArchiveAlgorithm):
+    ...     '''Draw trails at random, a hundred plans at a time.'''
+    ...     def _advance(self, **_):
+    ...         size = min(100, self._n_left())
+    ...         drawn = RandomTrailSampling().sample_batch(self.problem, size, self.random_state)
+    ...         self._take_in(drawn)
+    >>> solve("toy", Draw(), evaluations=250).evaluations
+    250
     """
 
     is_initialized: bool
@@ -84,9 +117,14 @@ class ArchiveAlgorithm(BudgetedAlgorithm):
     def setup(self, problem: Any, **kwargs: Any) -> Algorithm:
         """Prepare to solve ``problem``; pymoo's ``minimize`` calls this.
 
-        A TypeError is raised if it is not a :class:`BOTOHE`, or overrides what is computed in
-        kernels, and a ValueError if it has equality constraints, or the budget is less than one
-        evaluation.
+        Parameters
+        ----------
+        problem
+            A :class:`BOTOHE`. A TypeError is raised for another one, and for one that overrides
+            what is computed in kernels; a ValueError for equality constraints.
+        **kwargs
+            pymoo's own: ``termination``, ``seed``, ... A ValueError is raised for a budget of less
+            than one evaluation.
         """
         check_problem(problem)
         if self.evaluates_in_kernels:
@@ -114,7 +152,14 @@ class ArchiveAlgorithm(BudgetedAlgorithm):
         """Run one iteration; pymoo's ``next`` calls this.
 
         As pymoo's own, but before the end it does not return the current optimum, which would then
-        be made into a population in every iteration. ``infills`` is None: pymoo evaluates nothing.
+        be made into a population in every iteration.
+
+        Parameters
+        ----------
+        infills
+            None: pymoo evaluates nothing.
+        **_
+            What pymoo hands over besides.
         """
         if self.is_initialized:
             self._advance()

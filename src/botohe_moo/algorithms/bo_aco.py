@@ -128,6 +128,16 @@ class BOACO(ArchiveAlgorithm):
     they chose; where the problem has limits, when no way home is found that keeps them. With a
     travel budget the safest way home is tried, then the shortest one: a plan is never built in
     which a robot could only get home by a compromise between both.
+
+    Examples
+    --------
+    >>> from pymoo.optimize import minimize
+    >>> from botohe_moo import BOACO, BOTOHE, area_indicator, load_mission
+    >>> toy = load_mission("toy")
+    >>> algorithm = BOACO(n_ants=20)
+    >>> result = minimize(BOTOHE(toy), algorithm, ("n_eval", 200), seed=1)
+    >>> area_indicator(-result.F, toy) > 0.5
+    True
     """
 
     @checked

@@ -60,6 +60,15 @@ class Exact(ArchiveAlgorithm):
     trails and teams do not count: to compare efforts, compare times. A budget of fewer evaluations
     than the front has points gives those with most reward. A run that ends before the search is
     done gives what was evaluated first.
+
+    Examples
+    --------
+    >>> from pymoo.optimize import minimize
+    >>> from botohe_moo import BOTOHE, Exact, load_mission
+    >>> problem = BOTOHE(load_mission("toy", robots=1))
+    >>> result = minimize(problem, Exact(), ("n_eval", 200))
+    >>> (-result.F).round(2).tolist()
+    [[7.09, 0.35], [4.14, 0.66], [0.9, 0.81], [0.0, 1.0]]
     """
 
     evaluates_in_kernels = True

@@ -62,6 +62,16 @@ class Greedy(ArchiveAlgorithm):
     A plan that comes up again is not evaluated again, and partial trails do not count as
     evaluations: to compare efforts, compare times. Robots are planned for the mission's own
     objectives, also where a problem overrides ``evaluate_batch``.
+
+    Examples
+    --------
+    >>> from pymoo.optimize import minimize
+    >>> from botohe_moo import BOTOHE, Greedy, area_indicator, load_mission
+    >>> toy = load_mission("toy")
+    >>> algorithm = Greedy(n_weights=11)
+    >>> result = minimize(BOTOHE(toy), algorithm, ("n_eval", 200), seed=1)
+    >>> area_indicator(-result.F, toy) > 0.5
+    True
     """
 
     deterministic = True

@@ -53,6 +53,17 @@ class PlanMOEAD(PopulationAlgorithm, ParallelMOEAD):
     Transactions on Evolutionary Computation 11(6), 2007; constraints as in Jan and Khanum, "A
     study of two penalty-parameterless constraint handling techniques in the framework of MOEA/D",
     Applied Soft Computing 13(1), 2013.
+
+    Examples
+    --------
+    >>> from pymoo.optimize import minimize
+    >>> from botohe_moo import BOTOHE, area_indicator, load_mission
+    >>> from botohe_moo.algorithms import PlanMOEAD
+    >>> toy = load_mission("toy")
+    >>> algorithm = PlanMOEAD(pop_size=20)
+    >>> result = minimize(BOTOHE(toy), algorithm, ("n_eval", 200), seed=1)
+    >>> area_indicator(-result.F, toy) > 0.5
+    True
     """
 
     # pymoo draws one of each mating's children, but from pools that mix matings.

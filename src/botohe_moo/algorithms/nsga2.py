@@ -21,6 +21,7 @@ class PlanNSGA2(PlanGeneticAlgorithm, NSGA2):
     --------
     >>> from pymoo.optimize import minimize
     >>> from botohe_moo import BOTOHE, load_mission
+    >>> from botohe_moo.algorithms import PlanNSGA2
     >>> algorithm = PlanNSGA2(pop_size=50, mutation="ruin")
     >>> result = minimize(BOTOHE(load_mission("art_museum")), algorithm, ("n_eval", 120), seed=1)
     >>> result.algorithm.evaluator.n_eval

@@ -105,6 +105,15 @@ class ParetoLocalSearch(ArchiveAlgorithm):
     has been walked to the end, shows that it cannot enter.
 
     There is one thread: its results depend on the seed alone.
+
+    Examples
+    --------
+    >>> from pymoo.optimize import minimize
+    >>> from botohe_moo import BOTOHE, ParetoLocalSearch, area_indicator, load_mission
+    >>> mission = load_mission("art_museum")
+    >>> result = minimize(BOTOHE(mission), ParetoLocalSearch(), ("n_eval", 5_000), seed=1)
+    >>> area_indicator(-result.F, mission) > 0.5
+    True
     """
 
     evaluates_in_kernels = True

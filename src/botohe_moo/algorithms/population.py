@@ -91,6 +91,18 @@ class PopulationAlgorithm(BudgetedAlgorithm):
         All non-dominated feasible plans found so far.
     repair : PlanRepair
         The repair of the operators that were given by name; ``repair.counts`` tells what it did.
+
+    Examples
+    --------
+    >>> from pymoo.algorithms.moo.nsga2 import NSGA2
+    >>> from botohe_moo import solve
+    >>> from botohe_moo.algorithms import PopulationAlgorithm
+    >>> class MyNSGA2(PopulationAlgorithm, NSGA2):
+    ...     '''NSGA-II with populations of 30.'''
+    ...     def __init__(self, **options):
+    ...         super().__init__({"pop_size": 30}, **options)
+    >>> solve("toy", MyNSGA2(mutation="ruin"), evaluations=200).evaluations
+    200
     """
 
     pop: Population

@@ -24,6 +24,16 @@ class RandomTrails(BOACO):
         Trail plans to start from, as for :class:`BOACO`.
     **options
         pymoo's own, as for :class:`BOACO`.
+
+    Examples
+    --------
+    >>> from pymoo.optimize import minimize
+    >>> from botohe_moo import BOTOHE, RandomTrails, area_indicator, load_mission
+    >>> toy = load_mission("toy")
+    >>> algorithm = RandomTrails(n_ants=50)
+    >>> result = minimize(BOTOHE(toy), algorithm, ("n_eval", 200), seed=1)
+    >>> result.algorithm.evaluator.n_eval
+    200
     """
 
     def __init__(

@@ -35,7 +35,7 @@ def make_algorithm(name: str, /, **parameters: Any) -> Algorithm:
     name
         One of :func:`algorithm_names`, or ``module:Class``.
     **parameters
-        Its parameters; :func:`algorithm_parameters` lists them. pymoo's own options, such as
+        Its parameters; ``botohe algorithms NAME`` lists them. pymoo's own options, such as
         ``callback`` and ``verbose``, are for ``minimize``.
 
     Raises
@@ -58,6 +58,7 @@ def make_algorithm(name: str, /, **parameters: Any) -> Algorithm:
 
     Examples
     --------
+    >>> from botohe_moo import make_algorithm
     >>> make_algorithm("bo-aco", n_ants=50).n_ants
     50
     >>> make_algorithm("pymoo.algorithms.moo.age:AGEMOEA", pop_size=60).pop_size
@@ -96,7 +97,14 @@ def algorithm_faults(
 
 
 def algorithm_names() -> tuple[str, ...]:
-    """Give the names that :func:`make_algorithm` knows; what cannot be loaded is warned of."""
+    """Give the names that :func:`make_algorithm` knows; what cannot be loaded is warned of.
+
+    Examples
+    --------
+    >>> from botohe_moo import algorithm_names
+    >>> "pareto-local-search" in algorithm_names()
+    True
+    """
     return PLUGINS.names()
 
 

@@ -90,6 +90,16 @@ class SimulatedAnnealing(ArchiveAlgorithm):
     node and returns to the same place or a later one, along safest paths over arcs that the trail
     has not taken. It is drawn as often as another move times the share of arcs without a reverse:
     never in the journal's missions, unless a hundred draws could not be made.
+
+    Examples
+    --------
+    >>> from pymoo.optimize import minimize
+    >>> from botohe_moo import BOTOHE, SimulatedAnnealing, area_indicator, load_mission
+    >>> toy = load_mission("toy")
+    >>> algorithm = SimulatedAnnealing(n_weights=5)
+    >>> result = minimize(BOTOHE(toy), algorithm, ("n_eval", 200), seed=1)
+    >>> result.algorithm.evaluator.n_eval
+    200
     """
 
     evaluates_in_kernels = True

@@ -30,6 +30,16 @@ class Miss:
         The wish.
     value, by
         What the plan has of it, and how much it lacks.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.decide import Miss, choose
+    >>> toy = load_mission("toy")
+    >>> plans = [toy.plan([trail, [1]]) for trail in ([1], [1, 2, 1], [1, 2, 4, 2, 1])]
+    >>> for miss in choose(toy, plans, "survivors >= 1.5 and reward >= 5").missed:
+    ...     print(miss)
+    reward >= 5 by 1.76 (it has 3.24)
     """
 
     wish: Wish
@@ -60,6 +70,18 @@ class Choice:
         Whether it meets all wishes. If no plan does, it is the one that comes nearest.
     wishes, missed
         What was wished, and which of it the plan does not meet and by how much.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.decide import Choice, choose
+    >>> toy = load_mission("toy")
+    >>> plans = [toy.plan([trail, [1]]) for trail in ([1], [1, 2, 1], [1, 2, 4, 2, 1])]
+    >>> choice = choose(toy, plans, "survivors >= 1.6")
+    >>> print(choice.why)
+    The best among these plans (3): plan 2 has the most reward with survivors >= 1.6 (1.656).
+    >>> choice.met, choice.missed
+    (True, ())
     """
 
     plan: TrailPlan
@@ -129,6 +151,7 @@ def choose(
     Examples
     --------
     >>> from botohe_moo import load_mission
+    >>> from botohe_moo.decide import choose
     >>> toy = load_mission("toy")
     >>> plans = [toy.plan([trail, [1]]) for trail in ([1], [1, 2, 4, 2, 1], [1, 3, 2, 4, 2, 3, 1])]
     >>> choice = choose(toy, plans, "survivors >= 1.6")
@@ -203,6 +226,7 @@ def toward(mission: Mission, plans: Plans, *, reward: float, survivors: float) -
     Examples
     --------
     >>> from botohe_moo import load_mission
+    >>> from botohe_moo.decide import toward
     >>> toy = load_mission("toy")
     >>> plans = [toy.plan([trail, [1]]) for trail in ([1], [1, 2, 4, 2, 1], [1, 3, 2, 4, 2, 3, 1])]
     >>> choice = toward(toy, plans, reward=5, survivors=1.6)

@@ -33,6 +33,15 @@ class Change:
     same, stayed, stays
         Whether their trails are the same, whether the first of them stays at base, and whether the
         second does.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.decide import Change, compare
+    >>> toy = load_mission("toy")
+    >>> found = compare(toy, toy.plan([[1, 2, 1], [1]]), toy.plan([[1, 2, 4, 2, 1], [1]]))
+    >>> found.robots[0].gained, found.robots[1].same
+    ((4,), True)
     """
 
     robot: int
@@ -62,6 +71,17 @@ class Difference:
         Numbers of robots that stay at base in the first and in the second plan.
     robots
         What each robot does otherwise, by the robots of the first plan.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.decide import Difference, compare
+    >>> toy = load_mission("toy")
+    >>> found = compare(toy, toy.plan([[1, 2, 1], [1]]), toy.plan([[1, 2, 4, 2, 1], [1]]))
+    >>> round(found.reward, 2), found.gained, found.at_base
+    (3.24, (4,), (1, 1))
+    >>> print(found.sentences[-1])
+    Robot 0 also visits 4, at the same survival.
     """
 
     reward: float
@@ -86,7 +106,7 @@ def compare(mission: Mission, first: TrailPlan, second: TrailPlan) -> Difference
 
     Robots are identical, so each of the first plan is matched with one of the second: first those
     with equal trails, then the others such that the sum of the distances of their trails,
-    1 − |A ∩ B| / |A ∪ B| of their arcs, is the smallest.
+    ``1 − |A ∩ B| / |A ∪ B|`` of their arcs, is the smallest.
 
     Parameters
     ----------
@@ -105,6 +125,7 @@ def compare(mission: Mission, first: TrailPlan, second: TrailPlan) -> Difference
     Examples
     --------
     >>> from botohe_moo import load_mission
+    >>> from botohe_moo.decide import compare
     >>> toy = load_mission("toy")
     >>> first, second = toy.plan([[1, 2, 1], [1]]), toy.plan([[1], [1, 3, 2, 4, 2, 3, 1]])
     >>> print(compare(toy, first, second))

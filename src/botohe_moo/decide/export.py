@@ -37,6 +37,17 @@ def plan_json(mission: Mission, plan: TrailPlan) -> str:
         If JSON cannot hold a label.
     PlanError
         If the plan is not valid for the mission.
+
+    Examples
+    --------
+    >>> import json
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.decide import plan_json
+    >>> toy = load_mission("toy")
+    >>> plan = toy.plan([[1, 2, 4, 2, 1], [1]])
+    >>> text = plan_json(toy, plan)
+    >>> toy.plan(json.loads(text)["trails"]) == plan
+    True
     """
     ((reward, survivors),) = check_mission(mission).evaluate([plan]).tolist()
     content = {
@@ -61,6 +72,17 @@ def plan_csv(mission: Mission, plan: TrailPlan) -> str:
     ----------
     mission, plan
         As for :func:`plan_json`, which also says what is raised.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.decide import plan_csv
+    >>> toy = load_mission("toy")
+    >>> plan = toy.plan([[1, 2, 4, 2, 1], [1]])
+    >>> print(*plan_csv(toy, plan).splitlines()[:3], sep=chr(10))
+    robot,step,node,x,y
+    0,0,1,0.0,0.5
+    0,1,2,0.5,1.0
     """
     check_mission(mission).evaluate([plan])
     places = given_places(mission.graph)
@@ -87,6 +109,16 @@ def plan_geojson(mission: Mission, plan: TrailPlan) -> str:
     mission, plan
         As for :func:`plan_json`, which also says what is raised; also a ValueError if a visited
         node has no position.
+
+    Examples
+    --------
+    >>> import json
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.decide import plan_geojson
+    >>> toy = load_mission("toy")
+    >>> plan = toy.plan([[1, 2, 4, 2, 1], [1]])
+    >>> [shape["geometry"]["type"] for shape in json.loads(plan_geojson(toy, plan))["features"]]
+    ['LineString', 'Point', 'Point', 'Point', 'Point']
     """
     survival = check_mission(mission).robot_survival([plan])[0].tolist()
     reached = team_reach(reach_probabilities(mission, plan))
@@ -151,6 +183,17 @@ def write_plan(mission: Mission, plan: TrailPlan, path: str | os.PathLike[str]) 
         If the plan is not valid for the mission.
     OSError
         If the file cannot be written.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.decide import write_plan
+    >>> toy = load_mission("toy")
+    >>> plan = toy.plan([[1, 2, 4, 2, 1], [1]])
+    >>> write_plan(toy, plan, "plan.csv")
+    >>> Path("plan.csv").read_text().splitlines()[:2]
+    ['robot,step,node,x,y', '0,0,1,0.0,0.5']
     """
     check_plan_file(path)
     path = Path(path)

@@ -123,6 +123,7 @@ def parse_wishes(mission: Mission, wishes: Iterable[str | Wish]) -> tuple[Wish, 
     Examples
     --------
     >>> from botohe_moo import load_mission
+    >>> from botohe_moo.decide import parse_wishes
     >>> [wish] = parse_wishes(load_mission("toy"), ["P(survivors >= 2) >= 0.9"])
     >>> wish
     Chance(at_least=0.9, quantity='survivors', value=2.0)

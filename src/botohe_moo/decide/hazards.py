@@ -74,6 +74,7 @@ def robustness(
     Examples
     --------
     >>> from botohe_moo import load_mission
+    >>> from botohe_moo.decide import robustness
     >>> toy = load_mission("toy")
     >>> plans = [toy.plan([[1, 2, 4, 2, 1], [1]]), toy.plan([[1], [1]])]
     >>> table = robustness(toy, plans, factors=[2])
@@ -163,6 +164,7 @@ def after_losses(mission: Mission, plans: Plans, alpha: int = 1) -> pd.DataFrame
     Examples
     --------
     >>> from botohe_moo import load_mission
+    >>> from botohe_moo.decide import after_losses
     >>> toy = load_mission("toy")
     >>> plan = toy.plan([[1, 2, 4, 2, 1], [1]])
     >>> after_losses(toy, [plan], 1)[["reward", "reward_left", "lost"]].round(2).values.tolist()

@@ -31,6 +31,15 @@ class Mark:
         What it is, in short and exactly.
     reward, survivors
         Its E[R] and E[S].
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.decide import Mark, knees
+    >>> toy = load_mission("toy")
+    >>> front = [[8, 0], [7, 1], [4, 1.4], [0, 2]]  # E[R] and E[S] of four plans
+    >>> print(knees(toy, front)[0])
+    plan 1 (reward 7, survivors 1): farthest above the chord between the end points of the front
     """
 
     index: int
@@ -84,6 +93,7 @@ def knees(mission: Mission, plans: PlansOrObjectives) -> tuple[Mark, ...]:
     Examples
     --------
     >>> from botohe_moo import load_mission
+    >>> from botohe_moo.decide import knees
     >>> toy = load_mission("toy")  # a total reward of 10, and 2 robots
     >>> for mark in knees(toy, [[8, 0], [7, 1], [4, 1.4], [0, 2]]):
     ...     print(mark.index, mark.name)
@@ -116,6 +126,16 @@ class Step:
         Row of the other plan.
     reward, survivors
         E[R] and E[S] of the other plan minus those of this one.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.decide import Step, neighbours
+    >>> toy = load_mission("toy")
+    >>> front = [[8, 0], [7, 1], [4, 1.4], [0, 2]]  # E[R] and E[S] of four plans
+    >>> step = neighbours(toy, front, 1).safer
+    >>> step.index, step.reward, round(step.survivors, 6), round(step.rate, 6)
+    (2, -3.0, 0.4, 0.75)
     """
 
     index: int
@@ -139,6 +159,15 @@ class Neighbours:
     richer, safer
         To the plans of the front that have a little more reward, and a little more survivors; None
         if there is none.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.decide import Neighbours, neighbours
+    >>> toy = load_mission("toy")
+    >>> front = [[8, 0], [7, 1], [4, 1.4], [0, 2]]  # E[R] and E[S] of four plans
+    >>> print(neighbours(toy, front, 0))
+    Beside it on the front, plan 1 has 1 more survivors for 1 less reward.
     """
 
     richer: Step | None
@@ -172,6 +201,15 @@ def neighbours(mission: Mission, plans: PlansOrObjectives, index: int) -> Neighb
     ------
     ValueError
         As for :func:`knees`, or if there is no such row.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.decide import neighbours
+    >>> toy = load_mission("toy")
+    >>> front = [[8, 0], [7, 1], [4, 1.4], [0, 2]]  # E[R] and E[S] of four plans
+    >>> neighbours(toy, front, 0).richer is None  # nothing has more reward
+    True
     """
     objectives = objectives_of(mission, plans)
     index = check_row("index", index, len(objectives))
@@ -205,6 +243,16 @@ class ExchangeRate:
         0.1 survivors more cost. None if no plan of the front has more survivors for less reward.
     richer
         The same on the other side; its ``rate`` is the reward that 0.1 survivors fewer bring.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.decide import ExchangeRate, exchange_rate
+    >>> toy = load_mission("toy")
+    >>> front = [[8, 0], [7, 1], [4, 1.4], [0, 2]]  # E[R] and E[S] of four plans
+    >>> rate = exchange_rate(toy, front, 1, window=0.5)
+    >>> rate.window, rate.safer.index, rate.richer.index
+    (0.5, 2, 0)
     """
 
     index: int
@@ -247,6 +295,15 @@ def exchange_rate(
     ------
     ValueError
         As for :func:`neighbours`, or if ``window`` is not a number above 0.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.decide import exchange_rate
+    >>> toy = load_mission("toy")
+    >>> front = [[8, 0], [7, 1], [4, 1.4], [0, 2]]  # E[R] and E[S] of four plans
+    >>> round(exchange_rate(toy, front, 1).safer.rate, 6)  # reward for 0.1 survivors
+    0.75
     """
     objectives = objectives_of(mission, plans)
     index = check_row("index", index, len(objectives))

@@ -15,10 +15,10 @@ def representatives(mission: Mission, plans: Plans, k: int = 5) -> tuple[int, ..
     The front, by descending reward, is cut into ``k`` segments of equal length, in objectives
     divided by the total reward and the number of robots. Each is represented by its medoid, the
     plan with the smallest sum of distances to the others. The distance of two plans is
-    1 − |A ∩ B| / |A ∪ B| of the multisets of their arcs. For segments without a plan, those plans
-    of the front are added, one after another, that are farthest from all selected ones. Plans that
-    are dominated, or equal another in both objectives, are only added if the front has fewer than
-    ``k`` plans.
+    ``1 − |A ∩ B| / |A ∪ B|`` of the multisets of their arcs. For segments without a plan, those
+    plans of the front are added, one after another, that are farthest from all selected ones. Plans
+    that are dominated, or equal another in both objectives, are only added if the front has fewer
+    than ``k`` plans.
 
     Parameters
     ----------
@@ -44,6 +44,7 @@ def representatives(mission: Mission, plans: Plans, k: int = 5) -> tuple[int, ..
     Examples
     --------
     >>> from botohe_moo import load_mission
+    >>> from botohe_moo.decide import representatives
     >>> toy = load_mission("toy")
     >>> out = [1, 3, 2, 4, 2, 3, 1]
     >>> teams = [[[1], [1]], [out, [1]], [out, [1, 2, 4, 2, 1]], [out, out]]

@@ -26,6 +26,12 @@ class Wish:
     ----------
     at_least
         The least value that meets the wish.
+
+    Examples
+    --------
+    >>> from botohe_moo.decide import Reach, Wish
+    >>> isinstance(Reach(node="vault", at_least=0.9), Wish)
+    True
     """
 
     at_least: float
@@ -57,6 +63,12 @@ class Expected(Wish):
         Expected reward or number of survivors, at least 0.
     quantity
         ``"reward"`` or ``"survivors"``.
+
+    Examples
+    --------
+    >>> from botohe_moo.decide import Expected
+    >>> print(Expected(quantity="survivors", at_least=2))
+    survivors >= 2
     """
 
     at_least: float
@@ -84,6 +96,12 @@ class Chance(Wish):
         ``"reward"`` or ``"survivors"``.
     value
         What the quantity is to reach, at least 0.
+
+    Examples
+    --------
+    >>> from botohe_moo.decide import Chance
+    >>> print(Chance(quantity="reward", value=5, at_least=0.8))
+    P(reward >= 5) >= 0.8
     """
 
     at_least: float
@@ -113,6 +131,12 @@ class TailMean(Wish):
         ``"reward"`` or ``"survivors"``.
     alpha
         Share of the outcomes, in (0, 1], as for :meth:`Distribution.cvar`.
+
+    Examples
+    --------
+    >>> from botohe_moo.decide import TailMean
+    >>> print(TailMean(quantity="reward", alpha=0.1, at_least=3))
+    CVaR(reward, 0.1) >= 3
     """
 
     at_least: float
@@ -138,6 +162,12 @@ class EveryRobot(Wish):
     ----------
     at_least
         Probability, in [0, 1].
+
+    Examples
+    --------
+    >>> from botohe_moo.decide import EveryRobot
+    >>> print(EveryRobot(at_least=0.5))
+    every robot >= 0.5
     """
 
     at_least: float
@@ -161,6 +191,12 @@ class Reach(Wish):
         Probability, in [0, 1].
     node
         The node's label.
+
+    Examples
+    --------
+    >>> from botohe_moo.decide import Reach
+    >>> print(Reach(node="north hall", at_least=0.9))
+    reach "north hall" >= 0.9
     """
 
     at_least: float

@@ -56,6 +56,14 @@ def explore(
         node is not two finite numbers, or the path ends otherwise.
     OSError
         If the file cannot be written.
+
+    Examples
+    --------
+    >>> from botohe_moo import solve
+    >>> from botohe_moo.explorer import explore
+    >>> solution = solve("toy", "greedy", evaluations=100)
+    >>> explore(solution, "front.html", wishes=["survivors >= 1.5"]).name
+    'front.html'
     """
     path = check_page_file(path)
     replace_file(path, explorer_page(front, wishes=wishes).encode())
@@ -82,6 +90,14 @@ def explorer_page(front: Front, *, wishes: Iterable[str | Wish | Choice] = ()) -
     ----------
     front, wishes
         As for :func:`explore`, which also says what is raised.
+
+    Examples
+    --------
+    >>> from botohe_moo import solve
+    >>> from botohe_moo.explorer import explorer_page
+    >>> page = explorer_page(solve("toy", "greedy", evaluations=100))
+    >>> page[:15]
+    '<!DOCTYPE html>'
     """
     return render(front.mission.title, page_data(front, wishes))
 

@@ -103,6 +103,7 @@ def load_mission(
 
     Examples
     --------
+    >>> from botohe_moo import load_mission
     >>> load_mission("art_museum", robots=4)
     <Mission 'art_museum': 27 nodes, 74 arcs, 4 robots at base 1, total reward 13.0667>
     >>> len(load_mission("terrain", nodes=50, seed=1).nodes)
@@ -155,7 +156,14 @@ def mission_faults(
 
 
 def mission_names() -> tuple[str, ...]:
-    """Give the names that `load_mission` knows, sorted; what cannot be loaded is warned of."""
+    """Give the names that `load_mission` knows, sorted; what cannot be loaded is warned of.
+
+    Examples
+    --------
+    >>> from botohe_moo import mission_names
+    >>> "art_museum" in mission_names()
+    True
+    """
     return _PLUGINS.names()
 
 

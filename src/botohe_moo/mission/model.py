@@ -52,6 +52,8 @@ class Mission:
 
     Examples
     --------
+    >>> import networkx as nx
+    >>> from botohe_moo import Mission
     >>> graph = nx.DiGraph()
     >>> graph.add_node("dock", reward=0)
     >>> graph.add_node("reef", reward=5)

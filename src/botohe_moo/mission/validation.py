@@ -36,6 +36,22 @@ class MissionError(ValueError):
         tuple. The message has the first hundred of them.
     source
         The mission or file, to begin the message with.
+
+    Examples
+    --------
+    >>> import networkx as nx
+    >>> from botohe_moo import Mission, MissionError
+    >>> graph = nx.DiGraph([("dock", "reef")])
+    >>> nx.set_node_attributes(graph, {"dock": 0, "reef": -1}, "reward")
+    >>> nx.set_edge_attributes(graph, 1.5, "survival")
+    >>> try:
+    ...     Mission(graph, base="dock", robots=1)
+    ... except MissionError as error:
+    ...     for fault in error.faults:
+    ...         print(fault)
+    node 'reef': expected a finite reward >= 0, got -1
+    arc 'dock' -> 'reef': expected survival in (0, 1], got 1.5
+    node 'reef': has no way back to base 'dock'
     """
 
     def __init__(self, faults: list[str] | str, source: str = "The mission") -> None:
@@ -157,7 +173,18 @@ def _way_faults(graph: nx.DiGraph[Any], base: Hashable) -> Iterator[str]:
 
 
 class PlanError(ValueError):
-    """A trail plan is not valid for the mission; names the robot, the position and the arc."""
+    """A trail plan is not valid for the mission; names the robot, the position and the arc.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.mission import PlanError
+    >>> try:
+    ...     load_mission("toy").plan([[1, 2], [1]])
+    ... except PlanError as error:
+    ...     print(error)
+    Robot 0, position 1: expected the trail to end at base 1, got 2.
+    """
 
 
 def trail_indices(

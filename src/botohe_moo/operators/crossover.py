@@ -30,6 +30,12 @@ class PlanCrossover(Crossover):
         Children of each pair.
     repair
         Makes valid plans of the children; default: :class:`SafestPathRepair`.
+
+    Examples
+    --------
+    >>> from botohe_moo.operators import PlanCrossover, TrailSplice
+    >>> isinstance(TrailSplice(prob=0.5, n_offsprings=1), PlanCrossover)
+    True
     """
 
     @checked
@@ -76,6 +82,14 @@ class TrailExchange(PlanCrossover):
     The first gets a random part of the first parent's trails and fills up with trails of the
     second, drawn at random; the second child gets what is left. A single robot's trails are
     spliced instead, as in :class:`TrailSplice`.
+
+    Examples
+    --------
+    >>> from botohe_moo import solve
+    >>> from botohe_moo.operators import TrailExchange
+    >>> crossover = TrailExchange()
+    >>> solve("toy", "nsga2", crossover=crossover, pop_size=20, evaluations=200).evaluations
+    200
     """
 
     def _kinds(self, n_pairs: int, rng: Rng) -> OffsetArray:  # noqa: ARG002
@@ -88,6 +102,14 @@ class TrailSplice(PlanCrossover):
     Of each parent one trail is drawn among those that leave the base, and a node that both visit;
     the children swap what comes after it. Where the two trails share no node but the base, they
     change places as a whole.
+
+    Examples
+    --------
+    >>> from botohe_moo import solve
+    >>> from botohe_moo.operators import TrailSplice
+    >>> crossover = TrailSplice(prob=0.8)
+    >>> solve("toy", "nsga2", crossover=crossover, pop_size=20, evaluations=200).evaluations
+    200
     """
 
     def _kinds(self, n_pairs: int, rng: Rng) -> OffsetArray:  # noqa: ARG002
@@ -103,6 +125,14 @@ class MixedCrossover(PlanCrossover):
         Probability of a splice rather than an exchange.
     **options
         As for :class:`PlanCrossover`: ``prob``, ``n_offsprings`` and ``repair``.
+
+    Examples
+    --------
+    >>> from botohe_moo import solve
+    >>> from botohe_moo.operators import MixedCrossover
+    >>> crossover = MixedCrossover(prob_splice=0.7)
+    >>> solve("toy", "nsga2", crossover=crossover, pop_size=20, evaluations=200).evaluations
+    200
     """
 
     @checked

@@ -11,6 +11,17 @@ class PlanDuplicates(DuplicateElimination):
 
     By hash, in linear time, where pymoo's own elimination compares every pair. The order of the
     robots does not matter.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pymoo.core.population import Population
+    >>> from botohe_moo import TrailPlan
+    >>> from botohe_moo.operators import PlanDuplicates
+    >>> plans = np.empty((2, 1), object)
+    >>> plans[:, 0] = TrailPlan([[0, 1, 0], [0]]), TrailPlan([[0], [0, 1, 0]])  # the same robots
+    >>> len(PlanDuplicates().do(Population.new("X", plans)))
+    1
     """
 
     def _do(

@@ -33,6 +33,22 @@ class PlanMutation(Mutation):
         Probability of changing a plan at all.
     repair
         Makes valid plans of the children; default: :class:`SafestPathRepair`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from botohe_moo import TrailPlan, load_mission
+    >>> from botohe_moo.operators import PlanMutation
+    >>> from botohe_moo.trails import PlanBatch
+    >>> class Loop(PlanMutation):
+    ...     '''Let each robot go where it goes first, and home.'''
+    ...     def _draft(self, mission, plans, rng):
+    ...         drafts = [TrailPlan([[*trail[:2], trail[-1]] for trail in p.trails]) for p in plans]
+    ...         return PlanBatch.from_plans(drafts, mission.robots)
+    >>> toy = load_mission("toy")
+    >>> plans = toy.batch([toy.plan([[1, 2, 4, 2, 1], [1]])])
+    >>> toy.labels(Loop().mutate_batch(toy, plans, np.random.default_rng(1))[0])
+    ((1, 2, 1), (1,))
     """
 
     @checked
@@ -96,6 +112,17 @@ class TrailMoves(PlanMutation):
         How often a move is drawn before detours are tried.
     **options
         As for :class:`PlanMutation`: ``prob`` and ``repair``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.operators import TrailMoves
+    >>> toy = load_mission("toy")
+    >>> plans = toy.batch([toy.plan([[1, 2, 4, 2, 1], [1]])])
+    >>> moves = TrailMoves(weights={"delete": 1})
+    >>> toy.labels(moves.mutate_batch(toy, plans, np.random.default_rng(1))[0])
+    ((1, 2, 1), (1,))
     """
 
     @checked
@@ -145,6 +172,16 @@ class RuinRecreate(PlanMutation):
     Ruin and recreate: Schrimpf, Schneider, Stamm-Wilbrandt and Dueck, "Record breaking
     optimization results using the ruin and recreate principle", Journal of Computational Physics
     159(2), 2000.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.operators import RuinRecreate
+    >>> toy = load_mission("toy")
+    >>> plans = toy.batch([toy.plan([[1, 2, 4, 2, 1], [1]])])
+    >>> toy.labels(RuinRecreate(max_via=1).mutate_batch(toy, plans, np.random.default_rng(1))[0])
+    ((1, 2, 4, 5, 4, 2, 1), (1,))
     """
 
     @checked
@@ -162,7 +199,18 @@ class RuinRecreate(PlanMutation):
 
 
 class SendHome(PlanMutation):
-    """Let one robot that leaves the base stay there."""
+    """Let one robot that leaves the base stay there.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.operators import SendHome
+    >>> toy = load_mission("toy")
+    >>> plans = toy.batch([toy.plan([[1, 2, 4, 2, 1], [1]])])
+    >>> toy.labels(SendHome().mutate_batch(toy, plans, np.random.default_rng(1))[0])
+    ((1,), (1,))
+    """
 
     def _draft(self, mission: Mission, plans: PlanBatch, rng: Rng) -> PlanBatch:
         pieces = whole_trails(plans.offsets)
@@ -184,6 +232,16 @@ class ShareTrails(PlanMutation):
         Probability of taking over rather than swapping.
     **options
         As for :class:`PlanMutation`: ``prob`` and ``repair``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.operators import ShareTrails
+    >>> toy = load_mission("toy")
+    >>> plans = toy.batch([toy.plan([[1, 2, 4, 2, 1], [1]])])
+    >>> toy.labels(ShareTrails(prob_copy=1).mutate_batch(toy, plans, np.random.default_rng(1))[0])
+    ((1, 2, 4, 2, 1), (1, 2, 4, 2, 1))
     """
 
     @checked
@@ -209,6 +267,14 @@ class MixedMutation(PlanMutation):
         Mutations, whose own ``prob`` does not matter, or a mapping from them to weights above 0.
     prob
         Probability of changing a plan at all.
+
+    Examples
+    --------
+    >>> from botohe_moo import solve
+    >>> from botohe_moo.operators import MixedMutation, RuinRecreate, SendHome
+    >>> mutation = MixedMutation({RuinRecreate(): 2, SendHome(): 1})
+    >>> solve("toy", "nsga2", mutation=mutation, pop_size=20, evaluations=200).evaluations
+    200
     """
 
     def __init__(

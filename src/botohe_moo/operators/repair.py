@@ -31,6 +31,18 @@ class RepairCounts:
         was changed otherwise, such as one node that is not the base.
     seconds
         Time spent.
+
+    Examples
+    --------
+    >>> from botohe_moo import TrailPlan, load_mission
+    >>> from botohe_moo.operators import RepairCounts, SafestPathRepair
+    >>> from botohe_moo.trails import PlanBatch
+    >>> mission = load_mission("toy")
+    >>> drafts = PlanBatch.from_plans([TrailPlan([[0, 1, 4], [0, 1, 0]])], 2)
+    >>> repair = SafestPathRepair()
+    >>> repaired = repair.repair_batch(mission, drafts)
+    >>> repair.counts.plans, repair.counts.repaired, repair.counts.arcs_changed
+    (1, 1, 6)
     """
 
     plans: int = 0
@@ -50,6 +62,12 @@ class PlanRepair(Repair):
     ----------
     counts
         What it has done so far; after a run ``result.algorithm.repair.counts``.
+
+    Examples
+    --------
+    >>> from botohe_moo.operators import PlanRepair, TruncateRepair
+    >>> isinstance(TruncateRepair(), PlanRepair)
+    True
     """
 
     _kind: ClassVar[int | None] = None
@@ -96,6 +114,7 @@ class SafestPathRepair(PlanRepair):
     Examples
     --------
     >>> from botohe_moo import BOTOHE, PlanBatch, TrailPlan, load_mission
+    >>> from botohe_moo.operators import SafestPathRepair
     >>> mission = load_mission("toy")
     >>> drafts = PlanBatch.from_plans([TrailPlan([[4], [0, 1, 0, 1]])], 2)
     >>> SafestPathRepair().repair_batch(mission, drafts)[0]
@@ -110,6 +129,16 @@ class TruncateRepair(PlanRepair):
 
     Valid is what begins at base, takes arcs that there are, each once, and leaves a way home over
     arcs it has not taken.
+
+    Examples
+    --------
+    >>> from botohe_moo import TrailPlan, load_mission
+    >>> from botohe_moo.operators import TruncateRepair
+    >>> from botohe_moo.trails import PlanBatch
+    >>> mission = load_mission("toy")
+    >>> drafts = PlanBatch.from_plans([TrailPlan([[0, 1, 4], [0, 1, 0]])], 2)
+    >>> TruncateRepair().repair_batch(mission, drafts)[0]
+    TrailPlan([[0, 1, 0], [0, 1, 0]])
     """
 
     _kind = TRUNCATE
@@ -121,4 +150,17 @@ class PenaltyOnly(PlanRepair):
     It shows what repairing brings. The problem has to evaluate plans that are not valid:
     ``BOTOHE(mission, allow_invalid=True)``. The algorithms that
     :func:`~botohe_moo.make_algorithm` wires see to that themselves.
+
+    Examples
+    --------
+    >>> from botohe_moo import TrailPlan, load_mission
+    >>> from botohe_moo.operators import PenaltyOnly
+    >>> from botohe_moo.trails import PlanBatch
+    >>> mission = load_mission("toy")
+    >>> drafts = PlanBatch.from_plans([TrailPlan([[0, 1, 4], [0, 1, 0]])], 2)
+    >>> PenaltyOnly().repair_batch(mission, drafts)[0]
+    TrailPlan([[0, 1, 4], [0, 1, 0]])
+    >>> reward_and_survivors, faults = mission.evaluate_drafts(drafts)
+    >>> faults.tolist()
+    [2.0]
     """

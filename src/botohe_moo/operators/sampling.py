@@ -15,7 +15,21 @@ from botohe_moo.trails import PlanBatch, TrailPlan, listed_plans
 
 
 class PlanSampling(Sampling):
-    """A pymoo sampling of valid trail plans, which keep the problem's limits."""
+    """A pymoo sampling of valid trail plans, which keep the problem's limits.
+
+    Examples
+    --------
+    >>> from botohe_moo import TrailPlan, solve
+    >>> from botohe_moo.operators import PlanSampling
+    >>> from botohe_moo.trails import PlanBatch
+    >>> class AtHome(PlanSampling):
+    ...     '''Everybody stays at base.'''
+    ...     def _sample(self, problem, n_samples, rng):
+    ...         home = TrailPlan([[problem.mission.arrays.base]] * problem.mission.robots)
+    ...         return PlanBatch.from_plans([home] * n_samples, problem.mission.robots)
+    >>> solve("toy", "nsga2", sampling=AtHome(), pop_size=20, evaluations=200).evaluations
+    200
+    """
 
     def sample_batch(self, problem: BOTOHE, n_samples: int, random_state: Rng) -> PlanBatch:
         """Give plans to start from.
@@ -46,6 +60,15 @@ class RandomTrailSampling(PlanSampling):
 
     At base the end of the trail is as likely as each arc. What leads into a dead end, or to where
     no way home is found within the limits, is not taken.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from botohe_moo import BOTOHE, load_mission
+    >>> from botohe_moo.operators import RandomTrailSampling
+    >>> problem = BOTOHE(load_mission("toy"))
+    >>> len(RandomTrailSampling().sample_batch(problem, 5, np.random.default_rng(1)))
+    5
     """
 
     def _sample(self, problem: BOTOHE, n_samples: int, rng: Rng) -> PlanBatch:
@@ -56,6 +79,15 @@ class GuidedTrailSampling(PlanSampling):
     """Trails of ants without pheromone, their weights spread evenly from reward to survival.
 
     The heuristic is that of :meth:`BOACO.journal`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from botohe_moo import BOTOHE, load_mission
+    >>> from botohe_moo.operators import GuidedTrailSampling
+    >>> problem = BOTOHE(load_mission("toy"))
+    >>> len(GuidedTrailSampling().sample_batch(problem, 5, np.random.default_rng(1)))
+    5
     """
 
     def _sample(self, problem: BOTOHE, n_samples: int, rng: Rng) -> PlanBatch:
@@ -93,6 +125,16 @@ class CornerSampling(PlanSampling):
     ----------
     rest
         Gives the other plans that are wanted; default: :class:`GuidedTrailSampling`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from botohe_moo import BOTOHE, load_mission
+    >>> from botohe_moo.operators import CornerSampling
+    >>> problem = BOTOHE(load_mission("toy"))
+    >>> corners = CornerSampling().sample_batch(problem, 2, np.random.default_rng(1))
+    >>> problem.mission.evaluate(corners).round(2).tolist()  # all survive; most reward
+    [[0.0, 2.0], [9.01, 0.7]]
     """
 
     def __init__(self, rest: PlanSampling | None = None) -> None:
@@ -128,6 +170,17 @@ class GivenSampling(PlanSampling):
         raises a PlanError if one is not valid.
     rest
         Gives the other plans that are wanted; default: :class:`GuidedTrailSampling`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from botohe_moo import BOTOHE, load_mission
+    >>> from botohe_moo.operators import GivenSampling
+    >>> problem = BOTOHE(load_mission("toy"))
+    >>> plan = problem.mission.plan([[1, 2, 1], [1]])
+    >>> batch = GivenSampling([plan]).sample_batch(problem, 5, np.random.default_rng(1))
+    >>> len(batch), batch[0] == plan
+    (5, True)
     """
 
     def __init__(
@@ -152,6 +205,16 @@ class MixedSampling(PlanSampling):
     samplings
         Where they come from: samplings, or a mapping from them to their weights (above 0), by
         which each plan's sampling is drawn.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from botohe_moo import BOTOHE, load_mission
+    >>> from botohe_moo.operators import GuidedTrailSampling, MixedSampling, RandomTrailSampling
+    >>> problem = BOTOHE(load_mission("toy"))
+    >>> sampling = MixedSampling({GuidedTrailSampling(): 3, RandomTrailSampling(): 1})
+    >>> len(sampling.sample_batch(problem, 20, np.random.default_rng(1)))
+    20
     """
 
     def __init__(self, samplings: Sequence[PlanSampling] | Mapping[PlanSampling, float]) -> None:

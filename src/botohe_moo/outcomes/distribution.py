@@ -31,6 +31,8 @@ class Distribution:
 
     Examples
     --------
+    >>> import numpy as np
+    >>> from botohe_moo.outcomes import Distribution
     >>> reward = Distribution(np.array([0.0, 4.0, 9.0]), np.array([0.125, 0.375, 0.5]))
     >>> reward
     <Distribution: 3 values from 0 to 9, mean 6, exact>

@@ -32,6 +32,18 @@ class Outcomes:
     ----------
     reward, survivors
         Their distributions; ``simulate`` shows how the two depend on each other.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission, plan_outcomes
+    >>> from botohe_moo.outcomes import Outcomes
+    >>> toy = load_mission("toy")
+    >>> plan = toy.plan([[1, 2, 4, 2, 1], [1]])
+    >>> outcomes = plan_outcomes(toy, plan)
+    >>> outcomes.survivors.to_frame()
+       value  probability
+    0    1.0       0.3439
+    1    2.0       0.6561
     """
 
     reward: Distribution
@@ -73,6 +85,16 @@ def plan_outcomes(
     ----------
     mission, plan, max_outcomes, n_samples, random_state
         As for :func:`reward_distribution`, which also says what is raised.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission, plan_outcomes
+    >>> toy = load_mission("toy")
+    >>> plan = toy.plan([[1, 2, 4, 2, 1], [1]])
+    >>> plan_outcomes(toy, plan).summary().round(2)
+               mean   std  q05  median  q95  cvar  exact
+    reward     3.24  1.57  0.0     4.0  4.0   0.0   True
+    survivors  1.66  0.48  1.0     2.0  2.0   1.0   True
     """
     reward = reward_distribution(
         mission, plan, max_outcomes=max_outcomes, n_samples=n_samples, random_state=random_state
@@ -91,6 +113,15 @@ def survivors_distribution(mission: Mission, plan: TrailPlan) -> Distribution:
     ----------
     mission, plan
         As for :func:`reward_distribution`.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.outcomes import survivors_distribution
+    >>> toy = load_mission("toy")
+    >>> plan = toy.plan([[1, 2, 4, 2, 1], [1]])
+    >>> round(survivors_distribution(toy, plan).mean, 4)
+    1.6561
     """
     check_mission(mission).evaluate([plan])
     returns = np.sort(follow(mission, plan).alive[plan.offsets[1:] - 1])
@@ -112,6 +143,17 @@ def reach_probabilities(mission: Mission, plan: TrailPlan) -> FloatArray:
     numpy.ndarray
         Shape (robots, n_nodes), robots in the order of the plan, nodes in that of
         ``mission.nodes``; 1 at the base, 0 at nodes that are not on the robot's trail.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.outcomes import reach_probabilities
+    >>> toy = load_mission("toy")
+    >>> plan = toy.plan([[1, 2, 4, 2, 1], [1]])
+    >>> toy.nodes
+    (1, 2, 3, 4, 5)
+    >>> reach_probabilities(toy, plan).round(3).tolist()
+    [[1.0, 0.81, 0.0, 0.81, 0.0], [1.0, 0.0, 0.0, 0.0, 0.0]]
     """
     check_mission(mission).evaluate([plan])
     reached = np.zeros((plan.n_robots, len(mission.nodes)))
@@ -135,6 +177,13 @@ def team_reach(reached: FloatArray) -> FloatArray:
     -------
     numpy.ndarray
         Shape (n_nodes,).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from botohe_moo.outcomes import team_reach
+    >>> team_reach(np.array([[1.0, 0.5], [1.0, 0.5]])).tolist()
+    [1.0, 0.75]
     """
     some: FloatArray = 1 - np.prod(1 - reached, axis=0)
     return some
@@ -180,6 +229,8 @@ def reward_distribution(
     Examples
     --------
     >>> import networkx as nx
+    >>> from botohe_moo import Mission
+    >>> from botohe_moo.outcomes import reward_distribution
     >>> graph = nx.DiGraph([("dock", "reef"), ("reef", "dock")], base="dock", robots=2)
     >>> nx.set_node_attributes(graph, {"dock": 1, "reef": 5}, "reward")
     >>> nx.set_edge_attributes(graph, 0.5, "survival")
@@ -228,6 +279,8 @@ def simulate(
     Examples
     --------
     >>> import networkx as nx
+    >>> from botohe_moo.outcomes import simulate
+    >>> from botohe_moo import Mission
     >>> graph = nx.DiGraph([("dock", "reef"), ("reef", "dock")], base="dock", robots=2)
     >>> nx.set_node_attributes(graph, {"dock": 0, "reef": 5}, "reward")
     >>> nx.set_edge_attributes(graph, 0.5, "survival")

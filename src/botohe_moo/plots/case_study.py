@@ -78,6 +78,13 @@ def plot_case_study(
     It shows what the figures of Simon, Richley, Overbey and Perez-Lavin, "Bi-objective
     trail-planning for a robot team orienteering in a hazardous environment", 2025, show of the art
     museum.
+
+    Examples
+    --------
+    >>> from botohe_moo import solve
+    >>> from botohe_moo.plots import plot_case_study, save_plot
+    >>> solution = solve("toy", "greedy", evaluations=100)
+    >>> save_plot(plot_case_study(solution.mission, solution.plans, chosen=[0, 2]), "case.png")
     """
     check_mission(mission)
     batch = mission.batch(plans)

@@ -59,6 +59,13 @@ def plot_choices(
         If ``mission`` is not a Mission, or something in ``plans`` not a TrailPlan.
     ValueError
         If there is no plan, or ``k`` is not an integer of at least 1.
+
+    Examples
+    --------
+    >>> from botohe_moo import solve
+    >>> from botohe_moo.plots import plot_choices, save_plot
+    >>> solution = solve("toy", "greedy", evaluations=100)
+    >>> save_plot(plot_choices(solution.mission, solution.plans, k=2), "choices.png")
     """
     check_mission(mission)
     batch = mission.batch(plans)

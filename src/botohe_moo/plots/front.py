@@ -70,6 +70,14 @@ def plot_front(
     ValueError
         If ``objectives`` has another shape or is not finite, ``highlight`` names no row of it, or
         ``bound`` is of another mission.
+
+    Examples
+    --------
+    >>> from botohe_moo import plot_front, solve
+    >>> from botohe_moo.plots import save_plot
+    >>> solution = solve("toy", "greedy", evaluations=100)
+    >>> ax = plot_front(solution.objectives, solution.mission, highlight={1: "bold"})
+    >>> save_plot(ax, "front.png", "front.pdf")
     """
     points = np.asarray(objectives, dtype=float)
     points = check_objectives(points.reshape(-1, 2) if points.shape == (0,) else points)

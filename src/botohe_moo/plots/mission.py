@@ -67,6 +67,13 @@ def plot_mission(
         If the mission does not allow ``plan``.
     ValueError
         If the ``pos`` of a node is not two finite numbers.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission, plot_mission
+    >>> from botohe_moo.plots import save_plot
+    >>> toy = load_mission("toy")
+    >>> save_plot(plot_mission(toy, toy.plan([[1, 2, 4, 2, 1], [1]])), "mission.png")
     """
     check_mission(mission)
     notes = layout_notes(mission)

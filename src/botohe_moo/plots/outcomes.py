@@ -72,6 +72,14 @@ def plot_outcomes(
     The distributions are those by which :func:`botohe_moo.decide.choose` judges plans and which
     the explorer shows: exact, or where that takes too long, the rewards of 10 000 simulated
     missions, always with the same seed; the legend says so.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.plots import plot_outcomes, save_plot
+    >>> toy = load_mission("toy")
+    >>> bold, shy = toy.plan([[1, 2, 4, 2, 1]] * 2), toy.plan([[1, 2, 1], [1]])
+    >>> save_plot(plot_outcomes(toy, bold, shy, names=["bold", "shy"])[0], "outcomes.png")
     """
     check_mission(mission)
     if not plans:

@@ -41,6 +41,15 @@ def plot_pheromone(
     ValueError
         If ``kind`` is unknown, a column or an arc of the mission is missing or an arc is there
         twice, an arc is not the mission's, or a value is out of range.
+
+    Examples
+    --------
+    >>> from pymoo.optimize import minimize
+    >>> from botohe_moo import BOACO, BOTOHE, load_mission
+    >>> from botohe_moo.plots import plot_pheromone, save_plot
+    >>> toy = load_mission("toy")
+    >>> colony = minimize(BOTOHE(toy), BOACO(n_ants=20), ("n_gen", 5), seed=1).algorithm
+    >>> save_plot(plot_pheromone(toy, colony.pheromone_maps, kind="survival"), "pheromone.png")
     """
     if kind not in get_args(Kind):
         raise ValueError(f"Expected kind to be one of {', '.join(get_args(Kind))}, got {kind!r}.")

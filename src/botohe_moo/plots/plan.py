@@ -68,6 +68,13 @@ def plot_plan(
         If ``mission`` is not a Mission or ``plan`` not a TrailPlan.
     ValueError
         If the ``pos`` of a node is not two finite numbers.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.plots import plot_plan, save_plot
+    >>> toy = load_mission("toy")
+    >>> save_plot(plot_plan(toy, toy.plan([[1, 2, 4, 2, 1], [1, 2, 1]])), "plan.png")
     """
     shown = PlanOnMap.of(mission, plan)
     if title is None:

@@ -17,6 +17,8 @@ from botohe_moo.search.limits import check_limits
 from botohe_moo.search.sequential import SequentialPlanner
 from botohe_moo.trails import PlanBatch, TrailPlan
 
+__all__ = ["TooLargeError", "exact_front"]
+
 TIME_LIMIT = 60.0
 MEMORY_LIMIT = 2048.0
 
@@ -41,7 +43,18 @@ _REMEDY = (
 
 
 class TooLargeError(ValueError):
-    """A mission is too large for its exact front to be found within the limits."""
+    """A mission is too large for its exact front to be found within the limits.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.search.exact import TooLargeError, exact_front
+    >>> try:
+    ...     exact_front(load_mission("art_museum"), memory_limit=1)
+    ... except TooLargeError as error:
+    ...     print(str(error)[:20])
+    Mission 'art_museum'
+    """
 
 
 def exact_front(
@@ -99,6 +112,7 @@ def exact_front(
     Examples
     --------
     >>> from botohe_moo import load_mission
+    >>> from botohe_moo.search.exact import exact_front
     >>> toy = load_mission("toy", robots=1)
     >>> toy.evaluate(exact_front(toy)).round(2).tolist()
     [[7.09, 0.35], [4.14, 0.66], [0.9, 0.81], [0.0, 1.0]]

@@ -17,6 +17,8 @@ from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.search.limits import check_limits
 from botohe_moo.trails import TrailPlan
 
+__all__ = ["plan_sequentially"]
+
 BEAM_WIDTH = 100
 MAX_BEAM_WIDTH = 100_000
 
@@ -83,6 +85,7 @@ def plan_sequentially(
     Examples
     --------
     >>> from botohe_moo import load_mission
+    >>> from botohe_moo.search.sequential import plan_sequentially
     >>> mission = load_mission("art_museum")
     >>> plan = plan_sequentially(mission, 1.0)
     >>> reward, survivors = mission.evaluate([plan])[0]

@@ -41,7 +41,18 @@ _LONG_START = 0.5  # seconds; with everything loaded and compiled, a search star
 
 
 class PictureError(RuntimeError):
-    """A picture cannot be drawn; names it and the reason."""
+    """A picture cannot be drawn; names it and the reason.
+
+    Examples
+    --------
+    >>> from botohe_moo import solve
+    >>> from botohe_moo.solution import PictureError
+    >>> solution = solve("toy", "greedy", evaluations=100)
+    >>> try:
+    ...     files = solution.write("found")
+    ... except PictureError as error:
+    ...     print(error)  # the tables are there all the same
+    """
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -73,6 +84,20 @@ class Solution:
         The survival floor; 0 if there was none.
     max_length
         The travel budget; None if there was none.
+
+    Examples
+    --------
+    >>> from botohe_moo import Solution, read_solution, solve
+    >>> solution = solve("toy", "greedy", evaluations=100)
+    >>> solution
+    <Solution of 'toy' by greedy, seed 1: 4 plans, area 0.6087, 4 evaluations>
+    >>> solution.table.round(2).head(2)
+       plan_id  reward  survivors
+    0        0    9.01       0.70
+    1        1    7.09       1.35
+    >>> files = solution.write("found")
+    >>> read_solution("found").area == solution.area
+    True
     """
 
     mission: Mission

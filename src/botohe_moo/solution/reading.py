@@ -63,6 +63,13 @@ def read_solution(folder: str | os.PathLike[str], *, mission: Mission | None = N
         mission has changed since, a plan is not one of the mission's, or the objectives are not
         those of the plans; names the folder or file, the fault and the remedy. Nothing in the files
         is executed.
+
+    Examples
+    --------
+    >>> from botohe_moo import read_solution, solve
+    >>> files = solve("toy", "greedy", evaluations=100).write("found")
+    >>> read_solution("found")
+    <Solution of 'toy' by greedy, seed 1: 4 plans, area 0.6087, 4 evaluations>
     """
     folder = Path(folder)
     _check_folder(folder)

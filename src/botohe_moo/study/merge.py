@@ -52,6 +52,21 @@ def merge_studies(
         If a folder holds no study, they hold different ones, or a mission, an algorithm or a
         result of the same label differs between them; names both folders. Also if a run's file is
         damaged, or ``out`` cannot be used or written to.
+
+    Examples
+    --------
+    >>> from botohe_moo.study import merge_studies, run_study
+    >>> trial = {
+    ...     "name": "trial",
+    ...     "missions": ["toy"],
+    ...     "algorithms": ["greedy"],
+    ...     "budget": {"evaluations": 50},
+    ...     "seeds": [1],
+    ... }
+    >>> first = run_study(trial, "one")
+    >>> second = run_study({**trial, "seeds": [2]}, "two")
+    >>> merge_studies(["one", "two"], "both").runs["seed"].tolist()
+    [1, 2]
     """
     if len(folders) < 2:
         raise StudyError(f"Expected at least two folders to merge, got {len(folders)}.")

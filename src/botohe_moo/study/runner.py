@@ -68,6 +68,14 @@ class StudyInterrupted(KeyboardInterrupt):
     ----------
     number
         Of the signal: Ctrl-C is SIGINT.
+
+    Examples
+    --------
+    >>> import signal
+    >>> from botohe_moo.study import StudyInterrupted
+    >>> stopped = StudyInterrupted(signal.SIGTERM)  # what run_study raises then
+    >>> stopped.signal == signal.SIGTERM, isinstance(stopped, KeyboardInterrupt)
+    (True, True)
     """
 
     def __init__(self, number: int = signal.SIGINT) -> None:
@@ -146,6 +154,7 @@ def run_study(
     Examples
     --------
     >>> import tempfile
+    >>> from botohe_moo.study import run_study
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     tables = run_study({
     ...         "name": "trial",
@@ -240,6 +249,20 @@ def make_tables(
     ------
     StudyError
         If the folder holds no study, or cannot be written to.
+
+    Examples
+    --------
+    >>> from botohe_moo.study import make_tables, run_study
+    >>> trial = {
+    ...     "name": "trial",
+    ...     "missions": ["toy"],
+    ...     "algorithms": ["greedy"],
+    ...     "budget": {"evaluations": 50},
+    ...     "seeds": 1,
+    ... }
+    >>> tables = run_study(trial, "results/trial")
+    >>> len(make_tables("results/trial").runs)
+    1
     """
     ours = StudyFolder(folder)
     read_manifest(ours.path)  # before anything is written there

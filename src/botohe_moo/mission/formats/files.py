@@ -61,6 +61,14 @@ def read_mission(
     MissionError
         If there is no such file, it is not in its format, its mission is not valid, or it holds
         something that `save_mission` could not write again; every fault is listed.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission, save_mission
+    >>> from botohe_moo.mission import read_mission
+    >>> save_mission(load_mission("toy"), "site.json")
+    >>> read_mission("site.json", robots=3)
+    <Mission 'toy': 5 nodes, 12 arcs, 3 robots at base 1, total reward 10>
     """
     path = Path(path)
     reader = _READERS.get(path.suffix.lower())
@@ -100,6 +108,15 @@ def save_mission(mission: Mission, path: str | os.PathLike[str]) -> None:
     ------
     ValueError
         If the suffix is unknown, or the format cannot hold a label or an attribute: names it.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission, save_mission
+    >>> from botohe_moo.mission import read_mission
+    >>> toy = load_mission("toy")
+    >>> save_mission(toy, "site.json")
+    >>> read_mission("site.json") == toy
+    True
     """
     path = Path(path)
     writer = _WRITERS.get(path.suffix.lower())

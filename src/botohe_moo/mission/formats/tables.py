@@ -78,6 +78,7 @@ def mission_from_tables(
     Examples
     --------
     >>> import pandas as pd
+    >>> from botohe_moo import mission_from_tables
     >>> nodes = pd.DataFrame({"label": ["dock", "reef"], "reward": [0, 5]})
     >>> arcs = pd.DataFrame({"tail": ["dock"], "head": ["reef"], "survival": [0.9]})
     >>> mission_from_tables(nodes, arcs, base="dock", robots=2, both_ways=True)

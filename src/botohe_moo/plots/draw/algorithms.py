@@ -29,6 +29,14 @@ class AlgorithmStyle:
         Red, green and blue in [0, 1]; marker and line style as matplotlib takes them.
     name
         What it is called in pictures; its label, if empty.
+
+    Examples
+    --------
+    >>> from botohe_moo.plots import AlgorithmStyle, algorithm_styles
+    >>> ants = AlgorithmStyle(colour=(0.8, 0.2, 0.1), marker="o", line="solid", name="the ants")
+    >>> styles = algorithm_styles(["greedy"]) | {"ants": ants}  # plots take them as styles
+    >>> list(styles)
+    ['greedy', 'ants']
     """
 
     colour: Colour
@@ -59,6 +67,13 @@ def algorithm_styles(labels: Iterable[str]) -> dict[str, AlgorithmStyle]:
     labels
         Labels of all algorithms of the study, in the order of its file. Ten have colours of their
         own, forty a colour and a line of their own.
+
+    Examples
+    --------
+    >>> from botohe_moo.plots import algorithm_styles
+    >>> styles = algorithm_styles(["ants", "greedy"])
+    >>> styles["ants"].colour != styles["greedy"].colour
+    True
     """
     names = display_names(labels)
     return {

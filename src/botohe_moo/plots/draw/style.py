@@ -97,7 +97,17 @@ def colour_range(values: FloatArray, *, low: float | None = None) -> Normalize:
 
 @contextmanager
 def theme() -> Iterator[None]:
-    """Draw in the project's style; what matplotlib is set to outside stays as it is."""
+    """Draw in the project's style; what matplotlib is set to outside stays as it is.
+
+    Examples
+    --------
+    >>> import matplotlib.pyplot as plt
+    >>> from botohe_moo.plots import save_plot, theme
+    >>> with theme():
+    ...     fig, ax = plt.subplots()
+    >>> line = ax.plot([0, 1], [2, 0])
+    >>> save_plot(ax, "mine.png")
+    """
     with mpl.rc_context({**_THEME, "font.family": list(families())}):
         yield
 
@@ -138,6 +148,14 @@ def save_figure(
     ------
     ValueError
         If a path does not end in ``.png``, ``.pdf`` or ``.svg``.
+
+    Examples
+    --------
+    >>> import matplotlib.pyplot as plt
+    >>> from botohe_moo.plots import save_figure
+    >>> fig, ax = plt.subplots()
+    >>> save_figure(fig, "mine.png", "mine.svg")
+    >>> plt.close(fig)
     """
     targets = [Path(target) for target in (path, *others)]
     for target in targets:
@@ -196,6 +214,12 @@ def save_plot(ax: Axes, path: str | os.PathLike[str], *others: str | os.PathLike
         File to write or to replace, PNG, PDF or SVG by its name; its folder exists already.
     *others
         Further files to write.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission, plot_mission
+    >>> from botohe_moo.plots import save_plot
+    >>> save_plot(plot_mission(load_mission("toy")), "mission.png", "mission.pdf")
     """
     figure = ax.get_figure(root=True)
     if figure is None:

@@ -51,6 +51,20 @@ def plot_areas(
     ValueError
         If a column is missing, there are rows of several missions, or an algorithm is not known or
         has no row in ``summary``, or ``bound`` is not in [0, 1].
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from botohe_moo.plots import plot_areas, save_plot
+    >>> runs = pd.DataFrame(
+    ...     [("ants", 1, "done", 0.5), ("ants", 2, "done", 0.4), ("greedy", 1, "done", 0.3)],
+    ...     columns=["algorithm", "seed", "status", "area"],
+    ... )  # of a study: tables.runs.query("mission == 'museum'")
+    >>> summary = pd.DataFrame(
+    ...     [("ants", 0.45, 0.4, 0.5), ("greedy", 0.3, 0.3, 0.3)],
+    ...     columns=["algorithm", "area_median", "area_low", "area_high"],
+    ... )
+    >>> save_plot(plot_areas(runs, summary), "areas.png")
     """
     if bound is not None:
         check_number("bound", bound, at_least=0, at_most=1)

@@ -103,6 +103,16 @@ def plot_curves(
     ValueError
         If a column is missing, there are rows of several missions or none at all, or an algorithm
         or option is not known, or ``bound`` is not in [0, 1] or given with another ``value``.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from botohe_moo.plots import plot_curves, save_plot
+    >>> trace = pd.DataFrame(
+    ...     [("ants", 1, 10, 0.3), ("ants", 1, 100, 0.5), ("greedy", 1, 20, 0.4)],
+    ...     columns=["algorithm", "seed", "evaluations", "area"],
+    ... )  # of a study: tables.trace.query("mission == 'museum'")
+    >>> save_plot(plot_curves(trace, title="The museum"), "curves.png")
     """
     if bound is not None:
         check_number("bound", bound, at_least=0, at_most=1)

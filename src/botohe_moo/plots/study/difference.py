@@ -59,6 +59,21 @@ def plot_attainment_difference(
     ------
     ValueError
         If a column is missing, there are rows of several missions, or an algorithm is not known.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from botohe_moo.plots import plot_attainment_difference, save_plot
+    >>> runs = pd.DataFrame(
+    ...     [("ants", 1, "done", 0.5), ("ants", 2, "done", 0.4), ("greedy", 1, "done", 0.3)],
+    ...     columns=["algorithm", "seed", "status", "area"],
+    ... )  # of a study: tables.runs.query("mission == 'museum'")
+    >>> plans = pd.DataFrame(
+    ...     [("ants", 1, 5, 1), ("ants", 2, 4, 1), ("greedy", 1, 3, 1)],
+    ...     columns=["algorithm", "seed", "reward", "survivors"],
+    ... )
+    >>> left, right = plot_attainment_difference(plans, runs, "ants", "greedy")
+    >>> save_plot(left, "difference.png")
     """
     fronts = final_fronts(plans, runs, [algorithm, other])
     styles = styles_of([algorithm, other], styles)

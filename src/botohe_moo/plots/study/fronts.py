@@ -55,6 +55,20 @@ def plot_fronts(
     ------
     ValueError
         If a column is missing, there are rows of several missions, or an algorithm is not known.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from botohe_moo.plots import plot_fronts, save_plot
+    >>> runs = pd.DataFrame(
+    ...     [("ants", 1, "done", 0.5), ("ants", 2, "done", 0.4), ("greedy", 1, "done", 0.3)],
+    ...     columns=["algorithm", "seed", "status", "area"],
+    ... )  # of a study: tables.runs.query("mission == 'museum'")
+    >>> plans = pd.DataFrame(
+    ...     [("ants", 1, 5, 1), ("ants", 2, 4, 1), ("greedy", 1, 3, 1)],
+    ...     columns=["algorithm", "seed", "reward", "survivors"],
+    ... )
+    >>> save_plot(plot_fronts(plans, runs), "fronts.png")
     """
     fronts = final_fronts(plans, runs, algorithms)
     styles = styles_of(list(fronts), styles)

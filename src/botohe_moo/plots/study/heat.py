@@ -35,6 +35,17 @@ def plot_heat(
     ------
     ValueError
         If no combination has a median.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from botohe_moo.plots import plot_heat, save_plot
+    >>> medians = pd.DataFrame(
+    ...     [[0.48, 0.51], [0.50, 0.52]],
+    ...     index=pd.Index([50, 100], name="n_ants"),
+    ...     columns=pd.Index([0.04, 0.1], name="evaporation"),
+    ... )
+    >>> save_plot(plot_heat(medians), "grid.png")
     """
     values = medians.to_numpy(float, na_value=np.nan)
     found = values[np.isfinite(values)]

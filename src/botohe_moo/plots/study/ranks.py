@@ -46,6 +46,19 @@ def plot_ranks(
     ----------
     Demšar, "Statistical comparisons of classifiers over multiple data sets", Journal of Machine
     Learning Research 7, 2006.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from botohe_moo.plots import plot_ranks, save_plot
+    >>> ranks = pd.DataFrame(
+    ...     {"algorithm": ["ants", "greedy"], "average_rank": [1.2, 1.8], "n_missions": 5}
+    ... )
+    >>> posthoc = pd.DataFrame(
+    ...     [("ants", "greedy", -0.6, 0.9, False)],
+    ...     columns=["algorithm", "other", "difference", "critical_difference", "significant"],
+    ... )
+    >>> save_plot(plot_ranks(ranks, posthoc), "ranks.png")
     """
     columns = ("algorithm", "average_rank", "n_missions")
     labels = chosen_algorithms("ranks", ranks, columns, None)

@@ -58,6 +58,17 @@ def plot_reached(
     Hansen, Auger, Ros, Mersmann, Tušar and Brockhoff, "COCO: a platform for comparing continuous
     optimizers in a black-box setting", Optimization Methods and Software 36, 2021: runtime
     distributions over pairs of runs and targets.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from botohe_moo.plots import plot_reached, save_plot
+    >>> trace = pd.DataFrame(
+    ...     [("ants", 1, 10, 0.3), ("ants", 1, 100, 0.5), ("greedy", 1, 20, 0.4)],
+    ...     columns=["algorithm", "seed", "evaluations", "area"],
+    ... )  # of a study: tables.trace.query("mission == 'museum'")
+    >>> runs = pd.DataFrame({"algorithm": ["ants", "greedy"], "seed": 1})
+    >>> save_plot(plot_reached(trace, runs, targets=[0.35, 0.45]), "reached.png")
     """
     shares = reached_shares(trace, runs, targets, x=x, algorithms=algorithms)
     styles = styles_of(list(shares), styles)

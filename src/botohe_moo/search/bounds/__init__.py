@@ -1,4 +1,6 @@
 """Certified upper bounds on the front of a mission."""
 
-from botohe_moo.search.bounds.bound import bound_front as bound_front
-from botohe_moo.search.bounds.front_bound import FrontBound as FrontBound
+from botohe_moo.search.bounds.bound import bound_front
+from botohe_moo.search.bounds.front_bound import FrontBound
+
+__all__ = ["FrontBound", "bound_front"]

@@ -83,7 +83,7 @@ def bound_front(
 
     Examples
     --------
-    >>> from botohe_moo import load_mission
+    >>> from botohe_moo import bound_front, load_mission
     >>> toy = load_mission("toy", robots=1)
     >>> bound_front(toy).bound([0.3, 0.6, 0.9]).round(2).tolist()
     [7.09, 4.14, 0.0]

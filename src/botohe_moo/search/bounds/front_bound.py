@@ -87,6 +87,16 @@ class FrontBound:
         How long it was computed.
     notes
         What makes it weaker than it might be, in words.
+
+    Examples
+    --------
+    >>> from botohe_moo import FrontBound, bound_front, load_mission
+    >>> bound = bound_front(load_mission("toy"))  # so small that it gets its true front
+    >>> round(bound.bound(1.5), 2)  # no plan with 1.5 expected survivors has more reward
+    4.14
+    >>> bound.save("bound.json")
+    >>> FrontBound.load("bound.json", load_mission("toy")) == bound
+    True
     """
 
     mission: Mission = field(repr=False)

@@ -45,6 +45,7 @@ def load_study(
 
     Examples
     --------
+    >>> from botohe_moo.study import load_study
     >>> study = load_study({
     ...     "name": "trial",
     ...     "missions": ["toy"],

@@ -19,7 +19,17 @@ MANIFEST = "study.json"
 
 
 class StudyError(ValueError):
-    """What is wrong with a study or its folder, and where; one line for each fault."""
+    """What is wrong with a study or its folder, and where; one line for each fault.
+
+    Examples
+    --------
+    >>> from botohe_moo.study import StudyError, load_study
+    >>> try:
+    ...     load_study({"name": "trial", "missions": ["toy"], "algorithms": ["greedy"]})
+    ... except StudyError as error:
+    ...     print(str(error).splitlines()[0])
+    seeds: expected the key 'seeds', which is missing.
+    """
 
 
 def study_folder(name: object, out: str | os.PathLike[str] | None = None) -> Path:
@@ -115,6 +125,20 @@ class Study:
         All missions and algorithms, with grids expanded, in the order of the file.
     seeds, versions
         Seeds of the repetitions, and versions of the packages that every result depends on.
+
+    Examples
+    --------
+    >>> from botohe_moo.study import Study, load_study
+    >>> trial = {
+    ...     "name": "trial",
+    ...     "missions": ["toy"],
+    ...     "algorithms": ["greedy"],
+    ...     "budget": {"evaluations": 50},
+    ...     "seeds": 3,
+    ... }
+    >>> study = load_study(trial)
+    >>> study.name, study.seeds, [mission.label for mission in study.missions]
+    ('trial', (1, 2, 3), ['toy'])
     """
 
     file: StudyFile

@@ -54,6 +54,23 @@ class StudyTables:
         What it took to reach parts of the reference fronts' areas.
     missions, algorithms, environments
         What is compared, on what, with a column for each parameter, and where runs ran.
+
+    Examples
+    --------
+    >>> from botohe_moo.study import StudyTables, run_study
+    >>> trial = {
+    ...     "name": "trial",
+    ...     "missions": ["toy"],
+    ...     "algorithms": ["greedy"],
+    ...     "budget": {"evaluations": 50},
+    ...     "seeds": 1,
+    ... }
+    >>> tables = run_study(trial, "results/trial")
+    >>> tables.summary[["mission", "algorithm", "n"]].values.tolist()
+    [['toy', 'greedy', 1]]
+    >>> run = tables.runs["run"][0]
+    >>> tables.mission("toy").labels(tables.plan(run, plan_id=0))
+    ((1, 3, 2, 4, 5, 4, 2, 1), (1, 3, 2, 4, 5, 4, 2, 1))
     """
 
     folder: Path
@@ -235,6 +252,20 @@ def read_study(folder: str | os.PathLike[str]) -> StudyTables:
     ------
     StudyError
         If it holds no study, no tables are made yet, or one is missing or damaged; names the file.
+
+    Examples
+    --------
+    >>> from botohe_moo.study import read_study, run_study
+    >>> trial = {
+    ...     "name": "trial",
+    ...     "missions": ["toy"],
+    ...     "algorithms": ["greedy"],
+    ...     "budget": {"evaluations": 50},
+    ...     "seeds": 1,
+    ... }
+    >>> done = run_study(trial, "results/trial")
+    >>> read_study("results/trial").runs[["algorithm", "status"]].values.tolist()
+    [['greedy', 'done']]
     """
     folder = Path(folder)
     manifest = read_manifest(folder)

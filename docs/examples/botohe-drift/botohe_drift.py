@@ -1,0 +1,46 @@
+"""A search that drifts along the front."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from botohe_moo.algorithms import ArchiveAlgorithm
+from botohe_moo.operators import RandomTrailSampling, RuinRecreate
+
+
+class Drift(ArchiveAlgorithm):
+    """Drift along the front: change plans of the archive a little, and keep what is good.
+
+    Parameters
+    ----------
+    n_children
+        Plans that an iteration makes.
+    max_via
+        Nodes that a change puts into a trail at most.
+    **options
+        ``sampling`` and ``max_ties``, and pymoo's own.
+    """
+
+    def __init__(
+        self,
+        *,
+        n_children: Annotated[int, Field(ge=1, le=10_000)] = 50,
+        max_via: Annotated[int, Field(ge=0, le=10)] = 2,
+        **options,
+    ):
+        super().__init__(**options)
+        self.n_children = n_children
+        self.sampler = RandomTrailSampling()
+        self.mutation = RuinRecreate(max_via=max_via)
+
+    def _advance(self, **_):
+        size = min(self.n_children, self._n_left())  # never beyond the budget
+        if size == 0:
+            return
+        rng = self.random_state
+        if len(self.archive) == 0:
+            plans = self.sampler.sample_batch(self.problem, size, rng)
+        else:
+            parents = self.archive.plans.take(rng.integers(len(self.archive), size=size))
+            plans = self.mutation.mutate_batch(self.problem.mission, parents, rng)
+        self._take_in(plans)  # evaluates, counts, and archives what nothing dominates

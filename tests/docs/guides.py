@@ -1,0 +1,20 @@
+"""The guides, as their tests read them."""
+
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+GUIDES = sorted(DOCS.glob("*.md"))
+
+
+def blocks(path):
+    """The fenced blocks of a page, in their order: pairs of language and text."""
+    return re.findall(r"^```([^`\n]*)\n(.*?)^```$", path.read_text("utf-8"), re.M | re.S)
+
+
+def links(path):
+    """What a page links to and shows, within the repository, without anchors."""
+    text = re.sub(r"^```.*?^```$", "", path.read_text("utf-8"), flags=re.M | re.S)
+    found = re.findall(r"\]\(((?!http)[^)#]+)(?:#[^)]*)?\)", text)
+    return [path.parent / target for target in found]

@@ -1,0 +1,131 @@
+"""What the guides show is what happens, and what they link to is there."""
+
+import contextlib
+import io
+import re
+import shlex
+
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from botohe_moo.cli.app import app
+from tests.docs.guides import DOCS, GUIDES, ROOT, blocks, links
+
+# Read from top to bottom in one session; every block of the others stands alone.
+SESSIONS = {"tour", "model"}
+# Their commands need the packages that these pages make: see test_examples.py.
+OF_PACKAGES = {"adding-an-algorithm", "adding-an-operator", "adding-a-mission"}
+PAGES = [*GUIDES, *sorted((DOCS / "reference").glob("*.md"))]
+TEXTS = [*PAGES, *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md"))]
+
+
+def printed_by(code, namespace):
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        exec(compile(code, "example", "exec"), namespace)
+    return printed.getvalue()
+
+
+def shape(text):
+    """What is printed without its numbers and trails, which another machine's libm may change."""
+    lines = [re.sub(r"\([\d, ]*\)|[\d.]+", "0", line) for line in text.strip().splitlines()]
+    return [" ".join(line.split()) for line in lines]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.stem)
+def test_guides_run(page, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    namespace, printed = {}, ""
+    for language, text in blocks(page):
+        if language == "python":
+            namespace = namespace if page.stem in SESSIONS else {}
+            # Bounds take the time that they are given, and less gives wider ones.
+            printed = printed_by(text.replace("time_limit=30", "time_limit=2"), namespace)
+        elif language == "text" and page.stem in SESSIONS:
+            assert shape(printed) == shape(text)
+        elif language == "console" and page.stem not in OF_PACKAGES:
+            for line in text.splitlines():
+                done = CliRunner().invoke(app, shlex.split(line.removeprefix("$ botohe ")))
+                assert done.exit_code == 0, line
+
+
+@pytest.mark.parametrize("page", TEXTS, ids=lambda path: path.stem)
+def test_links_lead_somewhere(page):
+    assert [str(target) for target in links(page) if not target.exists()] == []
+
+
+def test_the_index_has_every_page():
+    linked = {target.resolve() for target in links(DOCS / "index.md")}
+    assert linked == {*GUIDES, DOCS / "reference" / "index.md"} - {DOCS / "index.md"}
+
+
+def test_the_gallery_shows_what_its_code_draws():
+    code = "".join(text for language, text in blocks(DOCS / "gallery.md") if language == "python")
+    drawn = set(re.findall(r'"([\w-]+\.png)"', code))
+    kept = ROOT / "results" / "gallery"
+    shown = {
+        target.name for target in links(DOCS / "gallery.md") if target.parent.name == "gallery"
+    }
+    assert drawn == shown == {path.name for path in kept.glob("*.png")}
+
+
+def table(frame):
+    """A table in Markdown."""
+    rows = [frame.columns, ["---"] * len(frame.columns), *frame.astype(object).to_numpy()]
+    return "".join(f"| {' | '.join(map(cell, row))} |\n" for row in rows)
+
+
+def cell(value):
+    """A number in groups of three digits, or a text."""
+    return f"{value:,}".replace(",", " ") if isinstance(value, int) else str(value)
+
+
+def published():
+    columns = ["algorithm", "iteration", "published", "area", "tolerance"]
+    frame = pd.read_csv(ROOT / "results" / "paper" / "published.csv")[columns]
+    return frame.rename(columns={"iteration": "iterations", "area": "ours"})
+
+
+def speed():
+    found = pd.read_csv(ROOT / "results" / "bo-aco" / "speed.csv", index_col=0)
+    wanted = {"whole run, s": "seconds", "both, µs a plan": "µs to build and evaluate a plan"}
+    return found.loc[list(wanted)].T.rename(columns=wanted).rename_axis("mission").reset_index()
+
+
+def growth():
+    names = {
+        "evaluations": "evaluations",
+        "area_10s": "area after 10 s",
+        "area_60s": "area after 60 s",
+        "front": "plans on the front",
+        "peak_mib": "MiB at most",
+    }
+    frame = pd.read_csv(ROOT / "results" / "growth" / "growth.csv")
+    return frame[["nodes", "robots", "algorithm", *names]].rename(columns=names)
+
+
+KEPT = {"paper": (published,), "performance": (speed, growth)}
+
+
+def renewed(guide):
+    """A guide with its tables made anew."""
+    text = (DOCS / f"{guide}.md").read_text("utf-8")
+    for make in KEPT[guide]:
+        name = make.__name__
+        begin = f"<!-- {name}: kept by tests/docs/test_guides.py -->\n"
+        end = f"<!-- end of {name} -->"
+        before, after = text.partition(begin)[0], text.partition(end)[2]
+        text = f"{before}{begin}\n{table(make())}\n{end}{after}"
+    return text
+
+
+@pytest.mark.parametrize("guide", KEPT)
+def test_tables_are_those_of_the_results(guide):
+    said = "run `python -m tests.docs.test_guides`"
+    assert (DOCS / f"{guide}.md").read_text("utf-8") == renewed(guide), said
+
+
+if __name__ == "__main__":
+    for guide in KEPT:
+        (DOCS / f"{guide}.md").write_text(renewed(guide), "utf-8")
