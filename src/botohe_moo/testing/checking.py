@@ -59,6 +59,7 @@ def check_algorithm(
 
     Examples
     --------
+    >>> from botohe_moo.testing import check_algorithm
     >>> results = check_algorithm("bo-aco", {"n_ants": 20})
     >>> {result.status for result in results}
     {'passed'}
@@ -89,6 +90,7 @@ def check_mission(
 
     Examples
     --------
+    >>> from botohe_moo.testing import check_mission
     >>> [result.rule for result in check_mission("terrain", {"nodes": 20})][:3]
     ['can_be_made', 'parameters_stated', 'same_twice']
     """

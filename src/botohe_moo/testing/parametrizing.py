@@ -60,6 +60,7 @@ def parametrize_with_checks(
     Examples
     --------
     >>> from botohe_moo import RandomTrails
+    >>> from botohe_moo.testing import parametrize_with_checks
     >>> @parametrize_with_checks([RandomTrails], expected_failed_checks={"staying_home": "no"})
     ... def test_conforms(check):
     ...     check()

@@ -21,7 +21,14 @@ _LONGEST = 500  # characters of another package's message
 
 
 class BrokenRuleError(AssertionError):
-    """Says which promise is not kept, what happened, and what to do."""
+    """Says which promise is not kept, what happened, and what to do.
+
+    Examples
+    --------
+    >>> from botohe_moo.testing import BrokenRuleError
+    >>> issubclass(BrokenRuleError, AssertionError)  # which pytest shows as a failed test
+    True
+    """
 
 
 @dataclass(frozen=True)
@@ -61,6 +68,14 @@ class CheckResult:
         What happened; empty where it passed.
     remedy
         How to keep the promise; empty where it passed.
+
+    Examples
+    --------
+    >>> from botohe_moo.testing import CheckResult, check_algorithm
+    >>> check_algorithm("random")[0].status
+    'passed'
+    >>> CheckResult("one_robot", "failed", 0.1, "a single robot collects nothing").rule
+    'one_robot'
     """
 
     rule: str
