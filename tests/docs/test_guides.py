@@ -10,6 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from botohe_moo.cli.app import app
+from botohe_moo.testing import algorithms, missions
 from tests.docs.guides import DOCS, GUIDES, ROOT, blocks, links
 
 # Read from top to bottom in one session; every block of the others stands alone.
@@ -129,3 +130,16 @@ def test_tables_are_those_of_the_results(guide):
 if __name__ == "__main__":
     for guide in KEPT:
         (DOCS / f"{guide}.md").write_text(renewed(guide), "utf-8")
+
+
+@pytest.mark.parametrize(
+    "rules", [algorithms.RULES, missions.RULES], ids=["algorithms", "missions"]
+)
+def test_conformance_lists_all_rules(rules):
+    rows = re.findall(
+        r"^\| `(\w+)` \| (.*) \|$", (DOCS / "conformance.md").read_text("utf-8"), re.M
+    )
+    listed = [row for row in rows if row in {(rule.name, rule.promise) for rule in rules}]
+    assert [name for name, _ in listed] == [rule.name for rule in rules]
+    both = [*algorithms.RULES, *missions.RULES]
+    assert {*rows} == {(rule.name, rule.promise) for rule in both}

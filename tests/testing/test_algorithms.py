@@ -148,7 +148,9 @@ class TestCommand:
 
     def test_parameters_and_missions(self):
         assert self.check("bo-aco", "-p", "n_ants=20").exit_code == 0
-        assert self.check("terrain", "--mission", "-p", "nodes=20").exit_code == 0
+        assert self.check("terrain", "-p", "nodes=20").exit_code == 0
+        assert self.check("tests.testing.test_missions:fork").exit_code == 0
+        assert "file_round_trip" in self.check("random", "--mission").output
 
     @pytest.mark.parametrize(
         ("given", "named"),

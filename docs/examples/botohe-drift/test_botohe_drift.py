@@ -7,8 +7,8 @@ from botohe_moo.testing import parametrize_with_checks
 
 
 @parametrize_with_checks([Drift])
-def test_conforms(factory, check):
-    check(factory)
+def test_conforms(check):
+    check()
 
 
 def test_it_is_better_than_chance():

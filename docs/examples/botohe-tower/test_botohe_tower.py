@@ -6,8 +6,8 @@ from botohe_moo.testing import parametrize_with_checks
 
 
 @parametrize_with_checks([tower])
-def test_conforms(factory, check):
-    check(factory)
+def test_conforms(check):
+    check()
 
 
 def test_rooms_pay_more_the_higher_they_are():

@@ -22,7 +22,8 @@ def check_conformance(
         typer.Argument(metavar="NAME", help="module:Class, module:function, or a registered name."),
     ],
     mission: Annotated[
-        bool, typer.Option("--mission", help="Check a mission instead of an algorithm.")
+        bool,
+        typer.Option("--mission", help="Check a mission, where an algorithm has the name, too."),
     ] = False,
     parameter: Annotated[
         list[str] | None, pairs_option("--parameter", "-p", help="A parameter to check it with.")
@@ -46,7 +47,9 @@ def check_conformance(
         from botohe_moo import testing
         from botohe_moo.algorithms import registry
         from botohe_moo.mission import library
+        from botohe_moo.testing.checking import kind_of
 
+        mission = mission or kind_of(name) == "mission"
         faults = (library.mission_faults if mission else registry.algorithm_faults)(
             name, parameters, plain=True
         )

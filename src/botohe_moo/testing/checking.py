@@ -98,6 +98,28 @@ def check_mission(
     return run_rules(rules, subject)
 
 
+def kind_of(factory: str | Callable[..., Any]) -> Kind:
+    """Tell what a factory, or what is meant by a name, says that it makes.
+
+    An algorithm where it does not say, and where a name is one of an algorithm and of a mission.
+    """
+    from botohe_moo._plugins.factories import named, says_it_makes
+    from botohe_moo.algorithms.registry import PLUGINS, is_path
+    from botohe_moo.mission.library import mission_names
+    from botohe_moo.mission.model import Mission
+
+    found: Any = factory
+    if isinstance(factory, str):
+        if not is_path(factory):
+            is_mission = factory not in PLUGINS.claims() and factory in mission_names()
+            return "mission" if is_mission else "algorithm"
+        try:
+            found = named(factory)
+        except Exception:  # whatever another package's code may raise: it is told when it is made
+            return "algorithm"
+    return "mission" if says_it_makes(found, Mission) else "algorithm"
+
+
 def rules_and_subject(
     factory: str | Callable[..., Any],
     parameters: Mapping[str, Any] | None,

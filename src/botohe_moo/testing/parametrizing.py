@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from botohe_moo._base.checks import nearest_first
-from botohe_moo.testing.checking import TIME_LIMIT, Kind, rules_and_subject
+from botohe_moo.testing.checking import TIME_LIMIT, Kind, kind_of, rules_and_subject
 from botohe_moo.testing.rules import BrokenRuleError, Rule, Subject, fault_of
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ def parametrize_with_checks(
     factories: Iterable[str | Callable[..., Any]],
     *,
     expected_failed_checks: Mapping[str, str] | None = None,
-    kind: Kind = "algorithm",
+    kind: Kind | None = None,
 ) -> pytest.MarkDecorator:
     """Make a test of each rule for each algorithm or mission; a decorator for a pytest test.
 
@@ -48,7 +48,8 @@ def parametrize_with_checks(
         Rules that are known to be broken, and why: these tests are expected to fail, and fail if
         they pass.
     kind
-        ``"algorithm"`` or ``"mission"``.
+        ``"algorithm"`` or ``"mission"``; by default what each says that it makes, by its class or
+        the annotation of what it returns, or else an algorithm.
 
     Raises
     ------
@@ -70,7 +71,7 @@ def parametrize_with_checks(
     expected = dict(expected_failed_checks or {})
     cases = []
     for factory in factories:
-        rules, subject = rules_and_subject(factory, None, kind, TIME_LIMIT)
+        rules, subject = rules_and_subject(factory, None, kind or kind_of(factory), TIME_LIMIT)
         for name in expected:
             if name not in {rule.name for rule in rules}:
                 known = ", ".join(nearest_first(str(name), [rule.name for rule in rules]))
