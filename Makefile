@@ -4,13 +4,15 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: help demo test check format bench smoke paper state-of-the-art baselines clean clean-kernels
+.PHONY: help demo test check format bench fuzz soak smoke paper state-of-the-art baselines clean clean-kernels
 
 help:
 	@echo "make demo    plan the art museum and write tables and pictures to results/demo/"
 	@echo "make test    run the tests"
 	@echo "make check   ruff (lint and format) and mypy strict"
 	@echo "make bench   the numbers this project claims"
+	@echo "make fuzz    120 000 files that were changed at random, to everything that reads files: a quarter of an hour"
+	@echo "make soak    a study of many small runs for an hour: memory has to stay flat"
 	@echo "make smoke   a study of seconds, with its report"
 	@echo "make paper   the paper's study, with its report, beside what was published"
 	@echo "make state-of-the-art  Pareto local search beside BO-ACO and its variants: half an hour"
@@ -40,6 +42,12 @@ format: $(READY)
 bench: $(READY)
 	$(BIN)/python -m benchmarks
 
+fuzz: $(READY)
+	$(BIN)/python -m tests.fuzz
+
+soak: $(READY)
+	$(BIN)/python -m benchmarks.soak
+
 smoke baselines: $(READY)
 	$(BIN)/botohe study run experiments/$@.yaml
 	$(BIN)/botohe study report results/$@
@@ -60,5 +68,5 @@ clean-kernels:
 	find src tests -name '*.nb[ci]' -delete
 
 clean:
-	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache results/demo results/bench
+	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache results/demo results/bench results/fuzz results/soak
 	find . -name __pycache__ -prune -exec rm -rf {} +

@@ -15,7 +15,7 @@ import time
 from pathlib import Path
 
 from tests.fuzz.child import get_ready, make_input
-from tests.fuzz.driver import Count, fuzz
+from tests.fuzz.driver import Count, Job, fuzz
 from tests.fuzz.oracle import FaultError, Files, Odd, Place, Target, Watch, examine
 from tests.fuzz.targets import TARGETS
 
@@ -40,12 +40,18 @@ def main() -> int:
     inputs = {name: given.inputs or TARGETS[name].inputs for name in names}
     print(f"{sum(inputs.values()):,} inputs, seed {given.seed}", flush=True)
     began = time.monotonic()
-    counts = fuzz(inputs, given.seed, workers=given.workers)
+    counts = fuzz(inputs, given.seed, workers=given.workers, show=_show)
     _print_table(counts)
     print(f"{time.monotonic() - began:.0f} s")
     for name, count in counts.items():
         _keep(TARGETS[name], given.seed, count)
     return int(not all(is_sound(count) for count in counts.values()))
+
+
+def _show(job: Job) -> None:
+    """Say how far a target is, where there is a terminal: the line is overwritten."""
+    if sys.stderr.isatty():
+        print(f"\r{job.target} {job.last:,}   ", end="", file=sys.stderr, flush=True)
 
 
 def is_sound(count: Count) -> bool:
@@ -96,7 +102,7 @@ def _repeat(folder: Path) -> int:
 def _said_of(target: Target, files: Files) -> int:
     with tempfile.TemporaryDirectory() as name:
         place, watch = Place(Path(name)), Watch()
-        get_ready(target, place, watch)
+        get_ready(target, place)
         try:
             print(examine(target, files, place, watch))
         except FaultError as fault:

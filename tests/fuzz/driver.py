@@ -5,7 +5,7 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -29,6 +29,15 @@ class Count:
     seconds: float = 0.0
     faults: dict[int, str] = field(default_factory=dict)  # by number of the input
 
+    def add(self, answer: Mapping[str, Any]) -> None:
+        """Add what a process has said: a fault, or the counts of a job."""
+        if "fault" in answer:
+            self.faults[answer["number"]] = answer["fault"]
+        else:
+            self.accepted += answer["accepted"]
+            self.refused += answer["refused"]
+            self.seconds += answer["seconds"]
+
 
 @dataclass(frozen=True)
 class Job:
@@ -47,8 +56,12 @@ def fuzz(
     workers: int = 2,
     module: str = "tests.fuzz.targets",
     hang: float = HANG,
+    show: Callable[[Job], None] | None = None,
 ) -> dict[str, Count]:
-    """Try so many inputs of each target; say what has become of them."""
+    """Try so many inputs of each target; say what has become of them.
+
+    ``show`` is told of each job that is done.
+    """
     jobs: SimpleQueue[Job] = SimpleQueue()
     for job in _jobs(inputs, seed):
         jobs.put(job)
@@ -63,6 +76,8 @@ def fuzz(
                     return
                 for answer in worker.do(job):
                     found.put((job, answer))
+                if show is not None:
+                    show(job)
 
     with ThreadPoolExecutor(workers) as pool:
         for done in [pool.submit(work) for _ in range(workers)]:
@@ -70,13 +85,7 @@ def fuzz(
     counts = {name: Count(inputs=n) for name, n in inputs.items()}
     while not found.empty():
         job, answer = found.get()
-        count = counts[job.target]
-        if "fault" in answer:
-            count.faults[answer["number"]] = answer["fault"]
-        else:
-            count.accepted += answer["accepted"]
-            count.refused += answer["refused"]
-            count.seconds += answer["seconds"]
+        counts[job.target].add(answer)
     return counts
 
 
@@ -107,7 +116,6 @@ class Worker:
     def do(self, job: Job) -> Iterator[dict[str, Any]]:
         """Do a job; an input with which the process ends is one of its faults."""
         first = job.first
-        counted = {"accepted": 0, "refused": 0, "seconds": 0.0}
         while first < job.last:
             process = self._started()
             assert process.stdin is not None
@@ -121,11 +129,10 @@ class Worker:
                     return
             status, number = process.wait(), self._number()
             self._process = None
-            if number < first:  # it has died before its first input
-                said = self._last_words(status)
-            raise RuntimeError(f"{job.target}: the process for inputs cannot begin: {said}")
-            yield {"fault": self._last_words(status), "number": number}
-            yield {**counted, "seconds": 0.0}
+            said = self._last_words(status)
+            yield {"fault": said, "number": max(first, number)}
+            if number < first:  # it has died before its first input, and so would the next one
+                return
             first = number + 1
 
     def _started(self) -> subprocess.Popen[str]:

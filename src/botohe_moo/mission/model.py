@@ -152,7 +152,7 @@ class Mission:
             places = given_places(self.graph)
         except ValueError as error:
             raise MissionError(str(error), source) from None
-        if missing := [repr(node) for node, place in places.items() if place is None]:
+        if missing := [quoted(node) for node, place in places.items() if place is None]:
             more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
             raise MissionError(
                 "expected pos [x, y] of every node to take lengths from, found none of "
