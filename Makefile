@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 READY_FOR_DOCS := $(VENV)/.ready-for-docs
 
-.PHONY: help demo test check docs format bench smoke paper state-of-the-art baselines clean clean-kernels
+.PHONY: help demo test check docs format bench fuzz soak smoke paper state-of-the-art baselines clean clean-kernels
 
 help:
 	@echo "make demo    plan the art museum and write tables and pictures to results/demo/"
@@ -13,6 +13,8 @@ help:
 	@echo "make check   ruff (lint and format) and mypy strict"
 	@echo "make docs    the documentation, in docs/_build/html"
 	@echo "make bench   the numbers this project claims"
+	@echo "make fuzz    120 000 files that were changed at random, to everything that reads files: a quarter of an hour"
+	@echo "make soak    a study of many small runs for an hour: memory has to stay flat"
 	@echo "make smoke   a study of seconds, with its report"
 	@echo "make paper   the paper's study, with its report, beside what was published"
 	@echo "make state-of-the-art  Pareto local search beside BO-ACO and its variants: half an hour"
@@ -52,6 +54,12 @@ format: $(READY)
 bench: $(READY)
 	$(BIN)/python -m benchmarks
 
+fuzz: $(READY)
+	$(BIN)/python -m tests.fuzz
+
+soak: $(READY)
+	$(BIN)/python -m benchmarks.soak
+
 smoke baselines: $(READY)
 	$(BIN)/botohe study run experiments/$@.yaml
 	$(BIN)/botohe study report results/$@
@@ -72,5 +80,5 @@ clean-kernels:
 	find src tests -name '*.nb[ci]' -delete
 
 clean:
-	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache results/demo results/bench docs/_build docs/reference/names
+.PHONY: help demo test check docs format bench fuzz soak smoke paper state-of-the-art baselines clean clean-kernels
 	find . -name __pycache__ -prune -exec rm -rf {} +

@@ -6,6 +6,7 @@ import json
 import os
 import pty
 import re
+import shutil
 import signal
 import struct
 import subprocess
@@ -1102,6 +1103,15 @@ class TestChoose:
         assert (ended.status, ended.err) == (0, "")
         signs = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}
         assert (tmp_path / f"plan{suffix}").read_bytes().startswith(signs[suffix])
+
+    def test_a_link_to_itself_is_no_solution(self, botohe, solved, tmp_path):
+        folder = shutil.copytree(solved[1], tmp_path / "copy")
+        (folder / "mission.json").unlink()
+        (folder / "mission.json").symlink_to(folder / "mission.json")
+        ended = botohe("choose", folder, "--plan", 2, "--out", "plan.json")
+        assert ended.status == 2
+        assert "mission.json: the file cannot be read: Too many levels" in ended.err
+        assert "Traceback" not in ended.err
 
     @pytest.mark.parametrize("name", ["plan.json", "plan.png"])
     def test_a_file_that_cannot_be_written_has_another_status(self, botohe, solved, tmp_path, name):

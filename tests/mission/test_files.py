@@ -155,6 +155,35 @@ class TestAnyFile:
         save_mission(mission, tmp_path / "saved.json")
         assert read_mission(tmp_path / "saved.json").name == mission.name
 
+    @pytest.mark.parametrize(
+        ("name", "data"),
+        [
+            ("arc.json", json.dumps(content(edges=[{"source": "a", "target": "x" * 5_000}]))),
+            ("label.json", json.dumps(content(edges=[{"source": "a", "target": ["x"] * 900}]))),
+            ("root.graphml", f"<{'x' * 5_000}/>"),
+            ("type.graphml", f"<!DOCTYPE {'x' * 5_000}><graphml/>"),
+            ("line.txt", f"n 1\nm 1\ntmax 5\n0 0 {'x' * 5_000}\n"),
+            ("header.txt", f"n 1\nm {'9' * 5_000}\ntmax 5\n0 0 0\n"),
+        ],
+    )
+    def test_messages_have_a_bounded_length(self, tmp_path, name, data):
+        (tmp_path / name).write_text(data)
+        with pytest.raises(MissionError, match=r"\.\.\.") as caught:
+            read_mission(tmp_path / name)
+        assert max(map(len, str(caught.value).splitlines())) < 1_000
+
+    def test_so_have_those_of_missions_with_a_long_name(self):
+        mission = Mission(read_mission(DATA / "pier.json").graph, name="x" * 5_000)
+        for act in (
+            lambda: mission.with_robots(0),
+            lambda: mission.plan([]),
+            lambda: mission.plan([["nowhere"], [3]]),
+            lambda: mission.plan([[3, 3], [3]]),
+        ):
+            with pytest.raises(ValueError, match=r"ission 'xxx.*\(5,000 characters\)") as caught:
+                act()
+            assert len(str(caught.value)) < 1_000
+
     @pytest.mark.parametrize("suffix", [".json", ".graphml", ".txt"])
     @given(data=st.binary())
     def test_any_bytes_at_all(self, tmp_path_factory, suffix, data):

@@ -303,3 +303,21 @@ class TestBenchmark:
         path.write_text("n 1\nm 1\ntmax -3\n0 0 0\n")
         with pytest.raises(MissionError, match="expected tmax >= 0, the travel budget, got -3"):
             read_mission(path, scale=1)
+
+
+@pytest.mark.parametrize("pos", [[10**400, 0], [0, "x" * 5_000], ["x"] * 900])
+def test_places_that_are_no_numbers(pos):
+    graph = nx.DiGraph(load_mission("toy").graph)
+    graph.nodes[1]["pos"] = pos
+    with pytest.raises(MissionError, match=r"Node 1: expected pos \[x, y\]") as caught:
+        Mission(graph).with_lengths_from_pos()
+    assert len(str(caught.value)) < 1_000
+
+
+def test_missing_places_of_nodes_with_long_labels():
+    graph = nx.DiGraph([("a", "x" * 5_000), ("x" * 5_000, "a")], base="a", robots=1)
+    nx.set_node_attributes(graph, 1, "reward")
+    nx.set_edge_attributes(graph, 1, "survival")
+    with pytest.raises(MissionError, match="found none of 'a', 'xxx") as caught:
+        Mission(graph).with_lengths_from_pos()
+    assert len(str(caught.value)) < 1_000

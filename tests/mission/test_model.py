@@ -433,3 +433,9 @@ class TestEvaluate:
             mission.evaluate([TrailPlan([[0], [0]]), [[0], [0]]])
         with pytest.raises(TypeError, match="Expected a sequence of TrailPlans, got one TrailPlan"):
             mission.evaluate(TrailPlan([[0], [0]]))
+
+
+@pytest.mark.parametrize("trails", [5, 0.5, None])
+def test_what_holds_no_trails(trails):
+    with pytest.raises(PlanError, match=rf"^Expected one trail .* per robot, got {trails}\.$"):
+        load_mission("toy").plan(trails)

@@ -276,3 +276,14 @@ class TestReading:
         with pytest.raises(MissionError, match=fault) as caught:
             read_table(path)
         assert str(caught.value).startswith(str(path))
+
+    def test_messages_have_a_bounded_length(self, tmp_path):
+        path = tmp_path / "nodes.csv"
+        names = ",".join(f"{'x' * 900}{i}" for i in range(900))
+        path.write_text(f"{names}\n{'1,' * 899}1\n")
+        arcs = pd.DataFrame({"tail": ["a"], "head": ["b" * 5_000], "survival": [1]})
+        nodes = pd.DataFrame({"label": ["a", "c" * 5_000, "c" * 5_000], "reward": [1, 1, 1]})
+        for table, said in ((read_table(path), "and 888 more"), (nodes, "listed more than once")):
+            with pytest.raises(MissionError, match=said) as caught:
+                mission_from_tables(table, arcs, base="a", robots=1)
+            assert max(map(len, str(caught.value).splitlines())) < 2_000

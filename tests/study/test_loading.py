@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import subprocess
 import sys
 import textwrap
@@ -618,6 +619,12 @@ indicators: [area, igd]
         assert "cannot be read" in line
         (tmp_path / "latin.yaml").write_bytes(b"name: caf\xe9\n")
         assert "UTF-8" in lines(tmp_path / "latin.yaml")[0]
+
+    def test_pipes_are_not_waited_for(self, tmp_path):
+        path = tmp_path / "study.yaml"
+        os.mkfifo(path)
+        with pytest.raises(StudyError, match=r"study\.yaml: cannot be read .*a device or a pipe"):
+            load_study(path)
 
     def test_mission_files_with_faults(self, tmp_path):
         (tmp_path / "bad.json").write_text("{}")

@@ -175,6 +175,13 @@ def test_devices_and_pipes_are_not_read(copies):
         merge_studies([copies / "one", copies / "one"], copies / "all")
 
 
+def test_a_link_to_itself_is_no_folder_to_write_to(copies):
+    loop = copies / "loop"
+    loop.symlink_to(loop)
+    with pytest.raises(StudyError, match="loop: "):
+        merge_studies([copies / "one", copies / "two"], loop)
+
+
 def test_what_no_study_file_can_hold_is_refused(monkeypatch, parts, tmp_path):
     monkeypatch.setattr(union, "MAX_RUNS", 5)
     with pytest.raises(StudyError, match="too large for one: expected at most 5 runs, found 6"):

@@ -1,16 +1,22 @@
 """Studies in this process: what is run, what is kept, what becomes of it."""
 
 import errno
+import hashlib
+import io
 import json
 import os
+import re
 import shutil
 import sys
 import threading
 import time
+import zipfile
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from botohe_moo import BOTOHE, area_indicator, load_mission
@@ -44,6 +50,27 @@ def study_of(**changes):
         "seeds": 2,
         **changes,
     }
+
+
+def with_column(name, values):
+    """Give a change that fills a column of a table; bytes become a text that is none."""
+
+    def change(table):
+        column = pa.array(values * table.num_rows)
+        if isinstance(values[0], bytes):
+            column = pa.StringArray.from_buffers(len(column), *column.buffers()[1:])
+        return table.set_column(table.column_names.index(name), name, column)
+
+    return change
+
+
+def forge(folder, name, change):
+    """Change a table, and let the manifest name what it is then."""
+    path = folder / f"{name}.parquet"
+    pq.write_table(change(pq.read_table(path)), path)
+    manifest = json.loads((folder / "study.json").read_text())
+    manifest["tables"][name] = hashlib.sha256(path.read_bytes()).hexdigest()
+    (folder / "study.json").write_text(json.dumps(manifest))
 
 
 def without_times(tables, leave_out=()):
@@ -276,6 +303,29 @@ class TestTables:
         with pytest.raises(StudyError, match=r"trace\.parquet"):
             read_study(small)
 
+    @pytest.mark.parametrize(
+        ("name", "change", "said"),
+        [
+            ("runs", lambda table: table.drop_columns("area"), "expected the columns run, "),
+            ("runs", lambda table: table.append_column("x", table["area"]), "no further columns"),
+            ("plans", with_column("trails", [0.5]), "type string in each row of column trails"),
+            ("trace", with_column("area", [None]), "type double in each row of column area"),
+            ("trace", with_column("area", [[0.5]]), "type double in each row of column area|read"),
+            ("runs", with_column("mission", ["x"]), "only missions of the study .* found 'x'"),
+            ("summary", with_column("algorithm", ["x"]), "only algorithms of the study"),
+            ("ranks", with_column("indicator", ["x"]), "only indicators of the study"),
+            ("missions", lambda table: table.slice(1), "each of the study's missions once"),
+            ("runs", lambda table: table.replace_schema_metadata({"pandas": "{"}), "be read"),
+            ("runs", with_column("status", [b"\xff"]), "be read"),
+        ],
+    )
+    def test_forged_tables_are_named(self, small, name, change, said):
+        """Each would have ended in a traceback where the report is made."""
+        forge(small, name, change)
+        with pytest.raises(StudyError, match=rf"{name}\.parquet: .*{said}") as caught:
+            read_study(small)
+        assert len(str(caught.value).splitlines()) == 1
+
     def test_tables_of_another_moment_are_noticed(self, small, tmp_path):
         older = (small / "summary.parquet").read_bytes()
         run_study(study_of(seeds=3), small)
@@ -417,6 +467,9 @@ class TestTables:
             ("missions", {"label": ["q"]}),
             ("missions", {"min_survival": "x"}),
             ("missions", {"budget": 7}),
+            ("missions", {"origin": {"package": None}}),
+            ("missions", {"source": {}}),
+            ("algorithms", {"origin": {"version": "1"}}),
             ("algorithms", [{"label": 1}]),
             ("text", "[1, 2]"),
             ("seeds", "x"),
@@ -454,6 +507,16 @@ class TestTables:
         tables = read_study(small)
         with pytest.raises(StudyError, match="not the mission that was planned for"):
             tables.plan(tables.runs["run"][0], 0)
+
+    def test_missions_with_many_faults_are_named_in_a_line(self, small):
+        [path] = (small / "missions").glob("*.json")
+        content = json.loads(path.read_text())
+        for arc in content["edges"]:
+            arc["survival"] = 2
+        path.write_text(json.dumps(content))
+        with pytest.raises(StudyError, match=f"{path}: arc .*, and 11 more faults; run") as caught:
+            make_tables(small)
+        assert len(str(caught.value)) < 500
 
     @pytest.mark.parametrize(
         "content",
@@ -516,6 +579,28 @@ def small(finished, tmp_path):
 def a_run_of(folder):
     digest = read_study(folder).runs["run"][1]
     return folder / "runs" / f"{digest}.npz", digest
+
+
+def as_npy(array):
+    if isinstance(array, bytes):
+        return array
+    buffer = io.BytesIO()
+    np.save(buffer, array)
+    return buffer.getvalue()
+
+
+def as_header(content):
+    text = content if isinstance(content, str) else json.dumps(content)
+    return np.frombuffer(text.encode(), np.uint8)
+
+
+def changed_header(**changes):
+    return lambda header: as_header({**json.loads(header.tobytes()), **changes})
+
+
+def npy_header(shape, descr, end=""):
+    text = f"{{'descr': {descr}, 'fortran_order': False, 'shape': {shape}}}{end}".encode()
+    return b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text
 
 
 class TestAgain:
@@ -676,6 +761,73 @@ class TestAgain:
         assert [run.digest for run in plan.missing] == [first]
         [said] = plan.damaged.values()
         assert said.startswith(f"{path}: damaged (")
+
+    @pytest.mark.parametrize(
+        ("name", "change", "said"),
+        [
+            ("header", lambda _: as_header([1]), "expected a header"),
+            ("header", lambda _: as_header("[" * 100_000), "nested too deeply"),
+            ("header", lambda _: None, "Expecting value"),
+            ("header", changed_header(status="well"), "status: Input should be 'done'"),
+            ("header", changed_header(seconds=float("inf")), "seconds: Input should be"),
+            ("header", changed_header(environment={"n_cpus": 2}), "environment: .*environment to"),
+            ("header", changed_header(environment=[1]), "environment: Input should be"),
+            ("points", lambda _: b"\x80\x04K\x01.", "not an npz file of arrays"),
+            ("points", lambda _: npy_header("(2, 2)", "'|O'"), "Object arrays cannot be loaded"),
+            ("points", lambda _: npy_header("(2, 2)", "'<f8'", '\\\n"""'), "TokenError"),
+            ("points", lambda points: points[0, 0], "expected an array points of type float64"),
+            ("points", lambda points: points + np.nan, "possible on its mission"),
+            ("points", lambda points: points + 1e9, "possible on its mission"),
+            ("points", lambda points: points[:, :1], "possible on its mission"),
+            ("points", lambda points: points[1:], "records and points do not fit"),
+            ("seconds", lambda seconds: seconds.astype("M8[s]"), "an array seconds of type float"),
+            ("seconds", lambda seconds: seconds * np.inf, "finite numbers >= 0"),
+            ("evaluations", lambda evaluations: -evaluations, "finite numbers >= 0"),
+            ("evaluations", lambda evaluations: evaluations[1:], "as many of each"),
+            ("evaluations", lambda _: None, "expected an array evaluations"),
+            ("plan_nodes", lambda nodes: nodes + np.int32(99), "expected nodes of its mission"),
+            ("plan_offsets", lambda offsets: offsets * 0, "offsets that ascend"),
+            ("plan_objectives", lambda objectives: objectives[1:], "expected objectives of"),
+        ],
+    )
+    @pytest.mark.filterwarnings("error")
+    def test_forged_files_are_named(self, small, name, change, said):
+        """Each would have ended in a traceback where the run is read, or where tables are made."""
+        path, first = a_run_of(small)
+        with np.load(path) as file:
+            arrays = dict(file)
+        changed = change(arrays.pop(name))
+        with zipfile.ZipFile(path, "w") as file:
+            for member, array in arrays.items():
+                file.writestr(f"{member}.npy", as_npy(array))
+            if changed is not None:
+                file.writestr(f"{name}.npy", as_npy(changed))
+        plan = plan_study(load_study(study_of()), StudyFolder(small))
+        assert plan.damaged.keys() == {first}
+        assert re.match(rf"{path}: damaged \(.*{said}", plan.damaged[first])
+        assert len(plan.damaged[first].splitlines()) == 1
+
+    def test_gigabytes_of_zeros_in_a_small_file_are_not_read(self, small):
+        path, first = a_run_of(small)
+        with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as file:
+            file.writestr("zeros.npy", bytes(2**20))
+        data = bytearray(path.read_bytes())
+        size = data.rindex(b"PK\x01\x02") + 24  # where it is, of the member when it is unpacked
+        data[size : size + 4] = (2**31).to_bytes(4, "little")
+        path.write_bytes(data)
+        plan = plan_study(load_study(study_of()), StudyFolder(small))
+        assert "expected arrays of at most 536,870,912 bytes" in plan.damaged[first]
+
+    def test_failures_that_are_none_are_not_there(self, small):
+        [run, *_] = load_study(study_of()).runs()
+        path = small / "failures" / f"{run.digest}.json"
+        ended = {"status": "failed", "stopped_by": "error", "evaluations": 0, "seconds": 0.5}
+        ended["recording_seconds"] = 0
+        path.write_text(json.dumps(ended))
+        assert StudyFolder(small).failure(run.digest).status == "failed"
+        for wrong in ({"status": 5}, {"environment": {"x": 1}}, {"evaluations": -1}):
+            path.write_text(json.dumps({**ended, **wrong}))
+            assert StudyFolder(small).failure(run.digest) is None
 
     def test_another_runs_file_is_damage(self, small):
         path, first = a_run_of(small)

@@ -6,6 +6,7 @@ from botohe_moo.cli.interrupt import ending_on_interrupt
 
 with ending_on_interrupt:
     import shlex
+    from os.path import realpath
     from pathlib import Path
     from typing import TYPE_CHECKING, Annotated
 
@@ -131,7 +132,8 @@ def choose_plan(
 def _check_own(folder: Path, out: Path) -> None:
     from botohe_moo.solution.model import FILES
 
-    if any(out.resolve() == (folder / name).resolve() for name in FILES):
+    # Path.resolve would raise what no caller expects where a link leads to itself.
+    if any(realpath(out) == realpath(folder / name) for name in FILES):
         raise ValueError(f"{out}: a file of the solution itself; give another name.")
 
 

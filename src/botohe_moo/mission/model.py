@@ -77,7 +77,7 @@ class Mission:
         base = own.get("base") if base is None else base
         robots = own.get("robots") if robots is None else robots
         name = own.get("name") if name is None else name
-        source = f"Mission {name!r}" if name else "The mission"
+        source = f"Mission {quoted(name)}" if name else "The mission"
         if faults := mission_faults(graph, base, robots):
             raise MissionError(faults, source)
 
@@ -137,7 +137,7 @@ class Mission:
             Team size: an integer of at least 1, or a MissionError is raised.
         """
         if fault := team_size_fault(robots):
-            raise MissionError(fault, f"Mission {self.name!r}")
+            raise MissionError(fault, f"Mission {quoted(self.name)}")
         other = object.__new__(Mission)
         other.__dict__.update(self.__dict__, robots=index(robots))
         return other
@@ -149,12 +149,12 @@ class Mission:
         have are replaced; ``max_length`` stays. A MissionError names nodes without a ``pos``, or
         one whose ``pos`` is not two numbers.
         """
-        source = f"Mission {self.name!r}"
+        source = f"Mission {quoted(self.name)}"
         try:
             places = given_places(self.graph)
         except ValueError as error:
             raise MissionError(str(error), source) from None
-        if missing := [repr(node) for node, place in places.items() if place is None]:
+        if missing := [quoted(node) for node, place in places.items() if place is None]:
             more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
             raise MissionError(
                 "expected pos [x, y] of every node to take lengths from, found none of "
@@ -188,13 +188,15 @@ class Mission:
         Raises
         ------
         PlanError
-            If a label is unknown, or as for ``evaluate``.
+            If ``trails`` holds none, a label is unknown, or as for ``evaluate``.
         """
+        if not isinstance(trails, Iterable):
+            raise PlanError(f"Expected one trail of node labels per robot, got {quoted(trails)}.")
         indices = [trail_indices(self.name, self._index, *trail) for trail in enumerate(trails)]
         if len(indices) != self.robots:
             raise PlanError(
                 f"Expected {self.robots} trails for the {self.robots} robots of mission "
-                f"{self.name!r}, got {len(indices)}."
+                f"{quoted(self.name)}, got {len(indices)}."
             )
         plan = TrailPlan(indices)
         self.evaluate([plan])
@@ -213,7 +215,7 @@ class Mission:
             raise TypeError(f"Expected a TrailPlan, got {quoted(plan)}.")
         for node in (int(plan.nodes.min()), int(plan.nodes.max())):
             if not 0 <= node < len(self.nodes):
-                known = f"mission {self.name!r} has {len(self.nodes)} nodes"
+                known = f"mission {quoted(self.name)} has {len(self.nodes)} nodes"
                 raise PlanError(f"Node index {node} is unknown, {known}.")
         return tuple(tuple(self.nodes[i] for i in trail) for trail in plan.trails)
 
@@ -331,13 +333,14 @@ class Mission:
             if plans.n_robots != self.robots:
                 raise PlanError(
                     f"Expected {self.robots} trails a plan for the {self.robots} robots of mission "
-                    f"{self.name!r}, got {plans.n_robots}."
+                    f"{quoted(self.name)}, got {plans.n_robots}."
                 )
             return plans
         try:
             return PlanBatch.from_plans(plans, self.robots)
         except ValueError as error:
-            raise PlanError(f"{error} Mission {self.name!r} has {self.robots} robots.") from None
+            team = f"Mission {quoted(self.name)} has {self.robots} robots."
+            raise PlanError(f"{error} {team}") from None
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Mission):

@@ -8,6 +8,8 @@ from typing import Any
 
 import networkx as nx
 
+from botohe_moo._base.checks import quoted
+
 _FARTHEST = 1e100  # the square of a distance is to be a number
 
 
@@ -20,12 +22,13 @@ def given_places(graph: nx.DiGraph[Any]) -> dict[Hashable, tuple[float, float] |
             continue
         try:
             x, y = (float(part) for part in place)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             x = y = math.nan
         if not (abs(x) <= _FARTHEST and abs(y) <= _FARTHEST):
             hint = "" if not math.isfinite(x + y) else f", beyond {_FARTHEST:g}"
             raise ValueError(
-                f"Node {node!r}: expected pos [x, y], two finite numbers, got {place!r}{hint}."
+                f"Node {quoted(node)}: expected pos [x, y], two finite numbers, got "
+                f"{quoted(place)}{hint}."
             )
         places[node] = x, y
     return places

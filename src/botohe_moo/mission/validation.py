@@ -135,19 +135,20 @@ def _found(attributes: dict[str, Any], key: str) -> str:
 def _reward_faults(graph: nx.DiGraph[Any]) -> Iterator[str]:
     for node, attributes in graph.nodes(data=True):
         if not 0 <= as_float(attributes.get("reward")) < math.inf:
-            yield f"node {node!r}: expected a finite reward >= 0, {_found(attributes, 'reward')}"
+            found = _found(attributes, "reward")
+            yield f"node {quoted(node)}: expected a finite reward >= 0, {found}"
 
 
 def _arc_faults(graph: nx.DiGraph[Any]) -> Iterator[str]:
     for node in nx.nodes_with_selfloops(graph):
-        yield f"arc {node!r} -> {node!r}: a node must not have an arc to itself"
+        yield f"arc {quoted(node)} -> {quoted(node)}: a node must not have an arc to itself"
     for tail, head, attributes in graph.edges(data=True):
         if not 0 < as_float(attributes.get("survival")) <= 1:
             found = _found(attributes, "survival")
-            yield f"arc {tail!r} -> {head!r}: expected survival in (0, 1], {found}"
+            yield f"arc {quoted(tail)} -> {quoted(head)}: expected survival in (0, 1], {found}"
         if not _is_length(attributes.get("length", 1.0)):
             found = _found(attributes, "length")
-            yield f"arc {tail!r} -> {head!r}: expected a finite length >= 0, {found}"
+            yield f"arc {quoted(tail)} -> {quoted(head)}: expected a finite length >= 0, {found}"
 
 
 def _is_length(value: object) -> bool:
@@ -167,9 +168,9 @@ def _way_faults(graph: nx.DiGraph[Any], base: Hashable) -> Iterator[str]:
     returning = nx.ancestors(graph, base) | {base}
     for node in graph:
         if node not in reachable:
-            yield f"node {node!r}: cannot be reached from base {base!r}"
+            yield f"node {quoted(node)}: cannot be reached from base {quoted(base)}"
         if node not in returning:
-            yield f"node {node!r}: has no way back to base {base!r}"
+            yield f"node {quoted(node)}: has no way back to base {quoted(base)}"
 
 
 class PlanError(ValueError):
@@ -192,7 +193,7 @@ def trail_indices(
 ) -> list[int]:
     """Convert the node labels of a robot's trail to indices; ``mission`` is the mission's name."""
     if isinstance(trail, str | bytes) or not isinstance(trail, Sequence | np.ndarray):
-        raise PlanError(f"Robot {robot}: expected a sequence of node labels, got {trail!r}.")
+        raise PlanError(f"Robot {robot}: expected a sequence of node labels, got {quoted(trail)}.")
     if len(trail) == 0:
         raise PlanError(f"Robot {robot}: {_FAULTS[kernels.EMPTY_TRAIL]}.")
     indices = []
@@ -201,7 +202,8 @@ def trail_indices(
             indices.append(index[_hashable(label)])
         except (KeyError, TypeError):
             raise PlanError(
-                f"Robot {robot}, position {position}: mission {mission!r} has no node {label!r}."
+                f"Robot {robot}, position {position}: mission {quoted(mission)} has no node "
+                f"{quoted(label)}."
             ) from None
     return indices
 
@@ -226,10 +228,11 @@ def fault_text(
     node = int(batch.nodes[start + position])
     where = f"{where}, position {position}"
     if kind == kernels.UNKNOWN_NODE:
-        known = f"mission {mission!r} has {len(nodes)} nodes"
+        known = f"mission {quoted(mission)} has {len(nodes)} nodes"
         return f"{where}: node index {node} is unknown, {known}."
     label = nodes[node]
     if kind in (kernels.NOT_FROM_BASE, kernels.NOT_BACK_AT_BASE):
-        return f"{where}: {_FAULTS[kind]} {base!r}, got {label!r}."
+        return f"{where}: {_FAULTS[kind]} {quoted(base)}, got {quoted(label)}."
     tail = nodes[int(batch.nodes[start + position - 1])]
-    return f"{where}: arc {tail!r} -> {label!r} {_FAULTS[kind]} mission {mission!r}."
+    arc = f"arc {quoted(tail)} -> {quoted(label)}"
+    return f"{where}: {arc} {_FAULTS[kind]} mission {quoted(mission)}."

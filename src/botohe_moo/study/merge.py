@@ -75,7 +75,7 @@ def merge_studies(
     target = StudyFolder(study_folder(study.name, out))
     target.check(study)
     # Runs that are in the target have to fit, too, and are kept; no folder is read twice.
-    resolved = dict.fromkeys(path.resolve() for path in (target.path, *paths))
+    resolved = dict.fromkeys(Path(os.path.realpath(path)) for path in (target.path, *paths))
     sources = [StudyFolder(path) for path in resolved]
     _check_nothing_is_lost(target.path, study)
     found = {run.digest: _find_run(run, sources) for run in study.runs()}
@@ -184,7 +184,7 @@ def _agree(one: Outcome, other: Outcome) -> bool:
 
 def _copy_run(run: Run, source: StudyFolder, target: StudyFolder) -> IndexedFile:
     """Copy a run's file unless it is there, and describe it."""
-    file = target.check_run(run) if source.path == target.path.resolve() else None
+    file = target.check_run(run) if source.path == Path(os.path.realpath(target.path)) else None
     file = file or target.save(run, source.load(run))
     if file is None:
         raise StudyError(f"{source.path}: run {_named(run)} has changed meanwhile; merge again.")

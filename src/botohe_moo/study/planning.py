@@ -94,9 +94,14 @@ def make_task(run: Run, patience: float = PATIENCE) -> Task:
         per_decade=run.recording.per_decade,
         start=run.recording.start,
         at=tuple(run.recording.at),
-        version=version("botohe-moo"),
+        version=_version(),
         patience=patience,
     )
+
+
+@functools.cache
+def _version() -> str:
+    return version("botohe-moo")  # read from a file, which for each run would take minutes
 
 
 def make_bound_task(

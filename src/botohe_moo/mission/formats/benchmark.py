@@ -10,6 +10,7 @@ import networkx as nx
 import numpy as np
 from pydantic import Field
 
+from botohe_moo._base.checks import quoted
 from botohe_moo._base.types import FloatArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Positive
@@ -110,7 +111,7 @@ def _header(number: int, fields: list[str], key: str, faults: list[str]) -> floa
     except (ValueError, OverflowError):
         pass
     word = "a finite number" if key == "tmax" else "an integer"
-    faults.append(f"line {number}: expected '{key}' and {word}, got {' '.join(fields)!r}")
+    faults.append(f"line {number}: expected '{key}' and {word}, got {quoted(' '.join(fields))}")
     return None
 
 
@@ -123,7 +124,7 @@ def _numbers(number: int, fields: list[str], faults: list[str]) -> tuple[float, 
         pass
     faults.append(
         f"line {number}: expected three finite numbers, x, y and a score >= 0, "
-        f"got {' '.join(fields)!r}"
+        f"got {quoted(' '.join(fields))}"
     )
     return 0, 0, 0
 

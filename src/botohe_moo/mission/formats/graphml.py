@@ -45,7 +45,7 @@ def read_graphml(data: bytes, /) -> tuple[nx.Graph[Any], list[str]]:
     """
     root = _parse(data)
     if root.tag.rpartition("}")[2] != "graphml":
-        raise MissionError(f"expected the XML element graphml, got {root.tag!r}")
+        raise MissionError(f"expected the XML element graphml, got {quoted(root.tag)}")
     graphs = root.findall("{*}graph")
     if len(graphs) != 1:
         raise MissionError(f"expected one graph in the GraphML, found {len(graphs)}")
@@ -54,7 +54,8 @@ def read_graphml(data: bytes, /) -> tuple[nx.Graph[Any], list[str]]:
     edges = found.findall(".//{*}edge")
     directed = found.get("edgedefault") == "directed"
     faults = [
-        f"arc {edge.get('source')!r} -> {edge.get('target')!r}: expected it to be directed"
+        f"arc {quoted(edge.get('source'))} -> {quoted(edge.get('target'))}: "
+        "expected it to be directed"
         for edge in edges
         if edge.get("directed", str(directed).lower()) not in ("true", "1")
     ]
@@ -89,7 +90,8 @@ def _parse(data: bytes) -> ET.Element:
 
 def _refuse_document_type(name: str, *_: object) -> None:
     raise MissionError(
-        f"expected XML without a document type, found <!DOCTYPE {name}>; remove that declaration"
+        f"expected XML without a document type, found <!DOCTYPE {quoted(name)[1:-1]}>; "
+        "remove that declaration"
     )
 
 
@@ -167,11 +169,11 @@ def write_graphml(content: dict[str, Any]) -> bytes:
     for node in content["nodes"]:
         label = _text("a node's label", node.pop("id"))
         element = ET.SubElement(graph, "node", id=label)
-        entries.append(("node", f"node {label!r}", element, _with_coordinates(label, node)))
+        entries.append(("node", f"node {quoted(label)}", element, _with_coordinates(label, node)))
     for arc in content["edges"]:
         tail, head = arc.pop("source"), arc.pop("target")
         element = ET.SubElement(graph, "edge", source=tail, target=head)
-        entries.append(("edge", f"arc {tail!r} -> {head!r}", element, arc))
+        entries.append(("edge", f"arc {quoted(tail)} -> {quoted(head)}", element, arc))
     for scope, owner, element, attributes in entries:
         for position, (id_, text) in enumerate(_data(scope, owner, attributes, ids)):
             data = ET.Element("data", key=id_)
@@ -194,12 +196,12 @@ def _data(
             continue
         if type(value) not in _TYPES:
             raise _unwritable(
-                f"{owner}: attribute {name!r}, {value!r}, is not a number, boolean or string, "
-                "and GraphML has nothing else"
+                f"{owner}: attribute {quoted(name)}, {quoted(value)}, is not a number, boolean or "
+                "string, and GraphML has nothing else"
             )
         key = (scope, _text("an attribute's name", name), _TYPES[type(value)])
         text = str(value).lower() if isinstance(value, bool) else str(value)
-        yield ids.setdefault(key, f"d{len(ids)}"), _text(f"{owner}: attribute {name!r}", text)
+        yield ids.setdefault(key, f"d{len(ids)}"), _text(f"{owner}: attribute {quoted(name)}", text)
 
 
 def _with_coordinates(label: str, node: dict[str, Any]) -> dict[str, Any]:
@@ -208,7 +210,7 @@ def _with_coordinates(label: str, node: dict[str, Any]) -> dict[str, Any]:
     numbers = isinstance(node["pos"], list) and all(type(p) in (int, float) for p in node["pos"])
     if not numbers or len(node["pos"]) != 2 or "x" in node or "y" in node:
         expected = "expected pos to be [x, y] for GraphML's attributes x and y"
-        raise _unwritable(f"node {label!r}: {expected}, got {node}")
+        raise _unwritable(f"node {quoted(label)}: {expected}, got {quoted(node)}")
     x, y = node.pop("pos")
     return {**node, "x": x, "y": y}
 
@@ -216,9 +218,10 @@ def _with_coordinates(label: str, node: dict[str, Any]) -> dict[str, Any]:
 def _text(what: str, value: object) -> str:
     if not isinstance(value, str):
         expected = f"expected {what} to be a string, as GraphML knows no other"
-        raise _unwritable(f"{expected}, got {value!r}")
+        raise _unwritable(f"{expected}, got {quoted(value)}")
     if forbidden := _NOT_IN_XML.search(value):
-        raise _unwritable(f"{what}: XML has no character {forbidden.group()!r}, got {value!r}")
+        found = forbidden.group()
+        raise _unwritable(f"{what}: XML has no character {found!r}, got {quoted(value)}")
     return value
 
 

@@ -142,10 +142,10 @@ def _add_node(graph: nx.DiGraph[Any], where: str, entry: object) -> list[str]:
     except ValueError as error:
         return [f"{where}: {error}"]
     if label in graph:
-        return [f"node {label!r}: is listed more than once, again as {where}"]
+        return [f"node {quoted(label)}: is listed more than once, again as {where}"]
     graph.add_node(label)
     graph.nodes[label].update(attributes)
-    return list(_value_faults("node", f"node {label!r}", attributes))
+    return list(_value_faults("node", f"node {quoted(label)}", attributes))
 
 
 def _add_arc(graph: nx.DiGraph[Any], where: str, entry: object) -> list[str]:
@@ -153,14 +153,15 @@ def _add_arc(graph: nx.DiGraph[Any], where: str, entry: object) -> list[str]:
         (tail, head), attributes = _labels(entry, "source", "target")
     except ValueError as error:
         return [f"{where}: {error}"]
+    arc = f"arc {quoted(tail)} -> {quoted(head)}"
     unknown = [label for label in dict.fromkeys((tail, head)) if label not in graph]
     if unknown:
-        return [f"arc {tail!r} -> {head!r}: there is no node {label!r}" for label in unknown]
+        return [f"{arc}: there is no node {quoted(label)}" for label in unknown]
     if graph.has_edge(tail, head):
-        return [f"arc {tail!r} -> {head!r}: is listed more than once, again as {where}"]
+        return [f"{arc}: is listed more than once, again as {where}"]
     graph.add_edge(tail, head)
     graph.edges[tail, head].update(attributes)
-    return list(_value_faults("arc", f"arc {tail!r} -> {head!r}", attributes))
+    return list(_value_faults("arc", arc, attributes))
 
 
 def _labels(entry: object, *keys: str) -> tuple[list[Hashable], dict[str, Any]]:
@@ -185,12 +186,12 @@ def mission_content(mission: Mission) -> dict[str, Any]:
     own.update(name=mission.name, robots=mission.robots)  # not the graph's, which may differ
     own = _attributes("the graph", own) | {"base": plain_label(mission.base)}
     nodes = [
-        {"id": plain_label(node), **_attributes(f"node {node!r}", attributes, "id")}
+        {"id": plain_label(node), **_attributes(f"node {quoted(node)}", attributes, "id")}
         for node, attributes in graph.nodes(data=True)
     ]
     arcs = []
     for tail, head, attributes in graph.edges(data=True):
-        arc = f"arc {tail!r} -> {head!r}"
+        arc = f"arc {quoted(tail)} -> {quoted(head)}"
         ends = {"source": plain_label(tail), "target": plain_label(head)}
         arcs.append({**ends, **_attributes(arc, attributes, "source", "target")})
     return {"directed": True, "multigraph": False, "graph": own, "nodes": nodes, "edges": arcs}
@@ -215,7 +216,7 @@ def plain_label(label: Hashable) -> object:
         reason = f"it would come back as {quoted(plain)}"
     except ValueError as error:
         reason = str(error)
-    raise ValueError(f"Node {label!r} cannot be saved under its label: {reason}.")
+    raise ValueError(f"Node {quoted(label)} cannot be saved under its label: {reason}.")
 
 
 def _attributes(owner: str, attributes: dict[Any, Any], *reserved: str) -> dict[str, Any]:
@@ -223,12 +224,13 @@ def _attributes(owner: str, attributes: dict[Any, Any], *reserved: str) -> dict[
     for key, value in attributes.items():
         if not isinstance(key, str) or key in reserved:
             expected = f"a string other than {' and '.join(reserved)}" if reserved else "a string"
-            raise ValueError(f"{owner}: expected {expected} as an attribute's name, got {key!r}.")
+            found = f"expected {expected} as an attribute's name, got {quoted(key)}"
+            raise ValueError(f"{owner}: {found}.")
         try:
             plain[key] = _plain(value)
         except ValueError as error:
             raise ValueError(
-                f"{owner}: attribute {key!r}, {quoted(value)}, cannot be saved: {error}."
+                f"{owner}: attribute {quoted(key)}, {quoted(value)}, cannot be saved: {error}."
             ) from None
     return plain
 
@@ -260,5 +262,5 @@ def _encodable(text: str) -> str:
     try:
         text.encode()
     except UnicodeEncodeError:
-        raise ValueError(f"{text!r} is not valid Unicode text") from None
+        raise ValueError(f"{quoted(text)} is not valid Unicode text") from None
     return text

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 _NODES, _ARCS = ("label", "reward"), ("tail", "head", "survival")
 _SEPARATORS = ",;\t"
+_SHOWN = 12  # columns of a message
 _FILE = "botohe_moo file"  # a table's attribute, by which messages name it
 
 
@@ -158,15 +159,16 @@ def _rows(
     check_frame(table, frame)
     table = frame.attrs.get(_FILE, table)
     names = [str(column).strip().lower() for column in frame.columns]
-    found = ", ".join(map(str, frame.columns)) or "none"
-    wrong = [f"a column {name!r}, found {found}" for name in needed if name not in names]
+    found = ", ".join(quoted(str(column))[1:-1] for column in frame.columns[:_SHOWN]) or "none"
+    found += f" and {more} more" if (more := len(names) - _SHOWN) > 0 else ""
+    wrong = [f"a column {quoted(name)}, found {found}" for name in needed if name not in names]
     wrong += [
-        f"one column {name!r}, found {names.count(name)}"
+        f"one column {quoted(name)}, found {names.count(name)}"
         for name in dict.fromkeys(names)
         if names.count(name) > 1 and name
     ]
     wrong += [
-        f"both columns 'x' and 'y' or neither, found only {name!r}"
+        f"both columns 'x' and 'y' or neither, found only {quoted(name)}"
         for name, other in ("xy", "yx")
         if name in names and other not in names
     ]
@@ -215,7 +217,8 @@ def _add_node(
         )
         return
     if label in known:
-        faults.append(f"{where}: node {label!r} is listed more than once, first in {known[label]}")
+        found = f"node {quoted(label)} is listed more than once, first in {known[label]}"
+        faults.append(f"{where}: {found}")
         return
     known[label] = _row_of(where)
     reward = _number(row, "reward", where, _at_least_0, "a number >= 0", faults)
@@ -249,7 +252,8 @@ def _add_arc(
     if row.get("length") is not None:
         row["length"] = _number(row, "length", where, _at_least_0, "a number >= 0", faults)
     if known and ends[0] == ends[1]:
-        faults.append(f"{where}: expected an arc between two nodes, found both ends at {ends[0]!r}")
+        found = f"found both ends at {quoted(ends[0])}"
+        faults.append(f"{where}: expected an arc between two nodes, {found}")
         known = False
     if not known:
         return
@@ -257,7 +261,8 @@ def _add_arc(
     for tail, head in dict.fromkeys((ends, ends[::-1]) if both_ways else (ends,)):
         if (tail, head) in drawn:
             before = drawn[tail, head]
-            faults.append(f"{where}: arc {tail!r} -> {head!r} is there already, in {before}")
+            arc = f"arc {quoted(tail)} -> {quoted(head)}"
+            faults.append(f"{where}: {arc} is there already, in {before}")
             continue
         drawn[tail, head] = _row_of(where)
         graph.add_edge(tail, head, **{**attributes, "survival": survival})

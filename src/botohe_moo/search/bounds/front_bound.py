@@ -20,6 +20,8 @@ from botohe_moo.search.bounds.envelopes import area_under_highest, lower_envelop
 # By how much survivors are taken to be fewer than given, relative: they are sums of products.
 _ROUNDING = 1e-12
 _N_POINTS = 1_000
+# What a file says may be as large as numbers are; infinite ones bound nothing, or bound all.
+_OVERFLOW = np.errstate(over="ignore")
 _FORMAT: Literal["botohe-front-bound-1"] = "botohe-front-bound-1"
 
 
@@ -129,6 +131,7 @@ class FrontBound:
         bounds = self.by_robots(given).max(axis=0)
         return float(bounds) if given.ndim == 0 else bounds
 
+    @_OVERFLOW
     def by_robots(self, survivors: ArrayLike) -> FloatArray:
         """Bound E[R] of plans in which 0, 1, ... all robots move.
 
@@ -165,6 +168,7 @@ class FrontBound:
         least, most = np.array(sorted(steps)).reshape(-1, 2).T
         return least, np.append(np.inf, np.minimum.accumulate(most))
 
+    @_OVERFLOW
     def _corners(self) -> FloatArray:
         """Give each E[S] where the bound for some number of robots may jump or bend, ascending."""
         n_robots = self.mission.robots

@@ -105,8 +105,7 @@ def _no_json(value: Any) -> Any:
 def _text(path: Path) -> str:
     try:
         size = path.stat().st_size
-        with path.open("rb") as file:
-            read = b"" if size > _MAX_BYTES else file.read(_MAX_BYTES + 1)  # a pipe has no size
+        read = b"" if size > _MAX_BYTES else read_bytes(path)
     except FileNotFoundError:
         among = sorted(p.name for p in path.parent.glob("*.y*ml"))
         near = f"; beside it are {', '.join(nearest_first(path.name, among))}" if among else ""
@@ -115,9 +114,8 @@ def _text(path: Path) -> str:
         raise StudyError(f"{path}: cannot be read ({error.strerror}).") from None
     except ValueError as error:  # a name with a NUL
         raise StudyError(f"{str(path)!r}: cannot be read ({error}).") from None
-    if max(size, len(read)) > _MAX_BYTES:
-        found = f"{size / 1e6:.1f} MB" if size > _MAX_BYTES else "more"
-        limit = f"{_MAX_BYTES / 1e6:g} MB"
+    if size > _MAX_BYTES:
+        limit, found = f"{_MAX_BYTES / 1e6:g} MB", f"{size / 1e6:.1f} MB"
         raise StudyError(f"{path}: expected a study file of at most {limit}, found {found}.")
     try:
         return read.decode("utf-8-sig")

@@ -17,13 +17,8 @@ from botohe_moo.study.file.model import MANIFEST, Run, Study, StudyError, StudyM
 from botohe_moo.study.run.task import Outcome
 from botohe_moo.study.store.bound_files import KeptBound, bound_file, bound_files, read_bound
 from botohe_moo.study.store.manifest import dump_study, read_manifest
-from botohe_moo.study.store.run_files import (
-    DAMAGE,
-    IndexedFile,
-    outcome_fields,
-    pack_run,
-    unpack_run,
-)
+from botohe_moo.study.store.run_files import IndexedFile, outcome_fields, pack_run, unpack_run
+from botohe_moo.study.store.run_parts import read_ending
 from botohe_moo.study.store.table_files import put_study, tables_locked
 
 _TEMPORARY = re.compile(r"\.[0-9a-f]{16}\.tmp$")  # as replace_file names them
@@ -157,8 +152,8 @@ class StudyFolder:
         """Read the last failure of a run; None if there was none, or it cannot be read."""
         try:
             content = json.loads(read_bytes(self._failures / f"{digest}.json"))
-            return Outcome(**content)
-        except (OSError, ValueError, TypeError, RecursionError):
+            return Outcome(**read_ending(content).model_dump())
+        except (OSError, ValueError, RecursionError):
             return None
 
     def save(self, run: Run, outcome: Outcome) -> IndexedFile | None:
@@ -216,8 +211,8 @@ class StudyFolder:
         try:
             data = read_bytes(path)
             return data, unpack_run(data, run)
-        except DAMAGE as error:
-            said = f"{type(error).__name__}: {error}".partition("\n")[0]
+        except (OSError, ValueError) as error:
+            said = (getattr(error, "strerror", None) or str(error)).partition("\n")[0]
             raise DamagedError(f"{path}: damaged ({said})") from error
 
     def _path(self, digest: str) -> Path:

@@ -9,6 +9,7 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from botohe_moo._base.checks import nearest_first
 from botohe_moo._base.files import read_bytes, replace_file
+from botohe_moo._base.words import counted
 from botohe_moo.mission.digest import mission_digest
 from botohe_moo.mission.formats.files import read_mission
 from botohe_moo.mission.model import Mission
@@ -98,8 +99,9 @@ def saved_mission(path: Path, digest: str) -> Mission:
     try:
         mission = read_mission(path)
     except MissionError as error:
-        said = " ".join(str(error).split())
-        raise StudyError(f"{said}; run the study again.") from error
+        others = len(error.faults) - 1
+        more = f", and {counted(others, 'more fault')}" if others else ""
+        raise StudyError(f"{path}: {error.faults[0]}{more}; run the study again.") from error
     if mission_digest(mission) != digest:
         raise StudyError(
             f"{path}: not the mission that was planned for any more; run the study again."

@@ -5,8 +5,6 @@ import hashlib
 import io
 import json
 import os
-import zipfile
-import zlib
 from collections.abc import Mapping
 from dataclasses import fields, replace
 from pathlib import Path
@@ -18,14 +16,15 @@ from pydantic import TypeAdapter
 from botohe_moo._base.files import read_bytes, replace_file
 from botohe_moo.study.file.model import Run
 from botohe_moo.study.run.task import Outcome, Record
+from botohe_moo.study.store.run_parts import (
+    check_plans,
+    check_records,
+    read_ending,
+    read_parts,
+)
 from botohe_moo.trails import PlanBatch
 
 _FORMAT = 1
-# What reading a damaged file may raise.
-DAMAGE = (
-    OSError, ValueError, KeyError, TypeError, EOFError, RuntimeError, MemoryError, OverflowError,
-    zipfile.BadZipFile, zlib.error,
-)  # fmt: skip
 
 
 def outcome_fields(outcome: Outcome) -> dict[str, Any]:
@@ -61,30 +60,24 @@ def pack_run(run: Run, outcome: Outcome) -> bytes:
 
 
 def unpack_run(data: bytes, run: Run) -> Outcome:
-    """Read an outcome from the bytes of its file; one of ``DAMAGE`` if it is not that run's."""
-    if not data.startswith(b"PK"):  # numpy would advise to unpickle it
-        raise ValueError("not an npz file")
-    with np.load(io.BytesIO(data)) as file:
-        header: dict[str, Any] = json.loads(file["header"].tobytes())
-        arrays = {name: file[name] for name in file.files if name != "header"}
-    if header.pop("format") != _FORMAT or header.pop("digest") != run.digest:
+    """Read an outcome from the bytes of its file; a ValueError if it is not that run's."""
+    header, arrays = read_parts(data)
+    if (header.get("format"), header.get("digest")) != (_FORMAT, run.digest):
         raise ValueError("not the file of this run")
-    del header["identity"]
+    mission, objectives = run.mission.mission, arrays["plan_objectives"]
+    check_records(arrays, mission)
+    plans = PlanBatch(arrays["plan_nodes"], arrays["plan_offsets"], mission.robots)
+    check_plans(plans, objectives, mission)
     ends = np.cumsum(arrays["n_points"])
-    if len(arrays["points"]) != (ends[-1] if len(ends) else 0):
-        raise ValueError("records and points do not fit")
     fronts = np.split(arrays["points"], ends[:-1]) if len(ends) else []
-    plans = PlanBatch(arrays["plan_nodes"], arrays["plan_offsets"], run.mission.mission.robots)
-    if "ties" not in arrays:  # before ties were told apart, all plans were counted
-        arrays["ties"] = arrays["front_size"] - arrays["n_points"]
     columns = (arrays[name].tolist() for name in ("evaluations", "seconds", "ties"))
     records = [
         Record(evaluations, seconds, front, ties)
         for evaluations, seconds, ties, front in zip(*columns, fronts, strict=True)
     ]
     if records:
-        records[-1] = replace(records[-1], plans=(plans, arrays["plan_objectives"]))
-    return Outcome(**header, records=tuple(records))
+        records[-1] = replace(records[-1], plans=(plans, objectives))
+    return Outcome(**read_ending(header).model_dump(), records=tuple(records))
 
 
 INDEX = ".index.json"

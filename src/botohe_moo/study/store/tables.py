@@ -18,15 +18,14 @@ from botohe_moo.mission.model import Mission
 from botohe_moo.study.file.model import StudyError
 from botohe_moo.study.store.manifest import read_manifest, saved_mission, tabled_manifest
 from botohe_moo.study.store.schemas import SCHEMAS
+from botohe_moo.study.store.table_checks import FURTHER_TYPES, label_fault, schema_fault
 from botohe_moo.study.store.table_files import AGAIN, put_tables, read_file
 from botohe_moo.trails import TrailPlan
 
 # These are written as CSV, too.
 _LARGE = ("trace", "fronts", "plans", "references", "bounds")
+_LONG = 200  # characters of a reason
 SMALL = tuple(name for name in SCHEMAS if name not in _LARGE)
-# Types of the columns that depend on the study.
-_TYPES = {dtype: dtype for dtype in (pa.string(), pa.int64(), pa.float64(), pa.bool_())}
-_TYPES[pa.large_string()] = pa.string()
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,7 +212,7 @@ def to_arrow(name: str, frame: pd.DataFrame) -> pa.Table:
         raise StudyError(f"Table {name}: expected columns {schema.names}, got {columns}.")
     try:
         for field in pa.Schema.from_pandas(frame.iloc[:, len(schema) :], preserve_index=False):
-            schema = schema.append(pa.field(field.name, _TYPES[field.type]))
+            schema = schema.append(pa.field(field.name, FURTHER_TYPES[field.type]))
         table = pa.Table.from_pandas(frame, schema=schema, preserve_index=False, safe=True)
     except KeyError as error:
         raise StudyError(f"Table {name}: a column of type {error.args[0]}.") from error
@@ -278,7 +277,7 @@ def read_study(folder: str | os.PathLike[str]) -> StudyTables:
                 f"`botohe study tables {folder}` makes them of the runs that are there."
             )
         try:
-            tables = {name: _read_table(folder, name, tabled["tables"]) for name in names}
+            tables = {name: _read_table(folder, name, tabled) for name in names}
         except StudyError:
             latest = read_manifest(folder)
             if latest == manifest:
@@ -288,14 +287,19 @@ def read_study(folder: str | os.PathLike[str]) -> StudyTables:
             return StudyTables(folder, tabled, **tables)
 
 
-def _read_table(folder: Path, name: str, digests: Mapping[str, str]) -> pd.DataFrame:
-    data = read_file(folder, f"{name}.parquet", digests)
+def _read_table(folder: Path, name: str, manifest: Mapping[str, Any]) -> pd.DataFrame:
+    data = read_file(folder, f"{name}.parquet", manifest["tables"])
+    path = folder / f"{name}.parquet"
     try:
         # Threads of Arrow's may still hold the file when Python ends, and abort it (apache/arrow
         # issues 34314 and 50482); a reader of memory needs none.
         read = pq.read_table(pa.BufferReader(data), use_threads=False, pre_buffer=False)
+        read.validate(full=True)
+        fault = schema_fault(name, read)
         table: pd.DataFrame = read.to_pandas(use_threads=False)
-    except (OSError, pa.ArrowException) as error:
-        path = folder / f"{name}.parquet"
-        raise StudyError(f"{path}: cannot be read ({error}); {AGAIN}.") from error
+    except Exception as error:  # pandas and pyarrow declare none
+        said = str(error).partition("\n")[0][:_LONG]
+        raise StudyError(f"{path}: cannot be read ({said}); {AGAIN}.") from error
+    if fault := fault or label_fault(name, table, manifest):
+        raise StudyError(f"{path}: expected {fault}; {AGAIN}.")
     return table

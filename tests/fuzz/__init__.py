@@ -1,0 +1,1 @@
+"""Fuzzing of everything that reads files: ``make fuzz``, or ``python -m tests.fuzz --help``."""
