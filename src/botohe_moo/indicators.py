@@ -1,5 +1,7 @@
 """Quality of a front as one number: area, IGD+ and additive epsilon."""
 
+from typing import Any
+
 import moocore
 import numpy as np
 from numpy.typing import ArrayLike
@@ -126,14 +128,21 @@ def check_objectives(name: str, given: ArrayLike) -> FloatArray:
         return np.empty((0, 2))
     if values.ndim != 2 or values.shape[1] != 2:
         raise ValueError(f"Expected {name} of shape (n, 2), got {values.shape}.")
-    if not (values < np.inf).all():
-        raise ValueError(f"Expected {name} without NaN and infinity, got {values}.")
+    is_wrong = ~(values < np.inf).all(axis=1)
+    if is_wrong.any():
+        raise ValueError(f"Expected {name} without NaN and infinity, got {_row(values, is_wrong)}.")
     if np.isfinite(values).all() and (values <= 0).all() and (values < 0).any():
         raise ValueError(
-            f"Expected E[R] and E[S], which are at least 0, got {values}; pymoo's F holds their "
-            "negatives: give -result.F."
+            f"Expected E[R] and E[S], which are at least 0, got {_row(values, values < 0)}; "
+            "pymoo's F holds their negatives: give -result.F."
         )
     return values
+
+
+def _row(values: FloatArray, is_wrong: Any) -> str:
+    """Name the first row in which something is wrong."""
+    row = int(np.argwhere(is_wrong)[0, 0])
+    return f"{values[row].tolist()} in row {row}"
 
 
 def _normalised(
@@ -146,7 +155,8 @@ def _normalised(
         raise ValueError("Expected at least one point in reference, got none.")
     for name, values in (("objectives", points), ("reference", targets)):
         if not np.isfinite(values).all():
-            raise ValueError(f"Expected {name} without NaN and infinity, got {values}.")
+            found = _row(values, ~np.isfinite(values))
+            raise ValueError(f"Expected {name} without NaN and infinity, got {found}.")
     if not len(points):
         points = np.zeros((1, 2))  # moocore scores an empty set as perfect
     reward = mission.total_reward
