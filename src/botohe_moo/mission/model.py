@@ -306,9 +306,7 @@ class Mission:
     def _values(self, plans: Plans, *, strict: bool) -> kernels.Values:
         batch = self.batch(plans)
         values = kernels.new_values(len(batch), batch.n_robots)
-        fault = kernels.evaluate(
-            self.arrays, batch.nodes, batch.offsets, batch.n_robots, strict, values
-        )
+        fault = kernels.evaluate(self.arrays, *batch.arrays, batch.n_robots, strict, values)
         if fault[0] != kernels.VALID:
             raise PlanError(fault_text(self.name, self.nodes, self.base, batch, fault))
         return values

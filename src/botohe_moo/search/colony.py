@@ -171,7 +171,7 @@ class Colony:
         if not self.rule.pheromone or len(archive) == 0:
             return
         pheromone, n_robots = self._pheromone, self.n_robots
-        plans = Depositors(objectives, members, batch.nodes, batch.offsets)
+        plans = Depositors(objectives, members, *batch.arrays)
         deposit(self._links, plans, n_robots, pheromone.deposits)
         if archive.version != self._deposited_version:
             held, everyone = archive.held, np.arange(len(archive))
