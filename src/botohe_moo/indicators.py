@@ -33,8 +33,8 @@ def area_indicator(objectives: ArrayLike, mission: Mission) -> float:
     Raises
     ------
     ValueError
-        If ``objectives`` is not of shape (n, 2), holds NaN or infinity, or is ``result.F``, which
-        holds the negatives.
+        If ``objectives`` is not of shape (n, 2), holds NaN or infinity, is ``result.F``, which
+        holds the negatives, or is above what there is on the mission: it is of another one.
 
     Notes
     -----
@@ -49,8 +49,15 @@ def area_indicator(objectives: ArrayLike, mission: Mission) -> float:
     >>> area_indicator([[5, 1], [2, 2]], toy)  # (5 · 1 + 2 · 1) / (10 · 2)
     0.35
     """
-    whole = check_mission(mission).total_reward * mission.robots
+    most = np.array([check_mission(mission).total_reward, mission.robots])
+    whole = float(most.prod())
     values = check_objectives("objectives", objectives)
+    above = values > most * (1.0 + _ROUNDING)
+    if above.any():
+        raise ValueError(
+            f"Expected E[R] <= {most[0]:g} and E[S] <= {mission.robots}, all that mission "
+            f"{mission.name!r} has, got {_row(values, above)}: the front is of another mission."
+        )
     if whole == 0 or len(values) == 0:
         return 0.0
     area = float(moocore.hypervolume(values, ref=[0.0, 0.0], maximise=True)) / whole
