@@ -31,14 +31,15 @@ SERVER = """
 import gc, json, os, pydantic, signal, sys, tempfile, traceback, yaml
 signal.signal(signal.SIGINT, signal.default_int_handler)  # shells may start us with it ignored
 os.environ.pop("COLUMNS", None)  # which pytest's readline sets for those that it starts
-import botohe_moo.cli, botohe_moo.solving, botohe_moo.algorithms.pareto_local_search
+import botohe_moo.cli, botohe_moo.solving
 import botohe_moo.plots.front, botohe_moo.plots.mission
-from botohe_moo.algorithms.random_trails import RandomTrails
-from botohe_moo.algorithms.pareto_local_search import ParetoLocalSearch
+from botohe_moo import bound_front, load_mission
 os.environ["MPLBACKEND"] = "Agg"
 with tempfile.TemporaryDirectory() as folder:  # loads the kernels, and fonts for pictures
-    for algorithm in (RandomTrails(), ParetoLocalSearch()):
+    for algorithm in ("random", "pareto-local-search", "bo-aco", "nsga2", "greedy"):
         botohe_moo.solving.solve("toy", algorithm, evaluations=250).write(folder)
+    bound_front(load_mission("toy"))
+    bound_front(load_mission("art_museum"), time_limit=0.1)
 del os.environ["MPLBACKEND"]
 gc.freeze()
 for line in sys.stdin:
