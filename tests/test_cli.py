@@ -20,7 +20,7 @@ from typing import NamedTuple
 import networkx as nx
 import pytest
 
-from botohe_moo import FrontBound, Mission, load_mission, read_solution, save_mission, solve
+from botohe_moo import FrontBound, Mission, load_mission, read_solution, save_mission
 
 BOTOHE = Path(sys.executable).parent / "botohe"
 FILES = ["front.csv", "front.png", "mission.json", "mission.png", "plans.json"]
@@ -1666,9 +1666,8 @@ def test_signals_are_as_before_once_libraries_are_loaded(thread):
 @pytest.mark.parametrize(
     "name", ["plans.json", "../found/plans.json", "front.csv", "front.png", "bound.json"]
 )
-def test_files_of_a_solution_are_not_replaced_by_a_plan(refused, tmp_path, name):
-    solution = solve(load_mission("toy"), evaluations=200, seed=1)
-    solution.write(tmp_path / "found")
+def test_files_of_a_solution_are_not_replaced_by_a_plan(refused, solved, tmp_path, name):
+    shutil.copytree(solved[1], tmp_path / "found")
     said = refused("choose", "found", "survivors >= 1", "--out", f"found/{name}")
     assert "a file of the solution itself; give another name" in said
-    assert read_solution(tmp_path / "found").plans == solution.plans
+    assert read_solution(tmp_path / "found").plans == read_solution(solved[1]).plans

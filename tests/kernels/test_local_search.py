@@ -280,7 +280,7 @@ def test_the_bound_changes_nothing_but_the_time_it_takes(name):
                     work.steps["ahead"] = np.inf
 
                 patch.setattr(kernels, "lay_out", unbounded)
-            search.run(1_500)
+            search.run(500)
         outcomes.append(outcome(search))
     assert outcomes[0] == outcomes[1]
 
@@ -310,7 +310,7 @@ def one_way():
 @pytest.mark.parametrize(
     ("mission", "n_evaluations", "rule"),
     [
-        (load_mission("art_museum"), 1_500, {"n_drawn": 3}),
+        (load_mission("art_museum"), 700, {"n_drawn": 3}),
         (load_mission("art_museum"), 400, {"max_size": 12, "min_survival": 0.3}),
         (load_mission("terrain", nodes=30, robots=4), 300, {"n_children": 3}),
         (one_way(), 400, {"p_detour": 0.9}),
