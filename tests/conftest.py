@@ -7,10 +7,12 @@ import sys
 
 from hypothesis import HealthCheck, settings
 
+from tests.examples import examples
 from tests.forked import ADDRESS, start_server
 
 # Shared CI machines stall now and then: what counts is the result, never the time an example took.
-settings.register_profile("botohe", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+patient = examples(100, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("botohe", patient)
 settings.load_profile("botohe")
 
 # Under nohup, or in the background of a script, these are ignored, and so would all processes do.

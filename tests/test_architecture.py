@@ -5,6 +5,7 @@ before it is applied to the package.
 """
 
 import ast
+import functools
 import importlib
 import re
 import subprocess
@@ -81,6 +82,7 @@ def module_name(path):
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
+@functools.cache  # a dozen rules look at each
 def parsed(path):
     return ast.parse(path.read_text("utf-8"))
 

@@ -11,7 +11,7 @@ from importlib.metadata import distribution
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pymoo.core.callback import Callback
 from pymoo.core.termination import TerminateIfAny
@@ -22,6 +22,7 @@ from pymoo.termination.max_gen import MaximumGenerationTermination
 
 from botohe_moo import BOTOHE, Mission, area_indicator, exact_front, load_mission, make_algorithm
 from botohe_moo.algorithms.registry import algorithm_parameters
+from tests.examples import examples
 from tests.strategies import lengths, small_missions
 from tests.twins import all_objectives, within
 
@@ -176,9 +177,7 @@ def test_the_result_is_the_front_of_all_that_was_evaluated(name):
 WITH_BUDGET = [*NAMES, *DOTTED, SEARCHING]
 FLOORS = st.sampled_from([0.0, 0.3, 0.81, 1.0])
 BUDGETS = st.sampled_from([None, 0.0, 2.0, 4.0, 6.0, 9.0])
-FEW_EXAMPLES = settings(
-    max_examples=12, deadline=None, suppress_health_check=[HealthCheck.too_slow], print_blob=True
-)
+FEW_EXAMPLES = examples(24)
 
 
 def assert_limits_are_kept(problem, plans):

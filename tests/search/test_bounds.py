@@ -8,7 +8,7 @@ from itertools import combinations_with_replacement
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pymoo.optimize import minimize
 
@@ -28,6 +28,7 @@ from botohe_moo.search.bounds.front_bound import Line, Step
 from botohe_moo.search.bounds.net import new_net
 from botohe_moo.search.bounds.prices import Team, most_levels, refine
 from botohe_moo.search.exact import exact_front
+from tests.examples import examples
 from tests.strategies import missions
 
 
@@ -389,7 +390,7 @@ def drawn_prices(team, seed):
     return drawn * team.reward[:, None] / team.n_levels**2
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(missions(max_robots=4), st.integers(1, 4), st.integers(1, 5), st.integers(0, 99))
 def test_what_a_node_gives_beside_prices(mission, n_robots, n_levels, seed):
     """In fractions: nothing that any levels give is above, without a tolerance."""

@@ -415,7 +415,8 @@ class TestTables:
             with tables_locked(path):  # puts in order what it finds
                 assert not list(path.glob(".tables-*"))
             assert read_study(path).manifest["tables"] == tables.manifest["tables"]
-            assert make_tables(path).manifest["tables"] == after.manifest["tables"]
+            if not tidied:  # then there is most in the way of new ones
+                assert make_tables(path).manifest["tables"] == after.manifest["tables"]
 
     def test_they_say_how_many_runs_are_missing(self, small):
         assert read_study(small).n_missing == 0
