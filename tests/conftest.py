@@ -37,7 +37,7 @@ def pytest_sessionstart(session):
     config = session.config
     if getattr(config.option, "numprocesses", None) and not hasattr(config, "workerinput"):
         # Either takes half a minute.
-        names = [["pareto-local-search", "nsga2"], ["simulated-annealing", "bo-aco", "exact"]]
+        names = [["pareto-local-search"], ["exact", "bo-aco", "simulated-annealing", "nsga2"]]
         processes = [subprocess.Popen([sys.executable, "-c", COMPILE, *given]) for given in names]
         for process in processes:
             process.wait()
