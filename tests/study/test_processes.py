@@ -180,11 +180,11 @@ def test_what_ends_processes_stops_like_ctrl_c(number, study_file, uninterrupted
     partial = read_study(folder)
     assert len(partial.runs) == len(list(folder.glob("runs/*.npz")))
     assert partial.n_missing == 24 - len(partial.runs) > 0
-    if number == signal.SIGTERM:  # one report tells
+    if number == signal.SIGTERM:  # one tells
         status, _, err = finish(start("report", folder))
         assert status == 0, err
         assert f"{partial.n_missing} of the study's 24 runs are missing" in err
-    assert_same(run_study(study_file, folder, workers=2), uninterrupted)
+        assert_same(run_study(study_file, folder, workers=2), uninterrupted)
 
 
 def test_signals_that_are_ignored_stay_so(tmp_path):
