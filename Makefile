@@ -5,11 +5,12 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 READY_FOR_DOCS := $(VENV)/.ready-for-docs
 
-.PHONY: help demo test check docs format bench fuzz soak smoke paper state-of-the-art baselines clean clean-kernels
+.PHONY: help demo test test-long check docs format bench fuzz soak smoke paper state-of-the-art baselines clean clean-kernels
 
 help:
 	@echo "make demo    plan the art museum and write tables and pictures to results/demo/"
 	@echo "make test    run the tests"
+	@echo "make test-long  the property tests with forty times as many examples: half an hour"
 	@echo "make check   ruff (lint and format) and mypy strict"
 	@echo "make docs    the documentation, in docs/_build/html"
 	@echo "make bench   the numbers this project claims"
@@ -35,6 +36,10 @@ demo: $(READY)
 # With bytecode on disk, each of the many processes that tests start takes 0.2 s less.
 test: $(READY)
 	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --numprocesses 2 --maxprocesses 2 --dist worksteal
+
+test-long: $(READY)
+	BOTOHE_EXAMPLES=20 BOTOHE_MUTATIONS=1000 $(BIN)/python -m pytest -m hypothesis --timeout 3600 \
+		--numprocesses 2 --maxprocesses 2 --dist worksteal
 
 check: $(READY)
 	$(BIN)/ruff check
@@ -80,5 +85,4 @@ clean-kernels:
 	find src tests -name '*.nb[ci]' -delete
 
 clean:
-.PHONY: help demo test check docs format bench fuzz soak smoke paper state-of-the-art baselines clean clean-kernels
 	find . -name __pycache__ -prune -exec rm -rf {} +

@@ -7,10 +7,12 @@ import sys
 
 from hypothesis import HealthCheck, settings
 
+from tests.examples import examples
 from tests.forked import ADDRESS, start_server
 
 # Shared CI machines stall now and then: what counts is the result, never the time an example took.
-settings.register_profile("botohe", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+patient = examples(100, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("botohe", patient)
 settings.load_profile("botohe")
 
 # Under nohup, or in the background of a script, these are ignored, and so would all processes do.
@@ -35,7 +37,7 @@ def pytest_sessionstart(session):
     config = session.config
     if getattr(config.option, "numprocesses", None) and not hasattr(config, "workerinput"):
         # Either takes half a minute.
-        names = [["pareto-local-search", "nsga2"], ["simulated-annealing", "bo-aco", "exact"]]
+        names = [["pareto-local-search"], ["exact", "bo-aco", "simulated-annealing", "nsga2"]]
         processes = [subprocess.Popen([sys.executable, "-c", COMPILE, *given]) for given in names]
         for process in processes:
             process.wait()

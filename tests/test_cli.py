@@ -20,7 +20,7 @@ from typing import NamedTuple
 import networkx as nx
 import pytest
 
-from botohe_moo import FrontBound, Mission, load_mission, read_solution, save_mission, solve
+from botohe_moo import FrontBound, Mission, load_mission, read_solution, save_mission
 
 BOTOHE = Path(sys.executable).parent / "botohe"
 FILES = ["front.csv", "front.png", "mission.json", "mission.png", "plans.json"]
@@ -31,14 +31,15 @@ SERVER = """
 import gc, json, os, pydantic, signal, sys, tempfile, traceback, yaml
 signal.signal(signal.SIGINT, signal.default_int_handler)  # shells may start us with it ignored
 os.environ.pop("COLUMNS", None)  # which pytest's readline sets for those that it starts
-import botohe_moo.cli, botohe_moo.solving, botohe_moo.algorithms.pareto_local_search
+import botohe_moo.cli, botohe_moo.solving
 import botohe_moo.plots.front, botohe_moo.plots.mission
-from botohe_moo.algorithms.random_trails import RandomTrails
-from botohe_moo.algorithms.pareto_local_search import ParetoLocalSearch
+from botohe_moo import bound_front, load_mission
 os.environ["MPLBACKEND"] = "Agg"
 with tempfile.TemporaryDirectory() as folder:  # loads the kernels, and fonts for pictures
-    for algorithm in (RandomTrails(), ParetoLocalSearch()):
+    for algorithm in ("random", "pareto-local-search", "bo-aco", "nsga2", "greedy"):
         botohe_moo.solving.solve("toy", algorithm, evaluations=250).write(folder)
+    bound_front(load_mission("toy"))
+    bound_front(load_mission("art_museum"), time_limit=0.1)
 del os.environ["MPLBACKEND"]
 gc.freeze()
 for line in sys.stdin:
@@ -1665,9 +1666,8 @@ def test_signals_are_as_before_once_libraries_are_loaded(thread):
 @pytest.mark.parametrize(
     "name", ["plans.json", "../found/plans.json", "front.csv", "front.png", "bound.json"]
 )
-def test_files_of_a_solution_are_not_replaced_by_a_plan(refused, tmp_path, name):
-    solution = solve(load_mission("toy"), evaluations=200, seed=1)
-    solution.write(tmp_path / "found")
+def test_files_of_a_solution_are_not_replaced_by_a_plan(refused, solved, tmp_path, name):
+    shutil.copytree(solved[1], tmp_path / "found")
     said = refused("choose", "found", "survivors >= 1", "--out", f"found/{name}")
     assert "a file of the solution itself; give another name" in said
-    assert read_solution(tmp_path / "found").plans == solution.plans
+    assert read_solution(tmp_path / "found").plans == read_solution(solved[1]).plans

@@ -14,7 +14,7 @@ import networkx as nx
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pymoo.core.algorithm import Algorithm
 from pymoo.core.individual import Individual
@@ -36,6 +36,7 @@ from botohe_moo._base.interrupts import hold_interrupt
 from botohe_moo.cli.checks import check_folder, check_places
 from botohe_moo.solution import PictureError, Solution
 from botohe_moo.solving import RefusalError
+from tests.examples import examples
 from tests.strategies import missions_with_plans
 
 FILES = ["front.csv", "front.png", "mission.json", "mission.png", "plans.json"]
@@ -507,7 +508,7 @@ class TestReading:
         assert again.seconds is None
         assert "bo-aco, seed 3: spent 250 evaluations\narea" in again.describe()
 
-    @settings(max_examples=40, deadline=None)
+    @examples(40)
     @given(
         missions_with_plans(),
         st.integers(0, 10**30),

@@ -303,10 +303,26 @@ class Repairer:
         return self.home(prefixes[-1])
 
 
+class _Arcs:
+    """What arcs are like, of the mission that was asked for last: twins ask again and again."""
+
+    mission = survival = length = None
+
+    def of(self, mission):
+        if mission is not self.mission:
+            arrays = mission.arrays
+            arcs = list(zip(arrays.tail.tolist(), arrays.head.tolist(), strict=True))
+            self.survival = dict(zip(arcs, arrays.survival.tolist(), strict=True))
+            self.length = dict(zip(arcs, arrays.length.tolist(), strict=True))
+            self.mission = mission
+        return self
+
+
+_ARCS = _Arcs()
+
+
 def arc_survivals(mission):
-    arrays = mission.arrays
-    arcs = zip(arrays.tail.tolist(), arrays.head.tolist(), strict=True)
-    return dict(zip(arcs, arrays.survival.tolist(), strict=True))
+    return _ARCS.of(mission).survival
 
 
 def all_trails(mission, max_steps=20_000):
@@ -340,9 +356,7 @@ def reach_of(mission, trail):
 
 
 def length_of(mission, trail):
-    arrays = mission.arrays
-    arcs = zip(arrays.tail.tolist(), arrays.head.tolist(), strict=True)
-    length = dict(zip(arcs, arrays.length.tolist(), strict=True))
+    length = _ARCS.of(mission).length
     return sum(length[arc] for arc in pairwise(trail))
 
 

@@ -6,7 +6,7 @@ import pickle
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pymoo.core.callback import Callback
 from pymoo.core.problem import Problem
@@ -17,6 +17,7 @@ from pymoo.termination.collection import TerminationCollection
 from botohe_moo import BOACO, BOTOHE, Mission, RandomTrails, TrailPlan, area_indicator, load_mission
 from botohe_moo.search.archive import PlanArchive
 from botohe_moo.search.colony import exchange_archives
+from tests.examples import examples
 from tests.strategies import missions
 
 
@@ -160,7 +161,7 @@ class TestContract:
         assert cut.algorithm.evaluator.n_eval == 5
         assert len(cut.X) == 5
 
-    @settings(max_examples=40)
+    @examples(40)
     @given(mission=missions(min_nodes=1, max_nodes=6), seed=st.integers(0, 2**31))
     def test_any_mission(self, make, mission, seed):
         """One-way ones, without any reward, where nothing is dangerous, of one node only."""

@@ -1,4 +1,8 @@
-"""What holds for every registered algorithm, and for pymoo's own classes by their dotted paths."""
+"""What holds for every registered algorithm, and for pymoo's own classes by their dotted paths.
+
+That they conform is tested in tests/testing: here are small populations, drawn missions, and what
+this package's algorithms promise beyond that.
+"""
 
 import copy
 import pickle
@@ -7,7 +11,7 @@ from importlib.metadata import distribution
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pymoo.core.callback import Callback
 from pymoo.core.termination import TerminateIfAny
@@ -18,7 +22,8 @@ from pymoo.termination.max_gen import MaximumGenerationTermination
 
 from botohe_moo import BOTOHE, Mission, area_indicator, exact_front, load_mission, make_algorithm
 from botohe_moo.algorithms.registry import algorithm_parameters
-from tests.strategies import lengths, missions, small_missions
+from tests.examples import examples
+from tests.strategies import lengths, small_missions
 from tests.twins import all_objectives, within
 
 # Those of this package; other packages' are theirs to test.
@@ -46,7 +51,6 @@ IN_KERNELS = {
     "simulated-annealing",
 }  # evaluate where nobody can watch
 ENDS_BY_ITSELF = {"exact", "greedy"}  # when the front is found, when its sweep is done
-NOT_RANDOM = {"exact", "greedy"}
 FOR_SMALL_MISSIONS = {"exact"}
 N_TRIES = 10  # to make new plans, in a generation
 
@@ -75,12 +79,31 @@ def small(name):
     return made
 
 
-def mission_for(name, mission="art_museum"):
-    """A named mission, or one in its place that algorithms for small missions can solve."""
+def mission_for(name):
+    """The museum, or a mission in its place that algorithms for small missions can solve."""
     if name in FOR_SMALL_MISSIONS:
-        seed = 3 if mission == "art_museum" else 0
-        return load_mission("random", nodes=8, arc_probability=0.4, robots=2, seed=seed)
-    return load_mission(mission)
+        return load_mission("random", nodes=8, arc_probability=0.4, robots=2, seed=3)
+    return load_mission("art_museum")
+
+
+def one_way(seed):
+    """Six nodes, strongly connected by ears of one to three nodes; hardly an arc has a reverse."""
+    rng = np.random.default_rng(seed)
+    graph = nx.DiGraph(base=0, robots=1 + seed % 3)
+    graph.add_node(0, reward=0.0)
+    while (n := len(graph)) < 6:
+        ear = [*range(n, min(6, n + int(rng.integers(1, 4))))]
+        nx.add_path(graph, [int(rng.integers(n)), *ear, int(rng.integers(n))])
+    for tail, head in rng.permutation([(u, v) for u in graph for v in graph if u != v])[
+        :6
+    ].tolist():
+        if not graph.has_edge(head, tail):
+            graph.add_edge(tail, head)
+    for node in range(1, 6):
+        graph.nodes[node]["reward"] = float(rng.integers(1, 10))
+    for arc in graph.edges:
+        graph.edges[arc]["survival"] = float(rng.uniform(0.6, 1.0))
+    return Mission(graph)
 
 
 def trails(result):
@@ -121,18 +144,10 @@ def test_all_names_are_under_contract():
 
 
 @pytest.mark.parametrize("name", [*NAMES, *DOTTED])
-@pytest.mark.parametrize("budget", [1, 7, 45, 171])
-def test_budgets_are_exact(name, budget):
-    problem = Watched(mission_for(name))
-    if name in IN_KERNELS:
-        problem = BOTOHE(problem.mission)
-    result = minimize(problem, small(name), ("n_eval", budget), seed=1)
+def test_only_some_end_before_their_budget(name):
+    result = minimize(BOTOHE(mission_for(name)), small(name), ("n_eval", 171), seed=1)
     spent = result.algorithm.evaluator.n_eval
-    assert spent <= budget
-    if name not in ENDS_BY_ITSELF:
-        assert spent == budget
-    if name not in IN_KERNELS:
-        assert len(problem.seen) == spent
+    assert spent == 171 or (spent < 171 and name in ENDS_BY_ITSELF)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -161,10 +176,8 @@ def test_the_result_is_the_front_of_all_that_was_evaluated(name):
 
 WITH_BUDGET = [*NAMES, *DOTTED, SEARCHING]
 FLOORS = st.sampled_from([0.0, 0.3, 0.81, 1.0])
-BUDGETS = st.sampled_from([0.0, 2.0, 4.0, 6.0, 9.0])
-FEW_EXAMPLES = settings(
-    max_examples=12, deadline=None, suppress_health_check=[HealthCheck.too_slow], print_blob=True
-)
+BUDGETS = st.sampled_from([None, 0.0, 2.0, 4.0, 6.0, 9.0])
+FEW_EXAMPLES = examples(24)
 
 
 def assert_limits_are_kept(problem, plans):
@@ -179,18 +192,6 @@ def assert_nothing_lies_above(objectives, front, mission):
     """Whether every point is one of a front or below it, to rounding."""
     near = 2e-12 * np.array([mission.total_reward, mission.robots])
     assert (front[:, None] + near >= objectives).all(axis=2).any(axis=0).all()
-
-
-@pytest.mark.parametrize("name", [*NAMES, *DOTTED])
-@FEW_EXAMPLES
-@given(mission=missions(max_nodes=7), floor=FLOORS, seed=st.integers(0, 9))
-def test_results_are_valid_and_keep_the_floor(name, mission, floor, seed):
-    problem = BOTOHE(mission, min_survival=floor)
-    result = minimize(problem, small(name), ("n_eval", 90), seed=seed)
-    batch = mission.batch(result.X)
-    assert np.array_equal(-result.F, mission.evaluate(batch))
-    assert_limits_are_kept(problem, batch)
-    assert result.G.shape == (len(result.F), int(floor > 0))
 
 
 @pytest.mark.parametrize("name", WITH_BUDGET)
@@ -209,7 +210,7 @@ def test_results_keep_both_limits_and_are_not_above_the_truth(name, case, floor,
     batch = mission.batch(result.X)
     assert np.array_equal(-result.F, mission.evaluate(batch))
     assert_limits_are_kept(problem, batch)
-    assert result.G.shape == (len(result.F), int(floor > 0) + 1)
+    assert result.G.shape == (len(result.F), int(floor > 0) + (budget is not None))
     assert (result.G <= 0).all()
     allowed = within(mission, trails, problem.survival_floor, problem.travel_budget)
     truth = all_objectives(mission, allowed)
@@ -219,10 +220,9 @@ def test_results_keep_both_limits_and_are_not_above_the_truth(name, case, floor,
 
 
 @pytest.mark.parametrize("name", WITH_BUDGET)
-@FEW_EXAMPLES
-@given(mission=missions(max_nodes=6, lengths=st.just(1.0)), seed=st.integers(0, 9))
-def test_with_a_budget_of_nothing_everybody_stays_home(name, mission, seed):
-    result = minimize(BOTOHE(mission, max_length=0), small(name), ("n_eval", 90), seed=seed)
+@pytest.mark.parametrize("mission", [one_way(0), one_way(1)], ids=["robot", "robots"])
+def test_with_a_budget_of_nothing_everybody_stays_home(name, mission):
+    result = minimize(BOTOHE(mission, max_length=0), small(name), ("n_eval", 90), seed=1)
     assert set(trails(result)) == {((mission.arrays.base,),) * mission.robots}
 
 
@@ -234,7 +234,7 @@ def test_no_front_is_above_the_exact_one(name):
         problem = BOTOHE(mission, min_survival=floor, max_length=budget)
         limits = {"min_survival": problem.survival_floor, "max_length": problem.travel_budget}
         truth = mission.evaluate(exact_front(mission, **limits))
-        result = minimize(problem, small(name), ("n_eval", 2_000), seed=1)
+        result = minimize(problem, small(name), ("n_eval", 1_000), seed=1)
         assert_limits_are_kept(problem, mission.batch(result.X))
         assert_nothing_lies_above(-result.F, truth, mission)
         wanted = supported(truth, mission) if name == "greedy" else truth
@@ -251,23 +251,11 @@ def with_lengths(mission):
     return Mission(graph, base=mission.base, robots=mission.robots)
 
 
-@pytest.mark.parametrize("name", [*NAMES, *DOTTED])
-def test_the_same_seed_gives_the_same_result(name):
-    problem = BOTOHE(mission_for(name))
-    one, same, other = (
-        minimize(problem, small(name), ("n_eval", 150), seed=seed) for seed in (1, 1, 2)
-    )
-    assert trails(one) == trails(same)
-    assert one.F.tolist() == same.F.tolist()
-    if name not in NOT_RANDOM:
-        assert trails(one) != trails(other)
-
-
-def assert_pickled_runs_resume(problem, name):
-    """Whether a run that is pickled on its way ends bit for bit as one that is not.
-
-    Gives how many generations it had.
-    """
+@pytest.mark.parametrize("name", WITH_BUDGET)
+def test_a_pickled_run_under_limits_resumes_bit_for_bit(name):
+    # A small mission under such a floor is solved before anybody can stop.
+    floor = 0.0 if name in FOR_SMALL_MISSIONS else 0.2
+    problem = BOTOHE(with_lengths(mission_for(name)), min_survival=floor, max_length=8)
     runs = []
     for stop in (None, 1, 3):
         algorithm = small(name)
@@ -282,42 +270,13 @@ def assert_pickled_runs_resume(problem, name):
     for run in runs[1:]:
         assert trails(run) == trails(runs[0])
         assert run.F.tolist() == runs[0].F.tolist()
-    return n
-
-
-@pytest.mark.parametrize("name", [*NAMES, *DOTTED])
-def test_a_pickled_run_resumes_bit_for_bit(name):
-    # A small mission under such a floor is solved before anybody can stop.
-    floor = 0.0 if name in FOR_SMALL_MISSIONS else 0.2
-    problem = BOTOHE(mission_for(name), min_survival=floor)
-    assert assert_pickled_runs_resume(problem, name) > 3
-
-
-@pytest.mark.parametrize("name", WITH_BUDGET)
-def test_a_pickled_run_with_a_budget_resumes_bit_for_bit(name):
-    mission = with_lengths(mission_for(name))
-    assert assert_pickled_runs_resume(BOTOHE(mission, max_length=8), name) > 1
-
-
-@pytest.mark.parametrize("name", [*NAMES, *DOTTED])
-def test_runs_do_not_influence_each_other(name):
-    # pymoo's signatures hold objects with a memory: a run must not find another's in it.
-    def run(mission, seed):
-        algorithm = small(name)
-        algorithm.setup(BOTOHE(mission), termination=("n_eval", 120), seed=seed)
-        algorithm.run()
-        return algorithm.result()
-
-    museum, plant = mission_for(name), mission_for(name, "power_plant")
-    first = run(museum, 1)
-    run(plant, 5)
-    assert trails(run(museum, 1)) == trails(first)
+    assert n > 1
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_starts_from_given_plans(name):
     museum = mission_for(name)
-    start = minimize(BOTOHE(museum), make_algorithm("nsga2"), ("n_eval", 3_000), seed=1)
+    start = minimize(BOTOHE(museum), make_algorithm("nsga2"), ("n_eval", 600), seed=1)
     parameters = {"sampling": start.X}
     result = minimize(
         BOTOHE(museum), make_algorithm(name, **parameters), ("n_eval", len(start.X) + 40), seed=1
@@ -332,26 +291,6 @@ def blind_alley():
         (node, {"reward": r}) for node, r in zip("DGABC", (0, 1, 5, 5, 5), strict=True)
     )
     graph.add_edges_from(["DG", "GD", "DA", "AB", "BC", "CD"], survival=0.95)
-    return Mission(graph)
-
-
-def one_way(seed):
-    """Six nodes, strongly connected by ears of one to three nodes; hardly an arc has a reverse."""
-    rng = np.random.default_rng(seed)
-    graph = nx.DiGraph(base=0, robots=1 + seed % 3)
-    graph.add_node(0, reward=0.0)
-    while (n := len(graph)) < 6:
-        ear = [*range(n, min(6, n + int(rng.integers(1, 4))))]
-        nx.add_path(graph, [int(rng.integers(n)), *ear, int(rng.integers(n))])
-    for tail, head in rng.permutation([(u, v) for u in graph for v in graph if u != v])[
-        :6
-    ].tolist():
-        if not graph.has_edge(head, tail):
-            graph.add_edge(tail, head)
-    for node in range(1, 6):
-        graph.nodes[node]["reward"] = float(rng.integers(1, 10))
-    for arc in graph.edges:
-        graph.edges[arc]["survival"] = float(rng.uniform(0.6, 1.0))
     return Mission(graph)
 
 

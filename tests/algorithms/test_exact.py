@@ -5,7 +5,7 @@ import pickle
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pymoo.core.problem import Problem
 from pymoo.optimize import minimize
@@ -23,6 +23,7 @@ from botohe_moo import (
     load_mission,
     make_algorithm,
 )
+from tests.examples import examples
 from tests.strategies import small_missions
 
 PLENTY = ("n_eval", 10**6)
@@ -119,7 +120,7 @@ class TestContract:
         assert float(area) == pytest.approx(area_indicator(-result.F, mission), abs=1e-4)
         assert int(size) == len(result.F)
 
-    @settings(max_examples=40)
+    @examples(40)
     @given(small_missions(max_trails=40), st.sampled_from([0.3, 0.81, 1.0]))
     def test_a_survival_floor(self, case, least):
         mission, _ = case

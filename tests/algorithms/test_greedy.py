@@ -5,7 +5,7 @@ import pickle
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pymoo.core.problem import Problem
 from pymoo.optimize import minimize
@@ -15,6 +15,7 @@ from pymoo.termination.collection import TerminationCollection
 from botohe_moo import BOACO, BOTOHE, area_indicator, load_mission
 from botohe_moo.algorithms.greedy import Greedy
 from botohe_moo.search.sequential import MAX_BEAM_WIDTH, SequentialPlanner
+from tests.examples import examples
 from tests.strategies import missions, small_missions
 from tests.twins import all_objectives, worth
 
@@ -204,7 +205,7 @@ class TestContract:
 
 
 class TestFront:
-    @settings(max_examples=60)
+    @examples(60)
     @given(small_missions())
     def test_within_the_true_front(self, case):
         mission, trails = case
@@ -217,7 +218,7 @@ class TestFront:
         assert distances.max() <= 1e-9 * max(1.0, mission.total_reward)
         assert found[:, 1].max() == mission.robots
 
-    @settings(max_examples=60)
+    @examples(60)
     @given(small_missions(max_robots=1, max_trails=1000))
     def test_one_robot_finds_what_is_best_for_its_weights(self, case):
         mission, trails = case
@@ -227,7 +228,7 @@ class TestFront:
             best = worth(mission, every, weight).max()
             assert worth(mission, -result.F, weight).max() == pytest.approx(best, rel=1e-9)
 
-    @settings(max_examples=40)
+    @examples(40)
     @given(missions(min_nodes=1, max_nodes=9), st.integers(1, 20), st.sampled_from([0.0, 0.3, 1.0]))
     def test_any_mission(self, mission, width, least):
         """One-way ones, without any reward, where nothing is dangerous, of one node only."""

@@ -6,7 +6,7 @@ import pickle
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pymoo.core.callback import Callback
 from pymoo.core.termination import NoTermination
@@ -25,6 +25,7 @@ from botohe_moo import (
 from botohe_moo.algorithms.simulated_annealing import SimulatedAnnealing
 from botohe_moo.kernels.plans import moves
 from botohe_moo.search.annealing import Annealing
+from tests.examples import examples
 from tests.strategies import missions
 
 schedules = pytest.mark.parametrize("schedule", ["cooled", "journal"])
@@ -98,7 +99,7 @@ class TestContract:
         assert same(whole, algorithm.result())
         assert same(whole, copied.result())
 
-    @settings(max_examples=40)
+    @examples(40)
     @given(
         mission=missions(min_nodes=1, max_nodes=7),
         floor=st.sampled_from([0.0, 0.4, 0.9, 1.0]),

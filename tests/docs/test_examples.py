@@ -12,6 +12,7 @@ import pytest
 
 from botohe_moo.study import read_study
 from tests.docs.guides import DOCS, blocks
+from tests.forked import run_forked
 from tests.plugins.test_installed import botohe, pip_install, search_path, write_wheel
 
 EXAMPLES = DOCS / "examples"
@@ -106,13 +107,10 @@ def test_the_study_of_missions_is_one(site, tmp_path):
 def test_their_own_tests_pass(package, site, tmp_path):
     test = f"test_{package.replace('-', '_')}.py"
     shutil.copy(EXAMPLES / package / test, tmp_path)
-    done = subprocess.run(
+    done = run_forked(
         [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", test],
         env={**os.environ, "PYTHONPATH": search_path(site)},
         cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=False,
     )
     assert done.returncode == 0, done.stdout
 

@@ -42,7 +42,7 @@ def test_guides_run(page, tmp_path, monkeypatch):
         if language == "python":
             namespace = namespace if page.stem in SESSIONS else {}
             # Bounds take the time that they are given, and less gives wider ones.
-            printed = printed_by(text.replace("time_limit=30", "time_limit=2"), namespace)
+            printed = printed_by(text.replace("time_limit=30", "time_limit=1"), namespace)
         elif language == "text" and page.stem in SESSIONS:
             assert shape(printed) == shape(text)
         elif language == "console" and page.stem not in OF_PACKAGES:

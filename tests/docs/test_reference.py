@@ -14,6 +14,7 @@ from exported import documented_names, public_modules
 
 REFERENCE = DOCS / "reference"
 MODULES = public_modules()
+DOCUMENTED = documented_names()
 WITHOUT_DOCSTRING = {"botohe_moo.study.SCHEMAS"}  # described and shown on its page
 
 
@@ -26,7 +27,7 @@ def listed(module):
 
 def test_there_are_many():
     assert len(MODULES) > 15
-    assert len(documented_names()) > 120
+    assert len(DOCUMENTED) > 120
 
 
 def test_there_is_a_page_for_each_module_and_no_other():
@@ -39,13 +40,13 @@ def test_there_is_a_page_for_each_module_and_no_other():
 def test_the_page_lists_what_the_module_exports(module):
     names, exported = listed(module), import_module(module).__all__
     assert sorted(name.rpartition(".")[2] for name in names) == sorted(exported)
-    assert set(names) <= set(documented_names().values())
+    assert set(names) <= set(DOCUMENTED.values())
     for name in names:
         home, _, own = name.rpartition(".")
         assert getattr(import_module(home), own) is getattr(import_module(module), own)
 
 
-@pytest.mark.parametrize("name", sorted({*documented_names().values()} - WITHOUT_DOCSTRING))
+@pytest.mark.parametrize("name", sorted({*DOCUMENTED.values()} - WITHOUT_DOCSTRING))
 def test_each_name_has_an_example_that_imports_it(name):
     home, _, own = name.rpartition(".")
     text = inspect.getdoc(getattr(import_module(home), own)) or ""

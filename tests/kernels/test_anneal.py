@@ -7,7 +7,7 @@ from math import exp, prod
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo.kernels.anneal.schedule import anneal
@@ -19,6 +19,7 @@ from botohe_moo.kernels.rng import seed_states
 from botohe_moo.mission import load_mission
 from botohe_moo.trails import PlanBatch, TrailPlan
 from tests import twins
+from tests.examples import examples
 from tests.kernels.test_moves import PUBLISHED, Moves, agree, crossroads
 from tests.strategies import lengths, missions
 
@@ -240,7 +241,7 @@ def test_a_hot_search_roams_and_remembers_its_best():
     assert search.score(search.objectives) < search.best.score[0] - 0.05
 
 
-@settings(max_examples=120)
+@examples(120)
 @given(
     missions(min_nodes=1, max_nodes=8, max_robots=4),
     st.booleans(),
@@ -317,7 +318,7 @@ def test_rejected_plans_are_recorded_too():
     assert min(map(search.score, objectives)) < score - 0.001
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(
     missions(max_nodes=7, lengths=lengths),
     st.sampled_from([0.0, 0.3, 0.7, 1.0]),

@@ -4,7 +4,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numba import njit
 
@@ -12,6 +12,7 @@ from botohe_moo.algorithms.individuals import PopulationArchive
 from botohe_moo.kernels.fronts import archive as kernels
 from botohe_moo.search.archive import PlanArchive
 from botohe_moo.trails import PlanBatch, TrailPlan
+from tests.examples import examples
 
 pareto_set, plan_hash = njit(kernels.pareto_set), njit(kernels.plan_hash)
 
@@ -62,7 +63,7 @@ def draw_objectives(data):
     return np.array([*values, values[-1]], float)  # equal plans have equal objectives
 
 
-@settings(max_examples=500)
+@examples(500)
 @given(st.data())
 def test_archive_is_the_front_of_all_it_was_shown(data):
     objectives = draw_objectives(data)
@@ -87,7 +88,7 @@ def test_archive_is_the_front_of_all_it_was_shown(data):
         assert (np.diff(archive.objectives[:, 1]) >= 0).all()
 
 
-@settings(max_examples=200)
+@examples(200)
 @given(st.data(), st.integers(1, 3))
 def test_no_more_ties_than_asked_for(data, max_ties):
     objectives = draw_objectives(data)

@@ -6,7 +6,7 @@ from math import inf
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from botohe_moo.kernels.beam import search as beam
@@ -15,6 +15,7 @@ from botohe_moo.kernels.beam.prospects import Rule, dangers, find_near
 from botohe_moo.kernels.graph.graph import Limits
 from botohe_moo.kernels.graph.homing import new_budget
 from botohe_moo.mission import Mission, load_mission
+from tests.examples import examples
 from tests.strategies import lengths, missions
 from tests.twins import all_trails, arc_survivals, length_of, survival_of, within
 
@@ -73,7 +74,7 @@ def tasks(draw, **options):
 
 
 class TestExact:
-    @settings(max_examples=250)
+    @examples(250)
     @given(tasks(), st.integers(1, 6))
     def test_a_wide_beam_finds_the_best_trail(self, task, n_near):
         mission, found, worth, survival_weight = task
@@ -84,7 +85,7 @@ class TestExact:
         assert value == pytest.approx(value_of(mission, trail, worth, survival_weight), rel=1e-12)
         assert not cut
 
-    @settings(max_examples=250)
+    @examples(250)
     @given(tasks(), st.floats(0.0, 1.0))
     def test_with_a_survival_floor(self, task, least):
         mission, found, worth, survival_weight = task
@@ -95,7 +96,7 @@ class TestExact:
         assert value == pytest.approx(best, rel=1e-9)
         assert not cut
 
-    @settings(max_examples=200)
+    @examples(200)
     @given(tasks(lengths=lengths), st.sampled_from([0.0, 0.3]), st.sampled_from([0.0, 3.0, 6.0]))
     def test_with_a_travel_budget_it_may_miss_only_ways_home_that_compromise(
         self, task, least, longest
@@ -111,7 +112,7 @@ class TestExact:
         best = max(value_of(mission, t, worth, survival_weight) for t in simple)
         assert value >= best * (1 - 1e-9)
 
-    @settings(max_examples=100)
+    @examples(100)
     @given(tasks(one_way=True), st.sampled_from([0.0, 0.1]))
     def test_on_one_way_missions(self, task, least):
         mission, found, worth, survival_weight = task
@@ -182,7 +183,7 @@ class TestCut:
         assert 0.3 <= values[0] < values[-1]
         assert values == sorted(values)
 
-    @settings(max_examples=100)
+    @examples(100)
     @given(missions(max_nodes=9, one_way=True), st.integers(1, 4), st.sampled_from([0.0, 0.2]))
     def test_valid_trails_that_keep_the_floor(self, mission, width, least):
         trail, value, _ = best_trail(mission, mission.arrays.reward, 0.1, least, width)
@@ -373,7 +374,7 @@ class Beam:
 
 
 class TestNearest:
-    @settings(max_examples=50)
+    @examples(50)
     @given(missions(max_nodes=8), st.integers(1, 9))
     def test_it_gives_the_safest_to_reach(self, mission, n_near):
         found = find_near(mission.arrays, n_near)

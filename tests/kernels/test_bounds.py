@@ -5,7 +5,7 @@ from itertools import combinations_with_replacement, pairwise
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from botohe_moo import Mission
@@ -24,6 +24,7 @@ from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
 from botohe_moo.search.bounds.memory import Remembered
 from botohe_moo.search.bounds.net import new_net, pieces_of
 from tests import twins
+from tests.examples import examples
 from tests.strategies import missions
 
 N_LEVELS = 6
@@ -113,7 +114,7 @@ dangerous = missions(survivals=st.sampled_from([0.5, 0.8, 0.9, 0.97]))
 memories = st.sampled_from([(0, 0), (1, 1), (2, 4), (7, 9)])
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(dangerous, memories, st.integers(0, 99))
 def test_what_lies_ahead_is_that_of_value_iteration(mission, memory, seed):
     net, remembered, states = prepared(mission, *memory)
@@ -138,7 +139,7 @@ def test_what_lies_ahead_is_that_of_value_iteration(mission, memory, seed):
         assert shortfall(net, states, prices, mu, cap, lowered) == pytest.approx(0.25, abs=0.05)
 
 
-@settings(max_examples=80)
+@examples(80)
 @given(missions(max_nodes=6), memories, st.sampled_from([0.0, 0.4]), st.integers(0, 99))
 def test_no_trail_is_worth_more_than_relaxed_ones_and_the_best_is_found(
     mission, memory, floor, seed
@@ -201,7 +202,7 @@ def lines_ahead(net, states, prices, mus, seed):
     return Completions(np.array(values), np.repeat(mus, 2), np.array(beside))
 
 
-@settings(max_examples=80)
+@examples(80)
 @given(
     missions(max_nodes=6, survivals=st.sampled_from([0.5, 0.8, 0.97])),
     memories,
@@ -245,7 +246,7 @@ def test_stairs_are_above_all_trails(mission, memory, least, seed):
         assert find_trails(*given, Stairs(needed, width, least), every, small) == -1
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(missions(max_nodes=6), st.integers(1, 3), st.integers(0, 99))
 def test_the_best_teams_are_found(mission, n_robots, seed):
     """Beside all combinations of some trails, with prices that leave something beside."""
@@ -288,7 +289,7 @@ def test_the_best_teams_are_found(mission, n_robots, seed):
             assert find_teams(*given, 1) == (False, height)
 
 
-@settings(max_examples=40)
+@examples(40)
 @given(dangerous, memories, st.integers(0, 99), st.integers(-1, 3))
 def test_the_best_relaxed_trail_is_followed(mission, memory, seed, turn):
     net, _, states = prepared(mission, *memory)

@@ -6,7 +6,7 @@ from collections import Counter
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo.kernels.colony.pheromone import learn
@@ -14,6 +14,7 @@ from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
 from botohe_moo.mission import Mission, load_mission
 from botohe_moo.search.colony import NOTHING, AntThreads, Colony, ColonyRule
 from tests import twins
+from tests.examples import examples
 from tests.strategies import lengths, missions
 
 
@@ -65,7 +66,7 @@ ALLOCATIONS = {"sequential": twins.Ant, "concurrent": twins.ConcurrentAnt}
 allocations = pytest.mark.parametrize("allocation", ALLOCATIONS)
 
 
-@settings(max_examples=300)
+@examples(300)
 @given(missions(max_nodes=9, one_way=True), rules, st.integers(0, 2**32))
 def test_no_dead_ends_on_one_way_missions(mission, changes, seed):
     ants = colony(mission, n_ants=7, seed=seed, **changes)
@@ -235,7 +236,7 @@ def test_what_the_first_robot_knows_of_the_second(allocation, ends):
     assert abs(seen - n_times * probability) <= 5 * (n_times * probability) ** 0.5
 
 
-@settings(max_examples=100)
+@examples(100)
 @given(missions(max_nodes=8, max_robots=1), rules, st.integers(0, 2**32))
 def test_a_single_robot_is_allocated_the_same_trail_by_either(mission, changes, seed):
     built = []
@@ -246,7 +247,7 @@ def test_a_single_robot_is_allocated_the_same_trail_by_either(mission, changes, 
     assert built[0] == built[1]
 
 
-@settings(max_examples=200)
+@examples(200)
 @given(
     missions(max_nodes=8, lengths=lengths),
     st.sampled_from([0.0, 0.05, 0.3, 0.7, 1.0]),

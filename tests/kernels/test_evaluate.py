@@ -18,6 +18,7 @@ from botohe_moo.outcomes.outcomes import (
 )
 from botohe_moo.trails import PlanBatch, TrailPlan
 from tests import twins
+from tests.examples import examples
 from tests.strategies import missions, missions_with_plans, plans
 
 
@@ -79,7 +80,7 @@ def large_and_small():
     return Mission(graph), TrailPlan([[0, 2, 1, 0]])
 
 
-@settings(max_examples=400)
+@examples(400)
 @given(missions_with_plans())
 def test_kernel_twin_and_enumeration_agree(drawn):
     mission, plan = drawn
@@ -97,7 +98,7 @@ tiny = st.integers(1, 300).map(lambda digits: 10.0**-digits)
 all_survivals = st.one_of(tiny, tiny.map(lambda p: 1.0 - p), st.floats(1e-300, 1.0))
 
 
-@settings(max_examples=300)
+@examples(300)
 @given(missions_with_plans(max_nodes=5, max_robots=4, survivals=all_survivals))
 @example(there_and_back(1e-300, robots=4))
 @example(there_and_back(1e-14, robots=3))
@@ -253,7 +254,7 @@ def drafted(mission, trails):
     return reward, sum(alive), faults, alive, twins.trail_lengths(mission, walked)
 
 
-@settings(max_examples=300)
+@examples(300)
 @given(missions(max_nodes=6), st.data())
 def test_drafts_are_their_readable_twin(mission, data):
     node = st.integers(0, len(mission.nodes) + 1)
@@ -273,7 +274,7 @@ def test_drafts_are_their_readable_twin(mission, data):
     assert (expected_faults == 0) == valid
 
 
-@settings(max_examples=200)
+@examples(200)
 @given(missions_with_plans(max_nodes=7))
 def test_valid_drafts_get_the_same_bits(drawn):
     mission, plan = drawn

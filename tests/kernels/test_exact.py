@@ -6,7 +6,7 @@ from math import inf, prod
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from botohe_moo.kernels.compile import kernel
@@ -15,6 +15,7 @@ from botohe_moo.kernels.exact import tables, teams
 from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
 from botohe_moo.mission import Mission
 from botohe_moo.search.exact_trails import TrailSearch
+from tests.examples import examples
 from tests.strategies import lengths, missions, small_missions, trails
 from tests.twins import all_trails, arc_survivals, length_of, survival_of, within
 
@@ -58,7 +59,7 @@ def covers(some, others):
 
 
 class TestLookingAround:
-    @settings(max_examples=150)
+    @examples(150)
     @given(st.data(), missions(max_nodes=6, lengths=lengths), st.sampled_from([inf, 8.0, 3.0, 0.0]))
     def test_ways_and_arcs_of_no_use(self, data, mission, longest):
         trail = data.draw(trails(mission))
@@ -136,7 +137,7 @@ def forked_missions(draw):
 
 
 class TestTrails:
-    @settings(max_examples=150)
+    @examples(150)
     @given(
         small_missions(max_trails=1000, lengths=lengths),
         st.sampled_from([0.0, 0.3, 0.81]),
@@ -154,7 +155,7 @@ class TestTrails:
         assert not (better & (found[:, None] > found + ROUNDING).any(axis=2)).any()
         assert (np.diff(found[:, -1]) <= 0).all()
 
-    @settings(max_examples=150)
+    @examples(150)
     @given(
         small_missions(max_trails=1000, lengths=lengths),
         st.sampled_from([0.0, 0.3, 0.81]),
@@ -164,7 +165,7 @@ class TestTrails:
         mission, every = case
         self.check_single(mission.with_robots(1), every, least, longest)
 
-    @settings(max_examples=200)
+    @examples(200)
     @given(forked_missions(), st.sampled_from([0.0, 0.1]))
     def test_ways_home_that_compromise_are_found(self, case, least):
         mission, every, longest = case
@@ -282,7 +283,7 @@ class TestEstimate:
 
 
 class TestKnownTrails:
-    @settings(max_examples=50)
+    @examples(50)
     @given(small_missions(max_trails=50))
     def test_nothing_is_missed_beside_them(self, case):
         mission, every = case
@@ -307,7 +308,7 @@ class TestKnownTrails:
         assert covers(found, again)
         assert knowing.n_labels < search.n_labels
 
-    @settings(max_examples=50)
+    @examples(50)
     @given(
         small_missions(max_trails=200, lengths=lengths),
         st.sampled_from([1, 2]),
@@ -361,7 +362,7 @@ def every_team(reached, survives, reward, n_robots):
 
 
 class TestTeams:
-    @settings(max_examples=200)
+    @examples(200)
     @given(pools(), st.integers(1, 40))
     def test_every_team_is_covered(self, pool, n_looks):
         reached, survives, reward, n_robots = pool
@@ -382,7 +383,7 @@ class TestTeams:
             own = team_figures(reached[team], survives[team], reward)
             assert row == pytest.approx(own, rel=1e-9, abs=1e-12)
 
-    @settings(max_examples=100)
+    @examples(100)
     @given(st.lists(st.tuples(st.integers(0, 6), st.integers(0, 6)), max_size=30))
     def test_the_front_is_a_staircase(self, points):
         front, n = teams.new_front(40, 1), 0
@@ -398,7 +399,7 @@ class TestTeams:
         for i, row in enumerate(front.team[:n, 0]):
             assert points[row] == (front.reward[i], front.survivors[i])
 
-    @settings(max_examples=200)
+    @examples(200)
     @given(pools())
     def test_the_hull(self, pool):
         reached, survives, reward, n_robots = pool

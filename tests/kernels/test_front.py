@@ -4,7 +4,7 @@ from bisect import bisect_left, bisect_right
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo.kernels.fronts import ordered as kernels
@@ -13,6 +13,7 @@ from botohe_moo.kernels.local_search import admission
 from botohe_moo.kernels.local_search.trail_store import copy_trails, new_store, release
 from botohe_moo.kernels.rng import seed_states
 from botohe_moo.search.local_search import _most_contributing
+from tests.examples import examples
 
 
 @pytest.fixture(autouse=True)
@@ -127,7 +128,7 @@ class Pair:
         assert found == expected.tolist()
 
 
-@settings(max_examples=100)
+@examples(100)
 @given(st.lists(st.tuples(st.integers(0, 6), st.integers(0, 6)), max_size=30), st.data())
 def test_few_plans_with_many_ties(plans, data):
     pair = Pair(64)
@@ -269,7 +270,7 @@ def test_thinning_takes_what_contributes_least_and_leaves_the_ends():
     assert np.diff(_most_contributing(objectives, 50)).max() <= 3
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(st.integers(2, 40), st.integers(2, 40), st.integers(0, 9))
 def test_thinning_any_front(n, n_most, seed):
     rng = np.random.default_rng(seed)

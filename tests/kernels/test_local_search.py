@@ -5,7 +5,7 @@ from itertools import pairwise
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import Mission, TrailPlan, load_mission, plan_sequentially
@@ -17,6 +17,7 @@ from botohe_moo.search import local_search as search_module
 from botohe_moo.search.local_search import DEFAULT_MOVES, MOVES, LocalSearch
 from botohe_moo.trails import PlanBatch
 from tests import twins
+from tests.examples import examples
 from tests.strategies import missions_with_plans
 from tests.twins import plain_local_search
 
@@ -131,7 +132,7 @@ def watched(mission, start, n_evaluations, floor=0.0, full_up_to=routes.FULL_UP_
     return search, made
 
 
-@settings(max_examples=120)
+@examples(120)
 @given(
     missions_with_plans(min_nodes=2),
     st.sampled_from([*MOVES, "all"]),
@@ -243,7 +244,7 @@ class TestMovesByHand:
         assert all(len(trail) <= 5 for trail in found)
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(missions_with_plans(max_robots=2))
 def test_what_lies_ahead(case):
     """What a robot with empty hands would collect that is sure to be at each position."""
@@ -280,7 +281,7 @@ def test_the_bound_changes_nothing_but_the_time_it_takes(name):
                     work.steps["ahead"] = np.inf
 
                 patch.setattr(kernels, "lay_out", unbounded)
-            search.run(1_500)
+            search.run(500)
         outcomes.append(outcome(search))
     assert outcomes[0] == outcomes[1]
 
@@ -310,7 +311,7 @@ def one_way():
 @pytest.mark.parametrize(
     ("mission", "n_evaluations", "rule"),
     [
-        (load_mission("art_museum"), 1_500, {"n_drawn": 3}),
+        (load_mission("art_museum"), 700, {"n_drawn": 3}),
         (load_mission("art_museum"), 400, {"max_size": 12, "min_survival": 0.3}),
         (load_mission("terrain", nodes=30, robots=4), 300, {"n_children": 3}),
         (one_way(), 400, {"p_detour": 0.9}),

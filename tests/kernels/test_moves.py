@@ -7,7 +7,7 @@ from math import log
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo.kernels.compile import kernel
@@ -21,6 +21,7 @@ from botohe_moo.kernels.rng import seed_states
 from botohe_moo.mission import Mission, load_mission
 from botohe_moo.trails import PlanBatch
 from tests import twins
+from tests.examples import examples
 from tests.strategies import lengths, missions_with_plans, plans, small_missions
 
 KINDS = {
@@ -256,7 +257,7 @@ def change(
     return change_plans(mission.arrays, rule, given, batch.n_robots, states)
 
 
-@settings(max_examples=150)
+@examples(150)
 @given(missions_with_plans(max_nodes=8, one_way=True), st.booleans(), st.integers(0, 2**31))
 def test_trails_stay_trails_on_one_way_missions(mission_and_plan, every_robot, seed):
     mission, plan = mission_and_plan
@@ -272,7 +273,7 @@ def test_trails_stay_trails_on_one_way_missions(mission_and_plan, every_robot, s
         mission.evaluate(batch)  # raises PlanError for any trail that is not valid
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(missions_with_plans(max_nodes=7, lengths=lengths), st.booleans(), st.booleans(), st.data())
 def test_no_move_leaves_the_limits(mission_and_plan, floor, budget, data):
     mission, plan = mission_and_plan
@@ -345,7 +346,7 @@ def test_a_trail_that_no_move_can_change_stays():
     assert offsets.tolist() == [0, 1, 2]
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(small_missions(max_trails=30, one_way=True))
 def test_moves_lead_from_every_trail_to_every_other(drawn):
     """With detours; by the twin, whose outcomes are the kernel's."""

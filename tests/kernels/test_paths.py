@@ -6,13 +6,14 @@ from math import log, prod
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numba import njit
 
 from botohe_moo import Mission, load_mission
 from botohe_moo.kernels.graph import arcs, homing, paths
 from botohe_moo.kernels.graph.graph import Limits, measured_by_length
+from tests.examples import examples
 from tests.strategies import lengths, missions
 
 USED, TRAIL = 7, 7
@@ -55,7 +56,7 @@ def assert_path(graph, used, path, source, target, survival):
     assert prod(graph.survival[list(path)]) == pytest.approx(survival)
 
 
-@settings(max_examples=200)
+@examples(200)
 @given(mission=missions(max_nodes=9), data=st.data())
 def test_paths_are_the_safest_over_unused_arcs(mission, data):
     graph, nodes = mission.arrays, st.integers(0, len(mission.nodes) - 1)
@@ -76,7 +77,7 @@ def test_paths_are_the_safest_over_unused_arcs(mission, data):
             assert_path(graph, used, scratch.path[:n].tolist(), source, goal, np.exp(-cost))
 
 
-@settings(max_examples=200)
+@examples(200)
 @given(mission=missions(max_nodes=9), data=st.data(), backwards=st.booleans())
 def test_searches_find_the_nearest_nodes_first(mission, data, backwards):
     graph, scratch = mission.arrays, paths.new_paths(mission.arrays)
@@ -101,7 +102,7 @@ def test_searches_find_the_nearest_nodes_first(mission, data, backwards):
             assert used[arc] != USED
 
 
-@settings(max_examples=200)
+@examples(200)
 @given(missions(max_nodes=8), st.data())
 def test_leads_home_is_reachability_over_unused_arcs(mission, data):
     """Whatever ways are remembered from other trails."""
@@ -131,7 +132,7 @@ def test_ways_that_are_remembered_may_go_round_in_circles():
     assert not leads_home(graph, scratch, used, TRAIL, 1)
 
 
-@settings(max_examples=200)
+@examples(200)
 @given(missions(max_nodes=8), st.data(), st.floats(0.1, 1.0), st.floats(0.0, 1.0))
 def test_a_floor_is_kept_if_the_safest_way_home_keeps_it(mission, data, alive, least):
     graph, scratch = mission.arrays, paths.new_paths(mission.arrays)
@@ -162,7 +163,7 @@ def assert_limited(graph, used, path, node, trail, limits):
     assert length <= limits.max_length
 
 
-@settings(max_examples=300)
+@examples(300)
 @given(
     missions(max_nodes=8, lengths=lengths),
     st.data(),
@@ -203,7 +204,7 @@ def not_kept(free, way, alive, length, limits):
     return alive < limits.min_survival + 1e-9 or length > limits.max_length - 1e-9
 
 
-@settings(max_examples=100)
+@examples(100)
 @given(missions(max_nodes=9, lengths=lengths))
 def test_the_graph_by_length(mission):
     graph = mission.arrays
@@ -221,7 +222,7 @@ def test_the_graph_by_length(mission):
     assert homing.new_budget(graph, Limits(0.5)) is None
 
 
-@settings(max_examples=200)
+@examples(200)
 @given(missions(max_nodes=9, one_way=True))
 def test_the_graph(mission):
     graph = mission.arrays
@@ -250,7 +251,7 @@ def test_the_graph(mission):
     assert graph.balanced == all(degrees)
 
 
-@settings(max_examples=200)
+@examples(200)
 @given(missions(max_nodes=30))
 def test_find_arc(mission):
     graph, find = mission.arrays, arcs.find_arc

@@ -7,7 +7,7 @@ from math import exp, inf, log
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import Mission, TrailPlan
@@ -23,6 +23,7 @@ from botohe_moo.kernels.rng import uniform
 from botohe_moo.search.local_search import DEFAULT_MOVES, LocalSearch
 from botohe_moo.trails import PlanBatch
 from tests import twins
+from tests.examples import examples
 from tests.strategies import missions_with_plans
 from tests.twins import plain_local_search
 
@@ -179,7 +180,7 @@ class TestRooms:
         assert max(floored) == pytest.approx(-log(0.4))
 
 
-@settings(max_examples=100)
+@examples(100)
 @given(missions_with_plans(min_nodes=1, max_nodes=9), st.data())
 def test_stops_that_stay_are_some_of_those_there_were(case, data):
     mission, plan = case
@@ -284,7 +285,7 @@ class Filler:
         return tours, rooms
 
 
-@settings(max_examples=120)
+@examples(120)
 @given(
     st.integers(2, 10),
     st.integers(1, 4),
@@ -325,7 +326,7 @@ def limited(mission, plan, floor, budget):
     return plan.trails if kept else ((0,),) * mission.robots
 
 
-@settings(max_examples=150)
+@examples(150)
 @given(missions_with_plans(min_nodes=1, max_nodes=9, max_robots=4), FLOORS, BUDGETS, st.data())
 def test_children_are_plans_within_their_room(case, floor, budget, data):
     mission, plan = case
@@ -429,7 +430,7 @@ def assert_clean(search):
     assert (work.arcs["position"] == -1).all()
 
 
-@settings(max_examples=100)
+@examples(100)
 @given(
     missions_with_plans(max_nodes=8, max_robots=4),
     FLOORS,

@@ -4,13 +4,14 @@ from math import log
 
 import networkx as nx
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import load_mission
 from botohe_moo.kernels.graph.graph import with_costs
 from botohe_moo.kernels.local_search import routes as kernels
 from botohe_moo.kernels.local_search.routes import UNKNOWN
+from tests.examples import examples
 from tests.strategies import missions
 
 
@@ -54,7 +55,7 @@ def search(mission, routes, goal):
     kernels.search_routes(mission.arrays, routes, goal)
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(missions(min_nodes=1, max_nodes=9), st.data())
 def test_rows_hold_the_safest_paths_from_all_nodes(mission, data):
     routes, n_nodes = kernels.new_routes(mission.arrays, 0.0), mission.arrays.n_nodes
@@ -67,7 +68,7 @@ def test_rows_hold_the_safest_paths_from_all_nodes(mission, data):
         assert_routes(mission, routes, goal, n_nodes)
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(missions(min_nodes=4, max_nodes=9), st.integers(1, 4))
 def test_on_larger_missions_rows_are_truncated(mission, near):
     with pytest.MonkeyPatch.context() as patch:
@@ -80,7 +81,7 @@ def test_on_larger_missions_rows_are_truncated(mission, near):
         assert_routes(mission, routes, goal, near)
 
 
-@settings(max_examples=40)
+@examples(40)
 @given(missions(min_nodes=2, max_nodes=9), st.integers(1, 8))
 def test_the_nearest_nodes_are_those_that_are_safest_to_reach(mission, n_near):
     with pytest.MonkeyPatch.context() as patch:
@@ -99,7 +100,7 @@ def test_the_nearest_nodes_are_those_that_are_safest_to_reach(mission, n_near):
         assert found == pytest.approx(others[: len(near)], rel=1e-12, abs=1e-12)
 
 
-@settings(max_examples=40)
+@examples(40)
 @given(missions(min_nodes=1, max_nodes=9))
 def test_everywhere_the_way_home_is_known(mission):
     arrays, safest = mission.arrays, distances_to(mission, 0)
@@ -125,7 +126,7 @@ def ways(graph, source, target, limit):
     ]
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(
     missions(min_nodes=1, max_nodes=6), st.sampled_from([0.0, 0.0, 0.2, 1.0, 30.0]), st.randoms()
 )

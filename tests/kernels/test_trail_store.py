@@ -5,13 +5,14 @@ from itertools import pairwise
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import Mission, TrailPlan
 from botohe_moo.kernels.graph.arcs import find_arc
 from botohe_moo.kernels.local_search import admission, workspace
 from botohe_moo.kernels.local_search import trail_store as kernels
+from tests.examples import examples
 from tests.strategies import missions, missions_with_plans, trails
 
 
@@ -60,7 +61,7 @@ class Stored:
             assert stored.alive == alive
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(st.data())
 def test_trails_are_kept_as_long_as_somebody_has_them(data):
     mission = data.draw(missions(min_nodes=1))
@@ -88,7 +89,7 @@ def test_trails_are_kept_as_long_as_somebody_has_them(data):
     stored.check()
 
 
-@settings(max_examples=100)
+@examples(100)
 @given(missions_with_plans(min_nodes=1, max_robots=5), st.randoms())
 def test_objectives_have_the_bits_of_evaluate(case, random):
     mission, plan = case
@@ -101,7 +102,7 @@ def test_objectives_have_the_bits_of_evaluate(case, random):
         assert list(objectives) == mission.evaluate([TrailPlan(nodes)])[0].tolist()
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(st.data())
 def test_trails_are_in_lexicographic_order(data):
     mission = data.draw(missions(min_nodes=1))
@@ -148,7 +149,7 @@ def test_a_released_trail_gives_its_number_to_the_next():
     assert (again.n_arcs, again.n_visits, again.alive) == (0, 0, 1.0)
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(st.data())
 def test_a_trail_that_is_taken_back_leaves_no_trace(data):
     mission = data.draw(missions(min_nodes=1))

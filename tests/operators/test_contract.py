@@ -4,7 +4,7 @@ import copy
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pymoo.core.population import Population
 
@@ -30,6 +30,7 @@ from botohe_moo.operators import (
     TrailSplice,
     TruncateRepair,
 )
+from tests.examples import examples
 from tests.strategies import lengths, missions, plans
 
 SAMPLINGS = {
@@ -89,7 +90,7 @@ def situations(draw, n_plans):
 
 
 @pytest.mark.parametrize("name", SAMPLINGS)
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(
     mission=missions(max_nodes=8, lengths=lengths),
     floor=st.sampled_from([0.0, 0.5, 0.9]),
@@ -108,7 +109,7 @@ def test_samplings(name, mission, floor, budget, n):
 
 
 @pytest.mark.parametrize("name", CROSSOVERS)
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(situation=situations(n_plans=6), seed=st.integers(0, 2**32))
 def test_crossovers(name, situation, seed):
     problem, parents = situation
@@ -126,7 +127,7 @@ def test_crossovers(name, situation, seed):
 
 
 @pytest.mark.parametrize("name", MUTATIONS)
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(situation=situations(n_plans=4), seed=st.integers(0, 2**32))
 def test_mutations(name, situation, seed):
     problem, parents = situation

@@ -3,7 +3,7 @@
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pymoo.algorithms.moo.nsga2 import NSGA2
 from pymoo.optimize import minimize
@@ -18,6 +18,7 @@ from botohe_moo.operators import (
     SafestPathRepair,
     TruncateRepair,
 )
+from tests.examples import examples
 from tests.strategies import missions, missions_with_plans
 from tests.twins import Repairer
 
@@ -119,7 +120,7 @@ def drafts(draw, mission):
 
 
 @pytest.mark.parametrize("repair", REPAIRS)
-@settings(max_examples=300)
+@examples(300)
 @given(data=st.data())
 def test_any_draft_becomes_valid_and_stays_as_it_is(repair, data):
     mission = data.draw(missions(max_nodes=8))
@@ -133,7 +134,7 @@ def test_any_draft_becomes_valid_and_stays_as_it_is(repair, data):
 
 
 @pytest.mark.parametrize("repair", [*REPAIRS, PenaltyOnly])
-@settings(max_examples=200)
+@examples(200)
 @given(drawn=missions_with_plans(max_nodes=8))
 def test_a_valid_plan_passes_unchanged(repair, drawn):
     mission, plan = drawn

@@ -5,12 +5,13 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 
 from botohe_moo.decide import judging, knees, representatives
 from botohe_moo.mission import PlanError
 from botohe_moo.outcomes import reward_distribution, survivors_distribution
 from botohe_moo.plots import plot_case_study, plot_choices, plot_outcomes, save_plot
+from tests.examples import examples
 from tests.plots.test_plan_plots import arcs_drawn, arcs_of, map_name, maps_of
 from tests.plots.test_plots import (
     MUSEUM_TRAILS,
@@ -114,7 +115,7 @@ class TestOutcomes:
         save_plot(axes[0], *paths)
         assert all(path.stat().st_size > 5_000 for path in paths)
 
-    @settings(max_examples=10)
+    @examples(10)
     @given(missions_with_plans())
     def test_any_plan_is_drawn(self, case):
         mission, plan = case

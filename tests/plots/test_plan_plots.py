@@ -11,7 +11,7 @@ import matplotlib.pyplot as plt
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from matplotlib.text import Text
 
 from botohe_moo import Mission, load_mission
@@ -27,6 +27,7 @@ from botohe_moo.plots.draw.places import node_positions
 from botohe_moo.plots.draw.space import Space, text_size
 from botohe_moo.plots.draw.style import reach_palette
 from botohe_moo.plots.draw.trails import robot_styles
+from tests.examples import examples
 from tests.plots.test_plots import (
     MUSEUM_TRAILS,
     drawn,
@@ -317,7 +318,7 @@ class TestPlan:
         handles = ax.get_legend().legend_handles
         assert [handle.get_color() for handle in handles] == [s.colour for s in styles[:2]]
 
-    @settings(max_examples=10)
+    @examples(10)
     @given(missions_with_plans())
     def test_any_plan_is_drawn_as_it_is(self, case):
         mission, plan = case

@@ -14,7 +14,7 @@ import networkx as nx
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
@@ -35,6 +35,7 @@ from botohe_moo.plots.draw.places import node_positions
 from botohe_moo.plots.draw.trails import lanes
 from botohe_moo.plots.front import staircase
 from botohe_moo.search.bounds import bound_front
+from tests.examples import examples
 from tests.strategies import missions_with_plans
 
 DATA = Path(botohe_moo.__file__).parent / "mission" / "data"
@@ -447,7 +448,7 @@ def test_legend_is_no_wider_than_the_figure():
     assert ax.get_window_extent().width > 0.6 * ax.figure.bbox.width
 
 
-@settings(max_examples=12)
+@examples(12)
 @given(missions_with_plans())
 def test_any_mission_is_drawn_whole(case):
     mission, plan = case

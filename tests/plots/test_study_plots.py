@@ -9,7 +9,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 from matplotlib.colors import to_rgb
 
@@ -26,6 +26,7 @@ from botohe_moo.plots.draw.scales import log_axis, plain_number, spread
 from botohe_moo.plots.study.attainment import attainment_difference, attainment_surface
 from botohe_moo.plots.study.curves import progress_curves
 from botohe_moo.plots.study.fronts import median_run
+from tests.examples import examples
 
 
 @pytest.fixture(autouse=True)
@@ -354,7 +355,7 @@ class TestScales:
     @example(10.0, 1.0)
     @example(1.05, 6.4)
     @example(0.9999, 6.6)
-    @settings(max_examples=30)
+    @examples(30)
     def test_at_least_two_plain_numbers_are_in_sight(self, low, ratio):
         fig, ax = plt.subplots(figsize=(4, 2), dpi=50)
         log_axis(ax, low, low * ratio)
@@ -608,7 +609,7 @@ class TestDifference:
     @example([[]], [[], []])
     @example([[(2, 2)]] * 3, [[(2, 2)]] * 2)
     @example([[(1, 2), (2, 1)]], [[(1, 2), (2, 1)]])
-    @settings(max_examples=300)
+    @examples(300)
     def test_it_is_that_of_the_shares_everywhere(self, mine, theirs):
         rectangles, difference = attainment_difference(as_fronts(mine), as_fronts(theirs))
         for x, y in CELLS:

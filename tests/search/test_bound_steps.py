@@ -163,7 +163,7 @@ def all_teams(mission, trails, n_robots):
     return (1.0 - missed[teams].prod(axis=1)) @ graph.reward, survival[teams].sum(axis=1)
 
 
-def test_no_team_of_all_trails_exceeds_a_step():
+def test_no_team_of_all_trails_exceeds_a_step(short_search):
     """Whatever the goal: of plans, beyond them, and 0; at any sum of survivals, and just above."""
     n_steps = n_tight = 0
     for seed in range(120):

@@ -8,7 +8,7 @@ from itertools import combinations_with_replacement
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pymoo.optimize import minimize
 
@@ -31,6 +31,7 @@ from botohe_moo.search.bounds.prices import Team, most_levels, refine
 from botohe_moo.search.bounds.record import Line, Step
 from botohe_moo.search.bounds.relaxation import Relaxation
 from botohe_moo.search.exact import exact_front
+from tests.examples import examples
 from tests.strategies import missions
 
 
@@ -67,7 +68,7 @@ def no_front(monkeypatch):
 
 
 @pytest.mark.parametrize("first", [0, 100, 200])
-def test_no_plan_exceeds_the_bound_at_any_stage(no_front, first):
+def test_no_plan_exceeds_the_bound_at_any_stage(no_front, short_search, first):
     tight = n_stages = 0
     for seed in range(first, first + 100):
         mission, limits = random_mission(seed)
@@ -182,10 +183,10 @@ def test_nothing_to_collect_and_nowhere_to_go(robots):
 
 
 def test_little_memory_gives_a_weaker_bound(no_front):
-    mission = load_mission("terrain", nodes=14, robots=2, seed=3)
-    weakest = bound_front(mission, time_limit=3, memory_limit=0.001)
-    weak = bound_front(mission, time_limit=3, memory_limit=0.02)
-    found = bound_front(mission, time_limit=3)
+    mission = load_mission("terrain", nodes=11, robots=2, seed=3)
+    weakest = bound_front(mission, time_limit=0.5, memory_limit=0.001)
+    weak = bound_front(mission, time_limit=0.5, memory_limit=0.02)
+    found = bound_front(mission, time_limit=1.5)
     assert weakest.area > weak.area >= found.area * (1 - 1e-3)
     assert weakest.notes == ("Prices for so many robots and nodes do not fit into the memory.",)
     assert weak.notes == ("Relaxed trails remember less than they would with more memory.",)
@@ -446,7 +447,7 @@ def test_ways_that_nobody_survives(no_front):
 def test_thousands_of_bridges(arcs, no_front):
     """Each node hangs on one."""
     mission = both_ways([arcs(i) for i in range(3_000)], survival=0.99)
-    bound = bound_front(mission, time_limit=4)
+    bound = bound_front(mission, time_limit=1)
     assert 0 < bound.area < 1
     assert bound.bound(2.0) == pytest.approx(1.0)
 
@@ -456,7 +457,7 @@ def test_many_robots(robots, no_front):
     mission = load_mission("complete", nodes=6, robots=robots, seed=4)
     search = ParetoLocalSearch()
     found = -minimize(BOTOHE(mission), search, ("n_eval", 20_000), seed=1).F
-    bound = bound_front(mission, time_limit=5)
+    bound = bound_front(mission, time_limit=2)
     assert (bound.bound(found[:, 1]) >= found[:, 0]).all()
     assert bound.area >= area_indicator(found, mission)
 
@@ -491,7 +492,7 @@ def drawn_prices(team, seed):
     return drawn * team.reward[:, None] / team.n_levels**2
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(missions(max_robots=4), st.integers(1, 4), st.integers(1, 5), st.integers(0, 99))
 def test_what_a_node_gives_beside_prices(mission, n_robots, n_levels, seed):
     """In fractions: nothing that any levels give is above, without a tolerance."""

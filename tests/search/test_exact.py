@@ -7,12 +7,13 @@ from math import inf
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import BOTOHE, Mission, TooLargeError, TrailPlan, exact_front, load_mission
 from botohe_moo.algorithms.bo_aco import BOACO
 from botohe_moo.search.exact import TIME_LIMIT, FrontSearch, _compile_kernels
+from tests.examples import examples
 from tests.strategies import lengths, small_missions
 from tests.twins import all_objectives, within
 
@@ -48,7 +49,7 @@ def run(search):
 
 
 class TestTruth:
-    @settings(max_examples=200)
+    @examples(200)
     @given(
         small_missions(max_trails=50, lengths=lengths),
         st.sampled_from([0.0, 0.0, 0.3, 0.81, 1.0]),
@@ -64,13 +65,13 @@ class TestTruth:
         if longest is not None:
             assert (mission.trail_lengths(plans) <= longest * (1 + 1e-12)).all()
 
-    @settings(max_examples=60)
+    @examples(60)
     @given(small_missions(max_trails=50, one_way=True))
     def test_it_equals_enumeration_where_arcs_are_one_way(self, case):
         mission, trails = case
         assert_is_front(mission, exact_front(mission), all_objectives(mission, trails))
 
-    @settings(max_examples=40)
+    @examples(40)
     @given(small_missions(max_robots=1, max_trails=1000))
     def test_it_equals_enumeration_for_one_robot(self, case):
         mission, trails = case

@@ -4,11 +4,12 @@ import pickle
 
 import networkx as nx
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import Mission, TrailPlan, load_mission
 from botohe_moo.search.sequential import MAX_BEAM_WIDTH, SequentialPlanner, plan_sequentially
+from tests.examples import examples
 from tests.strategies import lengths, missions, small_missions
 from tests.twins import all_objectives, worth
 
@@ -17,7 +18,7 @@ WEIGHTS = (0.0, 0.1, 0.35, 0.6, 0.9, 0.99, 1.0)
 
 
 class TestGuarantee:
-    @settings(max_examples=150)
+    @examples(150)
     @given(small_missions())
     def test_at_least_the_share_that_submodularity_promises(self, case):
         mission, trails = case
@@ -30,7 +31,7 @@ class TestGuarantee:
             best = worth(mission, every, weight).max()
             assert promised * best - 1e-9 <= found <= best + 1e-9
 
-    @settings(max_examples=100)
+    @examples(100)
     @given(small_missions(max_robots=1, max_trails=1000), st.floats(0.0, 1.0))
     def test_one_robot_gets_the_best_trail_under_the_floor(self, case, least):
         mission, trails = case
@@ -43,7 +44,7 @@ class TestGuarantee:
             best = worth(mission, feasible, weight).max()
             assert worth(mission, objectives, weight)[0] == pytest.approx(best, rel=1e-9)
 
-    @settings(max_examples=60)
+    @examples(60)
     @given(small_missions(max_trails=1000))
     def test_each_robot_adds_most(self, case):
         """Robot after robot, no other trail in its place would have added more."""
@@ -77,13 +78,13 @@ class TestGuarantee:
 
 
 class TestCorners:
-    @settings(max_examples=60)
+    @examples(60)
     @given(missions(min_nodes=1))
     def test_weight_0_puts_nobody_in_danger(self, mission):
         plan = plan_sequentially(mission, 0.0, beam_width=20)
         assert mission.evaluate([plan])[0, 1] == mission.robots
 
-    @settings(max_examples=60)
+    @examples(60)
     @given(small_missions(max_robots=1, max_trails=1000))
     def test_weight_0_collects_what_is_free(self, case):
         mission, trails = case
@@ -91,7 +92,7 @@ class TestCorners:
         reward, _ = mission.evaluate([plan_sequentially(mission, 0.0, beam_width=WIDE)])[0]
         assert reward == pytest.approx(every[every[:, 1] == 1.0, 0].max(), rel=1e-9)
 
-    @settings(max_examples=60)
+    @examples(60)
     @given(small_missions(max_robots=1, max_trails=1000))
     def test_weight_1_ignores_danger(self, case):
         mission, trails = case
@@ -99,7 +100,7 @@ class TestCorners:
         reward, _ = mission.evaluate([plan_sequentially(mission, 1.0, beam_width=WIDE)])[0]
         assert reward == pytest.approx(every[:, 0].max(), rel=1e-9)
 
-    @settings(max_examples=80)
+    @examples(80)
     @given(
         missions(max_nodes=9, lengths=lengths),
         st.sampled_from(WEIGHTS),

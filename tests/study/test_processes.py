@@ -180,24 +180,27 @@ def test_what_ends_processes_stops_like_ctrl_c(number, study_file, uninterrupted
     partial = read_study(folder)
     assert len(partial.runs) == len(list(folder.glob("runs/*.npz")))
     assert partial.n_missing == 24 - len(partial.runs) > 0
-    if number == signal.SIGTERM:  # one report tells
+    if number == signal.SIGTERM:  # one tells
         status, _, err = finish(start("report", folder))
         assert status == 0, err
         assert f"{partial.n_missing} of the study's 24 runs are missing" in err
-    assert_same(run_study(study_file, folder, workers=2), uninterrupted)
+        assert_same(run_study(study_file, folder, workers=2), uninterrupted)
 
 
-def test_signals_that_are_ignored_stay_so(study_file, tmp_path):
+def test_signals_that_are_ignored_stay_so(tmp_path):
     """As ``nohup`` starts it."""
-    folder = tmp_path / "out"
+    path, folder = tmp_path / "slow.yaml", tmp_path / "out"
+    slow = {"algorithm": f"{MADE}:Slow", "parameters": {"seconds": 0.2}}
+    path.write_text(json.dumps({**SMALL, "algorithms": {"slow": slow}, "seeds": 2}))
     process = start(
-        "run", study_file, "--out", folder, popen=subprocess.Popen,
+        "run", path, "--out", folder, "--workers", 1, popen=subprocess.Popen,
         preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN),
     )  # fmt: skip
     wait_until(lambda: list(folder.glob("runs/*.npz")))
     os.kill(process.pid, signal.SIGHUP)
     status, _, err = finish(process)
     assert status == 0, err
+    assert len(read_study(folder).runs) == 2
 
 
 def test_tables_are_there_while_it_runs_and_after_a_kill(study_file, uninterrupted, tmp_path):
@@ -408,10 +411,11 @@ def hire(scheduler, tmp_path):
     def start_worker(*flags, path=()):
         name = f"w{len(hired)}"
         folders = (*path, ROOT) if "-S" in flags else (*path, ROOT, ROOT / "src")
+        popen = subprocess.Popen if flags or path else Forked
         begin = "import sys; sys.path[:] = [p for p in sys.path if p] + eval(sys.argv.pop()); "
         work = "from distributed.cli.dask_worker import main; main()"
         hired.append(
-            subprocess.Popen(
+            popen(
                 [
                     sys.executable, *flags, "-c", begin + work, scheduler, "--no-nanny",
                     "--no-dashboard", "--nthreads", "1", "--name", name,

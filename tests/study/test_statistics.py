@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
@@ -40,6 +40,7 @@ from botohe_moo.study.judge.statistics import (
 )
 from botohe_moo.study.judge.summary import summarise
 from botohe_moo.study.store.tables import to_arrow
+from tests.examples import examples
 from tests.study.test_scores import quay, studies, tables
 
 # The example of scipy.stats.mannwhitneyu.
@@ -77,7 +78,7 @@ class TestMedianInterval:
         assert found == (values[0],) * 3
 
     @given(samples, levels, st.randoms(use_true_random=False))
-    @settings(max_examples=30)
+    @examples(30)
     def test_it_holds_the_median_and_the_order_does_not_count(self, values, level, random):
         median, low, high = median_interval(values, confidence=level, rng=rng())
         assert min(values) <= low <= median <= high <= max(values)
@@ -309,7 +310,7 @@ class TestFriedman:
         st.lists(st.tuples(*[st.sampled_from([0.0, 0.5, 1.0])] * 3), min_size=2, max_size=4),
         st.sampled_from([1, -1]),
     )
-    @settings(max_examples=30)
+    @examples(30)
     def test_against_all_permutations_one_by_one(self, blocks, sign):
         blocks = sign * np.array(blocks)
         statistic, p_value = friedman(blocks, rng=rng())
@@ -842,7 +843,7 @@ class TestSummary:
 
 class TestDrawnStudies:
     @given(studies(), st.booleans(), st.sampled_from([0.01, 0.05, 0.3]))
-    @settings(max_examples=60)
+    @examples(60)
     def test_tables_fit_and_are_sound(self, study, controlled, level):
         missions, algorithms, found = study
         control = algorithms[-1] if controlled else None

@@ -1,7 +1,6 @@
 """Conformance of algorithms: those of this package, and those that break a promise."""
 
 import json
-import subprocess
 import sys
 from importlib.metadata import distribution
 
@@ -11,6 +10,7 @@ from typer.testing import CliRunner
 from botohe_moo.cli.app import app
 from botohe_moo.testing import BrokenRuleError, check_algorithm, parametrize_with_checks
 from botohe_moo.testing.algorithms import RULES
+from tests.forked import run_forked
 from tests.testing import broken
 
 OURS = distribution("botohe-moo").entry_points.select(group="botohe_moo.algorithms").names
@@ -115,8 +115,7 @@ def test_expected_failures_are_strict(tmp_path, expected, outcome):
     path.write_text(AUTHORS_TESTS.format(expected=expected))
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(path)]
     command += ["-k", "staying_home or one_robot", "--rootdir", str(tmp_path)]
-    ran = subprocess.run(command, capture_output=True, text=True, timeout=200)
-    assert outcome in ran.stdout
+    assert outcome in run_forked(command).stdout
 
 
 class TestCommand:

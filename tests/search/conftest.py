@@ -1,0 +1,11 @@
+"""Fixtures that tests of bounds share."""
+
+import pytest
+
+from botohe_moo.search.bounds import proof
+
+
+@pytest.fixture
+def short_search(monkeypatch):
+    """On missions of a few nodes, searches ten times as long find the same plans and bounds."""
+    monkeypatch.setattr(proof, "_EVALUATIONS", 8_000)
