@@ -4,6 +4,7 @@ import ast
 import gc
 import json
 import os
+import pwd
 import subprocess
 import sys
 from importlib import import_module
@@ -96,6 +97,29 @@ def test_the_garbage_collector_is_as_it_was_after_compiling():
         assert not gc.isenabled()
     finally:
         gc.enable()
+
+
+@pytest.mark.parametrize(
+    ("writable", "home", "named", "keeps"),
+    [
+        (True, None, {}, True),
+        (False, "/home/ada", {}, True),
+        (False, None, {"XDG_CACHE_HOME": "/cache"}, True),
+        (False, None, {"NUMBA_CACHE_DIR": "/cache"}, True),
+        (False, None, {}, False),
+    ],
+)
+def test_without_a_home_nothing_is_kept_where_users_stand(monkeypatch, writable, home, named, keeps):
+    def unknown(_):
+        raise KeyError("no such user")
+
+    for name in ("HOME", "NUMBA_CACHE_DIR", "XDG_CACHE_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in (named | ({"HOME": home} if home else {})).items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setattr(pwd, "getpwuid", unknown)
+    monkeypatch.setattr(os, "access", lambda *_: writable)
+    assert decorators._has_place_to_keep() is keeps
 
 
 EVALUATE = """
