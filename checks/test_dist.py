@@ -201,7 +201,7 @@ def use(installed, folder, prefix, env):
     manifest = json.loads((folder / "results" / "small" / "study.json").read_text())
     assert manifest["algorithms"]["drift"]["package"] == "botohe-drift"
     with (folder / "results" / "small" / "summary.csv").open(newline="") as file:
-        rows = {(row["mission"], row["algorithm"]): row["n_runs"] for row in csv.DictReader(file)}
+        rows = {(row["mission"], row["algorithm"]): row["n"] for row in csv.DictReader(file)}
     assert rows == {(m, a): "2" for m in ("museum", "tower") for a in ("drift", "ants", "random")}
     assert "tower" in (folder / "results" / "small" / "report" / "report.html").read_text("utf-8")
     assert {path.name for path in folder.iterdir()} == {"found", "results", "small.yaml"}
