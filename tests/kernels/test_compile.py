@@ -13,6 +13,7 @@ from types import FunctionType
 
 import numpy as np
 import pytest
+from numba import config
 from numba.core.cpu import CPUTargetOptions
 from numba.core.registry import CPUDispatcher
 
@@ -25,6 +26,9 @@ MODULES = sorted(path for path in FOLDER.rglob("*.py") if path.name != "__init__
 MOST_PARAMETERS, MOST_LINES = 8, 80
 
 
+compiled = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="Kernels are not compiled.")
+
+
 def decorated(path):
     """Functions of a module, with the names of their decorators."""
     for node in ast.walk(ast.parse(path.read_text("utf-8"))):
@@ -35,6 +39,7 @@ def decorated(path):
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(FOLDER)))
 class TestEveryModule:
+    @compiled
     def test_helpers_are_plain_python(self, path):
         name = ".".join(["botohe_moo.kernels", *path.relative_to(FOLDER).with_suffix("").parts])
         module = import_module(name)
@@ -59,6 +64,7 @@ def test_there_are_three_decorators():
     assert {name for name in ours if not name.startswith("_")} == {"kernel", "helper", "inlined"}
 
 
+@compiled
 def test_helpers_may_be_called_from_python_and_from_kernels():
     @inlined
     def twice(x):
