@@ -63,6 +63,21 @@ dist: $(READY_FOR_DIST)
 	$(BIN)/python -m build --no-isolation
 	$(BIN)/python -m pytest checks/test_dist.py
 
+# Kernels run uncompiled for lines to be seen in them; the other tests take too long without compiled ones.
+COVERED_UNCOMPILED := tests/kernels tests/search tests/operators tests/algorithms tests/outcomes
+coverage: $(READY)
+	$(BIN)/python -m coverage erase
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m coverage run -m pytest -m "not compiled_only" $(COVERED_UNCOMPILED)
+	$(BIN)/python -m coverage run -m pytest tests src $(addprefix --ignore=,tests/kernels tests/fuzz)
+	$(BIN)/python -m coverage combine --quiet
+	$(BIN)/python -m coverage report
+
+compatibility: $(READY)
+	$(BIN)/python -m checks.compatibility --out results/compatibility/compatibility.csv
+
+mutations: $(READY)
+	$(BIN)/python -m checks.mutations --out results/mutations/mutations.csv
+
 format: $(READY)
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format

@@ -414,6 +414,7 @@ def test_a_search_gets_the_room_that_it_needs():
     assert kept.tobytes() == usual.labels.tobytes()  # also what has never been written
 
 
+@pytest.mark.compiled_only
 @pytest.mark.parametrize("name", ["art_museum", "power_plant", "terrain_200"])
 def test_large_missions(name):
     """Long trails, ended by reward running out."""

@@ -153,6 +153,7 @@ def assert_frequencies(ants, twin, n_times=20_000):
     return possible
 
 
+@pytest.mark.compiled_only
 @pytest.mark.parametrize(
     ("robots", "allocation"), [(1, "sequential"), (2, "sequential"), (2, "concurrent")]
 )
@@ -180,6 +181,7 @@ def test_ants_choose_as_the_paper_says(robots, changes, allocation):
     assert_frequencies(ants, lambda weight: twin(mission, ants.rule, pheromone, weight))
 
 
+@pytest.mark.compiled_only
 @pytest.mark.parametrize(
     ("limits", "robots", "allocation"),
     [
