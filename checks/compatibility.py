@@ -27,16 +27,18 @@ PYTHONS = ("3.11", "3.12", "3.13")
 LIBRARIES = ("oldest", "newest")
 SHOWN = ("pymoo", "numpy", "numba")
 TOOLS = ("hypothesis", "jsonschema", "psutil", "pytest", "pytest-timeout", "pytest-xdist")
+STUDIES = ("collect", "loading", "report", "scores", "statistics")
 CHOSEN = (
     "tests/algorithms", "tests/base", "tests/decide", "tests/kernels", "tests/mission",
     "tests/operators", "tests/outcomes", "tests/plots", "tests/search", "tests/test_indicators.py",
     "tests/test_problem.py", "tests/test_solve.py", "tests/test_trails.py",
-    *(f"tests/study/test_{name}.py" for name in ("collect", "loading", "report", "scores", "statistics")),
+    *(f"tests/study/test_{name}.py" for name in STUDIES),
 )  # fmt: skip
 COLUMNS = ("python", "libraries", *SHOWN, "passed", "failed", "skipped", "seconds", "outcome")
 
 
 def main() -> int:
+    """Look at what the command line asks for, print the table, and give the exit status."""
     parser = argparse.ArgumentParser(prog="python -m checks.compatibility")
     parser.add_argument("pythons", nargs="*", metavar="PYTHON", help=", ".join(PYTHONS))
     parser.add_argument("--libraries", choices=LIBRARIES, help="by default both")
@@ -62,6 +64,7 @@ def main() -> int:
 
 
 def as_line(row: dict[str, str]) -> str:
+    """Lay out a row for a terminal."""
     return "".join(f"{row.get(name, ''):<10}" for name in COLUMNS).rstrip()
 
 
@@ -105,6 +108,7 @@ def find_python(version: str) -> str | None:
 
 
 def places(version: str) -> Iterator[str]:
+    """List where an interpreter of that version may be: pyenv's folders, and the path."""
     root = Path(os.environ.get("PYENV_ROOT", "~/.pyenv")).expanduser()
     yield from (str(path) for path in sorted(root.glob(f"versions/{version}.*/bin/python")))
     found = shutil.which(f"python{version}")
@@ -112,7 +116,7 @@ def places(version: str) -> Iterator[str]:
 
 
 def clean_environment() -> dict[str, str]:
-    """The environment without what this interpreter is told."""
+    """Give the environment without what this interpreter is told."""
     return {name: text for name, text in os.environ.items() if not name.startswith("PYTHON")}
 
 
@@ -137,6 +141,7 @@ def make_environment(interpreter: str, folder: Path, libraries: str, log: Path) 
 
 
 def versions_of(inside: str) -> dict[str, str]:
+    """Tell which versions of the libraries in the table an environment has."""
     code = f"from importlib.metadata import version as v; print(*map(v, {SHOWN}))"
     said = subprocess.run([inside, "-c", code], capture_output=True, text=True, check=True).stdout
     return dict(zip(SHOWN, said.split(), strict=True))

@@ -26,8 +26,9 @@ _PYTEST = ("-m", "pytest", "-x", "-p", "no:cacheprovider", "--tb=line", "--timeo
 
 
 def main() -> int:
+    """Try the changes that the command line names, and give the exit status."""
     parser = argparse.ArgumentParser(prog="python -m checks.mutations")
-    parser.add_argument("modules", nargs="*", metavar="MODULE", help="as graph/arcs; by default all")
+    parser.add_argument("modules", nargs="*", metavar="MODULE", help="by default all")
     parser.add_argument("--out", type=Path, help="the table as CSV")
     given = parser.parse_args()
     chosen = [one for one in MUTANTS if not given.modules or one.module in given.modules]
@@ -108,7 +109,8 @@ def try_mutant(copy: Path, one: Mutant) -> str | None:
         caught = run_tests(copy, [one.test])
     finally:
         path.write_text(source, "utf-8")
-    print(f"{one.module}\n    {one.line}\n    {one.changed}\n    {caught or 'NOT NOTICED'}", flush=True)
+    lines = (one.module, one.line, one.changed, caught or "NOT NOTICED")
+    print("\n    ".join(lines), flush=True)
     return caught
 
 

@@ -32,6 +32,7 @@ def pytest_collection_modifyitems(items):
             fewer = min(given.max_examples, MOST_UNCOMPILED_EXAMPLES)
             setattr(getattr(test, "__func__", test), name, settings(given, max_examples=fewer))
 
+
 # Under nohup, or in the background of a script, these are ignored, and so would all processes do.
 for name, usual in {"SIGHUP": signal.SIG_DFL, "SIGINT": signal.default_int_handler}.items():
     number = getattr(signal, name, None)  # Windows has no SIGHUP

@@ -115,7 +115,7 @@ def test_the_garbage_collector_is_as_it_was_after_compiling():
         (False, None, {}, False),
     ],
 )
-def test_without_a_home_nothing_is_kept_where_users_stand(monkeypatch, writable, home, named, keeps):
+def test_nothing_is_kept_where_users_stand(monkeypatch, writable, home, named, keeps):
     def unknown(_):
         raise KeyError("no such user")
 
