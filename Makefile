@@ -64,11 +64,11 @@ dist: $(READY_FOR_DIST)
 	$(BIN)/python -m pytest checks/test_dist.py
 
 # Kernels run uncompiled for lines to be seen in them; the other tests take too long without compiled ones.
-COVERED_UNCOMPILED := tests/kernels tests/search tests/operators tests/algorithms tests/outcomes
+COVERED_UNCOMPILED := tests/kernels tests/operators tests/outcomes
 coverage: $(READY)
 	$(BIN)/python -m coverage erase
 	NUMBA_DISABLE_JIT=1 $(BIN)/python -m coverage run -m pytest -m "not compiled_only" $(COVERED_UNCOMPILED)
-	$(BIN)/python -m coverage run -m pytest tests src $(addprefix --ignore=,tests/kernels tests/fuzz)
+	$(BIN)/python -m coverage run -m pytest --ignore tests/fuzz --numprocesses 2 --maxprocesses 2 --dist worksteal
 	$(BIN)/python -m coverage combine --quiet
 	$(BIN)/python -m coverage report
 

@@ -37,8 +37,8 @@ MUTANTS = (
     ),
     Mutant(
         "beam/labels",
-        "used[at.arc] += 1",
-        "used[at.arc] -= 1",
+        "if visits[at.node] == 0:",
+        "if visits[at.node] != 0:",
         _BEAM + "a_wide_beam_finds_the_best_trail",
     ),
     Mutant(

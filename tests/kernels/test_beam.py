@@ -175,6 +175,7 @@ class TestCut:
         assert best_trail(star, [0, 1, 1, 1], 0.1, width=5)[2]
         assert not best_trail(star, [0, 1, 1, 1], 0.1, width=6)[2]
 
+    @pytest.mark.compiled_only
     def test_at_least_as_good_as_to_stay_and_better_when_wider(self):
         museum = load_mission("art_museum")
         worth = museum.arrays.reward / museum.total_reward

@@ -214,6 +214,7 @@ def two_leaves():
     return Mission(graph)
 
 
+@pytest.mark.compiled_only
 @pytest.mark.parametrize(
     ("allocation", "ends"), [("sequential", 1 / 12), ("concurrent", 1 / 7)], ids=ALLOCATIONS
 )
