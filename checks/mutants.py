@@ -45,7 +45,7 @@ MUTANTS = (
         "beam/prospects",
         "value += survives * ahead[graph.head[arc]]",
         "value -= survives * ahead[graph.head[arc]]",
-        _BEAM + "a_wide_beam_finds_the_best_trail",
+        "kernels/test_beam.py::TestCut::test_the_twin_finds_the_same",
     ),
     Mutant(
         "beam/search",
@@ -81,7 +81,7 @@ MUTANTS = (
         "colony/construct",
         "alive *= graph.survival[arc]",
         "alive /= graph.survival[arc]",
-        _CONSTRUCT + "limits_are_kept_everywhere",
+        _CONSTRUCT + "what_the_first_robot_knows_of_the_second",
     ),
     Mutant(
         "colony/pheromone",
