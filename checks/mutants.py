@@ -165,13 +165,13 @@ MUTANTS = (
         "local_search/children",
         "gained += node.left * alive",
         "gained -= node.left * alive",
-        _SEARCH + "every_child_is_a_trail_and_is_appraised_right",
+        _SEARCH + "small_chances_of_the_others_keep_their_digits",
     ),
     Mutant(
         "local_search/layout",
         "now.survivors += trail.alive",
         "now.survivors -= trail.alive",
-        _SEARCH + "every_child_is_a_trail_and_is_appraised_right",
+        "kernels/test_local_search.py::TestMovesByHand",
     ),
     Mutant(
         "local_search/moves",
@@ -201,7 +201,7 @@ MUTANTS = (
         "local_search/trail_store",
         "store.trails[trail].n_users -= 1",
         "store.trails[trail].n_users += 1",
-        _STORE + "trails_are_kept_as_long_as_somebody_has_them",
+        _STORE + "a_released_trail_gives_its_number_to_the_next",
     ),
     Mutant(
         "local_search/workspace",
@@ -213,7 +213,7 @@ MUTANTS = (
         "plans/change",
         "alive *= graph.survival[arc]",
         "alive /= graph.survival[arc]",
-        _MOVES + "no_move_leaves_the_limits",
+        _MOVES + "the_limits_bind_and_leave_room",
     ),
     Mutant(
         "plans/detours",
@@ -249,7 +249,7 @@ MUTANTS = (
         "plans/ragged",
         "while n_done < n_trails:",
         "while n_done > n_trails:",
-        "operators/test_repair.py::test_any_draft_becomes_valid_and_stays_as_it_is",
+        _MOVES + "the_limits_bind_and_leave_room",
     ),
     Mutant(
         "plans/repair",
