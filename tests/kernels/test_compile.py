@@ -4,6 +4,7 @@ import ast
 import gc
 import json
 import os
+import pwd
 import subprocess
 import sys
 from importlib import import_module
@@ -12,6 +13,7 @@ from types import FunctionType
 
 import numpy as np
 import pytest
+from numba import config
 from numba.core.cpu import CPUTargetOptions
 from numba.core.registry import CPUDispatcher
 
@@ -24,6 +26,9 @@ MODULES = sorted(path for path in FOLDER.rglob("*.py") if path.name != "__init__
 MOST_PARAMETERS, MOST_LINES = 8, 80
 
 
+compiled = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="Kernels are not compiled.")
+
+
 def decorated(path):
     """Functions of a module, with the names of their decorators."""
     for node in ast.walk(ast.parse(path.read_text("utf-8"))):
@@ -34,6 +39,7 @@ def decorated(path):
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(FOLDER)))
 class TestEveryModule:
+    @compiled
     def test_helpers_are_plain_python(self, path):
         name = ".".join(["botohe_moo.kernels", *path.relative_to(FOLDER).with_suffix("").parts])
         module = import_module(name)
@@ -58,6 +64,7 @@ def test_there_are_three_decorators():
     assert {name for name in ours if not name.startswith("_")} == {"kernel", "helper", "inlined"}
 
 
+@compiled
 def test_helpers_may_be_called_from_python_and_from_kernels():
     @inlined
     def twice(x):
@@ -96,6 +103,29 @@ def test_the_garbage_collector_is_as_it_was_after_compiling():
         assert not gc.isenabled()
     finally:
         gc.enable()
+
+
+@pytest.mark.parametrize(
+    ("writable", "home", "named", "keeps"),
+    [
+        (True, None, {}, True),
+        (False, "/home/ada", {}, True),
+        (False, None, {"XDG_CACHE_HOME": "/cache"}, True),
+        (False, None, {"NUMBA_CACHE_DIR": "/cache"}, True),
+        (False, None, {}, False),
+    ],
+)
+def test_nothing_is_kept_where_users_stand(monkeypatch, writable, home, named, keeps):
+    def unknown(_):
+        raise KeyError("no such user")
+
+    for name in ("HOME", "NUMBA_CACHE_DIR", "XDG_CACHE_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in (named | ({"HOME": home} if home else {})).items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setattr(pwd, "getpwuid", unknown)
+    monkeypatch.setattr(os, "access", lambda *_: writable)
+    assert decorators._has_place_to_keep() is keeps
 
 
 EVALUATE = """
