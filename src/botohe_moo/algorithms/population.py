@@ -60,7 +60,9 @@ class PopulationAlgorithm(BudgetedAlgorithm):
         What the pymoo class is made with besides its operators.
     sampling
         Plans to start from: ``guided``, ``random``, a mapping from these to weights, a pymoo
-        sampling, or trail plans, to which guided ones are added where they are too few.
+        sampling, or trail plans, to which guided ones are added where they are too few. This and
+        the other operators may also be named as another package registers them, or as
+        ``module:Class``.
     corners
         Whether the corners of the front, everybody at home and the greedy plan for reward alone,
         are among the plans to start from.
@@ -188,9 +190,11 @@ class PopulationAlgorithm(BudgetedAlgorithm):
 
     def _repairs(self) -> list[object]:
         """List the repairs of all operators, also of those that were given as objects."""
-        mutation = self.mating.mutation
-        parts = getattr(getattr(mutation, "mixture", None), "parts", (mutation,))
-        return [getattr(part, "plan_repair", None) for part in (self.mating.crossover, *parts)]
+        found = []
+        for operator in (self.mating.crossover, self.mating.mutation):
+            parts = getattr(getattr(operator, "mixture", None), "parts", (operator,))
+            found += [getattr(part, "plan_repair", None) for part in parts]
+        return found
 
     def infill(self) -> Population | None:
         """Give the plans to evaluate next, no more than the budget allows."""
