@@ -22,8 +22,14 @@ from pymoo.core.survival import Survival
 from botohe_moo._base.types import FloatArray, ObjectArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Count, Probability
-from botohe_moo.algorithms.base import BudgetedAlgorithm, MaxTies, check_options, check_problem
-from botohe_moo.algorithms.individuals import PopulationArchive
+from botohe_moo.algorithms.base import (
+    BudgetedAlgorithm,
+    MaxTies,
+    check_n_objectives,
+    check_options,
+    check_problem,
+)
+from botohe_moo.algorithms.individuals import ManyObjectiveArchive, PopulationArchive
 from botohe_moo.operators.duplicates import PlanDuplicates
 from botohe_moo.operators.repair import PenaltyOnly, PlanRepair
 from botohe_moo.operators.wiring import (
@@ -109,7 +115,7 @@ class PopulationAlgorithm(BudgetedAlgorithm):
 
     pop: Population
     is_initialized: bool
-    archive: PopulationArchive
+    archive: PopulationArchive | ManyObjectiveArchive
     eliminate_duplicates: DuplicateElimination
 
     # Children of each pair.
@@ -177,15 +183,19 @@ class PopulationAlgorithm(BudgetedAlgorithm):
         Parameters
         ----------
         problem
-            What to solve: a :class:`BOTOHE`, or a TypeError is raised.
+            What to solve: a :class:`BOTOHE`, or a TypeError is raised. It may have objectives of
+            its own, also more than two where the algorithm has no directions for two.
         **kwargs
             pymoo's options, such as ``termination`` (default: 100 000 evaluations; a ValueError is
             raised for less than one) and ``seed``.
         """
         check_problem(problem)
+        directions = getattr(self, "ref_dirs", None)
+        check_n_objectives(self, problem, None if directions is None else directions.shape[1])
         if any(isinstance(repair, PenaltyOnly) for repair in self._repairs()):
             problem = problem.allowing_invalid()
-        self.archive = PopulationArchive(problem.mission.robots, max_ties=self.max_ties)
+        kind = PopulationArchive if problem.n_obj == 2 else ManyObjectiveArchive
+        self.archive = kind(problem.mission.robots, max_ties=self.max_ties)
         return super().setup(problem, **kwargs)
 
     def _repairs(self) -> list[object]:
@@ -212,6 +222,7 @@ class PopulationAlgorithm(BudgetedAlgorithm):
             Whatever the pymoo class takes.
         """
         if infills is not None:
+            self.problem.checked("F", infills.get("F"), len(infills))
             feasible = infills[infills.get("feas")] if self.problem.has_constraints() else infills
             if len(feasible):
                 batch = self.problem.mission.batch(feasible.get("X"))
