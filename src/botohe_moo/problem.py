@@ -211,7 +211,8 @@ def overrides(problem: BOTOHE, method: str) -> bool:
 class FrontOutput(Output):
     """What pymoo prints under ``verbose=True``: area, largest expected reward, front size.
 
-    Of a problem with objectives of its own only the size of the front.
+    Of a problem with objectives of its own, too, area and reward are those of the plans' E[R] and
+    E[S].
 
     Examples
     --------
@@ -240,8 +241,10 @@ class FrontOutput(Output):
         opt = algorithm.opt
         objectives = np.empty((0, 2))
         if opt is not None and opt.get("feas").any():
-            objectives = -opt[opt.get("feas")].get("F")
-        plain = algorithm.problem.is_plain
-        self.area.set(area_indicator(objectives, algorithm.problem.mission) if plain else None)
-        self.reward.set(float(objectives[:, 0].max()) if plain and len(objectives) else None)
+            opt = opt[opt.get("feas")]
+            plain = algorithm.problem.is_plain
+            mission = algorithm.problem.mission
+            objectives = -opt.get("F") if plain else mission.evaluate(opt.get("X"))
+        self.area.set(area_indicator(objectives, algorithm.problem.mission))
+        self.reward.set(float(objectives[:, 0].max()) if len(objectives) else None)
         self.size.set(len(objectives))
