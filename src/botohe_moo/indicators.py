@@ -1,5 +1,7 @@
 """Quality of a front as one number: area, IGD+ and additive epsilon."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import moocore
@@ -109,6 +111,74 @@ def epsilon_indicator(objectives: ArrayLike, reference: ArrayLike, mission: Miss
     """
     points, targets = _normalised(objectives, reference, mission)
     return float(moocore.epsilon_additive(points, ref=targets, maximise=True))
+
+
+def _front_size(objectives: FloatArray, mission: Mission) -> float:  # noqa: ARG001
+    return float(len(objectives))
+
+
+@dataclass(frozen=True)
+class Indicator:
+    """What studies know of an indicator: their tables, reports and files follow from it.
+
+    ``function`` takes points (n, 2), the non-dominated E[R] and E[S] of a run or none, the mission,
+    and between them, if it needs one, the reference front (m, 2). It gives a finite number, without
+    points that of the single plan that brings nothing back, (0, 0).
+    """
+
+    label: str  # in reports
+    function: Callable[..., float]
+    higher_is_better: bool | None  # None: it describes a front and does not judge it
+    needs_reference: bool = False
+    long_label: str = ""  # beside axes and in descriptions of columns; default: the label
+    latex: str = ""  # heads a column; default: the label
+
+    @property
+    def in_words(self) -> str:
+        """The long label."""
+        return self.long_label or self.label
+
+    @property
+    def is_distance(self) -> bool:
+        """Whether less is better, and the reference front best: figures show how it falls."""
+        return self.needs_reference and self.higher_is_better is False
+
+    def measure(self, points: FloatArray, reference: FloatArray | None, mission: Mission) -> float:
+        """Compute it for the points of a front; a ValueError if it gives no finite number."""
+        given = (points, reference, mission) if self.needs_reference else (points, mission)
+        value = self.function(*given)
+        if not np.isfinite(value):
+            raise ValueError(f"Indicator {self.label!r}: expected a finite number, got {value}.")
+        return float(value)
+
+
+# All that a study file may name, in the order of tables: a line here makes a function an indicator.
+INDICATORS: dict[str, Indicator] = {
+    "area": Indicator(
+        "area", area_indicator, higher_is_better=True, long_label="area (normalised hypervolume)"
+    ),
+    "igd_plus": Indicator(
+        "IGD+",
+        igd_plus_indicator,
+        higher_is_better=False,
+        needs_reference=True,
+        latex=r"IGD\textsuperscript{+}",
+    ),
+    "epsilon": Indicator(
+        "epsilon",
+        epsilon_indicator,
+        higher_is_better=False,
+        needs_reference=True,
+        long_label="additive epsilon",
+        latex=r"$\varepsilon$",
+    ),
+    "front_size": Indicator("front size", _front_size, higher_is_better=None),
+}
+
+
+def further_indicators() -> tuple[str, ...]:
+    """Give all but the two that are in every table anyway: the area and the size of the front."""
+    return tuple(name for name in INDICATORS if name not in ("area", "front_size"))
 
 
 def check_objectives(name: str, given: ArrayLike) -> FloatArray:
