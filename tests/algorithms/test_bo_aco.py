@@ -87,6 +87,36 @@ def same_result(one, other):
     )
 
 
+def test_a_forked_process_goes_on_with_threads_of_its_own():
+    """A copy of the parent's pool would wait for threads that are not there."""
+    code = """
+        import multiprocessing as mp
+        import numpy as np
+        from botohe_moo import BOACO, BOTOHE, load_mission
+
+        def go_on(algorithm, send):
+            algorithm.next()
+            send.put(algorithm.archive.objectives.tolist())
+
+        algorithm = BOACO(n_ants=20, n_threads=2)
+        algorithm.setup(BOTOHE(load_mission("art_museum")), termination=("n_gen", 9), seed=1)
+        algorithm.next()
+        context = mp.get_context("fork")
+        receive = context.Queue()
+        child = context.Process(target=go_on, args=(algorithm, receive), daemon=True)
+        child.start()
+        found = receive.get(timeout=60)
+        child.join(60)
+        assert child.exitcode == 0, child.exitcode
+        algorithm.next()
+        assert found == algorithm.archive.objectives.tolist()
+        print("as in the parent")
+    """
+    command = [sys.executable, "-W", "ignore", "-c", textwrap.dedent(code)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert done.stdout == "as in the parent\n", done.stderr
+
+
 @variants
 class TestContract:
     def test_result(self, make, museum):
@@ -131,35 +161,6 @@ class TestContract:
         one = minimize(problem, make(n_ants=60), ("n_gen", 15), seed=3)
         several = minimize(problem, make(n_ants=60, n_threads=n_threads), ("n_gen", 15), seed=3)
         assert same_result(one, several)
-
-    def test_a_forked_process_goes_on_with_threads_of_its_own(self):
-        """A copy of the parent's pool would wait for threads that are not there."""
-        code = """
-            import multiprocessing as mp
-            import numpy as np
-            from botohe_moo import BOACO, BOTOHE, load_mission
-
-            def go_on(algorithm, send):
-                algorithm.next()
-                send.put(algorithm.archive.objectives.tolist())
-
-            algorithm = BOACO(n_ants=20, n_threads=2)
-            algorithm.setup(BOTOHE(load_mission("art_museum")), termination=("n_gen", 9), seed=1)
-            algorithm.next()
-            context = mp.get_context("fork")
-            receive = context.Queue()
-            child = context.Process(target=go_on, args=(algorithm, receive), daemon=True)
-            child.start()
-            found = receive.get(timeout=60)
-            child.join(60)
-            assert child.exitcode == 0, child.exitcode
-            algorithm.next()
-            assert found == algorithm.archive.objectives.tolist()
-            print("as in the parent")
-        """
-        command = [sys.executable, "-W", "ignore", "-c", textwrap.dedent(code)]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-        assert done.stdout == "as in the parent\n", done.stderr
 
     @pytest.mark.parametrize("n_threads", [1, 2])
     def test_pickle_in_the_middle_of_a_run(self, make, museum, n_threads):
