@@ -8,9 +8,11 @@ import pytest
 from pymoo.optimize import minimize
 
 from botohe_moo import BOTOHE, load_mission, make_algorithm
+from botohe_moo.algorithms.origin import algorithm_origin
 from botohe_moo.algorithms.registry import algorithm_faults
 from botohe_moo.operators import SendHome, TrailSplice
 from botohe_moo.study import read_study
+from botohe_moo.study.file.digest import code_mismatch
 from tests.plugins.test_installed import botohe
 
 REEF = """
@@ -246,3 +248,23 @@ def test_they_are_named_on_the_command_line_and_in_studies(install, tmp_path):
     (tmp_path / "reefs.yaml").write_text(STUDY.replace("tide,", "tied,"))
     ended = botohe("study", "plan", "reefs.yaml", site=site, cwd=tmp_path)
     assert "got 'tied'" in ended.err
+
+
+def test_results_depend_on_the_code_of_the_operators_that_are_named(install):
+    site = install(tide="Tide", swap="Swap")
+    ours = algorithm_origin("nsga2")
+    assert algorithm_origin("nsga2", {"mutation": {"ruin": 1}, "sampling": "guided"}) == ours
+    named = [
+        {"mutation": "tide"},
+        {"mutation": "reef:Tide"},
+        {"crossover": {"swap": 1, "splice": 1}},
+    ]
+    first, *others = [algorithm_origin("nsga2", parameters) for parameters in named]
+    assert others == [first, first]
+    assert (first["package"], first["version"]) == (ours["package"], ours["version"])
+    assert first["source"] is not None is ours["source"]
+    origin = "nsga2", named[0], first
+    assert code_mismatch({}, [origin, ("nsga2", {}, ours)]) is None
+    with (site / "reef.py").open("a") as file:
+        file.write("# another version\n")
+    assert "'nsga2' from" in code_mismatch({}, [origin])

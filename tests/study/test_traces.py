@@ -1,11 +1,12 @@
 """Quality on the way, and what it took to get there, by hand."""
 
+import dataclasses
+
 import numpy as np
 import pandas as pd
 import pytest
 
-from botohe_moo.indicators import area_indicator, epsilon_indicator, igd_plus_indicator
-from botohe_moo.study.judge import scores
+from botohe_moo.indicators import INDICATORS, area_indicator, epsilon_indicator, igd_plus_indicator
 from botohe_moo.study.judge.scores import as_table, score_records
 from botohe_moo.study.judge.summary import SHARES, reach_targets
 from botohe_moo.study.store.tables import to_arrow
@@ -96,7 +97,8 @@ class TestScores:
             measured.append(points)
             return area_indicator(points, mission)
 
-        monkeypatch.setattr(scores, "area_indicator", measure)
+        counted = dataclasses.replace(INDICATORS["area"], function=measure)
+        monkeypatch.setitem(INDICATORS, "area", counted)
         one, _, other = self.FRONTS
         fronts = [("m", front) for front in [one] * 5 + [other] * 5]
         score_records(fronts, REFERENCE, missions={"m": quay()}, indicators=[])

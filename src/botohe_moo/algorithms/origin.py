@@ -15,6 +15,8 @@ from botohe_moo._plugins.factories import is_path, named
 from botohe_moo._plugins.types import plain_value
 from botohe_moo.algorithms.registry import PLUGINS, accepted_by, find_algorithm
 
+# Parameters that name operators.
+OPERATORS = ("sampling", "crossover", "mutation", "repair")
 # Their versions identify them; all other modules are identified by their file.
 _VERSIONED = frozenset({"botohe_moo", "pymoo"})
 
@@ -102,13 +104,15 @@ def _one_name(name: str) -> str:
         return written
 
 
-def algorithm_origin(name: str) -> dict[str, str | None]:
+def algorithm_origin(
+    name: str, parameters: Mapping[str, Any] | None = None
+) -> dict[str, str | None]:
     """Say where an algorithm's code is from, to tell results of other code apart.
 
     Gives ``package`` and ``version`` of the distribution that registers it, or of the one that owns
     its module; None where there is none. ``source`` is the SHA-256 of its module's file, and None
     for modules of this package and pymoo's, which their versions identify. Other modules that it
-    imports are not looked at.
+    imports are not looked at, but those of operators that ``parameters`` name are part of it.
     """
     factory = find_algorithm(name)
     name = _one_name(name)
@@ -121,8 +125,21 @@ def algorithm_origin(name: str) -> dict[str, str | None]:
     return {
         "package": owner.name if owner else None,
         "version": owner.version if owner else None,
-        "source": _source_digest(module, factory),
+        "source": _with_operators(_source_digest(module, factory), parameters or {}),
     }
+
+
+def _with_operators(source: str | None, parameters: Mapping[str, Any]) -> str | None:
+    """Digest the files of operators, too, where parameters name those of other packages."""
+    if not any(isinstance(parameters.get(kind), str | Mapping) for kind in OPERATORS):
+        return source
+    from botohe_moo.operators.naming import named_operators  # loads all operators
+
+    found = sorted(named_operators(parameters).items())
+    digests = [digest for module, made in found if (digest := _source_digest(module, made))]
+    if not digests:
+        return source
+    return hashlib.sha256("".join([source or "", *digests]).encode()).hexdigest()
 
 
 def _module_of(path: str) -> str:

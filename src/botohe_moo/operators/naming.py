@@ -78,6 +78,23 @@ def find_operator(kind: str, name: Any) -> Factory:
     return factory
 
 
+def named_operators(parameters: Mapping[str, Any]) -> dict[str, Factory]:
+    """Find what makes the operators of other packages that an algorithm's parameters name.
+
+    Gives them by the names of their modules; what is not an operator's name is left out.
+    """
+    found: dict[str, Factory] = {}
+    for kind in KINDS.keys() & parameters.keys():
+        given = parameters[kind]
+        names = [given] if isinstance(given, str) else given if isinstance(given, Mapping) else ()
+        for name in [name for name in names if name not in BUILT_IN[kind]]:
+            with contextlib.suppress(ParameterError, PluginError):
+                factory = find_operator(kind, name)
+                path = name if is_path(name) else _PLUGINS.entry(name).module
+                found[path.partition(":")[0]] = factory
+    return found
+
+
 def make_operator(kind: str, name: Any, **offered: Any) -> Any:
     """Make the operator of that name, and give it what its constructor takes of what is offered."""
     factory = find_operator(kind, name)

@@ -10,7 +10,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from botohe_moo._base.checks import nearest_first, quoted
-from botohe_moo.algorithms.origin import algorithm_identity, algorithm_origin
+from botohe_moo.algorithms.origin import OPERATORS, algorithm_identity, algorithm_origin
 from botohe_moo.algorithms.registry import algorithm_faults
 from botohe_moo.mission.digest import mission_digest
 from botohe_moo.mission.formats.files import SUFFIXES
@@ -126,7 +126,7 @@ class CheckedContent:
         return f"{name!r}: {message}{missing}"
 
     def _read_algorithms(self, entries: Mapping[str, AlgorithmEntry]) -> Iterator[StudyAlgorithm]:
-        origins: dict[str, dict[str, str | None]] = {}
+        origins: dict[str, dict[str, str | None]] = {}  # files are read once
         for member in members("algorithms", entries, self.faults):
             name = member.entry.algorithm
             found = algorithm_faults(name, member.parameters, plain=True)
@@ -134,13 +134,14 @@ class CheckedContent:
                 said = message if blamed else self._said_of(name, message)
                 self.faults.add((*member.path, *_place(blamed, member.entry)), said)
             if not found:
-                if name not in origins:
-                    origins[name] = algorithm_origin(name)
+                code = f"{name} {[member.parameters.get(kind) for kind in OPERATORS]}"
+                if code not in origins:
+                    origins[code] = algorithm_origin(name, member.parameters)
                 yield StudyAlgorithm(
                     label=member.label,
                     algorithm=name,
                     parameters=member.parameters,
-                    origin=origins[name],
+                    origin=origins[code],
                     identity=algorithm_identity(name, member.parameters),
                     family=member.family,
                     grid=member.grid,

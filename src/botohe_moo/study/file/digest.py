@@ -2,7 +2,7 @@
 
 import functools
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from importlib.metadata import version
 from typing import Any
 
@@ -46,20 +46,22 @@ def installed_versions() -> dict[str, str]:
 
 
 def code_mismatch(
-    versions: Mapping[str, str], origins: Mapping[str, Mapping[str, str | None]]
+    versions: Mapping[str, str],
+    origins: Iterable[tuple[str, Mapping[str, Any], Mapping[str, str | None]]],
 ) -> str | None:
     """Say, after "the worker", how the code here differs from that a study was checked with.
 
-    ``versions`` and ``origins`` are those of the study; None if the code is the same.
+    ``versions`` and ``origins`` are those of the study, the latter an algorithm's name, parameters
+    and origin each; None if the code is the same.
     """
     ours = installed_versions()
     differing = [name for name in versions if versions[name] != ours[name]]
     if differing:
         here = " and ".join(f"{_PACKAGES[name]} {ours[name]}" for name in differing)
         return f"has {here}, the study {' and '.join(versions[name] for name in differing)}"
-    for algorithm, origin in origins.items():
+    for algorithm, parameters, origin in origins:
         try:
-            found = algorithm_origin(algorithm)
+            found = algorithm_origin(algorithm, parameters)
         except Exception as error:
             return f"cannot import the algorithm {algorithm!r}: {str(error).rstrip('.')}"
         if found != origin:

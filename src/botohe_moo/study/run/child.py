@@ -48,7 +48,8 @@ def main() -> None:
         if isinstance(task, BoundTask):
             messages.send(("end", task.digest, _bound(task), environment()))
             continue
-        if mismatch := code_mismatch({"version": task.version}, {task.algorithm: task.origin}):
+        origin = task.algorithm, task.parameters, task.origin
+        if mismatch := code_mismatch({"version": task.version}, [origin]):
             messages.send(("end", task.digest, failure(f"the worker {mismatch}"), environment()))
             continue
         key = task.algorithm, repr(task.parameters)

@@ -123,7 +123,11 @@ class _Cluster:
         self._client = client
         self._address = address
         self._waiting = waiting
-        self._origins = {task.algorithm: task.origin for task in waiting}
+        origins = {
+            (task.algorithm, *task.origin.values()): (task.algorithm, task.parameters, task.origin)
+            for task in waiting
+        }
+        self._origins = [*origins.values()]  # one task for each code that is run
         self._workers: dict[str, _Worker] = {}
         self._running: dict[Any, tuple[Task, str]] = {}  # by future, with the worker's address
         self._n_deaths: dict[str, int] = {}

@@ -93,7 +93,8 @@ def _most_seconds(task: Task) -> float:
     """Give how long a run may take, or without a budget of seconds, go without an evaluation."""
     if task.seconds is not None:
         return task.seconds + task.grace_seconds
-    return math.inf if task.origin["package"] == "botohe-moo" else task.patience
+    ours = task.origin["package"] == "botohe-moo" and task.origin["source"] is None
+    return math.inf if ours else task.patience
 
 
 class Sandbox:
