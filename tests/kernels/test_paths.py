@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numba import njit
 
-from botohe_moo import load_mission
+from botohe_moo import Mission, load_mission
 from botohe_moo.kernels.graph import arcs, homing, paths
 from botohe_moo.kernels.graph.graph import Limits, measured_by_length
 from tests.strategies import lengths, missions
@@ -239,7 +239,7 @@ def test_find_arc(mission):
 
 @pytest.mark.parametrize("n_out", [12, 13, 40])  # from 13 on they are halved first
 def test_find_arc_among_many(n_out):
-    graph = nx.DiGraph((arc for node in range(1, n_out + 1) for arc in ((0, node), (node, 0))))
+    graph = nx.DiGraph(arc for node in range(1, n_out + 1) for arc in ((0, node), (node, 0)))
     nx.set_node_attributes(graph, 1.0, "reward")
     nx.set_edge_attributes(graph, 0.5, "survival")
     finds_all_arcs(Mission(graph, base=0, robots=1))
