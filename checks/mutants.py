@@ -39,7 +39,7 @@ MUTANTS = (
         "beam/labels",
         "if visits[at.node] == 0:",
         "if visits[at.node] != 0:",
-        _BEAM + "a_wide_beam_finds_the_best_trail",
+        "kernels/test_beam.py::TestCut::test_the_twin_finds_the_same",
     ),
     Mutant(
         "beam/prospects",
@@ -135,7 +135,7 @@ MUTANTS = (
         "graph/arcs",
         "if graph.head[middle] <= head:",
         "if graph.head[middle] >= head:",
-        _PATHS + "find_arc",
+        _PATHS + "find_arc_among_many",
     ),
     Mutant(
         "graph/graph",

@@ -254,6 +254,18 @@ def test_the_graph(mission):
 @examples(200)
 @given(missions(max_nodes=30))
 def test_find_arc(mission):
+    finds_all_arcs(mission)
+
+
+@pytest.mark.parametrize("n_out", [12, 13, 40])  # from 13 on they are halved first
+def test_find_arc_among_many(n_out):
+    graph = nx.DiGraph(arc for node in range(1, n_out + 1) for arc in ((0, node), (node, 0)))
+    nx.set_node_attributes(graph, 1.0, "reward")
+    nx.set_edge_attributes(graph, 0.5, "survival")
+    finds_all_arcs(Mission(graph, base=0, robots=1))
+
+
+def finds_all_arcs(mission):
     graph, find = mission.arrays, arcs.find_arc
     known = {
         pair: i for i, pair in enumerate(zip(graph.tail.tolist(), graph.head.tolist(), strict=True))
