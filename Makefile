@@ -4,8 +4,10 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 READY_FOR_DOCS := $(VENV)/.ready-for-docs
+READY_FOR_DIST := $(VENV)/.ready-for-dist
 
-.PHONY: help demo test test-long check docs format bench fuzz soak smoke paper state-of-the-art baselines clean clean-kernels
+.PHONY: help demo test test-long check docs dist coverage compatibility mutations format bench fuzz soak smoke \
+	paper state-of-the-art baselines clean clean-kernels
 
 help:
 	@echo "make demo    plan the art museum and write tables and pictures to results/demo/"
@@ -13,6 +15,10 @@ help:
 	@echo "make test-long  the property tests with forty times as many examples: half an hour"
 	@echo "make check   ruff (lint and format) and mypy strict"
 	@echo "make docs    the documentation, in docs/_build/html"
+	@echo "make dist    wheel and sdist, in dist/, and tests of them where they are installed: five minutes"
+	@echo "make coverage  the share of lines and branches that tests run, kernels uncompiled"
+	@echo "make compatibility  the tests with the oldest and the newest libraries, on each Python that is here"
+	@echo "make mutations  is a changed operator noticed, in each module of kernels?"
 	@echo "make bench   the numbers this project claims"
 	@echo "make fuzz    120 000 files that were changed at random, to everything that reads files: a quarter of an hour"
 	@echo "make soak    a study of many small runs for an hour: memory has to stay flat"
@@ -28,6 +34,10 @@ $(READY): pyproject.toml constraints.txt
 
 $(READY_FOR_DOCS): $(READY)
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable ".[docs]"
+	@touch $@
+
+$(READY_FOR_DIST): $(READY)
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable ".[dist]"
 	@touch $@
 
 demo: $(READY)
@@ -51,6 +61,27 @@ docs: $(READY_FOR_DOCS)
 	rm -rf docs/_build docs/reference/names
 	$(BIN)/python -m sphinx --builder html --nitpicky --fail-on-warning --keep-going --quiet docs docs/_build/html
 	$(BIN)/python -m pytest docs/test_built.py
+
+# The wheel is built from the sdist. The tests are not among those of `make test`: they take minutes.
+dist: $(READY_FOR_DIST)
+	rm -rf dist
+	$(BIN)/python -m build --no-isolation
+	$(BIN)/python -m pytest checks/test_dist.py
+
+# Kernels run uncompiled for lines to be seen in them; the other tests take too long without compiled ones.
+COVERED_UNCOMPILED := tests/kernels tests/operators tests/outcomes
+coverage: $(READY)
+	$(BIN)/python -m coverage erase
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m coverage run -m pytest -m "not compiled_only" $(COVERED_UNCOMPILED)
+	$(BIN)/python -m coverage run -m pytest --ignore tests/fuzz --numprocesses 2 --maxprocesses 2 --dist worksteal
+	$(BIN)/python -m coverage combine --quiet
+	$(BIN)/python -m coverage report
+
+compatibility: $(READY)
+	$(BIN)/python -m checks.compatibility --out results/compatibility/compatibility.csv
+
+mutations: $(READY)
+	$(BIN)/python -m checks.mutations --out results/mutations/mutations.csv
 
 format: $(READY)
 	$(BIN)/ruff check --fix
@@ -85,4 +116,6 @@ clean-kernels:
 	find src tests -name '*.nb[ci]' -delete
 
 clean:
+	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache dist .coverage .coverage.* results/demo results/bench \
+		docs/_build docs/reference/names
 	find . -name __pycache__ -prune -exec rm -rf {} +

@@ -5,7 +5,8 @@ import signal
 import subprocess
 import sys
 
-from hypothesis import HealthCheck, settings
+import numba
+from hypothesis import HealthCheck, Phase, settings
 
 from tests.examples import examples
 from tests.forked import ADDRESS, start_server
@@ -14,6 +15,25 @@ from tests.forked import ADDRESS, start_server
 patient = examples(100, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile("botohe", patient)
 settings.load_profile("botohe")
+
+# For `make coverage`: a hundred times slower, so few examples have to do, and none is made smaller.
+UNCOMPILED = bool(numba.config.DISABLE_JIT)
+MOST_UNCOMPILED_EXAMPLES = 10
+if UNCOMPILED:
+    settings.register_profile("uncompiled", phases=(Phase.explicit, Phase.generate))
+    settings.load_profile("uncompiled")
+
+
+def pytest_collection_modifyitems(items):
+    """Let tests with drawn examples draw few of them where kernels are not compiled."""
+    name = "_hypothesis_internal_use_settings"  # what hypothesis's own plugin reads, too
+    for item in items if UNCOMPILED else ():
+        test = getattr(item, "obj", None)
+        given = getattr(test, name, None)
+        if given is not None:
+            fewer = min(given.max_examples, MOST_UNCOMPILED_EXAMPLES)
+            setattr(getattr(test, "__func__", test), name, settings(given, max_examples=fewer))
+
 
 # Under nohup, or in the background of a script, these are ignored, and so would all processes do.
 for name, usual in {"SIGHUP": signal.SIG_DFL, "SIGINT": signal.default_int_handler}.items():

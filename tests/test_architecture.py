@@ -73,7 +73,7 @@ ROOMS = {
 }
 
 KERNELS_MAY_IMPORT = re.compile(
-    r"(__future__|collections\.abc|functools|gc|heapq|math|numba|os|numpy|typing|botohe_moo\.(_base\.types|kernels))(\.|$)"
+    r"(__future__|collections\.abc|functools|gc|heapq|math|numba|os|numpy|pathlib|typing|botohe_moo\.(_base\.types|kernels))(\.|$)"
 )
 
 
@@ -190,6 +190,7 @@ UNSAFE_YAML = re.compile(
 UNSAFE_JOBLIB = re.compile(r"joblib\.(?!(Parallel|delayed)\b)")  # its files are pickles
 UNSAFE_BUILTINS = {"__import__", "compile", "eval", "exec"}
 UNSAFE_METHODS = {"read_pickle", "to_pickle"}
+SAFE_KEYWORDS = {"allow_pickle=False"}  # which forbids it; a variable may be true
 
 
 def random_faults(tree):
@@ -207,7 +208,11 @@ def unsafe_faults(tree):
         if (
             (isinstance(node, ast.Call) and dotted(node.func) in UNSAFE_BUILTINS)
             or (isinstance(node, ast.Attribute) and node.attr in UNSAFE_METHODS)
-            or (isinstance(node, ast.keyword) and node.arg == "allow_pickle")
+            or (
+                isinstance(node, ast.keyword)
+                and node.arg == "allow_pickle"
+                and ast.unparse(node) not in SAFE_KEYWORDS
+            )
         ):
             faults.append(ast.unparse(node))
     return faults
@@ -650,7 +655,14 @@ class TestForbidden:
         assert unsafe_faults(ast.parse(line))
 
     @pytest.mark.parametrize(
-        "line", ["yaml.safe_load(text)", "json.load(file)", "re.compile(x)", "model.eval()"]
+        "line",
+        [
+            "yaml.safe_load(text)",
+            "json.load(file)",
+            "re.compile(x)",
+            "model.eval()",
+            "np.load(path, allow_pickle=False)",
+        ],
     )
     def test_what_only_reads_is_allowed(self, line):
         assert unsafe_faults(ast.parse(line)) == []

@@ -357,13 +357,20 @@ class TestBatch:
 
     def test_plans_and_slices_share_nothing_with_the_batch(self, plans, batch):
         first, part = batch[0], batch[:]
-        batch.nodes[:] = 9
+        batch.arrays[0][:] = 9
         assert first.trails == plans[0].trails
         assert trails_of(part) == trails_of(plans)
 
-    def test_plans_are_read_only_while_the_batch_is_not(self, batch):
-        assert not batch[0].nodes.flags.writeable
-        assert batch.nodes.flags.writeable
+    def test_arrays_are_read_only(self, batch):
+        for array in (batch[0].nodes, batch[0].offsets, batch.nodes, batch.offsets):
+            with pytest.raises(ValueError, match="read-only"):
+                array[0] = 1
+
+    def test_arrays_that_were_given_may_change(self):
+        nodes, offsets = np.array([0, 1, 0], np.int32), np.array([0, 3])
+        batch = PlanBatch(nodes, offsets, 1)
+        nodes[:], offsets[:] = 9, 9
+        assert trails_of(batch) == [((0, 1, 0),)]
 
     def test_to_array_is_what_pymoo_calls_x(self, plans, batch):
         array = batch.to_array()
@@ -394,7 +401,7 @@ class TestBatch:
 
     def test_a_deep_copy_has_its_own_arrays(self, plans, batch):
         again = copy.deepcopy(batch)
-        batch.nodes[:] = 9
+        batch.arrays[0][:] = 9
         assert trails_of(again) == trails_of(plans)
 
     @given(plan_lists(), st.slices(6))

@@ -1,5 +1,9 @@
 """Quality of a front as one number: area, IGD+ and additive epsilon."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
 import moocore
 import numpy as np
 from numpy.typing import ArrayLike
@@ -31,8 +35,8 @@ def area_indicator(objectives: ArrayLike, mission: Mission) -> float:
     Raises
     ------
     ValueError
-        If ``objectives`` is not of shape (n, 2), holds NaN or infinity, or is ``result.F``, which
-        holds the negatives.
+        If ``objectives`` is not of shape (n, 2), holds NaN or infinity, is ``result.F``, which
+        holds the negatives, or is above what there is on the mission: it is of another one.
 
     Notes
     -----
@@ -47,8 +51,15 @@ def area_indicator(objectives: ArrayLike, mission: Mission) -> float:
     >>> area_indicator([[5, 1], [2, 2]], toy)  # (5 · 1 + 2 · 1) / (10 · 2)
     0.35
     """
-    whole = check_mission(mission).total_reward * mission.robots
+    most = np.array([check_mission(mission).total_reward, mission.robots])
+    whole = float(most.prod())
     values = check_objectives("objectives", objectives)
+    above = values > most * (1.0 + _ROUNDING)
+    if above.any():
+        raise ValueError(
+            f"Expected E[R] <= {most[0]:g} and E[S] <= {mission.robots}, all that mission "
+            f"{mission.name!r} has, got {_row(values, above)}: the front is of another mission."
+        )
     if whole == 0 or len(values) == 0:
         return 0.0
     area = float(moocore.hypervolume(values, ref=[0.0, 0.0], maximise=True)) / whole
@@ -102,6 +113,74 @@ def epsilon_indicator(objectives: ArrayLike, reference: ArrayLike, mission: Miss
     return float(moocore.epsilon_additive(points, ref=targets, maximise=True))
 
 
+def _front_size(objectives: FloatArray, mission: Mission) -> float:  # noqa: ARG001
+    return float(len(objectives))
+
+
+@dataclass(frozen=True)
+class Indicator:
+    """What studies know of an indicator: their tables, reports and files follow from it.
+
+    ``function`` takes points (n, 2), the non-dominated E[R] and E[S] of a run or none, the mission,
+    and between them, if it needs one, the reference front (m, 2). It gives a finite number, without
+    points that of the single plan that brings nothing back, (0, 0).
+    """
+
+    label: str  # in reports
+    function: Callable[..., float]
+    higher_is_better: bool | None  # None: it describes a front and does not judge it
+    needs_reference: bool = False
+    long_label: str = ""  # beside axes and in descriptions of columns; default: the label
+    latex: str = ""  # heads a column; default: the label
+
+    @property
+    def in_words(self) -> str:
+        """The long label."""
+        return self.long_label or self.label
+
+    @property
+    def is_distance(self) -> bool:
+        """Whether less is better, and the reference front best: figures show how it falls."""
+        return self.needs_reference and self.higher_is_better is False
+
+    def measure(self, points: FloatArray, reference: FloatArray | None, mission: Mission) -> float:
+        """Compute it for the points of a front; a ValueError if it gives no finite number."""
+        given = (points, reference, mission) if self.needs_reference else (points, mission)
+        value = self.function(*given)
+        if not np.isfinite(value):
+            raise ValueError(f"Indicator {self.label!r}: expected a finite number, got {value}.")
+        return float(value)
+
+
+# All that a study file may name, in the order of tables: a line here makes a function an indicator.
+INDICATORS: dict[str, Indicator] = {
+    "area": Indicator(
+        "area", area_indicator, higher_is_better=True, long_label="area (normalised hypervolume)"
+    ),
+    "igd_plus": Indicator(
+        "IGD+",
+        igd_plus_indicator,
+        higher_is_better=False,
+        needs_reference=True,
+        latex=r"IGD\textsuperscript{+}",
+    ),
+    "epsilon": Indicator(
+        "epsilon",
+        epsilon_indicator,
+        higher_is_better=False,
+        needs_reference=True,
+        long_label="additive epsilon",
+        latex=r"$\varepsilon$",
+    ),
+    "front_size": Indicator("front size", _front_size, higher_is_better=None),
+}
+
+
+def further_indicators() -> tuple[str, ...]:
+    """Give all but the two that are in every table anyway: the area and the size of the front."""
+    return tuple(name for name in INDICATORS if name not in ("area", "front_size"))
+
+
 def check_objectives(name: str, given: ArrayLike) -> FloatArray:
     """Convert to an array (n, 2) of E[R] and E[S]; n may be 0, and minus infinity is accepted.
 
@@ -126,14 +205,21 @@ def check_objectives(name: str, given: ArrayLike) -> FloatArray:
         return np.empty((0, 2))
     if values.ndim != 2 or values.shape[1] != 2:
         raise ValueError(f"Expected {name} of shape (n, 2), got {values.shape}.")
-    if not (values < np.inf).all():
-        raise ValueError(f"Expected {name} without NaN and infinity, got {values}.")
+    is_wrong = ~(values < np.inf).all(axis=1)
+    if is_wrong.any():
+        raise ValueError(f"Expected {name} without NaN and infinity, got {_row(values, is_wrong)}.")
     if np.isfinite(values).all() and (values <= 0).all() and (values < 0).any():
         raise ValueError(
-            f"Expected E[R] and E[S], which are at least 0, got {values}; pymoo's F holds their "
-            "negatives: give -result.F."
+            f"Expected E[R] and E[S], which are at least 0, got {_row(values, values < 0)}; "
+            "pymoo's F holds their negatives: give -result.F."
         )
     return values
+
+
+def _row(values: FloatArray, is_wrong: Any) -> str:
+    """Name the first row in which something is wrong."""
+    row = int(np.argwhere(is_wrong)[0, 0])
+    return f"{values[row].tolist()} in row {row}"
 
 
 def _normalised(
@@ -146,7 +232,8 @@ def _normalised(
         raise ValueError("Expected at least one point in reference, got none.")
     for name, values in (("objectives", points), ("reference", targets)):
         if not np.isfinite(values).all():
-            raise ValueError(f"Expected {name} without NaN and infinity, got {values}.")
+            found = _row(values, ~np.isfinite(values))
+            raise ValueError(f"Expected {name} without NaN and infinity, got {found}.")
     if not len(points):
         points = np.zeros((1, 2))  # moocore scores an empty set as perfect
     reward = mission.total_reward

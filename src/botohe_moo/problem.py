@@ -153,10 +153,26 @@ class BOTOHE(Problem):
 
     def _evaluate(self, x: ObjectArray, out: dict[str, Any], *_: Any, **__: Any) -> None:
         batch = self.mission.batch(x)
-        out["F"] = self.checked("F", self.evaluate_batch(batch), len(batch))
-        if self.n_ieq_constr and type(self)._evaluate is BOTOHE._evaluate:
-            # A subclass with an evaluation of its own computes its own constraints.
-            out["G"] = self.checked("G", self.constrain_batch(batch), len(batch))
+        F, G = self.evaluate_batch(batch), self.constrain_batch(batch)
+        if type(self)._evaluate is BOTOHE._evaluate:
+            F = self.checked("F", F, len(batch))
+            G = self.checked("G", G, len(batch))
+        out["F"] = F  # to which an override may add columns, or put others in their place
+        if G.shape[1]:
+            out["G"] = G
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether the objectives are E[R] and E[S], as far as one can tell: nothing overrides them.
+
+        Examples
+        --------
+        >>> from botohe_moo import BOTOHE, load_mission
+        >>> BOTOHE(load_mission("toy")).is_plain
+        True
+        """
+        methods = ("_evaluate", "evaluate_batch")
+        return self.n_obj == 2 and not any(overrides(self, method) for method in methods)
 
     def checked(self, what: str, values: Any, n_plans: int) -> FloatArray:
         """Refuse, by a ValueError, values of a wrong shape, and those that are not finite.
@@ -173,6 +189,8 @@ class BOTOHE(Problem):
         if computed.shape == shape and np.isfinite(computed).all():
             return computed
         method = "evaluate_batch" if what == "F" else "constrain_batch"
+        if overrides(self, "_evaluate"):
+            method = "_evaluate"
         expected = f"Expected {method} of {type(self).__name__} to give"
         if computed.shape != shape:
             raise ValueError(f"{expected} {what} of shape {shape}, got {computed.shape}.")
@@ -184,8 +202,17 @@ class BOTOHE(Problem):
         return f"BOTOHE({self.mission.name})"
 
 
+def overrides(problem: BOTOHE, method: str) -> bool:
+    """Tell whether a problem has a method of its own in place of :class:`BOTOHE`'s."""
+    own = getattr(type(problem), method) is not getattr(BOTOHE, method)
+    return own or method in vars(problem)
+
+
 class FrontOutput(Output):
     """What pymoo prints under ``verbose=True``: area, largest expected reward, front size.
+
+    Of a problem with objectives of its own, too, area and reward are those of the plans' E[R] and
+    E[S].
 
     Examples
     --------
@@ -214,7 +241,10 @@ class FrontOutput(Output):
         opt = algorithm.opt
         objectives = np.empty((0, 2))
         if opt is not None and opt.get("feas").any():
-            objectives = -opt[opt.get("feas")].get("F")
+            opt = opt[opt.get("feas")]
+            plain = algorithm.problem.is_plain
+            mission = algorithm.problem.mission
+            objectives = -opt.get("F") if plain else mission.evaluate(opt.get("X"))
         self.area.set(area_indicator(objectives, algorithm.problem.mission))
         self.reward.set(float(objectives[:, 0].max()) if len(objectives) else None)
         self.size.set(len(objectives))

@@ -189,10 +189,10 @@ class PlanBatch:
     (array([0, 1, 0, 0, 0, 0], dtype=int32), array([0, 3, 4, 5, 6]))
     """
 
-    __slots__ = ("n_robots", "nodes", "offsets")
+    __slots__ = ("_nodes", "_offsets", "n_robots")
 
-    nodes: IntArray
-    offsets: OffsetArray
+    _nodes: IntArray
+    _offsets: OffsetArray
     n_robots: int
 
     def __init__(self, nodes: IntArray, offsets: OffsetArray, n_robots: int) -> None:
@@ -210,14 +210,36 @@ class PlanBatch:
             raise ValueError(
                 f"Expected a multiple of n_robots = {n_robots} trails, got {len(offsets) - 1}."
             )
-        self.nodes, self.offsets, self.n_robots = nodes, offsets, n_robots
+        self._nodes, self._offsets, self.n_robots = nodes.copy(), offsets.copy(), n_robots
 
     @classmethod
     def _wrap(cls, nodes: IntArray, offsets: OffsetArray, n_robots: int) -> Self:
         """Wrap arrays that a kernel has made, without checks and copies."""
         batch = cls.__new__(cls)
-        batch.nodes, batch.offsets, batch.n_robots = nodes, offsets, n_robots
+        batch._nodes, batch._offsets, batch.n_robots = nodes, offsets, n_robots
         return batch
+
+    @property
+    def nodes(self) -> IntArray:
+        """Node indices of all trails of all plans, one after another (read-only)."""
+        view = self._nodes.view()
+        view.flags.writeable = False
+        return view
+
+    @property
+    def offsets(self) -> OffsetArray:
+        """Where each trail begins in ``nodes``, and their length at the end (read-only)."""
+        view = self._offsets.view()
+        view.flags.writeable = False
+        return view
+
+    @property
+    def arrays(self) -> tuple[IntArray, OffsetArray]:
+        """Nodes and offsets as kernels take them, which are compiled for arrays one may write to.
+
+        Not to be changed.
+        """
+        return self._nodes, self._offsets
 
     @classmethod
     def from_plans(cls, plans: Iterable[TrailPlan] | ObjectArray, n_robots: int) -> Self:
@@ -257,11 +279,11 @@ class PlanBatch:
         sizes = {batch.n_robots for batch in batches}
         if len(sizes) != 1:
             raise ValueError(f"Expected batches of one team size, got {sorted(sizes) or 'none'}.")
-        offsets = _offsets(np.concatenate([np.diff(batch.offsets) for batch in batches]))
-        return cls._wrap(np.concatenate([batch.nodes for batch in batches]), offsets, sizes.pop())
+        offsets = _offsets(np.concatenate([np.diff(batch._offsets) for batch in batches]))
+        return cls._wrap(np.concatenate([batch._nodes for batch in batches]), offsets, sizes.pop())
 
     def __len__(self) -> int:
-        return (len(self.offsets) - 1) // self.n_robots
+        return (len(self._offsets) - 1) // self.n_robots
 
     @overload
     def __getitem__(self, index: int) -> TrailPlan: ...
@@ -276,8 +298,8 @@ class PlanBatch:
             raise TypeError(f"Expected a plan index or a slice, got {index!r}.") from None
         except IndexError:
             raise IndexError(f"Expected a plan index below {len(self)}, got {index}.") from None
-        offsets = self.offsets[cut : cut + self.n_robots + 1]
-        nodes = self.nodes[offsets[0] : offsets[-1]]
+        offsets = self._offsets[cut : cut + self.n_robots + 1]
+        nodes = self._nodes[offsets[0] : offsets[-1]]
         return TrailPlan._wrap(nodes.tobytes(), (offsets - offsets[0]).tobytes())
 
     def take(self, plans: ArrayLike) -> Self:
@@ -285,17 +307,17 @@ class PlanBatch:
         chosen = np.asarray(plans)
         chosen = np.flatnonzero(chosen) if chosen.dtype == bool else chosen.astype(np.int64)
         trails = (chosen[:, np.newaxis] * self.n_robots + np.arange(self.n_robots)).ravel()
-        lengths = np.diff(self.offsets)[trails]
+        lengths = np.diff(self._offsets)[trails]
         offsets = _offsets(lengths)
-        shift = np.repeat(self.offsets[trails] - offsets[:-1], lengths)
-        return self._wrap(self.nodes[np.arange(len(shift)) + shift], offsets, self.n_robots)
+        shift = np.repeat(self._offsets[trails] - offsets[:-1], lengths)
+        return self._wrap(self._nodes[np.arange(len(shift)) + shift], offsets, self.n_robots)
 
     def __iter__(self) -> Iterator[TrailPlan]:
         n_plans, n_robots = len(self), self.n_robots
-        starts = self.offsets[:-1].reshape(n_plans, n_robots)
-        stops = self.offsets[n_robots::n_robots]
+        starts = self._offsets[:-1].reshape(n_plans, n_robots)
+        stops = self._offsets[n_robots::n_robots]
         offsets = (np.column_stack([starts, stops]) - starts[:, :1]).tobytes()
-        nodes, width = self.nodes.tobytes(), 8 * (n_robots + 1)
+        nodes, width = self._nodes.tobytes(), 8 * (n_robots + 1)
         cuts = zip((4 * starts[:, 0]).tolist(), (4 * stops).tolist(), strict=True)
         for i, (start, stop) in enumerate(cuts):
             yield TrailPlan._wrap(nodes[start:stop], offsets[i * width : (i + 1) * width])
@@ -307,10 +329,10 @@ class PlanBatch:
         return array
 
     def __reduce__(self) -> tuple[object, ...]:
-        return type(self)._wrap, (self.nodes, self.offsets, self.n_robots)
+        return type(self)._wrap, (self._nodes, self._offsets, self.n_robots)
 
     def __repr__(self) -> str:
-        return f"<PlanBatch of {len(self)} plans, {self.n_robots} robots, {len(self.nodes)} nodes>"
+        return f"<PlanBatch of {len(self)} plans, {self.n_robots} robots, {len(self._nodes)} nodes>"
 
 
 # A batch, any iterable of plans, or an array such as ``result.X``.

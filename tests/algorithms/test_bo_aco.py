@@ -2,6 +2,9 @@
 
 import copy
 import pickle
+import subprocess
+import sys
+import textwrap
 
 import networkx as nx
 import numpy as np
@@ -82,6 +85,36 @@ def same_result(one, other):
         and one.X[:, 0].tolist() == other.X[:, 0].tolist()
         and one.algorithm.pheromone_maps.equals(other.algorithm.pheromone_maps)
     )
+
+
+def test_a_forked_process_goes_on_with_threads_of_its_own():
+    """A copy of the parent's pool would wait for threads that are not there."""
+    code = """
+        import multiprocessing as mp
+        import numpy as np
+        from botohe_moo import BOACO, BOTOHE, load_mission
+
+        def go_on(algorithm, send):
+            algorithm.next()
+            send.put(algorithm.archive.objectives.tolist())
+
+        algorithm = BOACO(n_ants=20, n_threads=2)
+        algorithm.setup(BOTOHE(load_mission("art_museum")), termination=("n_gen", 9), seed=1)
+        algorithm.next()
+        context = mp.get_context("fork")
+        receive = context.Queue()
+        child = context.Process(target=go_on, args=(algorithm, receive), daemon=True)
+        child.start()
+        found = receive.get(timeout=60)
+        child.join(60)
+        assert child.exitcode == 0, child.exitcode
+        algorithm.next()
+        assert found == algorithm.archive.objectives.tolist()
+        print("as in the parent")
+    """
+    command = [sys.executable, "-W", "ignore", "-c", textwrap.dedent(code)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert done.stdout == "as in the parent\n", done.stderr
 
 
 @variants

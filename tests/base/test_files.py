@@ -2,6 +2,7 @@
 
 import errno
 import os
+from pathlib import Path
 
 import pytest
 
@@ -42,6 +43,45 @@ def test_who_reads_meanwhile_sees_the_old_file(tmp_path):
         replace_file(path, b"new")
         assert reader.read() == b"old"
     assert path.read_bytes() == b"new"
+
+
+def test_a_symlink_stays_and_its_file_is_written(tmp_path):
+    (tmp_path / "there").mkdir()
+    link, broken = tmp_path / "link", tmp_path / "broken"
+    (tmp_path / "there" / "plans.json").write_bytes(b"old")
+    link.symlink_to("there/plans.json")
+    broken.symlink_to(tmp_path / "there" / "new.json")
+    for path in (link, broken):
+        replace_file(path, b"new")
+        assert path.is_symlink()
+    assert contents(tmp_path / "there") == {"plans.json": b"new", "new.json": b"new"}
+
+
+def test_a_circle_of_symlinks_is_refused(tmp_path):
+    (tmp_path / "one").symlink_to("other")
+    (tmp_path / "other").symlink_to("one")
+    with pytest.raises(OSError, match="one"):
+        replace_file(tmp_path / "one", b"new")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["one", "other"]
+
+
+def test_devices_pipes_and_folders_are_refused(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "device").symlink_to("/dev/null")
+    (tmp_path / "folder").mkdir()
+    for name, found in (("pipe", "pipe"), ("device", "device"), ("folder", "folder")):
+        with pytest.raises(OSError, match=f"found a .*{found}"):
+            replace_file(tmp_path / name, b"new")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["device", "folder", "pipe"]
+    assert Path("/dev/null").is_char_device()
+
+
+def test_permissions_stay(tmp_path):
+    path = tmp_path / "secret.json"
+    path.write_bytes(b"old")
+    path.chmod(0o600)
+    replace_file(path, b"new")
+    assert path.stat().st_mode & 0o777 == 0o600
 
 
 def test_a_new_file_has_the_usual_permissions(tmp_path):

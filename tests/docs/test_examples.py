@@ -17,7 +17,7 @@ from tests.plugins.test_installed import botohe, pip_install, search_path, write
 
 EXAMPLES = DOCS / "examples"
 # Packages with entry points: these are installed by pip, and found by their names.
-PACKAGES = ("botohe-drift", "botohe-tower")
+PACKAGES = ("botohe-drift", "botohe-tower", "botohe-rich-visit")
 
 
 def as_lines(groups):
@@ -101,6 +101,16 @@ def test_the_study_of_missions_is_one(site, tmp_path):
     (tmp_path / "towers.yaml").write_text(text)
     ended = botohe("study", "plan", "towers.yaml", site=site, cwd=tmp_path)
     assert (ended.status, "18 runs" in ended.out) == (0, True), ended
+
+
+def test_the_mutation_is_known_by_its_name(site, tmp_path):
+    for command in commands("adding-an-operator"):
+        ended = botohe(*command, site=site, cwd=tmp_path)
+        assert ended.status == 0, ended.err
+    (text,) = (t for language, t in blocks(DOCS / "adding-an-operator.md") if language == "yaml")
+    (tmp_path / "mutations.yaml").write_text(text)
+    ended = botohe("study", "plan", "mutations.yaml", site=site, cwd=tmp_path)
+    assert (ended.status, "9 runs" in ended.out) == (0, True), ended
 
 
 @pytest.mark.parametrize("package", PACKAGES)

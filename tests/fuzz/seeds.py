@@ -16,7 +16,7 @@ import botohe_moo.mission
 from botohe_moo import decide, load_mission
 from botohe_moo.mission import Mission, save_mission
 from botohe_moo.search.bounds import FrontBound
-from botohe_moo.search.bounds.front_bound import Line, Step
+from botohe_moo.search.bounds.record import Line, Step
 from botohe_moo.solution import Solution
 from botohe_moo.study import Study, load_study, make_tables
 from botohe_moo.study.file.model import Run

@@ -25,7 +25,7 @@ QUICK = {
     "study-tables": 15,
     "study-folder": 8,
     "merge": 8,
-    "commands": 15,
+    "commands": 30,
 }
 
 

@@ -176,6 +176,7 @@ class TestCut:
         assert best_trail(star, [0, 1, 1, 1], 0.1, width=5)[2]
         assert not best_trail(star, [0, 1, 1, 1], 0.1, width=6)[2]
 
+    @pytest.mark.compiled_only
     def test_at_least_as_good_as_to_stay_and_better_when_wider(self):
         museum = load_mission("art_museum")
         worth = museum.arrays.reward / museum.total_reward
@@ -415,6 +416,7 @@ def test_a_search_gets_the_room_that_it_needs():
     assert kept.tobytes() == usual.labels.tobytes()  # also what has never been written
 
 
+@pytest.mark.compiled_only
 @pytest.mark.parametrize("name", ["art_museum", "power_plant", "terrain_200"])
 def test_large_missions(name):
     """Long trails, ended by reward running out."""

@@ -154,6 +154,7 @@ def assert_frequencies(ants, twin, n_times=20_000):
     return possible
 
 
+@pytest.mark.compiled_only
 @pytest.mark.parametrize(
     ("robots", "allocation"), [(1, "sequential"), (2, "sequential"), (2, "concurrent")]
 )
@@ -181,6 +182,7 @@ def test_ants_choose_as_the_paper_says(robots, changes, allocation):
     assert_frequencies(ants, lambda weight: twin(mission, ants.rule, pheromone, weight))
 
 
+@pytest.mark.compiled_only
 @pytest.mark.parametrize(
     ("limits", "robots", "allocation"),
     [
@@ -213,6 +215,7 @@ def two_leaves():
     return Mission(graph)
 
 
+@pytest.mark.compiled_only
 @pytest.mark.parametrize(
     ("allocation", "ends"), [("sequential", 1 / 12), ("concurrent", 1 / 7)], ids=ALLOCATIONS
 )

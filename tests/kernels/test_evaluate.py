@@ -218,7 +218,7 @@ class TestFaults:
     @pytest.mark.parametrize("cut", [10**10, -5])
     def test_offsets_that_were_changed(self, toy, cut):
         batch = PlanBatch(np.zeros(2, np.int32), np.array([0, 1, 2]), 2)
-        batch.offsets[1] = cut
+        batch.arrays[1][1] = cut
         with pytest.raises(PlanError, match="expected"):
             toy.evaluate(batch)
 

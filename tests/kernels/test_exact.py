@@ -264,6 +264,7 @@ class TestEstimate:
         found_trails(search)
         assert search.n_labels == 3
 
+    @pytest.mark.compiled_only
     def test_it_is_above_the_number_of_labels(self):
         search = search_for(generated(7))
         estimate = np.mean(self.dive(search, 1_000, 1_024))
@@ -271,6 +272,7 @@ class TestEstimate:
         found_trails(search)
         assert search.n_labels < estimate < 10_000 * search.n_labels
 
+    @pytest.mark.compiled_only
     def test_without_room(self):
         """For labels it goes as far as it can, for trails it does not."""
         search = search_for(generated(7))

@@ -266,6 +266,7 @@ def test_what_lies_ahead(case):
             kernels.clear_trail(graph, work)
 
 
+@pytest.mark.compiled_only
 @pytest.mark.parametrize("name", ["art_museum", "toy"])
 def test_the_bound_changes_nothing_but_the_time_it_takes(name):
     mission = load_mission(name)
@@ -286,6 +287,7 @@ def test_the_bound_changes_nothing_but_the_time_it_takes(name):
     assert outcomes[0] == outcomes[1]
 
 
+@pytest.mark.compiled_only
 def test_paths_searched_before_change_nothing():
     mission = load_mission("art_museum")
     with plain_local_search():

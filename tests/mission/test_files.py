@@ -178,7 +178,7 @@ class TestAnyFile:
             lambda: mission.with_robots(0),
             lambda: mission.plan([]),
             lambda: mission.plan([["nowhere"], [3]]),
-            lambda: mission.plan([[3, 3], [3]]),
+            lambda: mission.plan([[mission.base] * 2, [mission.base]]),
         ):
             with pytest.raises(ValueError, match=r"ission 'xxx.*\(5,000 characters\)") as caught:
                 act()

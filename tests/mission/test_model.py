@@ -114,6 +114,30 @@ class TestImmutability:
         assert mission.graph.nodes["reef"]["reward"] == 5
         assert mission.graph.edges["dock", "reef"]["survival"] == 0.9
 
+    @pytest.mark.parametrize("pickled", [False, True])
+    @pytest.mark.parametrize(
+        "change",
+        [
+            lambda graph: graph.nodes["reef"].update(reward=99),
+            lambda graph: graph.nodes["reef"].__setitem__("reward", 99),
+            lambda graph: graph["dock"]["reef"].pop("survival"),
+            lambda graph: graph.pred["reef"]["dock"].clear(),
+            lambda graph: graph.edges["dock", "reef"].__delitem__("survival"),
+            lambda graph: graph.graph.setdefault("max_length", 1),
+            lambda graph: nx.set_edge_attributes(graph, 0.5, "survival"),
+        ],
+    )
+    def test_attributes_cannot_be_changed(self, mission, change, pickled):
+        if pickled:
+            mission = pickle.loads(pickle.dumps(mission))
+        before = nx.node_link_data(mission.graph, edges="edges")
+        with pytest.raises(TypeError, match=r"cannot be changed: change mission\.graph\.copy()"):
+            change(mission.graph)
+        assert nx.node_link_data(mission.graph, edges="edges") == before
+        copied = mission.graph.copy()
+        change(copied)
+        assert nx.node_link_data(copied, edges="edges") != before
+
     def test_graph_is_frozen_and_arrays_are_read_only(self, mission):
         with pytest.raises(nx.NetworkXError):
             mission.graph.add_edge("dock", "new")

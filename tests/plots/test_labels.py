@@ -139,8 +139,9 @@ class TestDrawable:
     def test_a_mission_with_any_labels_is_drawn_without_a_warning(self, tmp_path):
         nodes = {n: {"reward": 1, "zone": zone} for n, zone in (("港", "一"), ("島", "二"))}
         mission = make(nodes, [("港", "島", 0.9), ("島", "港", 0.9)], base="港")
-        mission.graph.graph["title"] = "島々"
-        titled = Mission(mission.graph, base="港", robots=1)
+        graph = mission.graph.copy()
+        graph.graph["title"] = "島々"
+        titled = Mission(graph, base="港", robots=1)
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             ax = plot_mission(titled, titled.plan([["港", "島", "港"]]))

@@ -12,8 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import Mission, load_mission
-from botohe_moo.search.bounds.front_bound import FrontBound, Line, Step
+from botohe_moo.search.bounds.front_bound import FrontBound
 from botohe_moo.search.bounds.proof import Proof
+from botohe_moo.search.bounds.record import Line, Step
 from botohe_moo.search.bounds.stairs import add_stairs, least_total, stairs_of
 from botohe_moo.search.bounds.steps import Steps, StepSearch
 from botohe_moo.search.bounds.targets import Known, LineTargets, StepTarget, StepTargets

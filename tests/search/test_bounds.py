@@ -21,12 +21,15 @@ from botohe_moo import (
     bound_front,
     load_mission,
 )
+from botohe_moo.kernels.bounds.states import find_states
 from botohe_moo.kernels.graph.graph import Limits
 from botohe_moo.search.bounds import proof as proof_module
 from botohe_moo.search.bounds.envelopes import area_under_highest, convex_below, lower_envelope
-from botohe_moo.search.bounds.front_bound import Line, Step
+from botohe_moo.search.bounds.memory import Remembered
 from botohe_moo.search.bounds.net import new_net
 from botohe_moo.search.bounds.prices import Team, most_levels, refine
+from botohe_moo.search.bounds.record import Line, Step
+from botohe_moo.search.bounds.relaxation import Relaxation
 from botohe_moo.search.exact import exact_front
 from tests.examples import examples
 from tests.strategies import missions
@@ -181,11 +184,56 @@ def test_nothing_to_collect_and_nowhere_to_go(robots):
 
 def test_little_memory_gives_a_weaker_bound(no_front):
     mission = load_mission("terrain", nodes=11, robots=2, seed=3)
-    weak = bound_front(mission, time_limit=0.5, memory_limit=0.001)
+    weakest = bound_front(mission, time_limit=0.5, memory_limit=0.001)
+    weak = bound_front(mission, time_limit=0.5, memory_limit=0.02)
     found = bound_front(mission, time_limit=1.5)
-    assert weak.area >= found.area * (1 - 1e-3)
+    assert weakest.area > weak.area >= found.area * (1 - 1e-3)
+    assert weakest.notes == ("Prices for so many robots and nodes do not fit into the memory.",)
     assert weak.notes == ("Relaxed trails remember less than they would with more memory.",)
     assert found.notes == ()
+
+
+def test_too_little_time_to_remember_is_said(no_front, monkeypatch):
+    monkeypatch.setattr(proof_module, "_PREPARING", 1e9)
+    museum = load_mission("art_museum")
+    bound = bound_front(museum, time_limit=1)
+    assert bound.notes == ("Relaxed trails remember nothing: there is too little time.",)
+    assert 0.533 < bound.area < 1
+
+
+@pytest.mark.parametrize("robots", [150, 5_000])
+def test_hundreds_of_robots(robots):
+    """All of them look for the reward of 10, for which only the first ones matter."""
+    toy = load_mission("toy", robots=robots)
+    bound = bound_front(toy, time_limit=1)
+    plan = toy.evaluate([toy.plan([[1, 2, 1]] * robots)])[0]
+    assert bound.bound(plan[1]) >= plan[0]
+    assert 0.9 < bound.area < 1
+    assert isinstance(bound.area, float)
+    with pytest.raises(ValueError, match="at most 5,000 robots, got 5,001"):
+        bound_front(load_mission("toy", robots=5_001))
+
+
+def test_as_much_is_remembered_as_there_is_room_for():
+    """The most bits for which states are few enough, found by halving, as one by one."""
+    net = new_net(load_mission("art_museum").arrays, Limits())
+    for most_states in (30, 1_000, 5_000, 1_000_000):
+        wanted = Remembered(net, 8, 10, 3_000)
+        made = Relaxation(
+            net,
+            wanted,
+            np.random.default_rng(1),
+            most_bits=14,
+            most_states=most_states,
+            n_searched=1,
+        )
+        expected, n_bits = Remembered(net, 8, 10, 3_000), 10
+        while len((states := find_states(net, expected.pack(), most_states)).node) == 0:
+            n_bits -= 1
+            expected.bits = [bits[:n_bits] for bits in expected.bits]
+        assert made.remembers_less == (n_bits < 10)
+        assert wanted.bits == expected.bits
+        assert len(made.states.node) == len(states.node)
 
 
 class TestByHand:
@@ -235,9 +283,31 @@ class TestByHand:
         assert bound.area == pytest.approx((7.5 * 0.5 + 5 * 0.75) / 20)
         assert bound.gap([[7.5, 0.5], [5.0, 1.25], [0.0, 2.0]]) == pytest.approx(0.0, abs=1e-9)
 
-    def test_nan_is_refused(self, bound):
-        with pytest.raises(ValueError, match="without NaN"):
-            bound.bound([0.5, np.nan])
+    @pytest.mark.parametrize("survivors", [[0.5, np.nan], None, "a", [[1.0], [1.0, 2.0]]])
+    def test_what_is_not_numbers_is_refused(self, bound, survivors):
+        for give in (bound.bound, bound.by_robots):
+            with pytest.raises(ValueError, match=r"survivors (without NaN|as numbers), got"):
+                give(survivors)
+
+    @pytest.mark.parametrize(
+        ("plan", "most"), [([7.6, 0.3], "7.5"), ([8.1, 0.0], "8"), ([0.0, 2.1], "no plan")]
+    )
+    def test_a_front_above_is_refused(self, bound, plan, most):
+        found = rf"front: row 1 has {plan[0]:g} expected reward with {plan[1]:g}.* {most}"
+        with pytest.raises(ValueError, match=found):
+            bound.gap([[1.0, 0.1], plan])
+
+    def test_a_front_on_the_bound_is_not_above(self, bound):
+        assert bound.gap([[7.5 * (1 + 1e-12), 0.5], [0.0, 2 * (1 + 1e-12)]]) >= 0
+
+    @pytest.mark.parametrize("no_front_found", [False, True])
+    def test_a_front_of_another_mission_is_refused(self, mission, monkeypatch, no_front_found):
+        """Whatever proves it: 7.6 are too many, 10.1 more than there are."""
+        if no_front_found:
+            monkeypatch.setattr(proof_module.Proof, "find_front", lambda _: False)
+        for reward in (7.6, 10.1):
+            with pytest.raises(ValueError, match=f"front: row 0 has {reward} expected reward"):
+                bound_front(mission, front=[[reward, 0.5]], time_limit=5)
 
     def test_files_and_pickles(self, bound, mission, tmp_path):
         path = tmp_path / "bound.json"
@@ -251,7 +321,18 @@ class TestByHand:
         ("change", "named"),
         [
             ({"format": "other"}, "format"),
-            ({"lines": [[1, "x", 0.0, "exact"]]}, "lines.0"),
+            ({"lines": [[1, "x", 0.0, "exact"]]}, "lines.0.1: .* number, found 'x'"),
+            ({"lines": [[1, "1.5", 0.0, "exact"]]}, "lines.0.1: .* found '1.5'"),
+            ({"lines": [[True, 1.0, 0.0, "exact"]]}, "lines.0.0: .* found True"),
+            ({"lines": [[0, 1.0, 0.0, "exact"]]}, "lines.0.0: .* found 0"),
+            ({"lines": [[1, 1.0, -2.0, "exact"]]}, "lines.0.2: .* found -2.0"),
+            ({"lines": [[1, 1.0, 0.0, "guessed"]]}, "lines.0.3: .* found 'guessed'"),
+            ({"lines": [[n, 1.0, 0.0, "exact"] for n in (1, 2, 3)]}, "3 robots move in it"),
+            ({"lines": []}, "no line for 1 robots"),
+            ({"steps": [[2, 7.5, -0.25, "front"]]}, "steps.0.2: .* found -0.25"),
+            ({"seconds": "1"}, "seconds: .* found '1'"),
+            ({"max_length": -1}, "max_length: .* found -1"),
+            ({"notes": "none"}, "notes: .* found 'none'"),
             ({"lines": [[1, 1.0, 0.0, "exact"]]}, "2 robots"),
             ({"steps": None}, "steps"),
             ({"extra": 1}, "extra"),
@@ -264,9 +345,22 @@ class TestByHand:
         path.write_text(json.dumps(json.loads(path.read_text()) | change))
         with pytest.raises(ValueError, match=named):
             FrontBound.load(path, mission)
-        path.write_text("{")
-        with pytest.raises(ValueError, match="is not a bound"):
+
+    @pytest.mark.parametrize(
+        "text", ["{", "", "[]", "[" * 100_000, '{"format": 1, "format": 2}', "\xff", "NaN"]
+    )
+    def test_other_files_are_refused(self, mission, tmp_path, text):
+        path = tmp_path / "bound.json"
+        path.write_bytes(text.encode("latin-1"))
+        with pytest.raises(ValueError, match=r"bound.json is not a bound: .*\.$"):
             FrontBound.load(path, mission)
+
+    def test_places_that_are_not_files(self, bound, mission):
+        for use in (bound.save, lambda path: FrontBound.load(path, mission)):
+            with pytest.raises(IsADirectoryError):
+                use("")
+        with pytest.raises(TypeError, match="Expected a Mission, got 'toy'"):
+            FrontBound.load("bound.json", "toy")
 
 
 @pytest.mark.parametrize(
@@ -274,11 +368,14 @@ class TestByHand:
     [
         ({"time_limit": 0}, "time_limit"),
         ({"memory_limit": -1}, "memory_limit"),
+        ({"memory_limit": 1e308}, "memory_limit"),
+        ({"max_length": np.ones(2)}, "max_length"),
         ({"gap": -0.1}, "gap"),
         ({"seed": -1}, "seed"),
         ({"min_survival": 2}, "min_survival"),
         ({"front": [1.0, 2.0]}, "shape"),
         ({"front": [[-1.0, -2.0]]}, "-result.F"),
+        ({"front": -np.ones((400, 2))}, r"got \[-1.0, -1.0\] in row 0; pymoo's"),
         ({"front": "plans"}, "front of shape .n, 2., got 'plans'"),
         ({"front": [[1.0, np.nan]]}, "front without NaN"),
     ],
@@ -286,6 +383,11 @@ class TestByHand:
 def test_bad_parameters_are_named(options, named):
     with pytest.raises(ValueError, match=named):
         bound_front(load_mission("toy"), **options)
+
+
+def test_a_callback_that_cannot_be_called_is_named():
+    with pytest.raises(TypeError, match="Expected callback to be callable, got 3"):
+        bound_front(load_mission("toy"), callback=3)
 
 
 def test_a_programme_without_a_solution_does_no_harm(no_front, monkeypatch):
@@ -460,3 +562,18 @@ def test_area_under_the_highest_line():
     assert area_under_highest(heights, rises) == pytest.approx(0.75)
     assert area_under_highest(np.array([1.0]), np.array([-1.0])) == pytest.approx(0.5)
     assert area_under_highest(np.array([-np.inf]), np.array([0.0])) == 0.0
+
+
+@given(st.lists(st.tuples(st.integers(-9, 9), st.integers(-9, 9)), min_size=1, max_size=12))
+def test_area_under_the_highest_of_many_lines(lines):
+    """The largest of all integer lines bends at fractions of at most 18: summed up exactly."""
+    heights, rises = np.array(lines, float).T
+    places = sorted({Fraction(i, n) for n in range(1, 19) for i in range(n + 1)})
+    values = [max(height + rise * place for height, rise in lines) for place in places]
+    exact = sum(
+        (after - before) * (low + high) / 2
+        for before, after, low, high in zip(
+            places[:-1], places[1:], values[:-1], values[1:], strict=True
+        )
+    )
+    assert area_under_highest(heights, rises) == pytest.approx(float(exact), abs=1e-12)

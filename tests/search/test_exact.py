@@ -216,7 +216,7 @@ class TestSearch:
             ({"max_length": -1}, r"Expected max_length >= 0, got -1\."),
             ({"time_limit": 0}, r"Expected time_limit > 0, got 0\."),
             ({"time_limit": float("inf")}, r"Expected time_limit > 0 and finite, got inf\."),
-            ({"memory_limit": -1}, r"Expected memory_limit > 0, got -1\."),
+            ({"memory_limit": -1}, r"Expected memory_limit in \(0, 1e\+09\], got -1\."),
         ],
     )
     def test_parameters_out_of_range(self, parameters, message):

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from botohe_moo.indicators import TIE
+from botohe_moo.indicators import INDICATORS, TIE
 from botohe_moo.study.judge.comparisons import compare_algorithms, effect_size
 from botohe_moo.study.judge.ranks import (
     MIN_BLOCKS,
@@ -22,7 +22,6 @@ from botohe_moo.study.judge.ranks import (
     rank_algorithms,
 )
 from botohe_moo.study.judge.scores import (
-    INDICATORS,
     as_table,
     merge_ties,
     reference_fronts,

@@ -169,10 +169,11 @@ class Remembers(Walks):
 
 
 class Meddles(Walks):
-    """Writes into the mission's graph."""
+    """Gives the mission another graph."""
 
     def _setup(self, problem, **options):
         super()._setup(problem, **options)
+        problem.mission.graph = problem.mission.graph.copy()
         problem.mission.graph.graph["seen"] = True
 
 

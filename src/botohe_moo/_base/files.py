@@ -41,6 +41,19 @@ def read_bytes(path: Path) -> bytes:
     return path.read_bytes()
 
 
+def _mode_of(path: Path) -> int | None:
+    """Give the permissions of a file; None if it is not there."""
+    try:
+        mode = path.stat().st_mode
+    except FileNotFoundError:
+        return None
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(errno.EISDIR, "expected a file, found a folder", str(path))
+    if not stat.S_ISREG(mode):
+        raise OSError(errno.EINVAL, "expected a file, found a device or a pipe", str(path))
+    return stat.S_IMODE(mode)
+
+
 def check_parent(path: Path) -> None:
     """Refuse, with an OSError that names the folder, a file in a folder that does not exist."""
     folder = path.parent
@@ -51,15 +64,23 @@ def check_parent(path: Path) -> None:
 
 
 def replace_file(path: Path, data: bytes) -> None:
-    """Write ``data`` to a file in one step: it appears complete, or stays as it was."""
-    check_parent(path)
-    temporary = path.with_name(f".{secrets.token_hex(8)}.tmp")
+    """Write ``data`` to a file in one step: it appears complete, or stays as it was.
+
+    A symlink stays, and the file that it leads to is written, with the permissions that it had. An
+    OSError refuses devices and pipes, which would be replaced by a file.
+    """
+    target = Path(os.path.realpath(path))
+    check_parent(target)
+    mode = _mode_of(path)
+    temporary = target.with_name(f".{secrets.token_hex(8)}.tmp")
     try:
         with temporary.open("xb") as file:
+            if mode is not None:
+                temporary.chmod(mode)
             file.write(data)
             file.flush()
             os.fsync(file.fileno())
-        temporary.replace(path)
+        temporary.replace(target)
     except OSError as error:  # which would name the temporary file
         raise OSError(error.errno, error.strerror, str(path)) from None
     finally:

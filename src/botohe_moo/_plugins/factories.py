@@ -16,6 +16,11 @@ from botohe_moo._plugins.types import UNIONS
 _CACHED = type(functools.cache(callable))
 
 
+def is_path(name: str) -> bool:
+    """Tell ``module:Class`` from a registered name."""
+    return ":" in name or "." in name
+
+
 def declared_factory(path: str, group: PluginGroup, wanted: type) -> Callable[..., Any]:
     """Import ``module:name`` or ``module.name``, and make sure that it may be called.
 

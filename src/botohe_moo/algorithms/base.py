@@ -19,7 +19,7 @@ from pymoo.termination.max_gen import MaximumGenerationTermination
 from botohe_moo._base.types import FloatArray, ObjectArray, OffsetArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo.algorithms.individuals import PopulationArchive
-from botohe_moo.problem import BOTOHE, FrontOutput
+from botohe_moo.problem import BOTOHE, FrontOutput, overrides
 from botohe_moo.trails import PlanBatch, TrailPlan, listed_plans
 
 MaxTies: TypeAlias = Annotated[int, Field(ge=1, le=1_000_000_000)]
@@ -97,7 +97,10 @@ class ArchiveAlgorithm(BudgetedAlgorithm):
 
     is_initialized: bool
     evaluates_in_kernels = False
-    """Whether objectives are computed where no override of the problem's is seen."""
+    """Whether objectives are computed where no override of the problem's is seen.
+
+    Problems that override ``evaluate_batch`` or ``constrain_batch`` are then refused.
+    """
 
     @checked
     def __init__(
@@ -129,11 +132,13 @@ class ArchiveAlgorithm(BudgetedAlgorithm):
         check_problem(problem)
         if self.evaluates_in_kernels:
             refuse_overrides(self, problem)
-        if type(problem)._evaluate is not BOTOHE._evaluate:
+        if overrides(problem, "_evaluate"):
             raise TypeError(
                 f"{type(problem).__name__} overrides _evaluate, which {type(self).__name__} does "
-                "not call: override evaluate_batch, which every algorithm heeds."
+                "not call: override evaluate_batch, which it heeds, as population-based algorithms "
+                "do."
             )
+        check_n_objectives(self, problem, 2)
         if problem.n_eq_constr > 0:
             raise ValueError(
                 f"Expected a problem without equality constraints, which {type(self).__name__} "
@@ -241,13 +246,22 @@ def check_problem(problem: Any) -> None:
 def refuse_overrides(algorithm: Algorithm, problem: BOTOHE) -> None:
     """Refuse, by a TypeError, a problem that overrides the evaluation that kernels contain."""
     for method in ("evaluate_batch", "constrain_batch"):
-        own = getattr(type(problem), method) is not getattr(BOTOHE, method)
-        if own or method in vars(problem):
+        if overrides(problem, method):
             raise TypeError(
                 f"{type(problem).__name__} overrides {method}, which {type(algorithm).__name__} "
                 "does not call: it evaluates plans inside a kernel. Algorithms such as BOACO heed "
                 "it."
             )
+
+
+def check_n_objectives(algorithm: Algorithm, problem: BOTOHE, n: int | None) -> None:
+    """Refuse, by a TypeError, a problem of another number of objectives; None: of less than two."""
+    if problem.n_obj < 2 if n is None else problem.n_obj != n:
+        wanted = "two objectives or more" if n is None else f"{n} objectives"
+        raise TypeError(
+            f"{type(algorithm).__name__} searches for fronts of {wanted}, and "
+            f"{type(problem).__name__} has {problem.n_obj}."
+        )
 
 
 def budget(termination: Termination) -> float:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Self
 
+import moocore
 import numpy as np
 from pymoo.core.individual import Individual
 from pymoo.core.population import Population
@@ -66,6 +67,53 @@ class PopulationArchive(PlanArchive):
             }
             self._population = Population.create(*self._individuals.values())
         return self._population
+
+
+class ManyObjectiveArchive:
+    """As :class:`PopulationArchive`, of more than two objectives."""
+
+    def __init__(self, n_robots: int, *, max_ties: int = 1_000) -> None:
+        self.n_robots = n_robots
+        self.max_ties = max_ties
+        self._held = Population()
+
+    def __len__(self) -> int:
+        return len(self._held)
+
+    @property
+    def objectives(self) -> FloatArray:
+        """What is maximised, of each plan."""
+        return np.asarray(-self._held.get("F"), np.float64)
+
+    @property
+    def plans(self) -> PlanBatch:
+        """The plans, in the order of ``objectives``."""
+        return PlanBatch.from_plans([held.X[0] for held in self._held], self.n_robots)
+
+    def absorb(
+        self, batch: PlanBatch, objectives: FloatArray, individuals: Sequence[Individual]
+    ) -> None:
+        """Take in evaluated plans that the archive does not dominate; each plan once."""
+        del batch, objectives  # pymoo's individuals have both
+        first = {each.X[0]: each for each in [*self._held, *individuals][::-1]}
+        candidates = Population.create(*[*first.values()][::-1])
+        F = candidates.get("F")
+        kept = moocore.is_nondominated(F, keep_weakly=True)
+        candidates, F = candidates[kept], F[kept]
+        _, groups = np.unique(F, axis=0, return_inverse=True)
+        by_group = np.argsort(groups, kind="stable")
+        starts = np.searchsorted(groups[by_group], groups[by_group])
+        rank = np.empty(len(F), np.int64)
+        rank[by_group] = np.arange(len(F)) - starts
+        self._held = candidates[rank < self.max_ties]
+
+    def add(self, infills: Population) -> Self:  # noqa: ARG002
+        """Give the archive back, as :meth:`PopulationArchive.add` does."""
+        return self
+
+    def population(self) -> Population:
+        """Give the plans as pymoo knows them."""
+        return self._held
 
 
 def _individual(

@@ -11,9 +11,9 @@ from typing import Any
 
 from botohe_moo._plugins.checks import call_factory
 from botohe_moo._plugins.entry_points import same_factory
-from botohe_moo._plugins.factories import named
+from botohe_moo._plugins.factories import is_path, named
 from botohe_moo._plugins.types import plain_value
-from botohe_moo.algorithms.registry import PLUGINS, accepted_by, find_algorithm, is_path
+from botohe_moo.algorithms.registry import PLUGINS, accepted_by, find_algorithm
 
 # Their versions identify them; all other modules are identified by their file.
 _VERSIONED = frozenset({"botohe_moo", "pymoo"})

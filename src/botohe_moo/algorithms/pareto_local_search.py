@@ -251,6 +251,6 @@ class _SearchArchive(PopulationArchive):
         if self._written_version == self._search.version:
             return
         batch, objectives, numbers = self._search.plans()
-        self._held = Archive(objectives, self._held.hashes, numbers, batch.nodes, batch.offsets)
+        self._held = Archive(objectives, self._held.hashes, numbers, *batch.arrays)
         self._population = None
         self._read_version = self._written_version = self._search.version

@@ -22,8 +22,14 @@ from pymoo.core.survival import Survival
 from botohe_moo._base.types import FloatArray, ObjectArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Count, Probability
-from botohe_moo.algorithms.base import BudgetedAlgorithm, MaxTies, check_options, check_problem
-from botohe_moo.algorithms.individuals import PopulationArchive
+from botohe_moo.algorithms.base import (
+    BudgetedAlgorithm,
+    MaxTies,
+    check_n_objectives,
+    check_options,
+    check_problem,
+)
+from botohe_moo.algorithms.individuals import ManyObjectiveArchive, PopulationArchive
 from botohe_moo.operators.duplicates import PlanDuplicates
 from botohe_moo.operators.repair import PenaltyOnly, PlanRepair
 from botohe_moo.operators.wiring import (
@@ -60,7 +66,9 @@ class PopulationAlgorithm(BudgetedAlgorithm):
         What the pymoo class is made with besides its operators.
     sampling
         Plans to start from: ``guided``, ``random``, a mapping from these to weights, a pymoo
-        sampling, or trail plans, to which guided ones are added where they are too few.
+        sampling, or trail plans, to which guided ones are added where they are too few. This and
+        the other operators may also be named as another package registers them, or as
+        ``module:Class``.
     corners
         Whether the corners of the front, everybody at home and the greedy plan for reward alone,
         are among the plans to start from.
@@ -107,7 +115,7 @@ class PopulationAlgorithm(BudgetedAlgorithm):
 
     pop: Population
     is_initialized: bool
-    archive: PopulationArchive
+    archive: PopulationArchive | ManyObjectiveArchive
     eliminate_duplicates: DuplicateElimination
 
     # Children of each pair.
@@ -175,22 +183,28 @@ class PopulationAlgorithm(BudgetedAlgorithm):
         Parameters
         ----------
         problem
-            What to solve: a :class:`BOTOHE`, or a TypeError is raised.
+            What to solve: a :class:`BOTOHE`, or a TypeError is raised. It may have objectives of
+            its own, also more than two where the algorithm has no directions for two.
         **kwargs
             pymoo's options, such as ``termination`` (default: 100 000 evaluations; a ValueError is
             raised for less than one) and ``seed``.
         """
         check_problem(problem)
+        directions = getattr(self, "ref_dirs", None)
+        check_n_objectives(self, problem, None if directions is None else directions.shape[1])
         if any(isinstance(repair, PenaltyOnly) for repair in self._repairs()):
             problem = problem.allowing_invalid()
-        self.archive = PopulationArchive(problem.mission.robots, max_ties=self.max_ties)
+        kind = PopulationArchive if problem.n_obj == 2 else ManyObjectiveArchive
+        self.archive = kind(problem.mission.robots, max_ties=self.max_ties)
         return super().setup(problem, **kwargs)
 
     def _repairs(self) -> list[object]:
         """List the repairs of all operators, also of those that were given as objects."""
-        mutation = self.mating.mutation
-        parts = getattr(getattr(mutation, "mixture", None), "parts", (mutation,))
-        return [getattr(part, "plan_repair", None) for part in (self.mating.crossover, *parts)]
+        found = []
+        for operator in (self.mating.crossover, self.mating.mutation):
+            parts = getattr(getattr(operator, "mixture", None), "parts", (operator,))
+            found += [getattr(part, "plan_repair", None) for part in parts]
+        return found
 
     def infill(self) -> Population | None:
         """Give the plans to evaluate next, no more than the budget allows."""
@@ -208,6 +222,7 @@ class PopulationAlgorithm(BudgetedAlgorithm):
             Whatever the pymoo class takes.
         """
         if infills is not None:
+            self.problem.checked("F", infills.get("F"), len(infills))
             feasible = infills[infills.get("feas")] if self.problem.has_constraints() else infills
             if len(feasible):
                 batch = self.problem.mission.batch(feasible.get("X"))

@@ -11,7 +11,7 @@ from botohe_moo._base.checks import mapping_of
 from botohe_moo._plugins.checks import Fault, call_factory, check_values, raised_fault
 from botohe_moo._plugins.docstrings import summary_of
 from botohe_moo._plugins.entry_points import PluginError, PluginGroup
-from botohe_moo._plugins.factories import declared_factory
+from botohe_moo._plugins.factories import declared_factory, is_path
 from botohe_moo._plugins.stated import Accepted, Parameter, accepted_parameters
 
 PLUGINS = PluginGroup("botohe_moo.algorithms", "algorithm")
@@ -127,11 +127,6 @@ def _made(
     if reason := never_ends(type(algorithm)):
         raise ValueError(f"{PLUGINS.source(name)}: cannot be used; {reason}.")
     return algorithm
-
-
-def is_path(name: str) -> bool:
-    """Tell ``module:Class`` from a registered name."""
-    return ":" in name or "." in name
 
 
 def find_algorithm(name: str) -> Callable[..., Any]:

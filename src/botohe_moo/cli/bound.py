@@ -156,7 +156,8 @@ def _prove(
             show(bound)
 
         front = None if solution is None else solution.objectives
-        return bound_front(mission, front=front, time_limit=time_limit, callback=look, **how)
+        with failing():
+            return bound_front(mission, front=front, time_limit=time_limit, callback=look, **how)
 
 
 def _read_front(folder: Path, mission: Mission) -> Solution:

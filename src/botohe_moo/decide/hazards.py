@@ -113,7 +113,7 @@ def _evaluate(mission: Mission, batch: PlanBatch, survival: FloatArray) -> Float
     survival.setflags(write=False)  # as numba has compiled it
     values = kernels.new_values(len(batch), batch.n_robots)
     graph = mission.arrays._replace(survival=survival)
-    kernels.evaluate(graph, batch.nodes, batch.offsets, batch.n_robots, True, values)
+    kernels.evaluate(graph, *batch.arrays, batch.n_robots, True, values)
     return values.objectives
 
 

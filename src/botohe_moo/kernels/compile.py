@@ -11,6 +11,7 @@ import gc
 import os
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from typing import Any, TypeVar, cast, overload
 
 from numba import njit
@@ -84,10 +85,27 @@ def inlined(function: Function) -> Function:
     return shared
 
 
+def _has_place_to_keep() -> bool:
+    """Tell whether there is a place for what is compiled: beside the source, named, or at home.
+
+    Where all three are missing, numba makes a folder named "~" in the one that users stand in, and
+    would load code from such a folder that it finds there.
+    """
+    if {"NUMBA_CACHE_DIR", "XDG_CACHE_HOME"} & os.environ.keys():
+        return True
+    try:
+        return os.access(Path(__file__).parent, os.W_OK) or bool(Path.home())
+    except RuntimeError:  # neither is HOME set nor does the system know the user
+        return False
+
+
+_KEEPS = _has_place_to_keep()
+
+
 def _compile(function: Callable[..., Any], **options: Any) -> Any:
     compiler: Any = njit
     try:
-        return compiler(cache=True, **_EVERYWHERE, **options)(function)
+        return compiler(cache=_KEEPS, **_EVERYWHERE, **options)(function)
     except RuntimeError:  # no folder is writable, as in some containers: compile in every process
         return compiler(**_EVERYWHERE, **options)(function)
 

@@ -14,6 +14,7 @@ from botohe_moo._base.checks import quoted
 from botohe_moo._base.types import FloatArray
 from botohe_moo.kernels.graph.graph import Graph, new_graph
 from botohe_moo.kernels.plans import evaluate as kernels
+from botohe_moo.mission.frozen import frozen_copy
 from botohe_moo.mission.places import given_places
 from botohe_moo.mission.validation import (
     MissionError,
@@ -81,7 +82,7 @@ class Mission:
         if faults := mission_faults(graph, base, robots):
             raise MissionError(faults, source)
 
-        self.graph: nx.DiGraph[Any] = nx.freeze(graph.copy())
+        self.graph: nx.DiGraph[Any] = frozen_copy(graph)
         self.base = base
         self.robots = index(robots)  # type: ignore[arg-type]
         self.name = str(name) if name else "mission"
@@ -306,9 +307,7 @@ class Mission:
     def _values(self, plans: Plans, *, strict: bool) -> kernels.Values:
         batch = self.batch(plans)
         values = kernels.new_values(len(batch), batch.n_robots)
-        fault = kernels.evaluate(
-            self.arrays, batch.nodes, batch.offsets, batch.n_robots, strict, values
-        )
+        fault = kernels.evaluate(self.arrays, *batch.arrays, batch.n_robots, strict, values)
         if fault[0] != kernels.VALID:
             raise PlanError(fault_text(self.name, self.nodes, self.base, batch, fault))
         return values

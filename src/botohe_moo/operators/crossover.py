@@ -62,14 +62,14 @@ class PlanCrossover(Crossover):
             kinds[:] = SPLICE  # there are no whole trails to share out
         pieces = np.zeros((2 * n_pairs * n_robots, N_PIECES, 2), np.int64)
         cross(
-            read_trails(parents.nodes, parents.offsets),
+            read_trails(*parents.arrays),
             kinds,
             np.tile(np.arange(n_robots), (2, 1)),
             np.zeros(mission.arrays.n_nodes, np.int64),
             draw_state(random_state),
             pieces,
         )
-        drafts = PlanBatch._wrap(*join_pieces(parents.nodes, pieces), n_robots)
+        drafts = PlanBatch._wrap(*join_pieces(parents.arrays[0], pieces), n_robots)
         if self.n_offsprings == 1:
             drafts = drafts[::2]
         children = self.plan_repair.repair_batch(mission, drafts).to_array()

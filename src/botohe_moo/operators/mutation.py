@@ -145,7 +145,7 @@ class TrailMoves(PlanMutation):
         valid = mission.evaluate_drafts(plans)[1] == 0
         movable = plans if valid.all() else plans.take(valid)
         rule = MoveRule(self.weights, self.max_tries, self.every_robot, NO_LIMITS)
-        given, states = read_trails(movable.nodes, movable.offsets), draw_state(rng)
+        given, states = read_trails(*movable.arrays), draw_state(rng)
         trails = change_plans(mission.arrays, rule, given, plans.n_robots, states)
         moved = PlanBatch._wrap(*trails, plans.n_robots)
         if valid.all():
@@ -190,9 +190,9 @@ class RuinRecreate(PlanMutation):
         self.max_via = max_via
 
     def _draft(self, mission: Mission, plans: PlanBatch, rng: Rng) -> PlanBatch:
-        pieces = whole_trails(plans.offsets)
+        pieces = whole_trails(plans.arrays[1])
         via = np.empty((len(plans), self.max_via), np.int32)
-        trails, states = read_trails(plans.nodes, plans.offsets), draw_state(rng)
+        trails, states = read_trails(*plans.arrays), draw_state(rng)
         ruin(trails, plans.n_robots, mission.arrays.n_nodes, states, via, pieces)
         nodes = np.concatenate([plans.nodes, via.ravel()])
         return PlanBatch._wrap(*join_pieces(nodes, pieces), plans.n_robots)
@@ -213,8 +213,8 @@ class SendHome(PlanMutation):
     """
 
     def _draft(self, mission: Mission, plans: PlanBatch, rng: Rng) -> PlanBatch:
-        pieces = whole_trails(plans.offsets)
-        trails, states = read_trails(plans.nodes, plans.offsets), draw_state(rng)
+        pieces = whole_trails(plans.arrays[1])
+        trails, states = read_trails(*plans.arrays), draw_state(rng)
         send_home(trails, plans.n_robots, states, pieces)
         nodes = np.append(plans.nodes, np.int32(mission.arrays.base))
         return PlanBatch._wrap(*join_pieces(nodes, pieces), plans.n_robots)
@@ -252,10 +252,10 @@ class ShareTrails(PlanMutation):
     def _draft(self, mission: Mission, plans: PlanBatch, rng: Rng) -> PlanBatch:
         if plans.n_robots == 1:
             return plans
-        pieces, counts = whole_trails(plans.offsets), np.zeros(mission.arrays.n_nodes, np.int64)
-        trails, states = read_trails(plans.nodes, plans.offsets), draw_state(rng)
+        pieces, counts = whole_trails(plans.arrays[1]), np.zeros(mission.arrays.n_nodes, np.int64)
+        trails, states = read_trails(*plans.arrays), draw_state(rng)
         share(trails, plans.n_robots, self.prob_copy, counts, states, pieces)
-        return PlanBatch._wrap(*join_pieces(plans.nodes, pieces), plans.n_robots)
+        return PlanBatch._wrap(*join_pieces(plans.arrays[0], pieces), plans.n_robots)
 
 
 class MixedMutation(PlanMutation):

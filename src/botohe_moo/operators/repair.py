@@ -90,7 +90,7 @@ class PlanRepair(Repair):
         repaired = drafts = mission.batch(drafts)
         changes = np.zeros(len(drafts.offsets) - 1, np.int64)
         if self._kind is not None:
-            given = read_trails(drafts.nodes, drafts.offsets)
+            given = read_trails(*drafts.arrays)
             nodes, offsets, changes = repair(mission.arrays, self._kind, given)
             repaired = PlanBatch._wrap(nodes, offsets, drafts.n_robots)
         per_plan = changes.reshape(len(drafts), drafts.n_robots).sum(axis=1)

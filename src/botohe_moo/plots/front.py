@@ -69,7 +69,7 @@ def plot_front(
         If ``mission`` is not a Mission, or ``bound`` not a FrontBound.
     ValueError
         If ``objectives`` has another shape or is not finite, ``highlight`` names no row of it, or
-        ``bound`` is of another mission.
+        ``bound`` is of another mission, or a plan lies above it.
 
     Examples
     --------
@@ -84,6 +84,7 @@ def plot_front(
     chosen = _rows(highlight, len(points))
     if bound is not None:
         mission = _mission_of(bound, mission)
+        bound.check("objectives", points)
     corners = staircase(points)
     summary = front_summary(points, corners, mission)
     with theme():

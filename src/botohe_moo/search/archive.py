@@ -54,7 +54,7 @@ class PlanArchive:
 
     def _absorb(self, batch: PlanBatch, objectives: FloatArray) -> tuple[OffsetArray, OffsetArray]:
         """Give the indices of the batch's own Pareto set, and of the plans that have entered."""
-        new = Batch(objectives, batch.nodes, batch.offsets)
+        new = Batch(objectives, *batch.arrays)
         members, newcomers = screen(new, self.n_robots, self._held, self.max_ties)
         if len(newcomers.plans):
             self._held = merge(new, newcomers, self.n_robots, self._held, self._next_id)

@@ -13,7 +13,7 @@ from botohe_moo.kernels.exact import tables, teams
 from botohe_moo.kernels.plans.evaluate import either
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.search.exact_trails import TrailSearch
-from botohe_moo.search.limits import check_limits
+from botohe_moo.search.limits import MOST_MEMORY, check_limits
 from botohe_moo.search.sequential import SequentialPlanner
 from botohe_moo.trails import PlanBatch, TrailPlan
 
@@ -24,16 +24,17 @@ MEMORY_LIMIT = 2048.0
 
 _MIB = 2**20
 _FRONT_ROWS = 1024  # that the front has room for at first
-# How much is done before limits are looked at: labels gone on from, and choices looked at.
-_LABELS_A_PORTION, _CHOICES_A_PORTION = 1_000, 500_000
+# How much is done before limits are looked at: labels gone on from, as many as make so many looks
+# at nodes and arcs, and choices looked at.
+_LABELS_A_PORTION, _LOOKS_A_PORTION, _CHOICES_A_PORTION = 1_000, 3_000_000, 500_000
 # A search that comes to more labels than this is estimated before it goes on.
 _UNESTIMATED = 10_000
 # On missions that could be solved the estimate has been up to 4 500 times what was needed, since
 # it compares few labels: what it has to exceed the limits by. Searches make 20 000 to 100 000
 # labels a second.
 _DOUBT, _LABELS_A_SECOND = 10_000, 50_000
-# Weights, and width of the beam, for plans that the search begins with.
-_N_GUIDES, _GUIDE_WIDTH = 11, 20
+# Of plans that the search begins with: weights, plans for each at most, and what beams keep.
+_N_GUIDES, _MOST_GUIDES, _GUIDE_WIDTH, _GUIDE_LABELS = 11, 20, 20, 5_000
 # In shares of all reward and of all robots: by how much less than this a plan is better does not
 # count in the search, and points of the front that differ by no more are one.
 _SLACK, _SAME = 1e-13, 1e-12
@@ -80,7 +81,7 @@ def exact_front(
     time_limit
         Seconds that the search may take, above 0; compiling it for the first time does not count.
     memory_limit
-        MiB that its tables may take, above 0.
+        MiB that its tables may take, in (0, 10⁹].
 
     Returns
     -------
@@ -162,7 +163,7 @@ class FrontSearch:
         self.mission = check_mission(mission)
         self.limits = check_limits(min_survival, max_length)
         self.time_limit = check_number("time_limit", time_limit, above=0)
-        self.memory_limit = check_number("memory_limit", memory_limit, above=0)
+        self.memory_limit = check_number("memory_limit", memory_limit, above=0, at_most=MOST_MEMORY)
         self.plans: PlanBatch | None = None
         self._trails: TrailSearch | None = None
         self._choices: teams.Choices | None = None
@@ -203,12 +204,18 @@ class FrontSearch:
 
     def _guiding_plans(self) -> list[TrailPlan]:
         """Good plans that the search begins with: what they are as good as need not be found."""
-        planner = SequentialPlanner(self.mission, beam_width=_GUIDE_WIDTH, **self.limits._asdict())
-        begun, found = time.perf_counter(), [*planner.plans(1.0)]
-        for weight in np.linspace(0.0, 1.0, _N_GUIDES)[:-1]:
-            if time.perf_counter() - begun > self.time_limit / _N_GUIDES:
-                break  # they save work, and on large missions take long
-            found += planner.plans(weight)
+        planner = SequentialPlanner(
+            self.mission,
+            beam_width=_GUIDE_WIDTH,
+            max_labels=_GUIDE_LABELS,
+            **self.limits._asdict(),
+        )
+        # They save work, and on large missions take long.
+        until = time.perf_counter() + self.time_limit / _N_GUIDES
+        found: list[TrailPlan] = []
+        for weight in (1.0, *np.linspace(0.0, 1.0, _N_GUIDES)[:-1].tolist()):
+            if time.perf_counter() < until:
+                found += planner.plans(weight, n_most=_MOST_GUIDES, until=until)
         plans = list(dict.fromkeys(found))
         safe = self.mission.robot_survival(plans).min(axis=1) >= self.limits.min_survival
         short = self.mission.trail_lengths(plans).max(axis=1) <= self.limits.max_length
@@ -219,7 +226,8 @@ class FrontSearch:
         if not self._estimated and trails.n_labels > _UNESTIMATED:
             self._estimated = True
             self._refuse_by_estimate(trails)
-        if trails.advance(_LABELS_A_PORTION, self._require):
+        n_looks = _LOOKS_A_PORTION // (trails.graph.n_nodes + trails.graph.n_arcs)
+        if trails.advance(min(max(1, n_looks), _LABELS_A_PORTION), self._require):
             self._begin_teams(trails)
 
     def _refuse_by_estimate(self, trails: TrailSearch) -> None:

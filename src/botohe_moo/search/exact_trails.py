@@ -39,7 +39,7 @@ class TrailSearch:
         self._here = tables.new_here(graph.n_nodes, n_goals, n_words, n_columns)
         self._labels = tables.new_labels(_ROWS, n_goals, n_words)
         self._trails = tables.new_trails(_ROWS, n_columns)
-        self._progress = np.zeros(1, tables.PROGRESS)
+        self._progress = np.zeros(1, tables.PROGRESS).view(np.recarray)
         self._known = [(graph.base,), *(trail for trail in known if trail != (graph.base,))]
         self._add_known()
         self._n_tidy = self.n_trails

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from functools import cached_property
 from typing import Any
 
@@ -108,12 +110,14 @@ class SequentialPlanner:
         beam_width: int = BEAM_WIDTH,
         min_survival: float = 0.0,
         max_length: float | None = None,
+        max_labels: int = MAX_LABELS,
     ) -> None:
         self.mission = check_mission(mission)
         self.beam_width = check_integer(
             "beam_width", beam_width, at_least=1, at_most=MAX_BEAM_WIDTH
         )
         self.limits = check_limits(min_survival, max_length)
+        self._max_labels = max_labels
 
     @cached_property
     def _near(self) -> Near:
@@ -127,20 +131,27 @@ class SequentialPlanner:
         """Plan the whole team, for a weight on reward."""
         return self._team(self._trails(weight))
 
-    def plans(self, weight: float) -> list[TrailPlan]:
+    def plans(
+        self, weight: float, *, n_most: int | None = None, until: float = math.inf
+    ) -> list[TrailPlan]:
         """Plan the whole team, and let the last robots stay at base.
 
         Gives the team's plan, that of all robots but the last, and so on to the first robot's
-        alone; none twice.
+        alone; none twice. Of more than ``n_most``, some in between are left out. When
+        ``time.perf_counter()`` comes to ``until``, robots not planned yet stay at base.
         """
-        trails = self._trails(weight)
-        return [self._team(trails[:n]) for n in range(len(trails), 0, -1)] or [self._team([])]
+        trails = self._trails(weight, until)
+        n_moving = range(len(trails), 0, -1)
+        if n_most is not None and len(n_moving) > n_most:
+            chosen = np.linspace(0, len(n_moving) - 1, n_most).astype(int)
+            return [self._team(trails[: n_moving[i]]) for i in chosen.tolist()]
+        return [self._team(trails[:n]) for n in n_moving] or [self._team([])]
 
     def _team(self, trails: list[list[int]]) -> TrailPlan:
         staying = [[self.mission.arrays.base]] * (self.mission.robots - len(trails))
         return TrailPlan(trails + staying)
 
-    def _trails(self, weight: float) -> list[list[int]]:
+    def _trails(self, weight: float, until: float = math.inf) -> list[list[int]]:
         """Plan the trails of those robots that leave the base."""
         weight = check_number("weight", weight, at_least=0, at_most=1)
         mission, graph = self.mission, self.mission.arrays
@@ -157,8 +168,11 @@ class SequentialPlanner:
         danger, beam = dangers(graph, self._near, survival_weight), new_beam(graph)
         trails: list[list[int]] = []
         for _ in range(mission.robots):
+            if time.perf_counter() > until:
+                break
             worth = share * unreached
-            rule = Rule(worth, danger, survival_weight, least, budget, self.beam_width, MAX_LABELS)
+            width, n_labels = self.beam_width, self._max_labels
+            rule = Rule(worth, danger, survival_weight, least, budget, width, n_labels)
             arcs, _, _ = best_trail(graph, self._near, rule, beam)
             if len(arcs) == 0:  # and nothing changes for those that come after
                 break

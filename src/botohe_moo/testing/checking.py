@@ -103,8 +103,8 @@ def kind_of(factory: str | Callable[..., Any]) -> Kind:
 
     An algorithm where it does not say, and where a name is one of an algorithm and of a mission.
     """
-    from botohe_moo._plugins.factories import named, says_it_makes
-    from botohe_moo.algorithms.registry import PLUGINS, is_path
+    from botohe_moo._plugins.factories import is_path, named, says_it_makes
+    from botohe_moo.algorithms.registry import PLUGINS
     from botohe_moo.mission.library import mission_names
     from botohe_moo.mission.model import Mission
 

@@ -89,8 +89,8 @@ def new_beam(graph: Graph) -> Beam:
     n_arcs, n_nodes = graph.n_arcs, graph.n_nodes
     keys = hash_keys(n_arcs + 2 * n_nodes)
     return Beam(
-        state=np.zeros(1, STATE),
-        labels=np.empty(_N_LABELS, LABEL),
+        state=np.zeros(1, STATE).view(np.recarray),
+        labels=_new_labels(_N_LABELS),
         level=_new_level(_N_LABELS),
         standing=Standing(
             np.empty(n_arcs, np.int64), np.empty(n_nodes, np.int64), np.empty(n_nodes)
@@ -104,9 +104,13 @@ def new_beam(graph: Graph) -> Beam:
     )
 
 
+def _new_labels(n: int) -> Records:
+    return np.empty(n, LABEL).view(np.recarray)
+
+
 def _new_level(n: int) -> Level:
     table = np.empty(table_size(n), np.int64)
-    return Level(np.empty(n, LABEL), table, np.empty(n, np.int64), np.empty(n, np.int64))
+    return Level(_new_labels(n), table, np.empty(n, np.int64), np.empty(n, np.int64))
 
 
 def larger_beam(beam: Beam, n_labels: int, n_children: int) -> Beam:
@@ -114,7 +118,7 @@ def larger_beam(beam: Beam, n_labels: int, n_children: int) -> Beam:
     if n_children > len(beam.level.children):
         beam = beam._replace(level=_new_level(n_children))
     if n_labels > len(beam.labels):
-        labels = np.empty(max(n_labels, 2 * len(beam.labels)), LABEL)
+        labels = _new_labels(max(n_labels, 2 * len(beam.labels)))
         labels[: len(beam.labels)] = beam.labels
         beam = beam._replace(labels=labels)
     return beam

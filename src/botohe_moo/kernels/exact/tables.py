@@ -117,7 +117,7 @@ def new_here(n_nodes: int, n_goals: int, n_words: int, n_columns: int) -> Here:
 def new_labels(n: int, n_goals: int, n_words: int) -> Labels:
     """Make room for ``n`` labels, a power of two."""
     return Labels(
-        rows=np.zeros(n, LABEL),
+        rows=np.zeros(n, LABEL).view(np.recarray),
         reached=np.zeros((n, n_goals)),
         used=np.zeros((n, n_words), np.uint64),
         last=np.full(n, -1, np.int64),
@@ -127,7 +127,7 @@ def new_labels(n: int, n_goals: int, n_words: int) -> Labels:
 def new_trails(n: int, n_columns: int) -> Trails:
     """Make room for ``n`` trails, a multiple of SHELF."""
     return Trails(
-        rows=np.zeros(n, TRAIL),
+        rows=np.zeros(n, TRAIL).view(np.recarray),
         reached=np.zeros((n, n_columns)),
         shelf_survives=np.zeros(n // SHELF),
         shelf_reached=np.zeros((n // SHELF, n_columns)),
@@ -136,7 +136,9 @@ def new_trails(n: int, n_columns: int) -> Trails:
 
 def doubled(table: Table) -> Table:
     """Copy a named tuple of arrays to where there is room for twice as many rows."""
-    larger = [np.concatenate([column, np.zeros_like(column)]) for column in table]
+    larger = [
+        np.concatenate([column, np.zeros_like(column)]).view(type(column)) for column in table
+    ]
     return type(table)(*larger)
 
 

@@ -90,7 +90,7 @@ def new_front(n: int, n_robots: int) -> Front:
 
 def new_turn() -> Records:
     """Make the state of a search that has not begun."""
-    turn = np.zeros(1, TURN)
+    turn = np.zeros(1, TURN).view(np.recarray)
     turn["robot"] = -1
     return turn
 

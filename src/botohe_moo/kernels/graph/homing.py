@@ -6,7 +6,9 @@ from typing import NamedTuple
 from botohe_moo._base.types import OffsetArray
 from botohe_moo.kernels.compile import helper
 from botohe_moo.kernels.graph.graph import Graph, Limits, measured_by_length
-from botohe_moo.kernels.graph.paths import Paths, leads_home, way_home
+from botohe_moo.kernels.graph.paths import Paths, known_survival, leads_home, remember_way, way_home
+
+_SURELY = 1 + 1e-9
 
 
 class Budget(NamedTuple):
@@ -87,7 +89,11 @@ def survives_home(
         return leads_home(graph, paths, used, trail, node)
     if alive * graph.home[node] < least:
         return False
+    # Any way will do that is safe enough by more than rounding, else the safest one decides.
+    if alive * known_survival(graph, paths, used, trail, node) >= least * _SURELY:
+        return True
     n = way_home(graph, paths, used, trail, node)
+    remember_way(graph, paths, n)
     for i in range(n):
         alive *= graph.survival[paths.path[i]]
     return n >= 0 and alive >= least

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 
 from botohe_moo._base.checks import check_integer, check_number
 from botohe_moo._base.types import FloatArray
+from botohe_moo.indicators import INDICATORS, further_indicators
 from botohe_moo.plots.draw.algorithms import (
     AlgorithmStyle,
     chosen_algorithms,
@@ -23,15 +24,9 @@ from botohe_moo.plots.draw.style import theme
 from botohe_moo.plots.study.bounds import draw_bound
 
 Progress = Literal["evaluations", "seconds"]
-Value = Literal["area", "igd_plus", "epsilon"]
 Band = Literal["quartiles", "sd", "range"]
 
 NAMES = {"evaluations": "evaluations", "seconds": "seconds of the algorithm's own time"}
-_VALUES: dict[Value, str] = {
-    "area": "area (normalised hypervolume)",
-    "igd_plus": "IGD+",
-    "epsilon": "additive epsilon",
-}
 _BANDS: dict[Band, tuple[str, str]] = {
     "quartiles": ("median", "and quartiles"),
     "sd": ("mean", "± 1 standard deviation"),
@@ -56,7 +51,7 @@ def plot_curves(
     trace: pd.DataFrame,
     *,
     x: Progress = "evaluations",
-    value: Value = "area",
+    value: str = "area",
     algorithms: Sequence[str] | None = None,
     styles: Mapping[str, AlgorithmStyle] | None = None,
     band: Band = "quartiles",
@@ -80,8 +75,8 @@ def plot_curves(
     x
         What the horizontal, logarithmic axis shows.
     value
-        What the vertical axis shows; a logarithmic one for ``igd_plus`` and ``epsilon``, the
-        distances to the reference front.
+        What the vertical axis shows: ``area``, or on a logarithmic axis ``igd_plus``, ``epsilon``
+        or another indicator of the trace.
     algorithms
         Labels of the algorithms to draw. Default: all of them.
     styles
@@ -134,7 +129,7 @@ def plot_curves(
         marked = not axes.in_panels and len(curves) > _COLOURS_ALONE
         for i, (label, own) in enumerate(axes.of.items()):
             _draw(own, label, curves[label], styles[label], i if marked else None)
-        axes.finish(title, _in_words(found, band) + cut, NAMES[x], _VALUES[value])
+        axes.finish(title, _in_words(found, band) + cut, NAMES[x], INDICATORS[value].in_words)
         if not axes.in_panels:
             low = axes.first.get_ylim()[0]
             ends = {label: max(float(c.middle[-1]), low) for label, c in curves.items()}
@@ -213,7 +208,7 @@ def progress_curves(
     trace: pd.DataFrame,
     *,
     x: Progress = "evaluations",
-    value: Value = "area",
+    value: str = "area",
     algorithms: Sequence[str] | None = None,
     band: Band = "quartiles",
     n_points: int = 400,
@@ -224,9 +219,15 @@ def progress_curves(
     have a record, and ends where the grid does. Algorithms without a value are left out. Options
     and errors are those of ``plot_curves``.
     """
-    for name, given, kind in (("x", x, Progress), ("value", value, Value), ("band", band, Band)):
-        if given not in get_args(kind):
-            raise ValueError(f"Expected {name} to be {' or '.join(get_args(kind))}, got {given!r}.")
+    values = ("area", *further_indicators())
+    options = (
+        ("x", x, get_args(Progress)),
+        ("value", value, values),
+        ("band", band, get_args(Band)),
+    )
+    for name, given, known in options:
+        if given not in known:
+            raise ValueError(f"Expected {name} to be {' or '.join(known)}, got {given!r}.")
     check_integer("n_points", n_points, at_least=2)
     labels = chosen_algorithms("trace", trace, ("algorithm", "seed", x, value), algorithms)
     runs = records_of(trace, x, value, labels)
@@ -240,7 +241,7 @@ def progress_curves(
 
 
 def records_of(
-    trace: pd.DataFrame, x: Progress, value: Value, labels: Sequence[str]
+    trace: pd.DataFrame, x: Progress, value: str, labels: Sequence[str]
 ) -> dict[str, list[FloatArray]]:
     """Give the records of every run, pairs of x and value, for each label that has any, by seed."""
     number = {label: i for i, label in enumerate(labels)}

@@ -7,15 +7,16 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from botohe_moo._base.checks import check_integer, check_number
+from botohe_moo._base.checks import check_integer, check_number, quoted
 from botohe_moo.indicators import check_objectives
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.search.bounds.front_bound import FrontBound
 from botohe_moo.search.bounds.proof import Proof
-from botohe_moo.search.limits import check_limits
+from botohe_moo.search.limits import MOST_MEMORY, check_limits
 
 TIME_LIMIT = 60.0
 MEMORY_LIMIT = 1024.0
+MOST_ROBOTS = 5_000
 
 
 def bound_front(
@@ -47,7 +48,7 @@ def bound_front(
         Seconds until it ends, above 0; compiling for the first time and what is under way may take
         some more. More time only lowers the bound.
     memory_limit
-        MiB that its tables may take, above 0: with less, relaxed trails remember less.
+        MiB that its tables may take, in (0, 10⁹]: with less, relaxed trails remember less.
     gap
         It ends when the bound's area exceeds that of the known plans by no more than this share, at
         least 0.
@@ -70,9 +71,11 @@ def bound_front(
     Raises
     ------
     TypeError
-        If ``mission`` is not a Mission.
+        If ``mission`` is not a Mission, or ``callback`` not callable.
     ValueError
-        If a parameter is out of its range, or ``front`` is not of shape (n, 2).
+        If a parameter is out of its range, or the mission has more than 5 000 robots, or ``front``
+        is not of shape (n, 2), or has a plan above the bound: it is of another mission, or does not
+        keep the limits.
 
     Notes
     -----
@@ -89,19 +92,29 @@ def bound_front(
     [7.09, 4.14, 0.0]
     """
     check_mission(mission)
+    if mission.robots > MOST_ROBOTS:
+        raise ValueError(
+            f"Expected a mission of at most {MOST_ROBOTS:,} robots, got {mission.robots:,}: bounds "
+            "are computed for each number of them that may move."
+        )
     proof = Proof(
         mission,
         check_limits(min_survival, mission.max_length if max_length is None else max_length),
         seed=check_integer("seed", seed, at_least=0),
         seconds=check_number("time_limit", time_limit, above=0),
-        memory=check_number("memory_limit", memory_limit, above=0),
+        memory=check_number("memory_limit", memory_limit, above=0, at_most=MOST_MEMORY),
     )
     wanted = check_number("gap", gap, at_least=0)
-    if front is not None:
-        proof.know(check_objectives("front", front))
+    if callback is not None and not callable(callback):
+        raise TypeError(f"Expected callback to be callable, got {quoted(callback)}.")
+    known = check_objectives("front", () if front is None else front)
+    proof.bound().check("front", known)
+    proof.know(known)
     try:
         if not proof.find_front():
             proof.find(wanted, callback)
     except KeyboardInterrupt:
         pass
-    return proof.bound()
+    bound = proof.bound()
+    bound.check("front", known)
+    return bound

@@ -48,13 +48,29 @@ def lower_envelope(most: ArrayLike, mu: ArrayLike) -> OffsetArray:
 
 
 def area_under_highest(heights: FloatArray, rises: FloatArray) -> float:
-    """Integrate the highest of some lines from 0 to 1; those at −inf do not count."""
+    """Integrate the highest of some lines from 0 to 1; those at −inf do not count.
+
+    Where two of the lines that make it cross, it has a corner, or a line between them is higher.
+    """
     here = np.isfinite(heights)
     heights, rises = heights[here], rises[here]
     if len(heights) == 0:
         return 0.0
-    with np.errstate(divide="ignore", invalid="ignore"):
-        cross = (heights[:, None] - heights) / (rises - rises[:, None])
-    at = np.unique(np.concatenate([[0.0, 1.0], cross[(cross > 0.0) & (cross < 1.0)]]))
-    highest = (heights + np.multiply.outer(at, rises)).max(axis=1)
-    return float(np.trapezoid(highest, at))
+
+    def highest(at: float) -> int:
+        return int((heights + rises * at).argmax())
+
+    corners, pairs = [0.0, 1.0], [(highest(0.0), highest(1.0))]
+    while pairs:
+        one, other = pairs.pop()
+        if rises[one] >= rises[other]:
+            continue
+        cross = float((heights[one] - heights[other]) / (rises[other] - rises[one]))
+        between = highest(cross)
+        if rises[one] < rises[between] < rises[other]:
+            pairs += [(one, between), (between, other)]
+        else:
+            corners.append(min(max(cross, 0.0), 1.0))
+    at = np.sort(corners)
+    values = [float((heights + rises * each).max()) for each in at.tolist()]
+    return float(np.trapezoid(values, at))

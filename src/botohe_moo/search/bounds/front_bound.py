@@ -3,66 +3,39 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
-from botohe_moo._base.files import read_bytes, replace_file
+from botohe_moo._base.checks import quoted
+from botohe_moo._base.files import replace_file
 from botohe_moo._base.types import FloatArray
-from botohe_moo.indicators import area_indicator
+from botohe_moo.indicators import area_indicator, check_objectives
 from botohe_moo.mission.digest import numbers_digest
-from botohe_moo.mission.model import Mission
+from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.search.bounds.envelopes import area_under_highest, lower_envelope
+from botohe_moo.search.bounds.record import FORMAT, Line, Record, Step, read_record
 
 # By how much survivors are taken to be fewer than given, relative: they are sums of products.
 _ROUNDING = 1e-12
+_TIE = 1e-9  # plans this little above, relative, are on the bound: sums in other orders
 _N_POINTS = 1_000
+_MOST_BOUNDS = 1_000_000  # that are computed at once, for an area
 # What a file says may be as large as numbers are; infinite ones bound nothing, or bound all.
 _OVERFLOW = np.errstate(over="ignore")
-_FORMAT: Literal["botohe-front-bound-1"] = "botohe-front-bound-1"
+_PLAIN = ("lines", "steps", "most_survival", "min_survival", "seconds", "notes")
 
 
-class Line(NamedTuple):
-    """E[R] ≤ most − mu · x, where so many robots move whose survivals sum to x or more.
+class _Proved(NamedTuple):
+    """Lines, where steps begin by ascending survivors, and the bound before each and after."""
 
-    Attributes
-    ----------
-    n_robots
-        How many robots move, 1 or more.
-    most, mu
-        Where the line begins, and by how much it falls for each robot that survives.
-    proof
-        ``"everything"`` (each node is reached along the safest way), ``"relaxed"`` (no relaxed
-        trail is worth more than the line says) or ``"exact"`` (no trail is).
-    """
-
-    n_robots: int
-    most: FiniteFloat
-    mu: FiniteFloat
-    proof: str
-
-
-class Step(NamedTuple):
-    """E[R] ≤ most, where so many robots move whose survivals sum to ``least`` or more.
-
-    Attributes
-    ----------
-    n_robots
-        How many robots move, 1 or more.
-    most, least
-        The E[R] that is not exceeded, and where the step begins.
-    proof
-        ``"front"`` (it follows from the true front) or ``"exact"`` (no team of trails collects
-        more).
-    """
-
-    n_robots: int
-    most: FiniteFloat
-    least: FiniteFloat
-    proof: str
+    most: FloatArray
+    mu: FloatArray
+    least: FloatArray
+    capped: FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,15 +96,14 @@ class FrontBound:
         Raises
         ------
         ValueError
-            If there is a NaN.
+            If there is a NaN, or something else than numbers.
         """
-        given = np.asarray(survivors, np.float64)
-        if np.isnan(given).any():
-            raise ValueError(f"Expected survivors without NaN, got {given}.")
-        bounds = self.by_robots(given).max(axis=0)
+        given = _without_nan(survivors)
+        bounds = np.full(given.shape, -np.inf)
+        for moving in range(self.mission.robots + 1):
+            np.maximum(bounds, self._bound_where(moving, given), out=bounds)
         return float(bounds) if given.ndim == 0 else bounds
 
-    @_OVERFLOW
     def by_robots(self, survivors: ArrayLike) -> FloatArray:
         """Bound E[R] of plans in which 0, 1, ... all robots move.
 
@@ -139,34 +111,51 @@ class FrontBound:
         ----------
         survivors
             E[S], of any shape, which follows the number of robots in the shape of what is given.
+
+        Raises
+        ------
+        ValueError
+            If there is a NaN, or something else than numbers.
         """
+        given = _without_nan(survivors)
+        return np.stack([self._bound_where(n, given) for n in range(self.mission.robots + 1)])
+
+    @_OVERFLOW
+    def _bound_where(self, moving: int, survivors: FloatArray) -> FloatArray:
+        """Bound E[R] of plans in which so many robots move."""
         n_robots, graph = self.mission.robots, self.mission.arrays
-        given = np.asarray(survivors, np.float64)
-        wanted = given.ravel() * (1.0 - _ROUNDING)
-        bounds = np.full((n_robots + 1, wanted.size), -np.inf)
-        bounds[0, wanted <= n_robots] = graph.reward[graph.base]
-        for moving in range(1, n_robots + 1):
-            floor = moving * self.min_survival * (1.0 - _ROUNDING)
-            x = np.maximum(wanted - (n_robots - moving), floor)
-            possible = np.flatnonzero(x <= moving * self.most_survival * (1.0 + _ROUNDING))
-            x = x[possible]
-            most, mu = self._lines_of(moving)
-            bound = (most[:, None] - np.multiply.outer(mu, x)).min(axis=0)
-            least, capped = self._steps_of(moving)
-            bounds[moving, possible] = np.minimum(bound, capped[np.searchsorted(least, x, "right")])
-        shaped: FloatArray = bounds.reshape(n_robots + 1, *given.shape)
-        return shaped
+        bounds = np.full(survivors.shape, -np.inf)
+        wanted = survivors * (1.0 - _ROUNDING)
+        if moving == 0:
+            bounds[wanted <= n_robots] = graph.reward[graph.base]
+            return bounds
+        floor = moving * self.min_survival * (1.0 - _ROUNDING)
+        x = np.maximum(wanted - (n_robots - moving), floor)
+        possible = x <= moving * self.most_survival * (1.0 + _ROUNDING)
+        proved = self._proved[moving]
+        x = x[possible]
+        bound = (proved.most[:, None] - np.multiply.outer(proved.mu, x)).min(axis=0)
+        capped = proved.capped[np.searchsorted(proved.least, x, "right")]
+        bounds[possible] = np.minimum(bound, capped)
+        return bounds
 
-    def _lines_of(self, moving: int) -> tuple[FloatArray, FloatArray]:
-        lines = [(line.most, line.mu) for line in self.lines if line.n_robots == moving]
-        most, mu = np.array(lines).reshape(-1, 2).T
-        return most, mu
-
-    def _steps_of(self, moving: int) -> tuple[FloatArray, FloatArray]:
-        """Give where steps begin, ascending, and the bound before each and after the last."""
-        steps = [(step.least, step.most) for step in self.steps if step.n_robots == moving]
-        least, most = np.array(sorted(steps)).reshape(-1, 2).T
-        return least, np.append(np.inf, np.minimum.accumulate(most))
+    @cached_property
+    def _proved(self) -> list[_Proved]:
+        """What is proved for each number of robots that move."""
+        n_robots = self.mission.robots
+        lines = [list[tuple[float, float]]() for _ in range(n_robots + 1)]
+        steps = [list[tuple[float, float]]() for _ in range(n_robots + 1)]
+        for line in self.lines:
+            lines[line.n_robots].append((line.most, line.mu))
+        for step in self.steps:
+            steps[step.n_robots].append((step.least, step.most))
+        found = []
+        for own, stairs in zip(lines, steps, strict=True):
+            least, height = np.array(sorted(stairs)).reshape(-1, 2).T
+            capped = np.append(np.inf, np.minimum.accumulate(height))
+            most, mu = np.array(own).reshape(-1, 2).T
+            found.append(_Proved(most, mu, least, capped))
+        return found
 
     @_OVERFLOW
     def _corners(self) -> FloatArray:
@@ -174,14 +163,14 @@ class FrontBound:
         n_robots = self.mission.robots
         found = [0.0, float(n_robots)]
         for moving in range(1, n_robots + 1):
-            most, mu = self._lines_of(moving)
-            order = lower_envelope(most, mu)
-            bends = np.diff(most[order]) / np.diff(mu[order])
+            proved = self._proved[moving]
+            order = lower_envelope(proved.most, proved.mu)
+            bends = np.diff(proved.most[order]) / np.diff(proved.mu[order])
             ends = np.array(
                 [self.min_survival * (1 - _ROUNDING), self.most_survival * (1 + _ROUNDING)]
             )
             ends *= moving
-            x = np.concatenate([[0.0], bends, ends, self._steps_of(moving)[0]])
+            x = np.concatenate([[0.0], bends, ends, proved.least])
             found += ((n_robots - moving + x) / (1.0 - _ROUNDING)).tolist()
         corners = np.unique(found)
         inside: FloatArray = corners[(corners >= 0.0) & (corners <= n_robots)]
@@ -212,15 +201,21 @@ class FrontBound:
         if whole == 0.0:
             return 0.0
         corners = self._corners()
+        n_at_once = max(1, _MOST_BOUNDS // (self.mission.robots + 1))
+        firsts = range(0, len(corners) - 1, n_at_once)
+        area = sum(self._area_between(corners[i : i + n_at_once + 1]) for i in firsts)
+        return float(min(1.0, area / whole))
+
+    def _area_between(self, corners: FloatArray) -> float:
+        """Integrate the bound: between two corners each number of robots has a straight line."""
         width = np.diff(corners)
-        # Between two corners each number of robots has a straight line.
         low, high = (self.by_robots(corners[:-1] + share * width) for share in (0.25, 0.75))
         with np.errstate(invalid="ignore"):
             rise = np.where(np.isfinite(low) & np.isfinite(high), high - low, 0.0)
         area = 0.0
         for heights, rises, wide in zip((low - rise / 2).T, rise.T * 2, width, strict=True):
             area += wide * area_under_highest(heights, rises)
-        return min(1.0, area / whole)
+        return area
 
     def gap(self, front: ArrayLike) -> float:
         """Give by which share of its area a front may be improved at most.
@@ -235,12 +230,42 @@ class FrontBound:
         Raises
         ------
         ValueError
-            Like :func:`area_indicator`.
+            Like :func:`area_indicator`, and if a plan lies above the bound: then the front is of
+            another mission, or its plans do not keep the limits.
         """
+        self.check("front", front)
         area = area_indicator(front, self.mission)
         if area == 0.0:
             return 0.0 if self.area == 0.0 else float("inf")
         return max(0.0, self.area / area - 1.0)
+
+    def check(self, name: str, front: ArrayLike) -> None:
+        """Refuse a front that has a plan above the bound.
+
+        Parameters
+        ----------
+        name
+            Of the front, for the message.
+        front
+            E[R] and E[S] of its plans (n, 2).
+
+        Raises
+        ------
+        ValueError
+            If there is such a plan, or ``front`` is not of that shape.
+        """
+        points = check_objectives(name, front)
+        most = self.bound(points[:, 1] * (1.0 - _TIE)) * (1.0 + _TIE)
+        above = np.flatnonzero(points[:, 0] > most)
+        if len(above):
+            reward, survivors = points[above[0]].tolist()
+            limit = most[above[0]]
+            found = f"at most {limit:.6g} expected reward" if limit > -np.inf else "no plan"
+            raise ValueError(
+                f"{name}: row {above[0]} has {reward:.6g} expected reward with {survivors:.6g} "
+                f"expected survivors, where the bound of {self.mission.name!r} has {found}. It is "
+                "of another mission, or does not keep the limits."
+            )
 
     def save(self, path: str | Path) -> None:
         """Write the bound as JSON, without its mission.
@@ -255,8 +280,8 @@ class FrontBound:
         OSError
             If the file cannot be written.
         """
-        record = _Record(
-            format=_FORMAT,
+        record = Record(
+            format=FORMAT,
             mission_digest=numbers_digest(self.mission),
             max_length=None if self.max_length == np.inf else self.max_length,
             **{name: getattr(self, name) for name in _PLAIN},
@@ -278,21 +303,13 @@ class FrontBound:
         ------
         OSError
             If the file cannot be read.
+        TypeError
+            If ``mission`` is not a Mission.
         ValueError
             If it is not such a file, or bounds another mission.
         """
-        path = Path(path)
-        try:
-            record = _Record.model_validate_json(read_bytes(path))
-        except ValidationError as error:
-            fault = error.errors()[0]
-            where = ".".join(map(str, fault["loc"])) or "the whole"
-            raise ValueError(f"{path} is not a bound: {where}: {fault['msg']}.") from error
-        if record.mission_digest != numbers_digest(mission):
-            raise ValueError(f"{path} bounds another mission than {mission.name!r}.")
-        missing = set(range(1, mission.robots + 1)) - {line.n_robots for line in record.lines}
-        if missing:
-            raise ValueError(f"{path} is not a bound: no line for {min(missing)} robots that move.")
+        check_mission(mission)
+        record = read_record(Path(path), mission)
         return cls(
             mission=mission,
             max_length=np.inf if record.max_length is None else record.max_length,
@@ -300,20 +317,11 @@ class FrontBound:
         )
 
 
-_PLAIN = ("lines", "steps", "most_survival", "min_survival", "seconds", "notes")
-
-
-class _Record(BaseModel):
-    """A bound as it is in files."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-    format: Literal["botohe-front-bound-1"]
-    mission_digest: str
-    lines: tuple[Line, ...]
-    steps: tuple[Step, ...]
-    most_survival: float = Field(ge=0, le=1)
-    min_survival: float = Field(ge=0, le=1)
-    max_length: float | None
-    seconds: float
-    notes: tuple[str, ...]
+def _without_nan(survivors: ArrayLike) -> FloatArray:
+    try:
+        given = np.asarray(survivors, np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f"Expected survivors as numbers, got {quoted(survivors)}.") from None
+    if np.isnan(given).any():
+        raise ValueError(f"Expected survivors without NaN, got {quoted(survivors)}.")
+    return given

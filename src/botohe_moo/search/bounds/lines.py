@@ -11,10 +11,10 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray
 from botohe_moo.search.bounds.envelopes import lower_envelope
-from botohe_moo.search.bounds.front_bound import Line
 from botohe_moo.search.bounds.master import Master
 from botohe_moo.search.bounds.pool import Pool
 from botohe_moo.search.bounds.prices import Team
+from botohe_moo.search.bounds.record import Line, LineProof
 from botohe_moo.search.bounds.relaxation import Relaxation
 
 _EPSILON = float(np.finfo(float).eps)
@@ -78,7 +78,7 @@ class Lines:
         if self._made is not None:
             self._made.drop(number)
 
-    def _line(self, most: float, mu: float, proof: str) -> Line:
+    def _line(self, most: float, mu: float, proof: LineProof) -> Line:
         n_terms = self._relaxation.net.graph.n_nodes + 8
         scale = self._relaxation.total + self.base_reward + abs(most) + mu
         spare = n_terms * _EPSILON * scale
@@ -154,7 +154,7 @@ class Lines:
                 slope = stay * centre[1] + (1 - stay) * mu
             here = self.team.tidy(here)
             ahead = self._relaxation.look_ahead(self.team.spread(here, rule.n_levels), slope)
-            reached = self._keep(here, slope, ahead.most, "relaxed") - slope * x
+            reached = self._keep(here, slope, ahead.most, "relaxed", deadline) - slope * x
             found = self._relaxation.best_trails(ahead)
             added = [pool.add(*trail) for trail in found]
             if reached < value:
@@ -198,8 +198,9 @@ class Lines:
             number, is_new = pool.add(arcs) if arcs else (-1, False)
             if not ended:
                 most = ahead.most
-            proof = "exact" if ended else "relaxed"
-            reached = self._keep(here, there, min(most, ahead.most), proof) - there * x
+            proof: LineProof = "exact" if ended else "relaxed"
+            most = min(most, ahead.most)
+            reached = self._keep(here, there, most, proof, deadline) - there * x
             if i == 0:
                 value, is_exact, step = reached, ended, rule.smoothing
                 if not ended:
@@ -223,13 +224,17 @@ class Lines:
                 step = min(1.0, 2 * step)
         return is_exact
 
-    def _keep(self, prices: FloatArray, mu: float, theta: float, proof: str) -> float:
+    def _keep(
+        self, prices: FloatArray, mu: float, theta: float, proof: LineProof, deadline: float
+    ) -> float:
         """Keep the line that prices give, and those that they give other numbers of robots."""
         for lines in self.others:
+            if time.monotonic() > deadline:
+                break
             lines.keep(prices, mu, theta, proof)
         return self.keep(prices, mu, theta, proof)
 
-    def keep(self, prices: FloatArray, mu: float, theta: float, proof: str) -> float:
+    def keep(self, prices: FloatArray, mu: float, theta: float, proof: LineProof) -> float:
         """Keep the line of these prices if no trail is worth more than ``theta``; give its most."""
         beside = float(self.team.most(prices).sum())
         line = self._line(beside + self.n_robots * theta, mu, proof)

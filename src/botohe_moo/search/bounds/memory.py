@@ -91,23 +91,26 @@ class Remembered:
     def pack(self) -> Memory:
         """Give the masks' meaning as arrays."""
         graph = self.net.graph
+        n_nodes = graph.n_nodes
         places = [{bit: i for i, bit in enumerate(bits)} for bits in self.bits]
         kept: list[tuple[int, int]] = []
         first_kept = [0]
         adds, unpaid, barred = (np.full(graph.n_arcs, NONE) for _ in range(3))
-        for arc, (tail, head) in enumerate(zip(graph.tail, graph.head, strict=True)):
+        ends = zip(graph.tail.tolist(), graph.head.tolist(), strict=True)
+        pays = (graph.reward > 0.0).tolist()
+        for arc, (tail, head) in enumerate(ends):
             there, here = places[tail], places[head]
             kept += [(there[bit], here[bit]) for bit in there.keys() & here.keys()]
             first_kept.append(len(kept))
             # Who comes back over a bridge has taken it before.
-            bits = {graph.n_nodes + arc, graph.n_nodes + self._backs.get(arc, arc)}
-            if graph.reward[head] > 0.0:
-                bits.add(int(head))
+            bits = {n_nodes + arc, n_nodes + self._backs.get(arc, arc)}
+            if pays[head]:
+                bits.add(head)
             adds[arc] = sum(1 << here[bit] for bit in bits & here.keys())
-            unpaid[arc] = there.get(int(head), NONE)
-            if graph.reward[head] == 0.0 or arc in self._backs:
+            unpaid[arc] = there.get(head, NONE)
+            if not pays[head] or arc in self._backs:
                 unpaid[arc] = NEVER
-            barred[arc] = there.get(graph.n_nodes + arc, NONE)
+            barred[arc] = there.get(n_nodes + arc, NONE)
         pairs: OffsetArray = np.array(kept, np.int64).reshape(-1, 2)
         n_bits = np.array([len(bits) for bits in self.bits])
         return Memory(n_bits, np.array(first_kept), pairs, adds, unpaid, barred)

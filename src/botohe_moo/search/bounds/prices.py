@@ -7,7 +7,7 @@ grid: level l of node v is the probability reach[v] · l / n_levels.
 from __future__ import annotations
 
 import math
-from itertools import combinations_with_replacement
+from itertools import combinations
 
 import numpy as np
 
@@ -21,8 +21,8 @@ _TIDIED = 3  # times that prices are lowered before the convex envelope is taken
 
 
 def most_levels(n_robots: int, n_levels: int, most: int) -> int:
-    """Give the largest number of levels up to that given with few enough configurations."""
-    while n_levels > 1 and math.comb(n_levels + n_robots, n_robots) > most:
+    """Give the largest number of levels up to that given with few enough configurations, or 0."""
+    while n_levels > 0 and math.comb(n_levels + n_robots, n_robots) > most:
         n_levels -= 1
     return n_levels
 
@@ -46,13 +46,15 @@ class Team:
 
     def _configurations(self, n_robots: int) -> tuple[FloatArray, FloatArray]:
         """How many robots are at each level, and with what probability none gets to each node."""
-        chosen = list(combinations_with_replacement(range(self.n_levels + 1), n_robots))
-        levels = np.array(chosen, np.int64).reshape(len(chosen), n_robots)
-        counts = (levels[:, :, None] == np.arange(self.n_levels + 1)).sum(axis=1)
-        missed = np.ones((len(self.nodes), len(levels)))
-        for chosen_by_one in levels.T:
-            missed *= 1.0 - self.alive[:, chosen_by_one]
-        return counts.astype(float), missed
+        # Robots in a row, and bars between those of one level and those of the next.
+        bars = list(combinations(range(n_robots + self.n_levels), self.n_levels))
+        ends = np.pad(np.array(bars), ((0, 0), (1, 1)), constant_values=-1)
+        ends[:, -1] = n_robots + self.n_levels
+        counts = (np.diff(ends) - 1).astype(float)
+        missed = np.ones((len(self.nodes), len(counts)))
+        for alive, count in zip(self.alive.T, counts.T, strict=True):
+            missed *= np.power.outer(1.0 - alive, count)
+        return counts, missed
 
     def beside(self, prices: FloatArray) -> FloatArray:
         """Give what each configuration gains beside prices (n_nodes, n_configurations)."""
@@ -61,7 +63,7 @@ class Team:
 
     def most(self, prices: FloatArray) -> FloatArray:
         """Give the most that is gained beside prices at each node, rounded up (n_nodes)."""
-        terms = 2 * self.n_robots + self.n_levels + 4
+        terms = 2 * self.n_robots + 5 * self.n_levels + 9  # of each power some units
         spare = terms * _EPSILON * (self.reward + self.n_robots * prices[:, -1])
         most: FloatArray = self.beside(prices).max(axis=1) + spare + _TINY
         return most

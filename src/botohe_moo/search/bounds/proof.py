@@ -15,12 +15,13 @@ from botohe_moo.kernels.bounds.states import Net
 from botohe_moo.kernels.graph.graph import Limits
 from botohe_moo.kernels.local_search.workspace import SearchRule
 from botohe_moo.mission.model import Mission
-from botohe_moo.search.bounds.front_bound import FrontBound, Step
+from botohe_moo.search.bounds.front_bound import FrontBound
 from botohe_moo.search.bounds.lines import Lines, LineSearch
 from botohe_moo.search.bounds.memory import Remembered
 from botohe_moo.search.bounds.net import new_net
 from botohe_moo.search.bounds.pool import Pool
 from botohe_moo.search.bounds.prices import most_levels
+from botohe_moo.search.bounds.record import Step
 from botohe_moo.search.bounds.relaxation import Relaxation
 from botohe_moo.search.bounds.steps import Steps, StepSearch
 from botohe_moo.search.bounds.targets import Known, LineTargets, StepTargets
@@ -32,6 +33,7 @@ from botohe_moo.trails import PlanBatch, TrailPlan
 _EXACT_SHARE, _SEARCH_SHARE = 0.2, 0.05
 # Of what is left: for lines and steps of one robot, for lines before steps, and for steps.
 _FIRST_SHARE, _LINES_SHARE, _STEPS_SHARE = 0.1, 0.4, 0.5
+_PREPARING = 4  # times the seconds for what remembers nothing, for what remembers
 _LEAST_GAIN = 1e-3  # that makes a line worth another try when more is remembered
 _EFFORT_OF_LINES = 16  # when all steps that are easy are known
 _EVALUATIONS, _FIRST_EVALUATIONS = 100_000, 100  # of the search for trails
@@ -76,6 +78,7 @@ class Proof:
         self._lines: list[Lines] = []
         self._steps: list[Steps] = []
         self._prepare(0, 0, 1, 1)
+        self._prepared = time.monotonic() - self._began
 
     def _prepare(self, nearest: int, n_bits: int, n_levels: int, n_searched: int) -> None:
         net, mission = self._net, self._mission
@@ -106,7 +109,10 @@ class Proof:
         ]
 
     def _levels(self) -> int:
-        """Choose how many levels prices have, by what programmes and the memory have room for."""
+        """Choose how many levels prices have, by what programmes and the memory have room for.
+
+        0 where not even one fits.
+        """
         n_nodes, robots = max(1, len(self._pool.nodes)), self._mission.robots
         n_levels = min(max(_MOST_PRICES // n_nodes, _LEAST_LEVELS), _MOST_LEVELS)
         # Half of the memory for two tables of each number of robots.
@@ -147,7 +153,14 @@ class Proof:
         Steps of one robot take little, and spare its lines; other steps take most where lines are
         as low as they get.
         """
-        self._prepare(_NEAREST, _FIRST_BITS, self._levels(), 1 << 18)
+        n_levels = self._levels()
+        if n_levels == 0:
+            self._notes.append("Prices for so many robots and nodes do not fit into the memory.")
+            return
+        if time.monotonic() + _PREPARING * self._prepared < self._deadline:
+            self._prepare(_NEAREST, _FIRST_BITS, n_levels, 1 << 18)
+        else:
+            self._notes.append("Relaxed trails remember nothing: there is too little time.")
         if self._relaxation.remembers_less:
             self._notes.append("Relaxed trails remember less than they would with more memory.")
         if self._limits.max_length < math.inf:
@@ -200,7 +213,7 @@ class Proof:
         self, targets: StepTargets, most_moving: int, until: float, gap: float, callback: Callback
     ) -> None:
         """Find steps for up to so many moving robots, until the time is over or all are tried."""
-        if most_moving > 1:
+        if most_moving > 1 and time.monotonic() < until:
             fits = int(self._memory * _MIB / 2 / StepSearch().bytes_a_state)
             self._relaxation.widen(_STEP_BITS, min(_MOST_STEP_STATES, fits))
             self._lines[0].drop_forgotten()

@@ -62,12 +62,25 @@ class Relaxation:
         n_room = max(1, min(_MOST_FOUND, _MOST_FOUND_ARCS // max(1, net.graph.n_arcs)))
         self._depths = new_depths(net, random_state, n_searched, n_room, MOST_LINES)
         self._is_capped = False
-        states = find_states(net, remembered.pack(), most_states)
-        self.remembers_less = len(states.node) == 0  # than it was to
-        while len(states.node) == 0:
-            remembered.bits = [bits[:-1] for bits in remembered.bits]
-            states = find_states(net, remembered.pack(), most_states)
-        self.states: States = states
+        self.states: States = find_states(net, remembered.pack(), most_states)
+        self.remembers_less = len(self.states.node) == 0  # than it was to
+        if self.remembers_less:
+            self._forget(most_states)
+
+    def _forget(self, most_states: int) -> None:
+        """Let each node remember its first bits alone, the most that there is room for."""
+        wanted, fewest = self._remembered.bits, 0
+        too_many = max(map(len, wanted), default=0)
+        while True:
+            n_bits = (fewest + too_many) // 2
+            self._remembered.bits = [bits[:n_bits] for bits in wanted]
+            states = find_states(self.net, self._remembered.pack(), most_states)
+            if len(states.node) == 0:
+                too_many = n_bits
+                continue
+            fewest, self.states = n_bits, states
+            if too_many - fewest <= 1:
+                return
 
     def look_ahead(self, prices: FloatArray, mu: float) -> Ahead:
         """Bound all trails that leave the base."""

@@ -10,9 +10,9 @@ import numpy as np
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.bounds.teams import Trails, find_teams, write_misses
 from botohe_moo.kernels.bounds.trails import Stairs
-from botohe_moo.search.bounds.front_bound import Step
 from botohe_moo.search.bounds.lines import Lines
 from botohe_moo.search.bounds.pool import Pool
+from botohe_moo.search.bounds.record import Step
 from botohe_moo.search.bounds.relaxation import MOST_LINES, Ahead, Relaxation
 from botohe_moo.search.bounds.stairs import add_stairs, last_steps, least_total, stairs_of
 

@@ -130,10 +130,12 @@ class StepTargets:
     def _gains(self, bound: FrontBound, here: FloatArray, goals: FloatArray) -> FloatArray:
         """Say by how much each step would lower the bound, for its effort (all corners)."""
         bounds = bound.by_robots(self._known.survivors)
+        second, highest = np.partition(bounds, -2, axis=0)[-2:]
         gains = np.zeros(goals.shape)
         is_worth = self._is_open & (here > goals * (1 + _CLOSE))
         for moving in np.flatnonzero(is_worth.any(axis=1)).tolist():
-            own, others = bounds[moving], np.delete(bounds, moving, axis=0).max(axis=0)
+            own = bounds[moving]
+            others = np.where(own == highest, second, highest)
             for corner in np.flatnonzero(is_worth[moving]).tolist():
                 tail = slice(int(self._first[corner]), None)
                 left = np.maximum(goals[moving, corner], others[tail])

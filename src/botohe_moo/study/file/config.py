@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable
-from typing import Annotated, Any, Literal, Self, get_args
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
     AfterValidator,
@@ -13,10 +13,11 @@ from pydantic import (
     StringConstraints,
     model_validator,
 )
+from pydantic_core import PydanticCustomError
 
 from botohe_moo._base.checks import quoted
+from botohe_moo.indicators import INDICATORS
 
-IndicatorName = Literal["area", "igd_plus", "epsilon", "front_size"]
 MAX_EVALUATIONS = 10**12
 MAX_SEED = 2**32 - 1
 MAX_SEEDS = 100_000
@@ -46,6 +47,26 @@ def _printable(value: str) -> str:
     return value
 
 
+def _indicator(value: Any) -> Any:
+    """Refuse what is not among the indicators there are now, as a Literal would."""
+    if not isinstance(value, str) or value not in INDICATORS:
+        *first, last = map(repr, INDICATORS)
+        expected = {"expected": f"{', '.join(first)} or {last}"}
+        raise PydanticCustomError("literal_error", "Input should be {expected}", expected)
+    return value
+
+
+def _list_indicators(schema: dict[str, Any]) -> None:
+    schema["enum"] = [*INDICATORS]
+
+
+def _default_indicators(schema: dict[str, Any]) -> None:
+    schema |= {"uniqueItems": True, "default": [*INDICATORS]}
+
+
+IndicatorName = Annotated[
+    str, BeforeValidator(_indicator), Field(json_schema_extra=_list_indicators)
+]
 NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9._-]*$"
 Text = Annotated[str, StringConstraints(min_length=1, max_length=200, pattern=r"^\S(.*\S)?$")]
 Label = Annotated[Text, AfterValidator(_label)]
@@ -229,9 +250,13 @@ class StudyFile(_Entry):
     """When fronts are recorded."""
     indicators: Annotated[
         list[IndicatorName],
-        Field(min_length=1, json_schema_extra={"uniqueItems": True}),
+        Field(
+            default_factory=lambda: [*INDICATORS],
+            min_length=1,
+            json_schema_extra=_default_indicators,
+        ),
         AfterValidator(_different),
-    ] = list(get_args(IndicatorName))
+    ]
     """What fronts are judged by."""
     comparison: Comparison = Comparison()
     """The control algorithm, if any, and the significance level."""

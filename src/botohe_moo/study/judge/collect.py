@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from botohe_moo._base.types import FloatArray
+from botohe_moo.indicators import further_indicators
 from botohe_moo.mission.model import Mission
 from botohe_moo.search.bounds import FrontBound
 from botohe_moo.study.file.model import Run, Study
@@ -168,7 +169,8 @@ def _recorded(found: _Found) -> dict[str, pd.DataFrame]:
     sizes = list(map(len, records))
     trace = _repeated(runs, map(len, found.fronts))
     spent = pd.DataFrame(found.spent, columns=["evaluations", "seconds", "ties"])
-    trace = trace.join(spent).assign(front_size=sizes, area=0.0, igd_plus=np.nan, epsilon=np.nan)
+    trace = trace.join(spent).assign(front_size=sizes, area=0.0)
+    trace = trace.assign(**dict.fromkeys(further_indicators(), np.nan))
     fronts = _repeated(trace, sizes, "evaluations")
     plans = _repeated(runs, map(len, found.plans)).assign(trails=found.trails)
     numbers = [np.arange(len(objectives)) for objectives in found.plans]

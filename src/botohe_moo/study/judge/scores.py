@@ -2,7 +2,6 @@
 
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import moocore
@@ -13,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from botohe_moo._base.checks import nearest_first
 from botohe_moo._base.types import FloatArray
-from botohe_moo.indicators import TIE, area_indicator, epsilon_indicator, igd_plus_indicator
+from botohe_moo.indicators import INDICATORS, TIE, further_indicators
 from botohe_moo.mission.model import Mission
 from botohe_moo.study.store.schemas import SCHEMAS
 
@@ -22,23 +21,6 @@ Samples: TypeAlias = dict[tuple[str, str], dict[str, FloatArray]]
 
 _DIGITS = 16
 _NO_FRONT = np.empty((0, 2))
-_DISTANCES = {"igd_plus": igd_plus_indicator, "epsilon": epsilon_indicator}  # to the reference
-
-
-@dataclass(frozen=True)
-class Indicator:
-    """An indicator of a front."""
-
-    label: str  # in reports
-    higher_is_better: bool | None  # None: it describes a front and does not judge it
-
-
-INDICATORS = {
-    "area": Indicator("area", higher_is_better=True),
-    "igd_plus": Indicator("IGD+", higher_is_better=False),
-    "epsilon": Indicator("epsilon", higher_is_better=False),
-    "front_size": Indicator("front size", higher_is_better=None),
-}
 
 
 def reference_fronts(runs: pd.DataFrame, final_fronts: pd.DataFrame) -> pd.DataFrame:
@@ -87,15 +69,12 @@ def score_runs(
             raise ValueError(f"Run {label}: expected a front of {size} points, got {len(points)}.")
         mission = missions[run["mission"]]
         for name in indicators:
-            row = {**run, "indicator": name, "reference": None}
-            if name in _DISTANCES:
-                if run["mission"] not in targets:
-                    raise ValueError(f"Expected a reference front of mission {run['mission']!r}.")
-                row["reference"] = names[run["mission"]]
-                row["value"] = _DISTANCES[name](points, targets[run["mission"]], mission)
-            else:
-                row["value"] = area_indicator(points, mission) if name == "area" else float(size)
-            rows.append(row)
+            indicator, target = INDICATORS[name], targets.get(run["mission"])
+            if indicator.needs_reference and target is None:
+                raise ValueError(f"Expected a reference front of mission {run['mission']!r}.")
+            reference = names[run["mission"]] if indicator.needs_reference else None
+            value = indicator.measure(points, target, mission)
+            rows.append({**run, "indicator": name, "reference": reference, "value": value})
     table = as_table("indicators", rows)
     if rows:
         groups: Any = table.groupby(["mission", "indicator"], sort=False)["value"]
@@ -110,22 +89,21 @@ def score_records(
     missions: Mapping[str, Mission],
     indicators: Sequence[str],
 ) -> dict[str, list[float]]:
-    """Compute lists ``area``, ``igd_plus`` and ``epsilon``, with a value for each recorded front.
+    """Compute lists ``area``, ``igd_plus``, ..., with a value for each recorded front.
 
     ``fronts`` are pairs of a mission's label and points (n, 2); a front equal to the one before it
     is not measured again. An indicator that is not wanted is NaN.
     """
     targets = points_by_mission(references)
-    wanted = {name: measure for name, measure in _DISTANCES.items() if name in indicators}
-    scores: dict[str, list[float]] = {"area": [], **{name: [] for name in _DISTANCES}}
+    scores: dict[str, list[float]] = {"area": [], **{name: [] for name in further_indicators()}}
+    wanted = [name for name in scores if name == "area" or name in indicators]
     last: tuple[str, FloatArray] | None = None
     found: dict[str, float] = {}
     for label, points in fronts:
         if last is None or last[0] != label or not np.array_equal(last[1], points):
             last, mission = (label, points), missions[label]
-            found = {"area": area_indicator(points, mission)}
-            for name, measure in wanted.items():
-                found[name] = measure(points, targets[label], mission)
+            target = targets.get(label)
+            found = {name: INDICATORS[name].measure(points, target, mission) for name in wanted}
         for name, column in scores.items():
             column.append(found.get(name, np.nan))
     return scores

@@ -8,7 +8,7 @@ import pandas as pd
 from scipy import stats
 
 from botohe_moo._base.checks import check_number
-from botohe_moo.indicators import TIE, area_indicator
+from botohe_moo.indicators import TIE, area_indicator, further_indicators
 from botohe_moo.mission.model import Mission
 from botohe_moo.search.bounds import FrontBound
 from botohe_moo.study.file.digest import value_text
@@ -147,7 +147,7 @@ def summarise(
         ranks = stats.rankdata(best_first("area", areas_of))
         for label, rank in zip(labels, ranks, strict=True):
             row: dict[str, Any] = {"mission": mission, "algorithm": label, "rank": float(rank)}
-            for name in ("igd_plus", "epsilon"):
+            for name in further_indicators():
                 values = samples.get((mission, name), {}).get(label)
                 row[f"{name}_median"] = None if values is None else float(np.median(values))
             row |= _described(found[mission, label], level)

@@ -6,13 +6,14 @@ from pathlib import Path
 from matplotlib.axes import Axes
 
 from botohe_moo._base.files import replace_file
+from botohe_moo.indicators import INDICATORS
 from botohe_moo.plots.draw.algorithms import AlgorithmStyle, algorithm_styles
 from botohe_moo.plots.draw.style import save_plot
 from botohe_moo.plots.study.ranks import overruled, plot_ranks
 from botohe_moo.study.report.latex import comparisons_latex, ranks_latex, summary_latex
 from botohe_moo.study.report.page import ReportFigure, render_page
 from botohe_moo.study.report.pictures import MissionPictures
-from botohe_moo.study.report.words import INDICATORS, main_indicator, slug
+from botohe_moo.study.report.words import main_indicator, slug
 from botohe_moo.study.store.tables import StudyTables
 
 FORMATS = ("png", "pdf", "svg")
@@ -96,7 +97,7 @@ def _ranks(
     pairs = posthoc[posthoc["indicator"] == main]
     if pairs.empty or len(rows) < 2:
         return
-    named = INDICATORS[main]
+    named = INDICATORS[main].label
     ax = plot_ranks(rows, pairs, styles=styles, title=f"{tables.title}\nranks by {named}")
     caption = (
         f"Average ranks over missions of the algorithms' medians by {named}; 1, on the left, is "

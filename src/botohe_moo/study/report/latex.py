@@ -5,8 +5,8 @@ import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from botohe_moo.indicators import INDICATORS, further_indicators
 from botohe_moo.study.report.words import (
-    INDICATORS,
     comparison_cells,
     count,
     fixed,
@@ -135,8 +135,9 @@ class _Group:
 def summary_latex(tables: StudyTables) -> str:
     """Write the summary as LaTeX: a block of rows for each mission, best medians bold."""
     header = ["algorithm", "runs", r"\shortstack[r]{median\\area}", "interval"]
-    header += [r"IGD\textsuperscript{+}", r"$\varepsilon$", "points"]
-    header += [r"\shortstack[r]{evalu-\\ations}", r"\shortstack[r]{time\\(s)}", "rank"]
+    further = [INDICATORS[name] for name in further_indicators()]
+    header += [indicator.latex or escape_latex(indicator.label) for indicator in further]
+    header += ["points", r"\shortstack[r]{evalu-\\ations}", r"\shortstack[r]{time\\(s)}", "rank"]
     bounded = bool(tables.summary["area_gap"].notna().any())
     if bounded:
         header.insert(4, r"\shortstack[r]{gap\\at most}")
@@ -171,7 +172,9 @@ def comparisons_latex(tables: StudyTables) -> str:
                 if row["significant"]:
                     line[4] = rf"\textbf{{{line[4]}}}"
                 cells.append(line)
-            groups.append(_Group(breakable(f"{mission}: {INDICATORS[str(indicator)]}"), cells))
+            groups.append(
+                _Group(breakable(f"{mission}: {INDICATORS[str(indicator)].label}"), cells)
+            )
     return _table(header, groups, n_labels=2)
 
 
@@ -183,7 +186,7 @@ def ranks_latex(tables: StudyTables) -> str:
             [breakable(row["algorithm"]), fixed(row["average_rank"], 2), count(row["n_missions"])]
             for row in rows.to_dict("records")
         ]
-        name, note = INDICATORS[str(indicator)], str(rows["note"].iloc[0])
+        name, note = INDICATORS[str(indicator)].label, str(rows["note"].iloc[0])
         groups.append(_Group(breakable(name), cells, escape_latex(note)))
     return _table(["algorithm", "average rank", "missions"], groups, n_labels=1)
 

@@ -9,6 +9,7 @@ from typing import Any
 import jinja2
 import pandas as pd
 
+from botohe_moo.indicators import INDICATORS
 from botohe_moo.study.report.page_tables import (
     TextTable,
     comparison_table,
@@ -21,7 +22,6 @@ from botohe_moo.study.report.page_tables import (
 )
 from botohe_moo.study.report.standing import leader, matrix, standing
 from botohe_moo.study.report.words import (
-    INDICATORS,
     bound_words,
     budget_words,
     count,
@@ -162,7 +162,7 @@ def _settings(tables: StudyTables) -> list[tuple[str, str]]:
     bounded = [("Bounds", f"{bounds['seconds']:,g} seconds each")] if bounds else []
     return [
         ("Seeds", seed_words(tables.manifest["seeds"])),
-        ("Indicators", ", ".join(INDICATORS[name] for name in indicators)),
+        ("Indicators", ", ".join(INDICATORS[name].label for name in indicators)),
         ("Compared", f"{compared}, at a significance level of {tables.significance:g}"),
         *bounded,
     ]
@@ -200,7 +200,7 @@ def _ranks(tables: StudyTables) -> list[dict[str, Any]]:
     pairs = tables.posthoc
     return [
         {
-            "indicator": INDICATORS[str(indicator)],
+            "indicator": INDICATORS[str(indicator)].label,
             "table": rank_table(rows),
             "note": str(rows["note"].iloc[0]),
             "posthoc": posthoc_words(pairs[pairs["indicator"] == indicator]),

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import pandas as pd
 
+from botohe_moo.indicators import INDICATORS, further_indicators
 from botohe_moo.plots.study.ranks import overruled
 from botohe_moo.study.report.words import (
-    INDICATORS,
     comparison_cells,
     count,
     fixed,
@@ -37,7 +37,8 @@ def summary_table(tables: StudyTables, mission: str) -> TextTable:
     """Give the summary of a mission, a row for each algorithm; the best medians are strong."""
     rows = tables.summary[tables.summary["mission"] == mission]
     header = ["algorithm", "runs", "median area", "interval", "mean ± sd", "best"]
-    header += ["IGD+", "epsilon", "points", "evaluations", "seconds", "rank"]
+    header += [INDICATORS[name].label for name in further_indicators()]
+    header += ["points", "evaluations", "seconds", "rank"]
     bounded = bool(rows["area_gap"].notna().any())
     if bounded:
         header.insert(6, "gap at most")
@@ -68,7 +69,7 @@ def comparison_table(rows: pd.DataFrame) -> TextTable:
     cells = []
     for row in rows.to_dict("records"):
         *numbers, effect, ends = comparison_cells(row)
-        name = INDICATORS[row["indicator"]]
+        name = INDICATORS[row["indicator"]].label
         labels = [name, row["algorithm"], row["other"], row["verdict"]]
         cells.append([*labels, *numbers, f"{effect} ({ends})"])
     strong = frozenset(i for i, found in enumerate(rows["significant"]) if found)

@@ -8,22 +8,21 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from botohe_moo._base.types import FloatArray
-from botohe_moo.indicators import area_indicator
+from botohe_moo.indicators import INDICATORS, area_indicator, further_indicators
 from botohe_moo.plots.draw.algorithms import AlgorithmStyle
 from botohe_moo.plots.draw.panels import MANY, names_room, study_axes
 from botohe_moo.plots.study.areas import plot_areas
 from botohe_moo.plots.study.attainment import plot_attainment
-from botohe_moo.plots.study.curves import Progress, Value, plot_curves
+from botohe_moo.plots.study.curves import Progress, plot_curves
 from botohe_moo.plots.study.difference import plot_attainment_difference
 from botohe_moo.plots.study.fronts import plot_fronts
 from botohe_moo.plots.study.heat import plot_heat, two_parameter_grids
 from botohe_moo.plots.study.reached import plot_reached
-from botohe_moo.study.report.words import INDICATORS, level
+from botohe_moo.study.report.words import level
 from botohe_moo.study.store.tables import StudyTables
 
 _SHARES = np.arange(50, 100) / 100  # of the reference front's area: the targets
 
-_DISTANCES: tuple[Value, ...] = ("igd_plus", "epsilon")
 
 Picture = tuple[str, "Axes", str, str]
 
@@ -141,9 +140,9 @@ class MissionPictures:
         yield "reached", axes[0], above, what
 
     def _distances(self, trace: pd.DataFrame) -> Iterator[Picture]:
-        found: dict[Value, list[str]] = {}
-        for value in _DISTANCES:
-            if trace[value].notna().any():
+        found: dict[str, list[str]] = {}
+        for value in further_indicators():
+            if INDICATORS[value].is_distance and trace[value].notna().any():
                 found[value] = self._recorded(trace[trace[value].notna()])
         if not found:
             return
@@ -152,10 +151,10 @@ class MissionPictures:
             "axis. Lines are medians over runs, bands reach from their lower to their upper "
             "quartile."
         )
-        shared = not self._many and len(found) > 1
+        shared = not self._many and len(found) == 2  # above each other
         if not shared:
             for value, labels in found.items():
-                named = INDICATORS[value]
+                named = INDICATORS[value].label
                 ax = plot_curves(trace, value=value, algorithms=labels, **self._look)
                 yield value, ax, caption.format(named), f"{named} of {', '.join(labels)}"
             return
@@ -165,7 +164,7 @@ class MissionPictures:
             look = {**self._look, "title": title}
             plot_curves(trace, value=value, algorithms=labels, ax=ax, **look)
         above.set_xlabel("")
-        named = " above, ".join(INDICATORS[value] for value in found) + " below"
+        named = " above, ".join(INDICATORS[value].label for value in found) + " below"
         yield "distances", above, caption.format(named), f"Distances of {self._names}"
 
     def _areas(self) -> Iterator[Picture]:

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from botohe_moo.study.judge import scores
+from botohe_moo.indicators import INDICATORS
 from botohe_moo.study.judge.scores import merge_ties
 from botohe_moo.study.report.words import (
-    INDICATORS,
     count,
     distinct,
     fixed,
@@ -55,7 +54,7 @@ def standing(tables: StudyTables, mission: str) -> Standing:
     rows = tables.summary[tables.summary["mission"] == mission].dropna(subset=column)
     labels = rows["algorithm"].tolist()
     medians = merge_ties(rows[column])
-    more_is_better = scores.INDICATORS[indicator].higher_is_better
+    more_is_better = INDICATORS[indicator].higher_is_better
     texts = distinct(medians, fixed) if more_is_better else distinct(medians, significant, digits=3)
     order = pd.Series(-medians if more_is_better else medians)
     found: dict[tuple[str, str], str] = {}
@@ -86,8 +85,8 @@ def leader(tables: StudyTables, mission: str) -> str:
     labels, best = list(stands.medians), stands.best
     if not best:
         return "No runs yet."
-    which = "largest" if scores.INDICATORS[stands.indicator].higher_is_better else "smallest"
-    name = f"median {INDICATORS[stands.indicator]}"
+    which = "largest" if INDICATORS[stands.indicator].higher_is_better else "smallest"
+    name = f"median {INDICATORS[stands.indicator].label}"
     median = stands.medians[best[0]]
     if len(labels) == 1:
         return f"{best[0]} has a {name} of {median}."
@@ -207,7 +206,7 @@ def _further(tables: StudyTables, stands: Mapping[str, Standing]) -> dict[str, d
 
 
 def _caption(tables: StudyTables) -> str:
-    name = INDICATORS[main_indicator(tables.comparisons)]
+    name = INDICATORS[main_indicator(tables.comparisons)].label
     rival = "the best on the mission" if tables.control is None else tables.control
     return (
         f"Median {name} over runs, the best on a mission bold, its rank there in brackets. "

@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from botohe_moo.indicators import further_indicators
 from botohe_moo.study.file.digest import value_text
-from botohe_moo.study.judge import scores
 from botohe_moo.study.judge.scores import merge_ties
 from botohe_moo.study.store.tables import StudyTables
 
-INDICATORS = {name: indicator.label for name, indicator in scores.INDICATORS.items()}
 _DASH = "–"
 _LONGEST_SLUG = 60
 _MOST_DIGITS = 13  # with which all values that are not ties differ
@@ -59,8 +58,7 @@ def summary_cells(rows: pd.DataFrame) -> list[list[str]]:
         [
             median,
             interval(row["area_low"], row["area_high"]),
-            significant(row["igd_plus_median"]),
-            significant(row["epsilon_median"]),
+            *(significant(row[f"{name}_median"]) for name in further_indicators()),
             count(row["front_size_median"]),
             count(row["evaluations_median"]),
             significant(row["seconds_median"]),

@@ -1,6 +1,10 @@
 """The columns of a study's tables: names, types and meanings."""
 
+from collections.abc import Callable, Iterator, Mapping
+
 import pyarrow as pa
+
+from botohe_moo.indicators import INDICATORS, further_indicators
 
 TEXT, INTEGER, NUMBER, FLAG = pa.string(), pa.int64(), pa.float64(), pa.bool_()
 FURTHER = "further"  # key of a schema's metadata: what columns that depend on the study hold
@@ -29,7 +33,67 @@ _PLAN = (
 _EVALUATIONS = ("evaluations", INTEGER, "trail plans evaluated so far")
 _SECONDS = ("seconds", NUMBER, "the algorithm's own time so far, without recording")
 
-SCHEMAS: dict[str, pa.Schema] = {
+
+def _scores(ending: str, said: str) -> list[tuple[str, pa.DataType, str]]:
+    """Give a column for each indicator that a study need not have."""
+    return [
+        (f"{name}{ending}", NUMBER, f"{said} {known.in_words}; missing where it is not computed")
+        for name, known in INDICATORS.items()
+        if name in further_indicators()
+    ]
+
+
+def _trace() -> pa.Schema:
+    return _schema(
+        *_RUN,
+        _EVALUATIONS,
+        _SECONDS,
+        ("area", NUMBER, "area of the front, in [0, 1]"),
+        ("front_size", INTEGER, "points on the front"),
+        ("ties", INTEGER, "further plans on it whose objectives are those of a point"),
+        *_scores("", "its"),
+        optional=further_indicators(),
+    )
+
+
+def _indicators() -> pa.Schema:
+    *first, last = INDICATORS
+    return _schema(
+        *_RUN,
+        ("indicator", TEXT, f"{', '.join(first)} or {last}"),
+        ("value", NUMBER, "its value for the final front, those of a mission within 1e-12 equal"),
+        ("reference", TEXT, "the reference front, a key of references; missing if it needs none"),
+        optional=("reference",),
+    )
+
+
+def _summary() -> pa.Schema:
+    return _schema(
+        ("mission", TEXT, "label of the mission in the study file"),
+        ("algorithm", TEXT, "label of the algorithm"),
+        ("n", INTEGER, "runs"),
+        ("n_not_done", INTEGER, "runs among them that failed, timed out or found nothing feasible"),
+        ("area_median", NUMBER, "median area"),
+        ("area_low", NUMBER, "lower end of the median's bootstrap confidence interval"),
+        ("area_high", NUMBER, "upper end of it"),
+        ("area_mean", NUMBER, "mean area"),
+        ("area_sd", NUMBER, "standard deviation of the areas; missing for a single run"),
+        ("area_best", NUMBER, "largest area"),
+        (
+            "area_gap",
+            NUMBER,
+            "share by which area_mean may be exceeded at most; missing without bound",
+        ),
+        *_scores("_median", "median"),
+        ("front_size_median", NUMBER, "median number of points on the front"),
+        ("rank", NUMBER, "rank of the median area on this mission; 1 is best"),
+        ("evaluations_median", NUMBER, "median number of evaluations"),
+        ("seconds_median", NUMBER, "median of the algorithm's own time"),
+        optional=("area_sd", "area_gap", *(f"{name}_median" for name in further_indicators())),
+    )
+
+
+_TABLES: dict[str, pa.Schema | Callable[[], pa.Schema]] = {
     "runs": _schema(
         *_RUN,
         ("status", TEXT, "done, infeasible, timeout or failed"),
@@ -53,17 +117,7 @@ SCHEMAS: dict[str, pa.Schema] = {
             *("error", "traceback"),
         ),
     ),
-    "trace": _schema(
-        *_RUN,
-        _EVALUATIONS,
-        _SECONDS,
-        ("area", NUMBER, "area of the front, in [0, 1]"),
-        ("front_size", INTEGER, "points on the front"),
-        ("ties", INTEGER, "further plans on it whose objectives are those of a point"),
-        ("igd_plus", NUMBER, "its IGD+ to the reference front; missing where it is not computed"),
-        ("epsilon", NUMBER, "its additive epsilon; missing where it is not computed"),
-        optional=("igd_plus", "epsilon"),
-    ),
+    "trace": _trace,
     "fronts": _schema(*_RUN, _EVALUATIONS, *_PLAN),
     "plans": _schema(
         *_RUN,
@@ -71,13 +125,7 @@ SCHEMAS: dict[str, pa.Schema] = {
         *_PLAN,
         ("trails", TEXT, "the robots' trails, lists of node labels as JSON"),
     ),
-    "indicators": _schema(
-        *_RUN,
-        ("indicator", TEXT, "area, igd_plus, epsilon or front_size"),
-        ("value", NUMBER, "its value for the final front, those of a mission within 1e-12 equal"),
-        ("reference", TEXT, "the reference front, a key of references; missing if it needs none"),
-        optional=("reference",),
-    ),
+    "indicators": _indicators,
     "references": _schema(
         ("reference", TEXT, "digest of the front's points"),
         ("mission", TEXT, "label of the mission in the study file"),
@@ -119,30 +167,7 @@ SCHEMAS: dict[str, pa.Schema] = {
         ("note", TEXT, "the outcome in words, or why there is no test"),
         optional=("statistic", "p_value"),
     ),
-    "summary": _schema(
-        ("mission", TEXT, "label of the mission in the study file"),
-        ("algorithm", TEXT, "label of the algorithm"),
-        ("n", INTEGER, "runs"),
-        ("n_not_done", INTEGER, "runs among them that failed, timed out or found nothing feasible"),
-        ("area_median", NUMBER, "median area"),
-        ("area_low", NUMBER, "lower end of the median's bootstrap confidence interval"),
-        ("area_high", NUMBER, "upper end of it"),
-        ("area_mean", NUMBER, "mean area"),
-        ("area_sd", NUMBER, "standard deviation of the areas; missing for a single run"),
-        ("area_best", NUMBER, "largest area"),
-        (
-            "area_gap",
-            NUMBER,
-            "share by which area_mean may be exceeded at most; missing without bound",
-        ),
-        ("igd_plus_median", NUMBER, "median IGD+; missing where it is not computed"),
-        ("epsilon_median", NUMBER, "median additive epsilon; missing where it is not computed"),
-        ("front_size_median", NUMBER, "median number of points on the front"),
-        ("rank", NUMBER, "rank of the median area on this mission; 1 is best"),
-        ("evaluations_median", NUMBER, "median number of evaluations"),
-        ("seconds_median", NUMBER, "median of the algorithm's own time"),
-        optional=("area_sd", "area_gap", "igd_plus_median", "epsilon_median"),
-    ),
+    "summary": _summary,
     "posthoc": _schema(
         ("indicator", TEXT, "what is ranked by"),
         ("algorithm", TEXT, "label of the first algorithm"),
@@ -202,3 +227,20 @@ SCHEMAS: dict[str, pa.Schema] = {
         optional=("commit",),
     ),
 }
+
+
+class _Schemas(Mapping[str, pa.Schema]):
+    """The columns of each table; some follow from what indicators there are."""
+
+    def __getitem__(self, name: str) -> pa.Schema:
+        found = _TABLES[name]
+        return found() if callable(found) else found
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(_TABLES)
+
+    def __len__(self) -> int:
+        return len(_TABLES)
+
+
+SCHEMAS = _Schemas()

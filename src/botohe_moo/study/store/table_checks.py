@@ -1,13 +1,13 @@
 """What has to hold of tables that were read, for a report to be made of them."""
 
 from collections.abc import Mapping
-from typing import Any, get_args
+from typing import Any
 
 import pandas as pd
 import pyarrow as pa
 
 from botohe_moo._base.checks import quoted
-from botohe_moo.study.file.config import IndicatorName
+from botohe_moo.indicators import INDICATORS
 from botohe_moo.study.store.schemas import SCHEMAS
 
 # Types of the columns that depend on the study.
@@ -33,7 +33,7 @@ def label_fault(name: str, table: pd.DataFrame, manifest: Mapping[str, Any]) -> 
     """Say which label a table has that is not in the study, or lacks; nothing if all is right."""
     missions, algorithms = manifest["missions"], manifest["algorithms"]
     known = {"mission": missions, "algorithm": algorithms, "other": algorithms}
-    known["indicator"] = get_args(IndicatorName)
+    known["indicator"] = tuple(INDICATORS)
     for column in [column for column in SCHEMAS[name].names if column in known]:
         if unknown := set(table[column]) - set(known[column]):
             return f"only {column}s of the study in column {column}, found {quoted(min(unknown))}"

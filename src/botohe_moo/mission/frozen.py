@@ -1,0 +1,42 @@
+"""Graphs whose attributes cannot be changed either."""
+
+from __future__ import annotations
+
+from typing import Any, NoReturn
+
+import networkx as nx
+
+
+class _Attributes(dict[str, Any]):
+    """Attributes that stay what they are; ``copy`` gives a plain dictionary."""
+
+    __slots__ = ()
+
+    def _refuse(self, *_: object, **__: object) -> NoReturn:
+        raise TypeError(
+            "The graph of a mission cannot be changed: change mission.graph.copy(), and make a "
+            "Mission of that."
+        )
+
+    __setitem__ = __delitem__ = __ior__ = _refuse
+    clear = pop = popitem = setdefault = update = _refuse
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (dict(self),)  # by default it would be filled item by item
+
+
+def frozen_copy(graph: nx.DiGraph[Any]) -> nx.DiGraph[Any]:
+    """Copy a graph; of the copy neither nodes and arcs nor their attributes can be changed.
+
+    :func:`networkx.freeze` leaves the attributes as they are.
+    """
+    copied = graph.copy()
+    copied.graph = _Attributes(copied.graph)
+    inside: Any = copied  # networkx hands out its dictionaries, and has no way to replace them
+    for node, attributes in inside._node.items():
+        inside._node[node] = _Attributes(attributes)
+    for tail, heads in inside._succ.items():
+        for head, attributes in heads.items():
+            heads[head] = inside._pred[head][tail] = _Attributes(attributes)
+    frozen: nx.DiGraph[Any] = nx.freeze(copied)
+    return frozen

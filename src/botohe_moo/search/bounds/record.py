@@ -1,0 +1,112 @@
+"""What is proved of a front, and how it is written to files."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple
+
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, PositiveInt, ValidationError
+
+from botohe_moo._base.checks import quoted
+from botohe_moo._base.files import read_bytes
+from botohe_moo.mission.digest import numbers_digest
+from botohe_moo.mission.model import Mission
+
+FORMAT: Literal["botohe-front-bound-1"] = "botohe-front-bound-1"
+
+LineProof = Literal["everything", "relaxed", "exact"]
+_NotNegative = Annotated[FiniteFloat, Field(ge=0)]
+_Share = Annotated[float, Field(ge=0, le=1)]
+
+
+class Line(NamedTuple):
+    """E[R] ≤ most − mu · x, where so many robots move whose survivals sum to x or more.
+
+    Attributes
+    ----------
+    n_robots
+        How many robots move, 1 or more.
+    most, mu
+        Where the line begins, and by how much it falls for each robot that survives.
+    proof
+        ``"everything"`` (each node is reached along the safest way), ``"relaxed"`` (no relaxed
+        trail is worth more than the line says) or ``"exact"`` (no trail is).
+    """
+
+    n_robots: PositiveInt
+    most: FiniteFloat
+    mu: _NotNegative
+    proof: LineProof
+
+
+class Step(NamedTuple):
+    """E[R] ≤ most, where so many robots move whose survivals sum to ``least`` or more.
+
+    Attributes
+    ----------
+    n_robots
+        How many robots move, 1 or more.
+    most, least
+        The E[R] that is not exceeded, and where the step begins.
+    proof
+        ``"front"`` (it follows from the true front) or ``"exact"`` (no team of trails collects
+        more).
+    """
+
+    n_robots: PositiveInt
+    most: FiniteFloat
+    least: _NotNegative
+    proof: Literal["front", "exact"]
+
+
+class Record(BaseModel):
+    """A bound as it is in files."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+
+    format: Literal["botohe-front-bound-1"]
+    mission_digest: str
+    lines: tuple[Line, ...]
+    steps: tuple[Step, ...]
+    most_survival: _Share
+    min_survival: _Share
+    max_length: _NotNegative | None
+    seconds: _NotNegative
+    notes: tuple[str, ...]
+
+
+def read_record(path: Path, mission: Mission) -> Record:
+    """Read the bound of a mission; an OSError or a ValueError names the file."""
+    data = read_bytes(path)
+    try:
+        json.loads(data, object_pairs_hook=_object)  # of equal keys pydantic takes the last
+        record = Record.model_validate_json(data)
+    except ValidationError as error:
+        fault = error.errors()[0]
+        where = ".".join(map(str, fault["loc"])) or "the whole"
+        found = "" if fault["type"] == "missing" else f", found {quoted(fault['input'])}"
+        raise ValueError(f"{path} is not a bound: {where}: {fault['msg']}{found}.") from None
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"{path} is not a bound: {error}.") from None
+    if record.mission_digest != numbers_digest(mission):
+        raise ValueError(f"{path} bounds another mission than {mission.name!r}.")
+    numbers = set(range(1, mission.robots + 1))
+    with_lines = {line.n_robots for line in record.lines}
+    if missing := numbers - with_lines:
+        raise ValueError(f"{path} is not a bound: no line for {min(missing)} robots that move.")
+    if more := (with_lines | {step.n_robots for step in record.steps}) - numbers:
+        raise ValueError(
+            f"{path} is not a bound: {max(more)} robots move in it, and the mission has "
+            f"{mission.robots}."
+        )
+    return record
+
+
+def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    content = dict(pairs)
+    if len(content) < len(pairs):
+        names = [name for name, _ in pairs]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise ValueError(f"expected each key once, found {quoted(twice)} twice")
+    return content

@@ -1,0 +1,108 @@
+"""An indicator that is registered is in all that studies write: one line makes it one."""
+
+import csv
+import json
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+
+from botohe_moo import load_mission
+from botohe_moo.indicators import INDICATORS, Indicator
+from botohe_moo.plots import plot_curves
+from botohe_moo.study import SCHEMAS, StudyError, load_study, read_study, run_study
+from botohe_moo.study.file.schema import study_schema
+from botohe_moo.study.report.folder import write_report
+
+STUDY = {
+    "name": "gains",
+    "missions": ["toy"],
+    "algorithms": {
+        "few": {"algorithm": "random", "parameters": {"n_ants": 2}},
+        "many": {"algorithm": "random", "parameters": {"n_ants": 9}},
+    },
+    "budget": {"evaluations": 30},
+    "seeds": 2,
+}
+NEW_COLUMNS = {"trace": ["gain", "missed"], "summary": ["gain_median", "missed_median"]}
+
+
+def most_reward(points, mission):
+    return float(points[:, 0].max(initial=0) / mission.total_reward)
+
+
+def reward_missed(points, reference, mission):
+    missed = reference[:, 0].max() - points[:, 0].max(initial=0)
+    return float(missed / mission.total_reward) + 0.25
+
+
+@pytest.fixture
+def columns(monkeypatch):
+    """Register one that needs no reference, and one that does; gives the columns before that."""
+    columns = {name: schema.names for name, schema in SCHEMAS.items()}
+    gain = Indicator("gain %", most_reward, higher_is_better=True)
+    missed = Indicator("missed", reward_missed, higher_is_better=False, needs_reference=True)
+    monkeypatch.setitem(INDICATORS, "gain", gain)
+    monkeypatch.setitem(INDICATORS, "missed", missed)
+    return columns
+
+
+def loaded(folder, **options):
+    path = folder / "gains.json"
+    path.write_text(json.dumps({**STUDY, **options}))
+    return load_study(path)
+
+
+@pytest.mark.usefixtures("in_process")
+def test_it_is_in_tables_reports_and_figures(columns, tmp_path):
+    mpl.use("Agg")
+    run_study(loaded(tmp_path), tmp_path / "done")
+    tables = read_study(tmp_path / "done")
+    assert tables.manifest["indicators"] == [*INDICATORS]
+    found = tables.indicators.pivot_table("value", "run", "indicator")
+    final = tables.plans.groupby("run")["reward"].max() / load_mission("toy").total_reward
+    top = tables.references["reward"].max() / load_mission("toy").total_reward
+    assert found["gain"].to_dict() == pytest.approx(final.to_dict())
+    assert found["missed"].to_dict() == pytest.approx((top - final + 0.25).to_dict())
+    with_reference = tables.indicators.dropna(subset="reference")["indicator"]
+    assert set(with_reference) == {"igd_plus", "epsilon", "missed"}
+    assert {"gain", "missed"} <= set(tables.comparisons["indicator"])
+    assert {"gain", "missed"} <= set(tables.ranks["indicator"])
+    for name, before in columns.items():
+        assert sorted(SCHEMAS[name].names) == sorted([*before, *NEW_COLUMNS.get(name, [])])
+    last = tables.trace.groupby("run").last()
+    assert last["gain"].to_dict() == pytest.approx(found["gain"].to_dict())
+    medians = found["gain"].groupby(tables.runs.set_index("run")["algorithm"]).median()
+    assert tables.summary.set_index("algorithm")["gain_median"].to_dict() == medians.to_dict()
+    (path,) = (tmp_path / "done").rglob("summary.csv")
+    with path.open(newline="") as file:
+        assert "missed_median" in next(csv.reader(file))
+    written = {path.name: path for path in write_report(tables)}
+    assert "gain %</th>" in written["report.html"].read_text("utf-8")
+    assert r"gain \%" in written["summary.tex"].read_text("utf-8")
+    assert {"igd_plus-toy.svg", "epsilon-toy.svg", "missed-toy.svg"} <= written.keys()
+    assert plot_curves(tables.trace, value="missed").get_ylabel() == "missed"
+
+
+@pytest.mark.usefixtures("columns")
+def test_study_files_may_name_it(tmp_path):
+    assert loaded(tmp_path, indicators=["gain", "area"]).manifest()["indicators"] == [
+        "gain",
+        "area",
+    ]
+    assert '"missed"' in study_schema()
+    with pytest.raises(StudyError, match=r"'missed'.*got 'loss'"):
+        loaded(tmp_path, indicators=["loss"])
+
+
+def test_a_name_that_is_not_registered_is_refused(tmp_path):
+    expected = "'area', 'igd_plus', 'epsilon' or 'front_size', got "
+    for wrong, shown in (("gain", "'gain'"), (3, "3")):
+        with pytest.raises(StudyError, match=f"{expected}{shown}"):
+            loaded(tmp_path, indicators=["area", wrong])
+
+
+def test_a_value_that_is_not_a_number_names_the_indicator():
+    odd = Indicator("odd", lambda *_: np.nan, higher_is_better=True)
+    with pytest.raises(ValueError, match="Indicator 'odd': expected a finite number, got nan"):
+        odd.measure(np.ones((1, 2)), None, load_mission("toy"))
