@@ -378,7 +378,7 @@ def studied(third_party_site, tmp_path_factory):
     site = folder / "site"
     shutil.copytree(third_party_site, site)
     (folder / "lagoons.yaml").write_text(STUDY)
-    ended = botohe("study", "run", "lagoons.yaml", site=site, cwd=folder, run=run_anew)
+    ended = botohe("study", "run", "lagoons.yaml", site=site, cwd=folder)
     assert ended.status == 0, ended.err
     return folder, site
 
