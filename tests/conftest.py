@@ -44,9 +44,12 @@ for name, usual in {"SIGHUP": signal.SIG_DFL, "SIGINT": signal.default_int_handl
 COMPILE = """
 import sys
 from pymoo.optimize import minimize
-from botohe_moo import BOTOHE, load_mission, make_algorithm
+from botohe_moo import BOTOHE, bound_front, load_mission, make_algorithm
 toy = load_mission("toy")
 for name in sys.argv[1:]:
+    if name == "bounds":  # within a limit of time nothing is to be compiled
+        bound_front(load_mission("terrain", nodes=30, robots=2, seed=3), time_limit=2)
+        continue
     for limits in ({}, {"min_survival": 0.1}, {"max_length": 6}):  # some compile for each
         minimize(BOTOHE(toy, **limits), make_algorithm(name), ("n_eval", 200), seed=1)
 """
@@ -57,7 +60,8 @@ def pytest_sessionstart(session):
     config = session.config
     if getattr(config.option, "numprocesses", None) and not hasattr(config, "workerinput"):
         # Either takes half a minute.
-        names = [["pareto-local-search"], ["exact", "bo-aco", "simulated-annealing", "nsga2"]]
+        names = [["pareto-local-search", "nsga2"]]
+        names.append(["exact", "bo-aco", "simulated-annealing", "bounds"])
         processes = [subprocess.Popen([sys.executable, "-c", COMPILE, *given]) for given in names]
         for process in processes:
             process.wait()
