@@ -66,9 +66,8 @@ class PopulationAlgorithm(BudgetedAlgorithm):
         What the pymoo class is made with besides its operators.
     sampling
         Plans to start from: ``guided``, ``random``, a mapping from these to weights, a pymoo
-        sampling, or trail plans, to which guided ones are added where they are too few. This and
-        the other operators may also be named as another package registers them, or as
-        ``module:Class``.
+        sampling, or trail plans, to which guided ones are added where they are too few. All
+        operators may also be named as other packages register them, or as ``module:Class``.
     corners
         Whether the corners of the front, everybody at home and the greedy plan for reward alone,
         are among the plans to start from.
@@ -183,8 +182,8 @@ class PopulationAlgorithm(BudgetedAlgorithm):
         Parameters
         ----------
         problem
-            What to solve: a :class:`BOTOHE`, or a TypeError is raised. It may have objectives of
-            its own, also more than two where the algorithm has no directions for two.
+            What to solve: a :class:`BOTOHE`, or a TypeError is raised; also for one of other than
+            two objectives, if the algorithm has directions for two.
         **kwargs
             pymoo's options, such as ``termination`` (default: 100 000 evaluations; a ValueError is
             raised for less than one) and ``seed``.
@@ -200,11 +199,10 @@ class PopulationAlgorithm(BudgetedAlgorithm):
 
     def _repairs(self) -> list[object]:
         """List the repairs of all operators, also of those that were given as objects."""
-        found = []
-        for operator in (self.mating.crossover, self.mating.mutation):
-            parts = getattr(getattr(operator, "mixture", None), "parts", (operator,))
-            found += [getattr(part, "plan_repair", None) for part in parts]
-        return found
+        operators = (self.mating.crossover, self.mating.mutation)
+        mixtures = [getattr(operator, "mixture", None) for operator in operators]
+        parts = [getattr(m, "parts", (o,)) for m, o in zip(mixtures, operators, strict=True)]
+        return [getattr(part, "plan_repair", None) for found in parts for part in found]
 
     def infill(self) -> Population | None:
         """Give the plans to evaluate next, no more than the budget allows."""
