@@ -613,6 +613,7 @@ indicators: [area, igd]
 
     def test_files_that_are_not_there_or_no_text(self, tmp_path):
         (tmp_path / "trials.yaml").write_text("")
+        (tmp_path / ".pre-commit.yaml").write_text("")
         [line] = lines(tmp_path / "trial.yaml")
         assert line.endswith("there is no such file; beside it are trials.yaml.")
         [line] = lines(tmp_path)

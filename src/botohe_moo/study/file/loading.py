@@ -107,7 +107,7 @@ def _text(path: Path) -> str:
         size = path.stat().st_size
         read = b"" if size > _MAX_BYTES else read_bytes(path)
     except FileNotFoundError:
-        among = sorted(p.name for p in path.parent.glob("*.y*ml"))
+        among = sorted(p.name for p in path.parent.glob("[!.]*.y*ml"))
         near = f"; beside it are {', '.join(nearest_first(path.name, among))}" if among else ""
         raise StudyError(f"{path}: there is no such file{near}.") from None
     except OSError as error:
