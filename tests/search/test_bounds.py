@@ -208,8 +208,9 @@ def test_hundreds_of_robots(robots):
     bound = bound_front(toy, time_limit=1)
     plan = toy.evaluate([toy.plan([[1, 2, 1]] * robots)])[0]
     assert bound.bound(plan[1]) >= plan[0]
-    assert 0.9 < bound.area < 1
-    assert isinstance(bound.area, float)
+    area = bound.area  # takes seconds for thousands of robots
+    assert 0.9 < area < 1
+    assert isinstance(area, float)
     with pytest.raises(ValueError, match="at most 5,000 robots, got 5,001"):
         bound_front(load_mission("toy", robots=5_001))
 
