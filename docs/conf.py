@@ -37,6 +37,7 @@ nitpick_ignore_regex = [
     ("py:class", r"pymoo\..*"),
     ("py:class", r"(Algorithm|Population|Result)"),  # pymoo's, too
     ("py:class", r"(ndarray|pd\.DataFrame|Axes|Path)"),
+    ("py:class", r"pytest\.MarkDecorator"),
     ("py:class", r"Run"),  # what a Study lists; not exported
 ]
 numpydoc_show_class_members = False
