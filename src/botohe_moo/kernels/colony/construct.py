@@ -18,8 +18,9 @@ from botohe_moo.kernels.colony.weighing import (
 )
 from botohe_moo.kernels.compile import helper, inlined, kernel
 from botohe_moo.kernels.graph.graph import Graph
-from botohe_moo.kernels.graph.homing import Budget, survives_home, way_within
+from botohe_moo.kernels.graph.homing import Budget, way_within
 from botohe_moo.kernels.graph.paths import Paths
+from botohe_moo.kernels.graph.ways import go_without_choice, survives_home
 from botohe_moo.kernels.rng import uniform
 
 
@@ -65,7 +66,10 @@ def _choose(
             drawn = uniform(scratch.states, ant.number) * (1.0 + rule.exploration / n)
             arc = draw_arc(graph, rule.exploration, scratch.cumulated, ant, here, n, total, drawn)
         ant.used[arc] = ant.trail
-        if n == 1 or arc == loop:
+        if arc == loop:
+            break
+        if n == 1:
+            go_without_choice(graph, paths, ant.trail, graph.head[arc])
             break
         length = scratch.length[ant.robot]
         if _leads_home(graph, rule, rule.budget, paths, ant, arc, alive, length):
