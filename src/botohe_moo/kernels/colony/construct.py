@@ -20,7 +20,7 @@ from botohe_moo.kernels.compile import helper, inlined, kernel
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.graph.homing import Budget, way_within
 from botohe_moo.kernels.graph.paths import Paths
-from botohe_moo.kernels.graph.ways import go_without_choice, survives_home
+from botohe_moo.kernels.graph.ways import end_trail, go_without_choice, survives_home
 from botohe_moo.kernels.rng import uniform
 
 
@@ -67,6 +67,7 @@ def _choose(
             arc = draw_arc(graph, rule.exploration, scratch.cumulated, ant, here, n, total, drawn)
         ant.used[arc] = ant.trail
         if arc == loop:
+            end_trail(paths)
             break
         if n == 1:
             go_without_choice(graph, paths, ant.trail, graph.head[arc])

@@ -13,14 +13,14 @@ from botohe_moo._base.types import FloatArray, OffsetArray, RecordArray
 from botohe_moo.kernels.compile import helper
 from botohe_moo.kernels.graph.graph import Graph
 
-ANYWHERE = -1
-NOBODY = -2  # instead of a trail
+ANYWHERE = -1  # instead of a node
+NOBODY = -1  # instead of a trail
 
 _WAY = np.dtype(
-    [("onward", np.int64), ("walk", np.int64), ("place", np.int64)]
-    + [("node", np.int64), ("survival", np.float64)]
+    [(name, np.int64) for name in ("onward", "walk", "dead", "place", "node")]
+    + [("survival", np.float64)]
 )
-_KNOWN = np.dtype([("trail", np.int64), ("size", np.int64)])
+_KNOWN = np.dtype([(name, np.int64) for name in ("trail", "since", "size")])
 
 
 class Paths(NamedTuple):
@@ -61,7 +61,8 @@ def new_paths(graph: Graph) -> Paths:
         np.empty(1, _KNOWN),
     )
     paths.n_searches[:], paths.met[:] = 0, 0
-    paths.ways["onward"], paths.ways["walk"], paths.ways["place"] = graph.homeward, 0, 0
+    paths.ways["onward"], paths.ways["walk"] = graph.homeward, 0
+    paths.ways["dead"], paths.ways["place"] = 0, 0
     paths.known["trail"] = NOBODY
     return paths
 

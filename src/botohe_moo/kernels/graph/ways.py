@@ -8,7 +8,9 @@ Of one trail, ``known.trail``, a way home over unused arcs is known. From the pl
 ``known.size`` − 1 down to the base at 0 it goes over ``ways[place].node``, by their ``onward``;
 ``ways[node].place`` is where it goes over a node, if it does, and ``ways[place].survival`` is that
 of the way from there. It begins where the trail is, and stays free as long as the trail asks for
-every node that it goes to. So what leads to this way leads home: mostly a hop or two.
+every node that it goes to. So what leads to this way leads home: mostly a hop or two. And from
+where none led home none will: ``ways[node].dead`` is the search that found so, of this trail if it
+came after ``known.since``.
 """
 
 from botohe_moo._base.types import OffsetArray
@@ -40,7 +42,8 @@ def survives_home(
 
     It can if it gets home over unused arcs with probability ``least`` or more; without a floor
     (0), if any lead home. If it can it has to go there, and the arc to that node is used by now.
-    Where there is no scratch to search on, it always can: the search is not even compiled.
+    A trail that has come to its end has to say so (``end_trail``). Where there is no scratch to
+    search on, it always can: the search is not even compiled.
     """
     if paths is None:
         return True
@@ -51,15 +54,17 @@ def survives_home(
     if alive * graph.home[node] < least:
         return False
     paths.n_searches[0] += 1
-    n = _walk(graph, paths, used, trail, node)
     # Any way will do that is safe enough by more than rounding, else the safest one decides.
-    if n < 0 or alive * _survival(graph, paths, node, n) < least * _SURELY:
+    if alive * _walk(graph, paths, used, trail, node) < least * _SURELY:
         n = way_home(graph, paths, used, trail, node)
         for i in range(n):
             alive *= graph.survival[paths.path[i]]
         if n < 0 or alive < least:
             return False
-    _take(graph, paths, node, n)
+        _forget_way(graph, paths, trail)
+        for i in range(n):
+            paths.ways[graph.tail[paths.path[i]]].onward = paths.path[i]
+    _know_way(graph, paths, node)
     return True
 
 
@@ -74,10 +79,18 @@ def go_without_choice(graph: Graph, paths: Paths | None, trail: int, node: int) 
         _forget_way(graph, paths, trail)
 
 
+@helper
+def end_trail(paths: Paths | None) -> None:
+    """Let nothing be known of the next trail, be it of the same number."""
+    if paths is not None:
+        paths.known[0].trail = NOBODY
+
+
 @inlined
 def _forget_way(graph: Graph, paths: Paths, trail: int) -> None:
     """Let nothing be known of a trail, but that it is home at the base."""
-    paths.known[0].trail, paths.known[0].size = trail, 1
+    known = paths.known[0]
+    known.trail, known.since, known.size = trail, paths.n_searches[0], 1
     paths.ways[0].node, paths.ways[0].survival = graph.base, 1.0
     paths.ways[graph.base].place = 0
 
@@ -90,51 +103,39 @@ def _is_on_way(paths: Paths, node: int) -> bool:
 
 
 @helper
-def _walk(graph: Graph, paths: Paths, used: OffsetArray, trail: int, node: int) -> int:
-    """Walk along ``onward`` to the way that is known; write the arcs to ``paths.path``.
+def _walk(graph: Graph, paths: Paths, used: OffsetArray, trail: int, node: int) -> float:
+    """Walk along ``onward`` to the way that is known; give the survival of the way home.
 
-    Gives how many they are, −1 where a used arc is in the way, or what a walk of the same search
-    has gone over: that has been blocked, or this one goes round in a circle.
+    It is −1 where a used arc is in the way, or what a walk of the same search has gone over: that
+    has been blocked, or this one goes round in a circle.
     """
-    search, n = paths.n_searches[0], 0
+    search, survival = paths.n_searches[0], 1.0
     while not _is_on_way(paths, node):
         arc = paths.ways[node].onward
         if used[arc] == trail or paths.ways[node].walk == search:
-            return -1
+            return -1.0
         paths.ways[node].walk = search
-        paths.path[n] = arc
-        n += 1
+        survival *= graph.survival[arc]
         node = graph.head[arc]
-    return n
-
-
-@helper
-def _survival(graph: Graph, paths: Paths, node: int, n: int) -> float:
-    """Give the survival of the way home by the first ``n`` arcs of ``paths.path``."""
-    survival = 1.0
-    for i in range(n):
-        survival *= graph.survival[paths.path[i]]
-        node = graph.head[paths.path[i]]
     return float(survival * paths.ways[paths.ways[node].place].survival)
 
 
-@inlined
-def _lengthen(graph: Graph, paths: Paths, arc: int) -> None:
-    """Let the way that is known begin with an arc which leads to where it begins."""
-    node, place = graph.tail[arc], paths.known[0].size
-    paths.ways[node].onward, paths.ways[node].place = arc, place
-    paths.ways[place].node = node
-    paths.ways[place].survival = graph.survival[arc] * paths.ways[place - 1].survival
-    paths.known[0].size = place + 1
-
-
 @helper
-def _take(graph: Graph, paths: Paths, node: int, n: int) -> None:
-    """Know the way that leads from a node by the first ``n`` arcs of ``paths.path``."""
-    end = graph.head[paths.path[n - 1]] if n > 0 else node
-    paths.known[0].size = paths.ways[end].place + 1
-    for i in range(n - 1, -1, -1):
-        _lengthen(graph, paths, paths.path[i])
+def _know_way(graph: Graph, paths: Paths, node: int) -> None:
+    """Know the way home from a node along ``onward``, from which a walk has led to the way."""
+    ways, here, n = paths.ways, node, 0
+    while not _is_on_way(paths, here):
+        here = graph.head[ways[here].onward]
+        n += 1
+    end = ways[here].place
+    here = node
+    for place in range(end + n, end, -1):
+        ways[here].place, ways[place].node = place, here
+        here = graph.head[ways[here].onward]
+    for place in range(end + 1, end + n + 1):
+        survival = graph.survival[ways[ways[place].node].onward]
+        ways[place].survival = survival * ways[place - 1].survival
+    paths.known[0].size = end + n + 1
 
 
 @helper
@@ -144,10 +145,12 @@ def _find_way(graph: Graph, paths: Paths, used: OffsetArray, trail: int, node: i
     By breadth-first search for a node from which a walk leads to the way that is known: mostly
     there is one near by, if it is not the node itself.
     """
+    since, ways = paths.known[0].since, paths.ways
+    if ways[node].dead > since:
+        return False
     paths.n_searches[0] += 1
-    n_steps = _walk(graph, paths, used, trail, node)
-    if n_steps >= 0:
-        _take(graph, paths, node, n_steps)
+    if _walk(graph, paths, used, trail, node) >= 0.0:
+        _know_way(graph, paths, node)
         return True
     met, entry, queue, search = paths.met, paths.entry, paths.order, paths.n_searches[0]
     queue[0], met[node], n, i = node, search, 1, 0
@@ -156,16 +159,17 @@ def _find_way(graph: Graph, paths: Paths, used: OffsetArray, trail: int, node: i
         i += 1
         for arc in range(graph.first[here], graph.first[here + 1]):
             there = graph.head[arc]
-            if used[arc] == trail or met[there] == search:
+            if used[arc] == trail or met[there] == search or ways[there].dead > since:
                 continue
             met[there], entry[there] = search, arc
-            n_steps = _walk(graph, paths, used, trail, there)
-            if n_steps >= 0:
-                _take(graph, paths, there, n_steps)
+            if _walk(graph, paths, used, trail, there) >= 0.0:
                 while there != node:
-                    _lengthen(graph, paths, entry[there])
+                    ways[graph.tail[entry[there]]].onward = entry[there]
                     there = graph.tail[entry[there]]
+                _know_way(graph, paths, node)
                 return True
             queue[n] = there
             n += 1
+    for i in range(n):
+        ways[queue[i]].dead = search
     return False
