@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
@@ -57,24 +58,27 @@ NOTHING = LearningRule(evaporation=0.0, pooled=True, iteration_size=0, archive_s
 class AntThreads:
     """Threads that build plans, which several colonies may share; they start when needed.
 
-    The calling one is among the ``n_threads``.
+    The calling one is among the ``n_threads``. A forked process starts threads of its own, since
+    those of its parent are not forked.
     """
 
     def __init__(self, n_threads: int) -> None:
         self.n_threads = n_threads
         self._pool: ThreadPoolExecutor | None = None
+        self._process = 0  # whose threads these are
 
     def submit(self, job: Callable[..., Any], *args: Any) -> Future[Any]:
         """Let another thread than the calling one do a job."""
-        if self._pool is None:
+        if self._pool is None or self._process != os.getpid():
             self._pool = ThreadPoolExecutor(self.n_threads - 1, "botohe-ants")
+            self._process = os.getpid()
         return self._pool.submit(job, *args)
 
     def close(self) -> None:
         """End the threads; the next job starts new ones."""
-        if self._pool is not None:
+        if self._pool is not None and self._process == os.getpid():
             self._pool.shutdown()
-            self._pool = None
+        self._pool = None
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_pool": None}
