@@ -7,6 +7,7 @@ import signal
 import sys
 import tempfile
 import threading
+from datetime import date
 from itertools import pairwise
 from pathlib import Path
 
@@ -548,8 +549,16 @@ class TestReading:
         with pytest.raises(ValueError, match=r"plans\.json: Expected max_length >= 0.*, got -1"):
             read_solution(tmp_path)
 
-    def test_labels_of_every_kind(self, tmp_path):
-        labels = ["dock", ("floor", 2, None), 1.5, 7, "漢字"]
+    @pytest.mark.parametrize(
+        ("labels", "needs_mission"),
+        [
+            (["dock", ("floor", 2, None), 1.5, 7, "漢字"], False),
+            (["dock", (), ((0, 1), "a"), ((0, (1,)), "a"), "[0, 1]"], False),
+            (["dock", date(2025, 3, 1), ("at", date(2025, 3, 2)), b"x", frozenset({1})], True),
+        ],
+    )
+    def test_labels_of_every_kind(self, tmp_path, labels, needs_mission):
+        """Tuples come back as tuples, and what JSON cannot hold as the mission's own labels."""
         graph = nx.DiGraph()
         graph.add_nodes_from(labels, reward=1)
         for tail, head in [*pairwise(labels), (labels[-1], labels[0])]:
@@ -557,7 +566,15 @@ class TestReading:
         mission = Mission(graph, base="dock", robots=1, name="pier")
         written = solution_of(mission, [[[*labels, "dock"]], [["dock"]]])
         written._write_tables(tmp_path)
-        assert parts(read_solution(tmp_path)) == parts(written)
+        assert parts(read_solution(tmp_path, mission=mission)) == parts(written)
+        if needs_mission:
+            return
+        again = read_solution(tmp_path)
+        assert parts(again) == parts(written)
+        assert set(again.mission.labels(again.plans[0])[0]) == set(labels)
+        content = json.loads((tmp_path / "plans.json").read_text())
+        read = [mission.plan(entry["trails"]) for entry in content["plans"]]
+        assert tuple(read) == written.plans
 
     def test_a_folder_without_its_mission(self, toy, solution, tmp_path):
         solution._write_tables(tmp_path)

@@ -1,10 +1,9 @@
 """BO-ACO through pymoo: the contract every user relies on, and the published curves in short."""
 
 import copy
+import multiprocessing
+import os
 import pickle
-import subprocess
-import sys
-import textwrap
 
 import networkx as nx
 import numpy as np
@@ -27,6 +26,12 @@ from tests.strategies import missions
 @pytest.fixture(scope="module")
 def museum():
     return load_mission("art_museum")
+
+
+def finish_run(algorithm, sender):
+    while algorithm.has_next():
+        algorithm.next()
+    sender.send(algorithm.result().F.tolist())
 
 
 class Watched(BOTOHE):
@@ -85,36 +90,6 @@ def same_result(one, other):
         and one.X[:, 0].tolist() == other.X[:, 0].tolist()
         and one.algorithm.pheromone_maps.equals(other.algorithm.pheromone_maps)
     )
-
-
-def test_a_forked_process_goes_on_with_threads_of_its_own():
-    """A copy of the parent's pool would wait for threads that are not there."""
-    code = """
-        import multiprocessing as mp
-        import numpy as np
-        from botohe_moo import BOACO, BOTOHE, load_mission
-
-        def go_on(algorithm, send):
-            algorithm.next()
-            send.put(algorithm.archive.objectives.tolist())
-
-        algorithm = BOACO(n_ants=20, n_threads=2)
-        algorithm.setup(BOTOHE(load_mission("art_museum")), termination=("n_gen", 9), seed=1)
-        algorithm.next()
-        context = mp.get_context("fork")
-        receive = context.Queue()
-        child = context.Process(target=go_on, args=(algorithm, receive), daemon=True)
-        child.start()
-        found = receive.get(timeout=60)
-        child.join(60)
-        assert child.exitcode == 0, child.exitcode
-        algorithm.next()
-        assert found == algorithm.archive.objectives.tolist()
-        print("as in the parent")
-    """
-    command = [sys.executable, "-W", "ignore", "-c", textwrap.dedent(code)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-    assert done.stdout == "as in the parent\n", done.stderr
 
 
 @variants
@@ -282,6 +257,28 @@ class TestInsidePymoo:
         while algorithm.has_next():
             algorithm.next()
         assert twin.opt.get("F").tobytes() == algorithm.opt.get("F").tobytes()
+
+    @pytest.mark.skipif(not hasattr(os, "fork"), reason="nothing forks here")
+    def test_a_forked_process_has_threads_of_its_own(self, museum):
+        """Whether it is forked before its first generation or later."""
+        fork = multiprocessing.get_context("fork")
+        whole = minimize(BOTOHE(museum), BOACO(n_ants=10), ("n_gen", 6), seed=1)
+        algorithm = BOACO(n_ants=10, n_threads=2)
+        algorithm.setup(BOTOHE(museum), termination=("n_gen", 6), seed=1)
+        for n_generations in (0, 3, 2):
+            for _ in range(n_generations):
+                algorithm.next()
+            receiver, sender = fork.Pipe(duplex=False)
+            child = fork.Process(target=finish_run, args=(algorithm, sender), daemon=True)
+            child.start()
+            try:
+                assert receiver.poll(30), "the forked process hangs"
+                assert receiver.recv() == whole.F.tolist()
+                child.join(60)
+                assert child.exitcode == 0
+            finally:
+                child.kill()
+        algorithm.finalize()
 
     def test_an_override_of_evaluate_batch_is_respected(self, museum):
         class CautiousOnly(BOTOHE):

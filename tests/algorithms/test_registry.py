@@ -2,6 +2,7 @@
 
 import hashlib
 import inspect
+import re
 import sys
 import textwrap
 from importlib.metadata import version
@@ -326,9 +327,10 @@ class TestOtherPackages:
 
     def test_something_else_than_an_algorithm(self, install):
         install("reef-algorithms", REEF, lagoon="lagoon", nothing="nothing")
-        with pytest.raises(ValueError, match=r"^Algorithm 'lagoon': expected a pymoo .* got 3\.$"):
+        expected = "Algorithm 'lagoon': expected reef_algorithms:lagoon of package reef-algorithms"
+        with pytest.raises(ValueError, match=rf"^{expected} to give a pymoo .*, got 3\.$"):
             make_algorithm("lagoon")
-        with pytest.raises(ValueError, match=r"expected a pymoo Algorithm, got \{\}\.$"):
+        with pytest.raises(ValueError, match=r"to give a pymoo Algorithm, got \{\}\.$"):
             make_algorithm("nothing")
 
     @pytest.mark.parametrize(
@@ -506,9 +508,17 @@ class TestCheck:
 
     def test_whatever_a_constructor_raises(self, install):
         install("cave-algorithms", TYPED, cave="Cave", shaft="shaft")
-        flooded = [(None, "OSError: it is flooded")]
-        assert algorithm_faults("cave", {"depth": 7, "light": 1}) == flooded
-        assert algorithm_faults("shaft", {"steps": 7}) == [(None, "SystemExit: ")]
+        place = "cave_algorithms:{} of package cave-algorithms raised"
+        flooded = f"{place.format('Cave')} OSError: it is flooded."
+        assert algorithm_faults("cave", {"depth": 7, "light": 1}) == [(None, flooded)]
+        ended = f"{place.format('shaft')} SystemExit: ."
+        assert algorithm_faults("shaft", {"steps": 7}) == [(None, ended)]
+        for name, parameters, said in (
+            ("cave", {"depth": 7, "light": 1}, flooded),
+            ("shaft", {"steps": 7}, ended),
+        ):
+            with pytest.raises(ValueError, match=re.escape(f"Algorithm {name!r}: {said}")):
+                make_algorithm(name, **parameters)
 
     def test_ranges_are_stated(self, install):
         install("cave-algorithms", TYPED, cave="Cave", shaft="shaft")

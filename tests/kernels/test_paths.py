@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numba import njit
 
-from botohe_moo import Mission, load_mission
+from botohe_moo import load_mission
 from botohe_moo.kernels.graph import arcs, homing, paths
 from botohe_moo.kernels.graph.graph import Limits, measured_by_length
 from tests.examples import examples
@@ -24,7 +24,6 @@ def compiled(name, module=paths):
 
 
 find_path, find_home = compiled("safest_path"), compiled("way_home")
-leads_home, survives_home = compiled("leads_home"), compiled("survives_home", homing)
 search_paths, way_within = compiled("search_paths"), compiled("way_within", homing)
 
 
@@ -100,53 +99,6 @@ def test_searches_find_the_nearest_nodes_first(mission, data, backwards):
             ends = (graph.tail[arc], graph.head[arc])
             assert ends[0 if backwards else 1] == node
             assert used[arc] != USED
-
-
-@examples(200)
-@given(missions(max_nodes=8), st.data())
-def test_leads_home_is_reachability_over_unused_arcs(mission, data):
-    """Whatever ways are remembered from other trails."""
-    graph, scratch = mission.arrays, paths.new_paths(mission.arrays)
-    for _ in range(4):
-        used = draw_used(mission, data)
-        free = free_graph(mission, used)
-        for node in free:
-            found = leads_home(graph, scratch, used, TRAIL, node)
-            assert found == nx.has_path(free, node, graph.base)
-
-
-def test_ways_that_are_remembered_may_go_round_in_circles():
-    """Each of two nodes remembers the other: neither way is free, and the arc home is found."""
-    graph = nx.DiGraph([(0, 1), (1, 2), (2, 1), (1, 0), (2, 0)])
-    nx.set_node_attributes(graph, 1.0, "reward")
-    nx.set_edge_attributes(graph, 0.9, "survival")
-    graph = Mission(graph, base=0, robots=1).arrays
-    scratch, used = paths.new_paths(graph), np.zeros(graph.n_arcs, np.int64)
-    there, back = (arcs.find_arc(graph, *ends) for ends in ((1, 2), (2, 1)))
-    scratch.onward[1], scratch.onward[2] = there, back
-    assert leads_home(graph, scratch, used, TRAIL, 2)
-    assert scratch.onward[2] == arcs.find_arc(graph, 2, 0)
-    used[arcs.find_arc(graph, 1, 0)] = TRAIL
-    assert leads_home(graph, scratch, used, TRAIL, 1)  # by the node whose way is known by now
-    used[there] = TRAIL
-    assert not leads_home(graph, scratch, used, TRAIL, 1)
-
-
-@examples(200)
-@given(missions(max_nodes=8), st.data(), st.floats(0.1, 1.0), st.floats(0.0, 1.0))
-def test_a_floor_is_kept_if_the_safest_way_home_keeps_it(mission, data, alive, least):
-    graph, scratch = mission.arrays, paths.new_paths(mission.arrays)
-    for node in range(graph.n_nodes):  # each asks with other arcs used, and remembers its way
-        used = draw_used(mission, data)
-        free = free_graph(mission, used)
-        expected = False
-        if nx.has_path(free, node, graph.base):
-            cost = nx.dijkstra_path_length(free, node, graph.base, weight="cost")
-            survives = alive * np.exp(-cost)
-            if survives == pytest.approx(least, rel=1e-9):
-                continue
-            expected = survives >= least
-        assert survives_home(graph, scratch, used, TRAIL, node, alive, least) == expected
 
 
 def assert_limited(graph, used, path, node, trail, limits):
@@ -254,18 +206,6 @@ def test_the_graph(mission):
 @examples(200)
 @given(missions(max_nodes=30))
 def test_find_arc(mission):
-    finds_all_arcs(mission)
-
-
-@pytest.mark.parametrize("n_out", [12, 13, 40])  # from 13 on they are halved first
-def test_find_arc_among_many(n_out):
-    graph = nx.DiGraph(arc for node in range(1, n_out + 1) for arc in ((0, node), (node, 0)))
-    nx.set_node_attributes(graph, 1.0, "reward")
-    nx.set_edge_attributes(graph, 0.5, "survival")
-    finds_all_arcs(Mission(graph, base=0, robots=1))
-
-
-def finds_all_arcs(mission):
     graph, find = mission.arrays, arcs.find_arc
     known = {
         pair: i for i, pair in enumerate(zip(graph.tail.tolist(), graph.head.tolist(), strict=True))

@@ -1,3 +1,4 @@
+import re
 import shutil
 import subprocess
 import sys
@@ -6,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from botohe_moo._base.checks import nearest_first
+from botohe_moo._base.checks import ParameterError, nearest_first
 from botohe_moo._plugins import entry_points as _plugins
 from botohe_moo.mission import (
     Mission,
@@ -60,8 +61,8 @@ REEF = """
             graph.add_edge(node, 0, survival=1)
         return Mission(graph)
 
-    def shoal(**anything):
-        return reef(width=anything.get("depth", 2))
+    def shoal(depth=2, **anything):
+        return reef(width=depth)
 
     def lagoon():
         return 3
@@ -195,10 +196,62 @@ class TestOtherPackages:
 
     def test_something_else_than_a_mission(self, install):
         install("reef-missions", REEF, lagoon="lagoon", nothing="nothing")
-        with pytest.raises(MissionError, match=r"'lagoon': expected its function .* got 3"):
+        expected = (
+            "Mission 'lagoon': expected reef_missions:lagoon of package reef-missions to give"
+        )
+        with pytest.raises(MissionError, match=rf"^{expected} a Mission, got 3$"):
             load_mission("lagoon")
-        with pytest.raises(MissionError, match=r"got \{'depth': 3, 'robots': 2\}"):
-            load_mission("nothing", depth=3, robots=2)
+        with pytest.raises(MissionError, match=r"to give a Mission, got \{\}"):
+            load_mission("nothing", robots=2)
+
+    def test_what_is_not_stated_is_not_accepted(self, install):
+        """Keywords of any name would swallow every misspelt one."""
+        install("reef-missions", REEF, nothing="nothing")
+        with pytest.raises(ParameterError, match="'nothing': there is no parameter 'depth'"):
+            load_mission("nothing", depth=3)
+
+    @pytest.mark.parametrize(
+        ("code", "found"),
+        [
+            ("raise RuntimeError('no tide')", "RuntimeError: no tide"),
+            ("{}['tide']", "KeyError: 'tide'"),
+            ("raise SystemExit(3)", "SystemExit: 3"),
+            ("open('no such file')", "FileNotFoundError: "),
+        ],
+    )
+    def test_whatever_their_functions_raise(self, install, code, found):
+        """One error that names the mission, its function and its package."""
+        install("tide-missions", f"def tide():\n    {code}\n", tide="tide")
+        said = f"tide_missions:tide of package tide-missions raised {found}"
+        with pytest.raises(MissionError, match=f"^Mission 'tide': {re.escape(said)}") as caught:
+            load_mission("tide")
+        assert caught.value.__cause__ is not None
+        [(blamed, fault)] = mission_faults("tide")
+        assert blamed is None
+        assert fault.startswith(said)
+
+    def test_faults_of_their_missions(self, install, tmp_path):
+        """The error names the plug-in, and the file if it reads one."""
+        code = f"""
+            import networkx as nx
+            from botohe_moo.mission import Mission, read_mission
+
+            def tide():
+                graph = nx.DiGraph([(0, 1), (1, 0)], base=0, robots=1)
+                nx.set_node_attributes(graph, 1, "reward")
+                nx.set_edge_attributes(graph, 3, "survival")
+                return Mission(graph)
+
+            def ebb():
+                return read_mission({str(tmp_path / "no.json")!r})
+        """
+        install("tide-missions", code, tide="tide", ebb="ebb")
+        with pytest.raises(MissionError, match=r"^Mission 'tide' has 2 faults:\n  - arc 0 -> 1: "):
+            load_mission("tide")
+        with pytest.raises(
+            MissionError, match=r"^Mission 'ebb': .*no\.json: there is no such file"
+        ):
+            load_mission("ebb")
 
     @pytest.mark.parametrize(
         ("code", "found"),

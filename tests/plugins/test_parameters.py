@@ -330,7 +330,6 @@ class TestAccepted:
         assert (share.required, share.annotation, share.range) == (True, "float", "in (0, 1)")
         assert (rope.plain, lost.plain, lost.hint) == (False, False, Any)
         assert (accepted.needed, accepted.any_name, accepted.model) == (("share",), True, None)
-        assert not accepted_parameters(climb, closed=True).any_name
         assert accepted_parameters(climb, hidden={"n", "rope"}).names == ("share", "lost")
 
     def test_of_a_model(self):
@@ -394,7 +393,7 @@ class TestAccepted:
 
 class TestCheckValues:
     def test_all_faults_at_once(self):
-        accepted = accepted_parameters(climb, closed=True)
+        accepted = accepted_parameters(climb)
         faults = check_values(accepted, {"m": 1, "n": 6, "rope": 3, "lost": object()}, plain=True)
         assert [name for name, _ in faults] == ["m", "share", "n", "rope", "lost"]
         unknown, missing, low, rope, lost = (message for _, message in faults)
@@ -405,8 +404,8 @@ class TestCheckValues:
         assert lost.startswith("lost can be given from Python only, as ")
 
     def test_other_names(self):
-        accepted = accepted_parameters(climb)
-        assert check_values(accepted, {"share": 0.5, "m": 1}) == []
+        [(blamed, _)] = check_values(accepted_parameters(climb), {"share": 0.5, "m": 1})
+        assert blamed == "m"  # whatever it would take
         assert check_values(accepted_parameters(lambda: 0), {"m": 1}, also=["robots"]) == [
             ("m", "there is no parameter 'm'; known are robots.")
         ]
@@ -483,7 +482,7 @@ class TestCheckValues:
     @given(st.dictionaries(names, values, max_size=5))
     def test_no_value_is_too_odd(self, values):
         for factory in (ByModel, ByModel.short, climb, named):
-            accepted = accepted_parameters(factory, closed=True)
+            accepted = accepted_parameters(factory)
             faults = check_values(accepted, values, plain=True)
             assert {name for name, _ in faults} <= {*values, "share", None}
             assert all(message for _, message in faults)
@@ -543,8 +542,8 @@ class TestCall:
     def test_values_are_handed_over_as_they_are(self):
         accepted = accepted_parameters(climb)
         rope, share = Rope(), np.float64(0.5)
-        made = call_factory("X", climb, accepted, {"share": share, "rope": rope, "m": 1})
-        assert made == (2, 0.5, rope, 3, {"m": 1})
+        made = call_factory("X", climb, accepted, {"share": share, "rope": rope})
+        assert made == (2, 0.5, rope, 3, {})
         assert made[1] is share
 
     def test_a_model_converts(self):
@@ -575,7 +574,7 @@ class TestCall:
     )
     def test_refusals(self, values, message):
         for factory in (climb, ByModel):
-            accepted = accepted_parameters(factory, closed=True)
+            accepted = accepted_parameters(factory)
             with pytest.raises(ValueError, match=r"^X: ") as caught:
                 call_factory("X", factory, accepted, values)
             assert str(caught.value).startswith(message)
@@ -587,6 +586,8 @@ class TestCall:
             if depth == 31:
                 raise ValueError("Expected depth in [1, 30], got 31.")
             if breath == 0:
+                raise MemoryError
+            if breath < 0:
                 raise KeyError("breath")
             called.append(depth)
 
@@ -604,8 +605,11 @@ class TestCall:
             call(depth="3")
         with pytest.raises(ValueError, match=r"^X: Expected depth to be an integer, got '3'\.$"):
             call(depth="3", breath=0)
-        with pytest.raises(KeyError, match="breath"):
+        with pytest.raises(MemoryError):
             call(depth=3, breath=0)
+        with pytest.raises(ValueError, match=r"^X: it raised KeyError: 'breath'\.$") as e:
+            call(depth=3, breath=-1)
+        assert isinstance(e.value.__cause__, KeyError)
         assert called == []
         call(depth=3)
         assert called == [3]

@@ -125,15 +125,12 @@ def mapping_of(parameters: Any) -> Mapping[str, Any]:
 
 
 def check_parameters(
-    owner: str, given: Iterable[str], accepted: Iterable[str] | None, *, also: Iterable[str] = ()
+    owner: str, given: Iterable[str], accepted: Iterable[str], *, also: Iterable[str] = ()
 ) -> None:
     """Refuse parameters that are not known; the ParameterError lists the known ones.
 
-    ``owner`` says whom the parameters are for. ``accepted`` is None for a function that takes any;
-    the names in ``also`` are known, too.
+    ``owner`` says whom the parameters are for. The names in ``also`` are known, too.
     """
-    if accepted is None:
-        return
     known = {*accepted, *also}
     if unknown := [name for name in given if name not in known]:
         raise ParameterError(f"{owner}: {unknown_parameters(unknown, known)}", unknown[0])

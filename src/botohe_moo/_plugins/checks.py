@@ -7,6 +7,7 @@ from typing import Any, ParamSpec, TypeAlias, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from botohe_moo._base.checks import ParameterError, check_parameters, unknown_parameters
+from botohe_moo._plugins.entry_points import PluginError
 from botohe_moo._plugins.messages import Error, fault_messages, own_message
 from botohe_moo._plugins.stated import Accepted, Factory, Parameter, signature_parameters
 from botohe_moo._plugins.types import is_scalar
@@ -72,9 +73,7 @@ def check_values(
     """
     known = {*accepted.names, *also}
     faults: list[Fault] = [
-        (str(name), unknown_parameters([name], known))
-        for name in values
-        if name not in known and not (accepted.any_name and isinstance(name, str))
+        (str(name), unknown_parameters([name], known)) for name in values if name not in known
     ]
     return [*faults, *_checked(accepted, values, plain=plain)[0]]
 
@@ -85,15 +84,17 @@ def call_factory(
     accepted: Accepted,
     values: Mapping[str, Any],
     *,
+    origin: str = "it",
     also: Collection[str] = (),
-    passing: tuple[type[Exception], ...] = (),
+    passing: tuple[type[Exception], ...] = (MemoryError,),
 ) -> Any:
     """Call a factory with checked values.
 
-    A ParameterError says what is unknown, missing or refused. Messages begin with ``source``, and
-    list the names in ``also`` as known. Errors of the factory's in ``passing`` are not changed.
+    A ParameterError says what is unknown, missing or refused; a PluginError what else the factory
+    has raised, which is called ``origin``. Messages begin with ``source``, and list the names in
+    ``also`` as known. Errors of the factory's in ``passing`` are not changed.
     """
-    check_parameters(source, values, None if accepted.any_name else accepted.names, also=also)
+    check_parameters(source, values, accepted.names, also=also)
     faults, given = _checked(accepted, values)
     if faults:
         expected = " ".join(message for _, message in faults)
@@ -105,6 +106,8 @@ def call_factory(
     except (TypeError, ValueError) as error:
         blamed = raised_fault(error, values, source=source)[0]
         raise ParameterError(f"{source}: {error}", blamed) from error
+    except (Exception, SystemExit) as error:  # whatever another package's code may raise
+        raise PluginError(f"{source}: {origin} raised {type(error).__name__}: {error}.") from error
 
 
 def raised_fault(error: BaseException, names: Collection[str] | None, *, source: str) -> Fault:

@@ -32,6 +32,13 @@ class PluginGroup:
         """Say what a message is about, to begin it with."""
         return f"{self.kind.capitalize()} {name!r}"
 
+    def origin(self, name: str) -> str:
+        """Say what a name stands for, and in which package; ``it`` if it is not registered."""
+        if name not in self.claims():
+            return "it"
+        entry = self.entry(name)
+        return f"{entry.value} of package {_package(entry)}"
+
     def claims(self) -> dict[str, list[EntryPoint]]:
         """Find out, without importing anything, who registers which name."""
         claims: dict[str, list[EntryPoint]] = {}
@@ -57,9 +64,8 @@ class PluginGroup:
 
     def load(self, name: str) -> Callable[..., Any]:
         """Import the entry of that name; a PluginError says why it cannot be had or called."""
-        entry = self.entry(name)
-        origin = f"{entry.value} of package {_package(entry)}"
-        function = imported(entry.load, origin)
+        origin = self.origin(name)
+        function = imported(self.entry(name).load, origin)
         if not callable(function):
             raise PluginError(f"expected {origin} to be a function or class, got {function!r}")
         return function  # type: ignore[no-any-return]

@@ -105,7 +105,7 @@ class Accepted:
     parameters: tuple[Parameter, ...]
     needed: tuple[str, ...] = ()  # required
     ungivable: tuple[str, ...] = ()  # required, but cannot be given by name
-    any_name: bool = False  # whether it takes other names, too
+    any_name: bool = False  # whether it would take other names, too
     model: type[BaseModel] | None = None  # checks and converts all values; None: the signature
 
     @property
@@ -114,14 +114,12 @@ class Accepted:
         return tuple(parameter.name for parameter in self.parameters)
 
 
-def accepted_parameters(
-    factory: Factory, *, hidden: Collection[str] = (), closed: bool = False
-) -> Accepted:
+def accepted_parameters(factory: Factory, *, hidden: Collection[str] = ()) -> Accepted:
     """Find out what a factory can be given: a function, a class or one of its methods.
 
     A factory that is a class's method and takes any keywords, such as :meth:`BOACO.journal`,
-    states what it changes, and its class the rest. The names in ``hidden`` cannot be given.
-    With ``closed`` only stated names are accepted, even of a factory that takes any.
+    states what it changes, and its class the rest. The names in ``hidden`` cannot be given, and
+    neither can names that are not stated, even to a factory that takes any.
     """
     model = _model_of(factory)
     if model is not None:
@@ -150,7 +148,7 @@ def accepted_parameters(
         tuple(stated.values()),
         needed=tuple(name for name in without_default if name in stated),
         ungivable=tuple(name for name in without_default if name not in stated),
-        any_name=takes_any and not closed,
+        any_name=takes_any,
     )
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from pymoo.core.algorithm import Algorithm
 
-from botohe_moo._base.checks import mapping_of
+from botohe_moo._base.checks import mapping_of, quoted
 from botohe_moo._plugins.checks import Fault, call_factory, check_values, raised_fault
 from botohe_moo._plugins.docstrings import summary_of
 from botohe_moo._plugins.entry_points import PluginError, PluginGroup
@@ -121,11 +121,13 @@ def describe_algorithm(name: str) -> str:
 def _made(
     name: str, factory: Callable[..., Any], accepted: Accepted, parameters: Mapping[str, Any]
 ) -> Algorithm:
-    algorithm = call_factory(PLUGINS.source(name), factory, accepted, parameters)
+    source, origin = PLUGINS.source(name), PLUGINS.origin(name)
+    algorithm = call_factory(source, factory, accepted, parameters, origin=origin)
     if not isinstance(algorithm, Algorithm):
-        raise ValueError(f"{PLUGINS.source(name)}: expected a pymoo Algorithm, got {algorithm!r}.")
+        expected = f"expected {origin} to give a pymoo Algorithm"
+        raise ValueError(f"{source}: {expected}, got {quoted(algorithm)}.")
     if reason := never_ends(type(algorithm)):
-        raise ValueError(f"{PLUGINS.source(name)}: cannot be used; {reason}.")
+        raise ValueError(f"{source}: cannot be used; {reason}.")
     return algorithm
 
 
@@ -159,4 +161,4 @@ def accepted_by(factory: Callable[..., Any]) -> Accepted:
 
 @functools.lru_cache(maxsize=64)  # a grid asks for every combination
 def _accepted(factory: Callable[..., Any]) -> Accepted:
-    return accepted_parameters(factory, hidden=_PYMOOS_OWN, closed=True)
+    return accepted_parameters(factory, hidden=_PYMOOS_OWN)

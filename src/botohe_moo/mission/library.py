@@ -19,6 +19,7 @@ from botohe_moo.mission.validation import MissionError
 
 COMMON = ("robots", "lengths_from_pos")  # parameters that every mission takes
 _PLUGINS = PluginGroup("botohe_moo.missions", "mission")
+_ITSELF = ("The mission", "Mission '")  # what errors of a mission begin with, not those of a file
 
 
 @checked
@@ -99,7 +100,7 @@ def load_mission(
     -----
     Packages register missions in the entry-point group ``botohe_moo.missions``: callables that take
     keywords and return a `Mission`. They state their parameters as algorithms do
-    (:func:`~botohe_moo.make_algorithm`).
+    (:func:`~botohe_moo.make_algorithm`), and only those can be given.
 
     Examples
     --------
@@ -118,7 +119,7 @@ def load_mission(
     if function is None:
         mission = read_mission(name_or_path, robots=robots, **parameters)
     else:
-        mission = _make(function, _PLUGINS.source(name_or_path), robots, parameters)
+        mission = _make(function, str(name_or_path), robots, parameters)
     return mission.with_lengths_from_pos() if lengths_from_pos else mission
 
 
@@ -220,16 +221,24 @@ def find_factory(name: str | os.PathLike[str]) -> Callable[..., Any] | None:
 
 
 def _make(
-    function: Callable[..., Any], source: str, robots: int | None, parameters: dict[str, Any]
+    function: Callable[..., Any], name: str, robots: int | None, parameters: dict[str, Any]
 ) -> Mission:
+    source, origin = _PLUGINS.source(name), _PLUGINS.origin(name)
     accepted = accepted_parameters(function)
-    if robots is not None and (accepted.any_name or "robots" in accepted.names):
+    if robots is not None and "robots" in accepted.names:
         parameters = {**parameters, "robots": robots}
-    mission = call_factory(
-        source, function, accepted, parameters, also=COMMON, passing=(MissionError,)
-    )
+    passing = (MissionError, MemoryError)
+    try:
+        mission = call_factory(
+            source, function, accepted, parameters, origin=origin, also=COMMON, passing=passing
+        )
+    except PluginError as error:
+        raise MissionError(str(error).removeprefix(f"{source}: "), source) from error
+    except MissionError as error:
+        where = "" if error.source.startswith(_ITSELF) else f": {error.source}"
+        raise MissionError(list(error.faults), f"{source}{where}") from error
     if not isinstance(mission, Mission):
-        raise MissionError(f"expected its function to return a Mission, got {mission!r}", source)
+        raise MissionError(f"expected {origin} to give a Mission, got {quoted(mission)}", source)
     if robots is not None and robots != mission.robots:
         return mission.with_robots(robots)
     return mission

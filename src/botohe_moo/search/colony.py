@@ -58,32 +58,27 @@ NOTHING = LearningRule(evaporation=0.0, pooled=True, iteration_size=0, archive_s
 class AntThreads:
     """Threads that build plans, which several colonies may share; they start when needed.
 
-    The calling one is among the ``n_threads``. A forked process has none of its parent's threads,
-    though it has a copy of their pool: it starts its own.
+    The calling one is among the ``n_threads``. A forked process starts threads of its own, since
+    those of its parent are not forked.
     """
 
     def __init__(self, n_threads: int) -> None:
         self.n_threads = n_threads
         self._pool: ThreadPoolExecutor | None = None
-        self._process = os.getpid()  # whose threads are in the pool
+        self._process = 0  # whose threads these are
 
     def submit(self, job: Callable[..., Any], *args: Any) -> Future[Any]:
         """Let another thread than the calling one do a job."""
-        self._forget_those_of_a_parent()
-        if self._pool is None:
+        if self._pool is None or self._process != os.getpid():
             self._pool = ThreadPoolExecutor(self.n_threads - 1, "botohe-ants")
+            self._process = os.getpid()
         return self._pool.submit(job, *args)
 
     def close(self) -> None:
         """End the threads; the next job starts new ones."""
-        self._forget_those_of_a_parent()
-        if self._pool is not None:
+        if self._pool is not None and self._process == os.getpid():
             self._pool.shutdown()
-            self._pool = None
-
-    def _forget_those_of_a_parent(self) -> None:
-        if self._process != os.getpid():
-            self._pool, self._process = None, os.getpid()
+        self._pool = None
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_pool": None}
@@ -180,7 +175,7 @@ class Colony:
         if not self.rule.pheromone or len(archive) == 0:
             return
         pheromone, n_robots = self._pheromone, self.n_robots
-        plans = Depositors(objectives, members, *batch.arrays)
+        plans = Depositors(objectives, members, batch.nodes, batch.offsets)
         deposit(self._links, plans, n_robots, pheromone.deposits)
         if archive.version != self._deposited_version:
             held, everyone = archive.held, np.arange(len(archive))

@@ -243,7 +243,8 @@ class Solution:
     def to_json(self) -> str:
         """Write everything but mission and pictures: how it was found, and each plan's trails.
 
-        Trails are lists of node labels. What JSON cannot hold is written as its ``repr``.
+        Trails are lists of node labels. Tuples are lists, as JSON has none; what else JSON cannot
+        hold is written as its ``repr``.
         """
         content = {
             "mission": self.mission.name,
@@ -265,7 +266,7 @@ class Solution:
                 for row, plan in zip(self.rows(), self.plans, strict=True)
             ],
         }
-        return json.dumps(content, indent=1, default=_plain) + "\n"
+        return as_json(content, indent=1) + "\n"
 
     def write(
         self, folder: str | os.PathLike[str], *, before_pictures: Callable[[], object] | None = None
@@ -329,6 +330,11 @@ def draw_picture(path: Path, plot: Callable[..., Axes], *shown: Any, **options: 
     except Exception as error:  # fonts may fail on what a mission's texts hold
         reason = f"{type(error).__name__}: {str(error).strip()}".partition("\n")[0]
         raise PictureError(f"{path.name} cannot be drawn ({reason}).") from error
+
+
+def as_json(content: object, *, indent: int | None = None) -> str:
+    """Write a solution, or a label of its mission, as JSON."""
+    return json.dumps(content, indent=indent, default=_plain)
 
 
 def _plain(value: object) -> object:

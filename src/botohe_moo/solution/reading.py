@@ -2,6 +2,7 @@
 
 import json
 import os
+from collections.abc import Hashable, Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,7 +17,7 @@ from botohe_moo.mission.formats.files import file_content, read_mission
 from botohe_moo.mission.formats.nodelink import decode, read_label
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.validation import MissionError
-from botohe_moo.solution.model import COLUMNS, TABLES, Solution
+from botohe_moo.solution.model import COLUMNS, TABLES, Solution, as_json
 from botohe_moo.trails import TrailPlan
 
 _REMEDY = "Solve the mission again, or put back what was written."
@@ -54,7 +55,8 @@ def read_solution(folder: str | os.PathLike[str], *, mission: Mission | None = N
     folder
         The folder, with ``front.csv``, ``plans.json`` and ``mission.json``.
     mission
-        The mission, by default that of ``mission.json``.
+        The mission, by default that of ``mission.json``. It has to be given if JSON cannot hold its
+        labels; they are known by their ``repr`` then.
 
     Raises
     ------
@@ -95,7 +97,8 @@ def _read(folder: Path, mission: Mission | None) -> Solution:
             f"whose nodes, arcs, rewards, survivals, lengths, base or robots are others."
         )
     objectives = np.array([(p.reward, p.survivors) for p in record.plans], float).reshape(-1, 2)
-    plans = tuple(_plan(path, i, plan, mission) for i, plan in enumerate(record.plans))
+    own = {as_json(node): node for node in mission.nodes}
+    plans = tuple(_plan(path, i, plan, mission, own) for i, plan in enumerate(record.plans))
     for i, (said, found) in enumerate(zip(objectives, mission.evaluate(plans), strict=True)):
         if not np.allclose(said, found, rtol=1e-9, atol=1e-9):
             raise ValueError(
@@ -146,11 +149,19 @@ def _record(path: Path) -> _Record:
         raise ValueError(f"{path}: expected numbers, found one of thousands of digits.") from None
 
 
-def _plan(path: Path, number: int, read: _Plan, mission: Mission) -> TrailPlan:
+def _plan(
+    path: Path, number: int, read: _Plan, mission: Mission, own: Mapping[str, Hashable]
+) -> TrailPlan:
+    """Make a plan of what was read; ``own`` are the mission's labels by what is written of them."""
+
+    def label(written: object) -> Hashable:
+        found = read_label(written)
+        return found if found in mission.graph else own.get(as_json(written), found)
+
     try:
         if read.plan_id != number:
             raise ValueError(f"expected the plan_id {number}, got {read.plan_id}.")
-        return mission.plan([[read_label(label) for label in trail] for trail in read.trails])
+        return mission.plan([[label(written) for written in trail] for trail in read.trails])
     except ValueError as error:
         raise ValueError(f"{path}: plan {number}: {error}") from None
 

@@ -9,13 +9,8 @@ from botohe_moo.kernels.beam.labels import Standing
 from botohe_moo.kernels.compile import helper, inlined, kernel
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.graph.homing import Budget, way_within
-from botohe_moo.kernels.graph.paths import (
-    ANYWHERE,
-    Paths,
-    leads_home,
-    new_paths,
-    search_paths,
-)
+from botohe_moo.kernels.graph.paths import ANYWHERE, Paths, new_paths, search_paths
+from botohe_moo.kernels.graph.ways import leads_home
 
 # Share of what still looks worth its danger that counts when labels are ranked. Measured on the
 # case studies: without, beams run home too early; above a half they put off going home.

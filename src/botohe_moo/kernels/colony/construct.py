@@ -18,8 +18,9 @@ from botohe_moo.kernels.colony.weighing import (
 )
 from botohe_moo.kernels.compile import helper, inlined, kernel
 from botohe_moo.kernels.graph.graph import Graph
-from botohe_moo.kernels.graph.homing import Budget, survives_home, way_within
+from botohe_moo.kernels.graph.homing import Budget, way_within
 from botohe_moo.kernels.graph.paths import Paths
+from botohe_moo.kernels.graph.ways import end_trail, go_without_choice, survives_home
 from botohe_moo.kernels.rng import uniform
 
 
@@ -65,7 +66,11 @@ def _choose(
             drawn = uniform(scratch.states, ant.number) * (1.0 + rule.exploration / n)
             arc = draw_arc(graph, rule.exploration, scratch.cumulated, ant, here, n, total, drawn)
         ant.used[arc] = ant.trail
-        if n == 1 or arc == loop:
+        if arc == loop:
+            end_trail(paths)
+            break
+        if n == 1:
+            go_without_choice(graph, paths, ant.trail, graph.head[arc])
             break
         length = scratch.length[ant.robot]
         if _leads_home(graph, rule, rule.budget, paths, ant, arc, alive, length):

@@ -6,9 +6,7 @@ from typing import NamedTuple
 from botohe_moo._base.types import OffsetArray
 from botohe_moo.kernels.compile import helper
 from botohe_moo.kernels.graph.graph import Graph, Limits, measured_by_length
-from botohe_moo.kernels.graph.paths import Paths, known_survival, leads_home, remember_way, way_home
-
-_SURELY = 1 + 1e-9
+from botohe_moo.kernels.graph.paths import Paths, way_home
 
 
 class Budget(NamedTuple):
@@ -65,35 +63,3 @@ def _keeps(graph: Graph, paths: Paths, n: int, alive: float, length: float, limi
         alive *= graph.survival[paths.path[i]]
         length += graph.length[paths.path[i]]
     return alive >= limits.min_survival and length <= limits.max_length
-
-
-@helper
-def survives_home(
-    graph: Graph,
-    paths: Paths | None,
-    used: OffsetArray,
-    trail: int,
-    node: int,
-    alive: float,
-    least: float,
-) -> bool:
-    """Tell whether a robot that reaches a node with probability ``alive`` can keep a floor.
-
-    It can if it gets home over unused arcs with probability ``least`` or more; without a floor
-    (0), if any lead home. Where there is no scratch to search on, it always can: the search is not
-    even compiled.
-    """
-    if paths is None:
-        return True
-    if least <= 0.0:
-        return leads_home(graph, paths, used, trail, node)
-    if alive * graph.home[node] < least:
-        return False
-    # Any way will do that is safe enough by more than rounding, else the safest one decides.
-    if alive * known_survival(graph, paths, used, trail, node) >= least * _SURELY:
-        return True
-    n = way_home(graph, paths, used, trail, node)
-    remember_way(graph, paths, n)
-    for i in range(n):
-        alive *= graph.survival[paths.path[i]]
-    return n >= 0 and alive >= least

@@ -9,11 +9,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo._base.types import FloatArray, OffsetArray, RecordArray
 from botohe_moo.kernels.compile import helper
 from botohe_moo.kernels.graph.graph import Graph
 
-ANYWHERE = -1
+ANYWHERE = -1  # instead of a node
+NOBODY = -1  # instead of a trail
+
+_WAY = np.dtype(
+    [(name, np.int64) for name in ("onward", "walk", "dead", "place", "node")]
+    + [("survival", np.float64)]
+)
+_KNOWN = np.dtype([(name, np.int64) for name in ("trail", "since", "size")])
 
 
 class Paths(NamedTuple):
@@ -32,9 +39,9 @@ class Paths(NamedTuple):
     keys: FloatArray
     held: OffsetArray
     path: OffsetArray  # arcs of the path that was asked for, in order (n_nodes)
-    # Of each node but the base the arc by which some way home goes on, at first the safest one; it
-    # may be used by now, or go round in circles (n_nodes).
-    onward: OffsetArray
+    # What is remembered of ways home; ``ways`` says how (n_nodes), (1).
+    ways: RecordArray
+    known: RecordArray
 
 
 @helper(makes_arrays=True)
@@ -50,9 +57,13 @@ def new_paths(graph: Graph) -> Paths:
         np.empty(n_arcs + 1),
         np.empty(n_arcs + 1, np.int64),
         np.empty(n_nodes, np.int64),
-        graph.homeward.copy(),
+        np.empty(n_nodes, _WAY),
+        np.empty(1, _KNOWN),
     )
     paths.n_searches[:], paths.met[:] = 0, 0
+    paths.ways["onward"], paths.ways["walk"] = graph.homeward, 0
+    paths.ways["dead"], paths.ways["place"] = 0, 0
+    paths.known["trail"] = NOBODY
     return paths
 
 
@@ -178,61 +189,3 @@ def way_home(graph: Graph, paths: Paths, used: OffsetArray, trail: int, source: 
     if here == graph.base:
         return n
     return safest_path(graph, paths, used, trail, source, graph.base)
-
-
-@helper
-def known_survival(graph: Graph, paths: Paths, used: OffsetArray, trail: int, node: int) -> float:
-    """Give the survival of the way home that is remembered, −1 if it is blocked.
-
-    Ways are remembered piece by piece, and an older piece may lead back to a newer one: what is
-    longer than all nodes is blocked, too.
-    """
-    survival = 1.0
-    for _ in range(paths.onward.shape[0]):
-        if node == graph.base:
-            return survival
-        arc = paths.onward[node]
-        if used[arc] == trail:
-            break
-        survival *= graph.survival[arc]
-        node = graph.head[arc]
-    return -1.0
-
-
-@helper
-def remember_way(graph: Graph, paths: Paths, n: int) -> None:
-    """Remember the way of the first ``n`` arcs of ``paths.path``."""
-    for i in range(n):
-        paths.onward[graph.tail[paths.path[i]]] = paths.path[i]
-
-
-@helper
-def leads_home(graph: Graph, paths: Paths, used: OffsetArray, trail: int, node: int) -> bool:
-    """Tell whether unused arcs lead from a node to the base.
-
-    By breadth-first search for a node whose remembered way home is free: a trail asks at each hop,
-    and mostly there is one near by, if it is not the node itself. What leads there is remembered.
-    It is no circle, since the ways of the nodes on it are blocked.
-    """
-    if known_survival(graph, paths, used, trail, node) >= 0.0:
-        return True
-    met, entry, queue = paths.met, paths.entry, paths.order
-    paths.n_searches[0] += 1
-    search = paths.n_searches[0]
-    queue[0], met[node], n, i = node, search, 1, 0
-    while i < n:
-        here = queue[i]
-        i += 1
-        for arc in range(graph.first[here], graph.first[here + 1]):
-            there = graph.head[arc]
-            if used[arc] == trail or met[there] == search:
-                continue
-            met[there], entry[there] = search, arc
-            if known_survival(graph, paths, used, trail, there) >= 0.0:
-                while there != node:
-                    paths.onward[graph.tail[entry[there]]] = entry[there]
-                    there = graph.tail[entry[there]]
-                return True
-            queue[n] = there
-            n += 1
-    return False

@@ -8,7 +8,8 @@ from botohe_moo._base.types import IntArray, OffsetArray
 from botohe_moo.kernels.compile import helper, kernel
 from botohe_moo.kernels.graph.arcs import find_arc
 from botohe_moo.kernels.graph.graph import Graph
-from botohe_moo.kernels.graph.paths import Paths, leads_home, new_paths, safest_path, way_home
+from botohe_moo.kernels.graph.paths import Paths, new_paths, safest_path, way_home
+from botohe_moo.kernels.graph.ways import leads_home
 from botohe_moo.kernels.plans.ragged import Trails, write_trails
 
 # The kinds of repairs.
