@@ -156,6 +156,12 @@ MUTANTS = (
         _PATHS + "paths_are_the_safest_over_unused_arcs",
     ),
     Mutant(
+        "graph/ways",
+        "if ways[node].dead > since:",
+        "if ways[node].dead <= since:",
+        "kernels/test_ways.py::test_trails_that_ask_at_each_hop_are_told_the_truth",
+    ),
+    Mutant(
         "local_search/admission",
         "survivors += trail.alive",
         "survivors -= trail.alive",

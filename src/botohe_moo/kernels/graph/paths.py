@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray, RecordArray
-from botohe_moo.kernels.compile import helper
+from botohe_moo.kernels.compile import helper, new_records
 from botohe_moo.kernels.graph.graph import Graph
 
 ANYWHERE = -1  # instead of a node
@@ -57,8 +57,8 @@ def new_paths(graph: Graph) -> Paths:
         np.empty(n_arcs + 1),
         np.empty(n_arcs + 1, np.int64),
         np.empty(n_nodes, np.int64),
-        np.empty(n_nodes, _WAY),
-        np.empty(1, _KNOWN),
+        new_records(n_nodes, _WAY),
+        new_records(1, _KNOWN),
     )
     paths.n_searches[:], paths.met[:] = 0, 0
     paths.ways["onward"], paths.ways["walk"] = graph.homeward, 0
