@@ -1119,7 +1119,7 @@ class TestChoose:
         (tmp_path / name).mkdir()
         ended = botohe("choose", solved[1], "--plan", 2, "--out", name)
         assert ended.status == 2
-        assert ended.err == f"botohe: {name}: Is a directory\n"
+        assert ended.err == f"botohe: {name}: expected a file, found a folder\n"
 
     def test_one_plan(self, botohe):
         assert botohe("solve", "toy", "-a", "greedy", "-n", 1, "--out", "one").status == 0

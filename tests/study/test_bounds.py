@@ -191,16 +191,18 @@ class TestAgain:
         assert heard == [f"{fault}; the bound is missing from the tables."]
         if path.is_dir():
             path.rmdir()
+        elif path.is_fifo():
+            path.unlink()
         tables, watcher = watched(both(), copied)
         assert watcher.bounded == [("limited", None)]
         assert tables.missing_bounds == []
 
-    @pytest.mark.parametrize("numbers", [(1e308, 1e308), (0.0, -1e308), (1e308, 5e-324)])
+    @pytest.mark.parametrize("numbers", [(1e308, 1e308), (0.0, 1e308), (1e308, 5e-324)])
     @pytest.mark.filterwarnings("error")
     def test_what_files_say_may_be_as_large_as_numbers_are(self, copied, numbers):
         found = StudyFolder(copied).bound(load_study(both()).missions[0])
         content = json.loads(found.path.read_text())
-        content["lines"] += [[n, *numbers, "made up"] for n in (1, 2)]
+        content["lines"] += [[n, *numbers, "relaxed"] for n in (1, 2)]
         found.path.write_text(json.dumps(content))
         bound = FrontBound.load(found.path, load_mission("toy"))
         assert 0 <= bound.area <= 1
