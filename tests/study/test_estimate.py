@@ -34,7 +34,7 @@ def made(n_runs=1, seconds=1.0, start_seconds=0.0):
 
 class TestTrials:
     def test_what_is_compiled_does_not_count(self, tmp_path):
-        compiling = 20.0
+        compiling = 8.0
         parameters = {"path": str(tmp_path / "compiled"), "seconds": compiling}
         source = study_of({"x": {"algorithm": f"{MADE}:Compiling", "parameters": parameters}})
         found, told = estimated(source, tmp_path / "out")
