@@ -72,7 +72,8 @@ dist: $(READY_FOR_DIST)
 COVERED_UNCOMPILED := tests/kernels tests/operators tests/outcomes
 coverage: $(READY)
 	$(BIN)/python -m coverage erase
-	NUMBA_DISABLE_JIT=1 $(BIN)/python -m coverage run -m pytest -m "not compiled_only" $(COVERED_UNCOMPILED)
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m coverage run -m pytest -m "not compiled_only" $(COVERED_UNCOMPILED) \
+		--numprocesses 2 --maxprocesses 2 --dist worksteal
 	$(BIN)/python -m coverage run -m pytest --ignore tests/fuzz --numprocesses 2 --maxprocesses 2 --dist worksteal
 	$(BIN)/python -m coverage combine --quiet
 	$(BIN)/python -m coverage report

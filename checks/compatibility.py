@@ -84,6 +84,7 @@ def look_at(python: str, libraries: str, tests: list[str]) -> dict[str, str]:
         row |= versions_of(inside)
         environment = clean_environment() | {"NUMBA_CACHE_DIR": f"{folder}/kernels"}
         command = [inside, "-m", "pytest", "-p", "no:cacheprovider", "--tb=short", *tests]
+        command += ["--numprocesses", "2", "--maxprocesses", "2", "--dist", "worksteal"]
         with log.open("w") as file:
             status = subprocess.run(
                 command, cwd=ROOT, env=environment, stdout=file, stderr=file, check=False

@@ -62,7 +62,10 @@ def pytest_sessionstart(session):
         # Either takes half a minute.
         names = [["pareto-local-search", "nsga2"]]
         names.append(["exact", "bo-aco", "simulated-annealing", "bounds"])
-        processes = [subprocess.Popen([sys.executable, "-c", COMPILE, *given]) for given in names]
+        processes = [
+            subprocess.Popen([sys.executable, "-c", COMPILE, *given])
+            for given in ([] if UNCOMPILED else names)
+        ]
         for process in processes:
             process.wait()
         os.environ[ADDRESS] = start_server()  # for all workers
