@@ -166,6 +166,34 @@ def test_sure_arcs_end_in_what_all_nodes_give():
     assert bound.area == pytest.approx(1.0)
 
 
+def test_sure_arcs_between_which_relaxed_trails_collect_without_end(
+    no_front, short_search, monkeypatch
+):
+    """Those that remember nothing: what lies ahead is at most everything that can be reached."""
+    monkeypatch.setattr(proof_module, "_PREPARING", 1e9)
+    n_capped = []
+    everything = Relaxation._everything
+    monkeypatch.setattr(
+        Relaxation, "_everything", lambda *given: n_capped.append(1) or everything(*given)
+    )
+    n_missions = 0
+    for seed in range(30):
+        mission, limits = random_mission(seed)
+        graph = nx.DiGraph(mission.graph)
+        for i, arc in enumerate(list(graph.edges)):
+            if (i + seed) % 3:
+                graph.edges[arc]["survival"] = 1.0
+        mission = Mission(graph, base=mission.base, robots=mission.robots)
+        true = mission.evaluate(exact_front(mission, **limits))
+        stages, before = [], len(n_capped)
+        last = bound_front(mission, **limits, time_limit=60, seed=seed, callback=stages.append)
+        for bound in (*stages, last):
+            assert (bound.bound(true[:, 1]) >= true[:, 0]).all(), seed
+        n_missions += len(n_capped) > before
+        assert last.gap(true) < 0.02, seed
+    assert n_missions >= 10
+
+
 @pytest.mark.parametrize("robots", [1, 3])
 def test_nothing_to_collect_and_nowhere_to_go(robots):
     alone = nx.DiGraph()
