@@ -220,7 +220,8 @@ def _with_points(frame: pd.DataFrame, fronts: Sequence[FloatArray]) -> pd.DataFr
 
 def _typed(name: str, frame: pd.DataFrame) -> pd.DataFrame:
     """Put columns in order, and give them the types of the schema."""
-    dtypes = {"int64": "int64", "double": "float64", "string": "str", "bool": "bool"}
+    text = pd.Series(["text"]).dtype  # str, or object before pandas 3, whose str is never missing
+    dtypes = {"int64": "int64", "double": "float64", "string": text, "bool": "bool"}
     ordered: pd.DataFrame = frame[SCHEMAS[name].names]
     return ordered.astype(
         {
