@@ -23,6 +23,7 @@ from tests.study.problems_made import Weakest
 
 MADE = problems_made.__name__
 FOREIGN = "tests.study.algorithms_made:Sampler"
+IN_KERNEL = "tests.study.algorithms_made:InKernel"
 STUDY = {
     "name": "weakest",
     "missions": ["toy"],
@@ -129,9 +130,11 @@ class TestRun:
         result = minimize(Weakest(task.mission), make_algorithm(name), ("n_eval", 120), seed=1)
         assert sorted(map(tuple, -result.F)) == sorted(map(tuple, objectives))
 
-    def test_what_kernels_evaluate_may_have_another_name(self):
-        outcome, *_ = performed(of_problem("Same", algorithms=["simulated-annealing"]))
-        assert outcome.status == "done"
+    @pytest.mark.parametrize("algorithm", ["simulated-annealing", IN_KERNEL])
+    @pytest.mark.parametrize("content", [PLAIN, {**STUDY, "problem": f"{MADE}:Same"}])
+    def test_what_kernels_evaluate_overrides_nothing(self, algorithm, content):
+        outcome, *_ = performed({**content, "algorithms": [algorithm]})
+        assert (outcome.status, outcome.evaluations) == ("done", 120)
 
     def test_constraints_are_its_own(self):
         outcome, task, records = performed(of_problem("Strict", algorithms=["random"]))
