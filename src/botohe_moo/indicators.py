@@ -2,13 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import moocore
 import numpy as np
 from numpy.typing import ArrayLike
 
-from botohe_moo._base.checks import quoted
+from botohe_moo._base.checks import check_number, quoted
 from botohe_moo._base.types import FloatArray
 from botohe_moo.mission.model import Mission, check_mission
 
@@ -18,8 +18,11 @@ __all__ = ["area_indicator", "epsilon_indicator", "igd_plus_indicator"]
 TIE = 1e-12
 _ROUNDING = 1e-9
 
+# A mission, or what both objectives are at most: ``objective_bounds`` of a problem of one's own.
+Scale: TypeAlias = Mission | tuple[float, float]
 
-def area_indicator(objectives: ArrayLike, mission: Mission) -> float:
+
+def area_indicator(objectives: ArrayLike, mission: Scale) -> float:
     """Compute the share of the objective space that a front dominates, in [0, 1].
 
     The hypervolume with the origin as reference, divided by (total reward × robots), by which areas
@@ -30,7 +33,8 @@ def area_indicator(objectives: ArrayLike, mission: Mission) -> float:
     objectives
         Shape (n, 2): E[R] and E[S] of each plan (``-result.F``); dominated plans add nothing.
     mission
-        The mission of the plans.
+        The mission of the plans. Of a problem with objectives of its own, what both are at most:
+        its ``objective_bounds``.
 
     Raises
     ------
@@ -51,14 +55,17 @@ def area_indicator(objectives: ArrayLike, mission: Mission) -> float:
     >>> area_indicator([[5, 1], [2, 2]], toy)  # (5 · 1 + 2 · 1) / (10 · 2)
     0.35
     """
-    most = np.array([check_mission(mission).total_reward, mission.robots])
+    most = np.array(largest_objectives(mission))
     whole = float(most.prod())
     values = check_objectives("objectives", objectives)
     above = values > most * (1.0 + _ROUNDING)
     if above.any():
+        expected = f"objectives of at most {most.tolist()}"
+        if isinstance(mission, Mission):
+            expected = f"E[R] <= {most[0]:g} and E[S] <= {mission.robots}, all that mission "
+            expected += f"{mission.name!r} has"
         raise ValueError(
-            f"Expected E[R] <= {most[0]:g} and E[S] <= {mission.robots}, all that mission "
-            f"{mission.name!r} has, got {_row(values, above)}: the front is of another mission."
+            f"Expected {expected}, got {_row(values, above)}: the front is of another mission."
         )
     if whole == 0 or len(values) == 0:
         return 0.0
@@ -67,7 +74,7 @@ def area_indicator(objectives: ArrayLike, mission: Mission) -> float:
     return 1.0 if 1.0 < area < 1.0 + _ROUNDING else area
 
 
-def igd_plus_indicator(objectives: ArrayLike, reference: ArrayLike, mission: Mission) -> float:
+def igd_plus_indicator(objectives: ArrayLike, reference: ArrayLike, mission: Scale) -> float:
     """Compute the IGD+ of a front: how far it is from a reference front on average.
 
     For each point of ``reference`` (m, 2), the distance to the nearest of ``objectives`` (n, 2), of
@@ -90,7 +97,7 @@ def igd_plus_indicator(objectives: ArrayLike, reference: ArrayLike, mission: Mis
     return float(moocore.igd_plus(points, ref=targets, maximise=True))
 
 
-def epsilon_indicator(objectives: ArrayLike, reference: ArrayLike, mission: Mission) -> float:
+def epsilon_indicator(objectives: ArrayLike, reference: ArrayLike, mission: Scale) -> float:
     """Compute the additive epsilon of a front with respect to a reference front.
 
     The smallest number that, added to both normalised objectives of all plans, lets some plan match
@@ -113,7 +120,7 @@ def epsilon_indicator(objectives: ArrayLike, reference: ArrayLike, mission: Miss
     return float(moocore.epsilon_additive(points, ref=targets, maximise=True))
 
 
-def _front_size(objectives: FloatArray, mission: Mission) -> float:  # noqa: ARG001
+def _front_size(objectives: FloatArray, mission: Scale) -> float:  # noqa: ARG001
     return float(len(objectives))
 
 
@@ -123,7 +130,8 @@ class Indicator:
 
     ``function`` takes points (n, 2), the non-dominated E[R] and E[S] of a run or none, the mission,
     and between them, if it needs one, the reference front (m, 2). It gives a finite number, without
-    points that of the single plan that brings nothing back, (0, 0).
+    points that of the single plan that brings nothing back, (0, 0). In a study of a problem of
+    one's own, points are of its objectives, and its ``objective_bounds`` stand for the mission.
     """
 
     label: str  # in reports
@@ -143,7 +151,7 @@ class Indicator:
         """Whether less is better, and the reference front best: figures show how it falls."""
         return self.needs_reference and self.higher_is_better is False
 
-    def measure(self, points: FloatArray, reference: FloatArray | None, mission: Mission) -> float:
+    def measure(self, points: FloatArray, reference: FloatArray | None, mission: Scale) -> float:
         """Compute it for the points of a front; a ValueError if it gives no finite number."""
         given = (points, reference, mission) if self.needs_reference else (points, mission)
         value = self.function(*given)
@@ -216,6 +224,16 @@ def check_objectives(name: str, given: ArrayLike) -> FloatArray:
     return values
 
 
+def largest_objectives(scale: Scale) -> tuple[float, float]:
+    """Give what both objectives are at most, both at least 0; a ValueError if it is not a scale."""
+    if not isinstance(scale, tuple):
+        return check_mission(scale).total_reward, float(scale.robots)
+    if len(scale) != 2:
+        raise ValueError(f"Expected bounds of two objectives, got {quoted(scale)}.")
+    first, second = (check_number("an objective's bound", bound, at_least=0) for bound in scale)
+    return first, second
+
+
 def _row(values: FloatArray, is_wrong: Any) -> str:
     """Name the first row in which something is wrong."""
     row = int(np.argwhere(is_wrong)[0, 0])
@@ -223,9 +241,9 @@ def _row(values: FloatArray, is_wrong: Any) -> str:
 
 
 def _normalised(
-    objectives: ArrayLike, reference: ArrayLike, mission: Mission
+    objectives: ArrayLike, reference: ArrayLike, mission: Scale
 ) -> tuple[FloatArray, FloatArray]:
-    """Divide E[R] by the total reward and E[S] by the number of robots; a reward of 0 gives 0."""
+    """Divide both objectives by what they are at most, E[R] by the total reward; by 0 gives 0."""
     points = check_objectives("objectives", objectives)
     targets = check_objectives("reference", reference)
     if not len(targets):
@@ -236,6 +254,6 @@ def _normalised(
             raise ValueError(f"Expected {name} without NaN and infinity, got {found}.")
     if not len(points):
         points = np.zeros((1, 2))  # moocore scores an empty set as perfect
-    reward = mission.total_reward
-    whole = np.array([reward if reward > 0 else np.inf, mission.robots])
+    most = np.array(largest_objectives(mission))
+    whole = np.where(most > 0, most, np.inf)
     return points / whole, targets / whole

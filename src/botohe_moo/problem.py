@@ -127,6 +127,31 @@ class BOTOHE(Problem):
         return np.column_stack(columns) if columns else np.empty((len(batch), 0))
 
     @property
+    def objective_bounds(self) -> tuple[float, float]:
+        """What −F is at most, column by column: here total reward and team size. It is at least 0.
+
+        Areas, IGD+ and epsilon of studies are shares of these. A subclass with objectives of its
+        own states its own, as a property; without, studies refuse it.
+
+        Examples
+        --------
+        >>> from botohe_moo import BOTOHE, load_mission
+        >>> class Safest(BOTOHE):
+        ...     '''E[R], and how probably the robot in the greatest danger survives.'''
+        ...     @property
+        ...     def objective_bounds(self):
+        ...         return self.mission.total_reward, 1.0
+        ...     def evaluate_batch(self, batch):
+        ...         F = super().evaluate_batch(batch)
+        ...         F[:, 1] = -self.mission.robot_survival(batch).min(axis=1)
+        ...         return F
+        >>> toy = load_mission("toy")
+        >>> BOTOHE(toy).objective_bounds, Safest(toy).objective_bounds
+        ((10.0, 2.0), (10.0, 1.0))
+        """
+        return self.mission.total_reward, float(self.mission.robots)
+
+    @property
     def survival_floor(self) -> float:
         """The survival floor less what rounding may cost a product of survivals."""
         return self.min_survival * (1.0 - _ROUNDING)

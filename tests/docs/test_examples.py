@@ -113,6 +113,19 @@ def test_the_mutation_is_known_by_its_name(site, tmp_path):
     assert (ended.status, "9 runs" in ended.out) == (0, True), ended
 
 
+def test_the_problem_is_in_the_study_and_in_its_report(tmp_path):
+    package = EXAMPLES / "botohe-safest"
+    shutil.copy(package / "safest.yaml", tmp_path)
+    for command in commands("adding-an-objective"):
+        ended = botohe(*command, site=package, cwd=tmp_path)
+        assert ended.status == 0, ended.err
+    tables = read_study(tmp_path / "results" / "safest")
+    assert set(tables.runs["status"]) == {"done"}
+    assert tables.plans["survivors"].max() == 1.0
+    page = tmp_path / "results" / "safest" / "report" / "report.html"
+    assert "botohe_safest:Safest" in page.read_text("utf-8")
+
+
 @pytest.mark.parametrize("package", PACKAGES)
 def test_their_own_tests_pass(package, site, tmp_path):
     test = f"test_{package.replace('-', '_')}.py"

@@ -16,7 +16,12 @@ from tests.docs.guides import DOCS, GUIDES, ROOT, blocks, links
 # Read from top to bottom in one session; every block of the others stands alone.
 SESSIONS = {"tour", "model"}
 # Their commands need the packages that these pages make: see test_examples.py.
-OF_PACKAGES = {"adding-an-algorithm", "adding-an-operator", "adding-a-mission"}
+OF_PACKAGES = {
+    "adding-a-mission",
+    "adding-an-algorithm",
+    "adding-an-objective",
+    "adding-an-operator",
+}
 PAGES = [*GUIDES, *sorted((DOCS / "reference").glob("*.md"))]
 TEXTS = [*PAGES, *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md"))]
 

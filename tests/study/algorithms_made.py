@@ -293,3 +293,12 @@ class Drawing(ArchiveAlgorithm):
 def changing_mission() -> Mission:
     """Give another mission each time."""
     return generated("terrain", nodes=8, seed=int(time.monotonic_ns() % 10**9))
+
+
+class InKernel(ArchiveAlgorithm):
+    """Says that it evaluates where no problem sees it; studies give it one that does not count."""
+
+    evaluates_in_kernels = True
+
+    def _advance(self, **_):
+        sample(self, 20)

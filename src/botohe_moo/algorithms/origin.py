@@ -105,14 +105,15 @@ def _one_name(name: str) -> str:
 
 
 def algorithm_origin(
-    name: str, parameters: Mapping[str, Any] | None = None
+    name: str, parameters: Mapping[str, Any] | None = None, problem: str | None = None
 ) -> dict[str, str | None]:
     """Say where an algorithm's code is from, to tell results of other code apart.
 
     Gives ``package`` and ``version`` of the distribution that registers it, or of the one that owns
     its module; None where there is none. ``source`` is the SHA-256 of its module's file, and None
     for modules of this package and pymoo's, which their versions identify. Other modules that it
-    imports are not looked at, but those of operators that ``parameters`` name are part of it.
+    imports are not looked at, but those of operators that ``parameters`` name are part of it. So
+    is that of ``problem``, ``module:Class`` of a problem of one's own, which has further keys.
     """
     factory = find_algorithm(name)
     name = _one_name(name)
@@ -122,11 +123,29 @@ def algorithm_origin(
     else:
         entry = PLUGINS.entry(name)
         module, owner = entry.module, entry.dist
+    origin = {
+        **_distribution(owner),
+        "source": _with_operators(_source_digest(module, factory), parameters or {}),
+    }
+    return origin if problem is None else _with_problem(origin, problem)
+
+
+def _distribution(owner: metadata.Distribution | None) -> dict[str, str | None]:
     return {
         "package": owner.name if owner else None,
         "version": owner.version if owner else None,
-        "source": _with_operators(_source_digest(module, factory), parameters or {}),
     }
+
+
+def _with_problem(origin: dict[str, str | None], path: str) -> dict[str, str | None]:
+    """Add a problem of one's own and its package, and its file to the digest."""
+    kind = named(path)
+    module = _module_of(path)
+    owner = _distribution(_distribution_of(module.partition(".")[0]))
+    if digest := _source_digest(module, kind):
+        both = "".join([origin["source"] or "", digest])
+        origin["source"] = hashlib.sha256(both.encode()).hexdigest()
+    return {**origin, "problem": path, **{f"problem_{key}": owner[key] for key in owner}}
 
 
 def _with_operators(source: str | None, parameters: Mapping[str, Any]) -> str | None:

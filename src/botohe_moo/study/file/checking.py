@@ -4,6 +4,7 @@ import math
 import os
 import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from botohe_moo.study.file.config import AlgorithmEntry, Budget, MissionEntry, S
 from botohe_moo.study.file.digest import canonical
 from botohe_moo.study.file.grids import Member, members, seeds_of
 from botohe_moo.study.file.model import Study, StudyAlgorithm, StudyMission
+from botohe_moo.study.file.problems import find_problem, problem_on, refusal, stated_bounds
 from botohe_moo.study.file.shape import Faults, Place, file_faults, misspelt
 
 MAX_RUNS = 250_000  # a study takes 200 bytes for each, and every run a file
@@ -50,8 +52,10 @@ class CheckedContent:
         self._default_budget = _valid(Budget, content.get("budget"))
         self._missions = list(self._read_missions(_entries(content, "missions", MissionEntry)))
         self._check_budgets(content)
+        self._problem = self._find_problem(content)
         algorithms = _entries(content, "algorithms", AlgorithmEntry)
         self._algorithms = list(self._read_algorithms(algorithms))
+        self._check_refusals()
         self._check_different()
         self._check_control(content)
         self._seeds = seeds_of(self._file.seeds) if self._file and not self.faults else ()
@@ -136,7 +140,7 @@ class CheckedContent:
             if not found:
                 code = f"{name} {[member.parameters.get(kind) for kind in OPERATORS]}"
                 if code not in origins:
-                    origins[code] = algorithm_origin(name, member.parameters)
+                    origins[code] = algorithm_origin(name, member.parameters, self._problem)
                 yield StudyAlgorithm(
                     label=member.label,
                     algorithm=name,
@@ -146,6 +150,35 @@ class CheckedContent:
                     family=member.family,
                     grid=member.grid,
                 )
+
+    def _find_problem(self, content: Mapping[str, Any]) -> str | None:
+        """Find the study's own problem, if it has one, and what bounds it states on missions."""
+        path = content.get("problem")
+        if not isinstance(path, str) or any(at[:1] == ("problem",) for at, _ in self.faults):
+            return None
+        if content.get("bounds") is not None:
+            said = f"bounds are proved of E[R] and E[S], not of the objectives of {path!r}."
+            self.faults.add(("bounds",), said)
+        try:
+            find_problem(path)
+            self._missions = [
+                replace(mission, objective_bounds=stated_bounds(mission, path))
+                for mission in self._missions
+            ]
+        except ValueError as error:
+            self.faults.add(("problem",), self._said_of(path, f"{error}."))
+            return None
+        return path
+
+    def _check_refusals(self) -> None:
+        """Say which algorithms refuse the study's own problem, before anything runs."""
+        if self._problem is None or not self._missions:
+            return
+        for algorithm in self._algorithms:
+            problem = problem_on(self._missions[0], self._problem)
+            if said := refusal(problem, algorithm.algorithm, dict(algorithm.parameters)):
+                place = ("algorithms", algorithm.family, "algorithm")
+                self.faults.add(place, f"{algorithm.algorithm!r}: {said}")
 
     def _check_budgets(self, content: Mapping[str, Any]) -> None:
         """Say which missions have no budget, where no key that is misspelt or wrong is to blame."""

@@ -242,6 +242,8 @@ class StudyFile(_Entry):
     """Missions under labels of your own; or a list of names and files, which are the labels."""
     algorithms: Annotated[dict[Label, AlgorithmEntry], Field(min_length=1)]
     """Algorithms under labels of your own; or a list of names, which are the labels."""
+    problem: Text | None = None
+    """Objectives of your own: module:Class, derived from BOTOHE; default: E[R] and E[S]."""
     budget: Budget | None = None
     """What each run may spend; a mission may have its own."""
     seeds: Seeds

@@ -60,10 +60,12 @@ def code_mismatch(
         here = " and ".join(f"{_PACKAGES[name]} {ours[name]}" for name in differing)
         return f"has {here}, the study {' and '.join(versions[name] for name in differing)}"
     for algorithm, parameters, origin in origins:
+        problem = origin.get("problem")
         try:
-            found = algorithm_origin(algorithm, parameters)
+            found = algorithm_origin(algorithm, parameters, problem)
         except Exception as error:
-            return f"cannot import the algorithm {algorithm!r}: {str(error).rstrip('.')}"
+            also = f" or the problem {problem!r}" if problem else ""
+            return f"cannot import the algorithm {algorithm!r}{also}: {str(error).rstrip('.')}"
         if found != origin:
             return f"has {algorithm!r} from {found}, the study from {origin}"
     return None

@@ -126,7 +126,7 @@ def _text(path: Path) -> str:
 
 
 def _missing_packages(content: Any, out: str | os.PathLike[str] | None) -> dict[str, str]:
-    """Name the packages, not installed any more, of algorithms and missions in earlier results."""
+    """Name the packages, not installed any more, of what earlier results name as theirs."""
     name = content.get("name") if isinstance(content, dict) else None
     try:
         manifest = json.loads(read_bytes(study_folder(name, out) / MANIFEST))
@@ -134,6 +134,8 @@ def _missing_packages(content: Any, out: str | os.PathLike[str] | None) -> dict[
             *((entry["algorithm"], entry) for entry in manifest["algorithms"].values()),
             *((entry["source"]["name_or_path"], entry) for entry in manifest["missions"].values()),
         ]
+        if own := manifest.get("problem"):
+            entries.append((own["problem"], own))
         return {
             name: f"{entry['package']} {entry['version']}"
             for name, entry in entries

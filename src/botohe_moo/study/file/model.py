@@ -11,6 +11,7 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, InstanceOf
 
 from botohe_moo.algorithms.origin import AlgorithmIdentity
+from botohe_moo.indicators import Scale, largest_objectives
 from botohe_moo.mission.model import Mission
 from botohe_moo.study.file.config import Budget, Recording, StudyFile
 from botohe_moo.study.file.digest import canonical, installed_versions
@@ -51,6 +52,7 @@ def _check_source(source: Mapping[str, Any]) -> Mapping[str, Any]:
 
 Origin = Annotated[Mapping[str, str | None], AfterValidator(_check_origin)]
 Source = Annotated[Mapping[str, Any], AfterValidator(_check_source)]
+ObjectiveBounds = Annotated[tuple[float, float], AfterValidator(largest_objectives)]
 
 
 @dataclass(frozen=True)
@@ -67,6 +69,12 @@ class StudyMission:
     family: str  # label of its entry in the file
     grid: Mapping[str, Any]  # its values of the entry's grid; empty without one
     max_length: float | None = None  # travel budget, the entry's or the mission's own; None: none
+    objective_bounds: ObjectiveBounds | None = None  # of the study's own problem, if it has one
+
+    @property
+    def scale(self) -> Scale:
+        """What both objectives are at most: the mission says it, or the study's own problem."""
+        return self.mission if self.objective_bounds is None else self.objective_bounds
 
     def decides(self) -> dict[str, Any]:
         """Give everything that results depend on; labels are not part of it."""
@@ -183,6 +191,13 @@ class Study:
             for run in _runs(mission, algorithm, self)
         )
 
+    @property
+    def _problem(self) -> dict[str, Any] | None:
+        """The problem of one's own, with its package; None if objectives are E[R] and E[S]."""
+        origin = self.algorithms[0].origin
+        owner = {key: origin.get(f"problem_{key}") for key in ("package", "version")}
+        return {"problem": self.file.problem, **owner} if self.file.problem else None
+
     def manifest(self) -> dict[str, Any]:
         """Describe the study for readers of its tables."""
         return {
@@ -201,6 +216,7 @@ class Study:
                     "digest": mission.digest,
                     "family": mission.family,
                     "grid": dict(mission.grid),
+                    "objective_bounds": mission.objective_bounds,
                 }
                 for mission in self.missions
             },
@@ -216,6 +232,7 @@ class Study:
                 }
                 for algorithm in self.algorithms
             },
+            "problem": self._problem,
             "seeds": list(self.seeds),
             "recording": self.file.recording.model_dump(),
             "indicators": list(self.file.indicators),

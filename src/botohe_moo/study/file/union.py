@@ -18,7 +18,8 @@ from botohe_moo.study.file.shape import file_faults
 Member = TypeVar("Member", StudyMission, StudyAlgorithm)
 Entry = TypeVar("Entry", MissionEntry, AlgorithmEntry)
 
-_COMMON = ("name", "recording", "indicators", "comparison")  # must be the same in all studies
+# Must be the same in all studies.
+_COMMON = ("name", "problem", "recording", "indicators", "comparison")
 
 
 def unite_studies(paths: Sequence[Path], studies: Sequence[Study]) -> Study:

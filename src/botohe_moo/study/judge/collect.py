@@ -10,8 +10,7 @@ import numpy as np
 import pandas as pd
 
 from botohe_moo._base.types import FloatArray
-from botohe_moo.indicators import further_indicators
-from botohe_moo.mission.model import Mission
+from botohe_moo.indicators import Scale, further_indicators
 from botohe_moo.search.bounds import FrontBound
 from botohe_moo.study.file.model import Run, Study
 from botohe_moo.study.judge.comparisons import compare_algorithms
@@ -45,7 +44,7 @@ def collect_tables(study: Study, folder: StudyFolder) -> dict[str, pd.DataFrame]
     manifest = study.manifest()
     kept = folder.bounds(study)
     bounds = {label: of_mission.bound for label, of_mission in kept.items()}
-    tables = _judged(study, found, missions, bounds)
+    tables = _judged(study, found, bounds)
     largest = tables["runs"].groupby("mission")["area"].max()
     for label in kept.keys() & largest.keys():
         kept[label].check(label, float(largest[label]))
@@ -120,10 +119,10 @@ def _run_row(run: Run, outcome: Outcome, where: str) -> dict[str, Any]:
 def _judged(
     study: Study,
     found: _Found,
-    missions: dict[str, Mission],
     bounds: dict[str, FrontBound],
 ) -> dict[str, pd.DataFrame]:
     """Give all tables but ``missions``, ``bounds`` and ``algorithms``."""
+    missions = {mission.label: mission.scale for mission in study.missions}
     comparison, indicators = study.file.comparison, study.file.indicators
     level = comparison.significance
     labels = [algorithm.label for algorithm in study.algorithms]
@@ -192,7 +191,7 @@ def _scored(
     tables: dict[str, pd.DataFrame],
     found: _Found,
     references: pd.DataFrame,
-    missions: dict[str, Mission],
+    missions: dict[str, Scale],
     indicators: Sequence[str],
 ) -> dict[str, pd.DataFrame]:
     """Give ``trace`` with the scores of its fronts, and ``runs`` with the final areas."""

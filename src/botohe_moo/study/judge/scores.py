@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike
 
 from botohe_moo._base.checks import nearest_first
 from botohe_moo._base.types import FloatArray
-from botohe_moo.indicators import INDICATORS, TIE, further_indicators
-from botohe_moo.mission.model import Mission
+from botohe_moo.indicators import INDICATORS, TIE, Scale, further_indicators
 from botohe_moo.study.store.schemas import SCHEMAS
 
 # Values of each algorithm, by mission and indicator.
@@ -47,7 +46,7 @@ def score_runs(
     final_fronts: pd.DataFrame,
     references: pd.DataFrame,
     *,
-    missions: Mapping[str, Mission],
+    missions: Mapping[str, Scale],
     indicators: Sequence[str],
 ) -> pd.DataFrame:
     """Make the table ``indicators``: a row for each run, in the order of ``runs``, and indicator.
@@ -86,7 +85,7 @@ def score_records(
     fronts: Iterable[tuple[str, FloatArray]],
     references: pd.DataFrame,
     *,
-    missions: Mapping[str, Mission],
+    missions: Mapping[str, Scale],
     indicators: Sequence[str],
 ) -> dict[str, list[float]]:
     """Compute lists ``area``, ``igd_plus``, ..., with a value for each recorded front.

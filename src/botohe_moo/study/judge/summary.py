@@ -8,7 +8,7 @@ import pandas as pd
 from scipy import stats
 
 from botohe_moo._base.checks import check_number
-from botohe_moo.indicators import TIE, area_indicator, further_indicators
+from botohe_moo.indicators import TIE, Scale, area_indicator, further_indicators
 from botohe_moo.mission.model import Mission
 from botohe_moo.search.bounds import FrontBound
 from botohe_moo.study.file.digest import value_text
@@ -190,7 +190,7 @@ def reach_targets(
     trace: pd.DataFrame,
     references: pd.DataFrame,
     *,
-    missions: Mapping[str, Mission],
+    missions: Mapping[str, Scale],
     algorithms: Sequence[str],
 ) -> pd.DataFrame:
     """Make the table ``targets``: what reaching 90, 95 and 99 % of the reference area takes.

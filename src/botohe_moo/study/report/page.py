@@ -76,6 +76,7 @@ def render_page(tables: StudyTables, figures: Mapping[str, Sequence[ReportFigure
         notes=_notes(tables),
         missions=_missions(tables),
         algorithms=_algorithms(tables),
+        own=manifest.get("problem"),
         settings=_settings(tables),
         sections=[_section(tables, label, figures) for label in tables.mission_labels],
         ranks=_ranks(tables),
@@ -159,8 +160,15 @@ def _settings(tables: StudyTables) -> list[tuple[str, str]]:
     indicators = tables.manifest["indicators"]
     compared = f"others with {tables.control}" if tables.control is not None else "all pairs"
     bounds = tables.manifest.get("bounds")
+    own = tables.manifest.get("problem")
+    said = (
+        "reward and survivors are its two objectives, not E[R] and E[S]; areas, IGD+ and epsilon "
+        "are shares of its objective_bounds; pictures of fronts are left out"
+    )
+    problem = [("Problem", f"{own['problem']}: {said}")] if own else []
     bounded = [("Bounds", f"{bounds['seconds']:,g} seconds each")] if bounds else []
     return [
+        *problem,
         ("Seeds", seed_words(tables.manifest["seeds"])),
         ("Indicators", ", ".join(INDICATORS[name].label for name in indicators)),
         ("Compared", f"{compared}, at a significance level of {tables.significance:g}"),

@@ -56,6 +56,7 @@ class MissionPictures:
         self._model = tables.mission(mission)
         self._title = f"{mission}\n{self._model.title}" if self._model.title != mission else mission
         self._look: dict[str, Any] = {"styles": styles, "title": self._title}
+        self._own = tables.manifest["missions"][mission].get("objective_bounds")
         self._runs = self._rows(tables.runs)
         known = set(self._runs["algorithm"])
         self._labels = [label for label in tables.algorithm_labels if label in known]
@@ -76,7 +77,8 @@ class MissionPictures:
                 yield from self._distances(trace)
             yield from self._areas()
             yield from self._grids()
-        if not self._rows(self._tables.plans).empty:
+        # Their axes are E[R] and E[S].
+        if self._own is None and not self._rows(self._tables.plans).empty:
             yield from self._fronts()
             yield from self._difference()
 
@@ -116,7 +118,8 @@ class MissionPictures:
 
     def _reached(self, trace: pd.DataFrame) -> Iterator[Picture]:
         reference = self._rows(self._tables.references)[["reward", "survivors"]].to_numpy(float)
-        whole = area_indicator(reference, self._model) if len(reference) else 0.0
+        scale = self._model if self._own is None else tuple(self._own)
+        whole = area_indicator(reference, scale) if len(reference) else 0.0
         if not whole > 0:
             return
         targets: FloatArray = _SHARES * whole

@@ -1,7 +1,8 @@
 """Problems that count evaluations themselves, for algorithms that may not."""
 
+import contextlib
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray
 from botohe_moo.mission.model import Mission
+from botohe_moo.mission.validation import PlanError
 from botohe_moo.problem import BOTOHE
 from botohe_moo.search.archive import PlanArchive
 from botohe_moo.trails import PlanBatch
@@ -80,3 +82,45 @@ class MeteredBOTOHE(CountedBOTOHE):
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         return self
+
+
+@contextlib.contextmanager
+def blamed(problem: BOTOHE, method: str) -> Iterator[None]:
+    """Name a problem of one's own in the ValueError that becomes of whatever a method raises."""
+    try:
+        yield
+    except PlanError:  # the algorithm is to blame
+        raise
+    except Exception as error:
+        kind, found = type(problem), f"{type(error).__name__}: {error}"
+        raise ValueError(f"{kind.__module__}:{kind.__qualname__}.{method}: {found}") from error
+
+
+class _Blamed(BOTOHE):
+    """Stands before a problem of one's own, which errors of its methods name."""
+
+    def evaluate_batch(self, batch: PlanBatch) -> FloatArray:
+        with blamed(self, "evaluate_batch"):
+            return super().evaluate_batch(batch)
+
+    def constrain_batch(self, batch: PlanBatch) -> FloatArray:
+        with blamed(self, "constrain_batch"):
+            return super().constrain_batch(batch)
+
+
+def counting(base: type[CountedBOTOHE], kind: type[BOTOHE]) -> Any:
+    """Derive from a problem's class one that counts, or meters, and has the same name."""
+    if kind is BOTOHE:
+        return base
+
+    def __reduce_ex__(self: BOTOHE, _: object) -> tuple[object, ...]:  # noqa: N807
+        return _revive, (base, kind), self.__dict__
+
+    names = {"__module__": kind.__module__, "__qualname__": kind.__qualname__}
+    return type(kind.__name__, (base, _Blamed, kind), {**names, "__reduce_ex__": __reduce_ex__})
+
+
+def _revive(base: type[CountedBOTOHE], kind: type[BOTOHE]) -> Any:
+    """Make an empty problem for unpickling: classes made here have no name to be found by."""
+    found = counting(base, kind)
+    return found.__new__(found)

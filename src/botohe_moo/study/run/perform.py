@@ -17,11 +17,17 @@ from botohe_moo._base.types import FloatArray
 from botohe_moo.algorithms.base import ArchiveAlgorithm
 from botohe_moo.algorithms.population import PopulationAlgorithm
 from botohe_moo.algorithms.registry import make_algorithm
-from botohe_moo.algorithms.simulated_annealing import SimulatedAnnealing
 from botohe_moo.mission.library import load_mission
 from botohe_moo.problem import BOTOHE
 from botohe_moo.search.archive import PlanArchive
-from botohe_moo.study.run.metered import BudgetSpentError, CountedBOTOHE, MeteredBOTOHE
+from botohe_moo.study.file.problems import check_objectives, find_problem, problem_on
+from botohe_moo.study.run.metered import (
+    BudgetSpentError,
+    CountedBOTOHE,
+    MeteredBOTOHE,
+    blamed,
+    counting,
+)
 from botohe_moo.study.run.task import Outcome, Record, Task, failure
 from botohe_moo.trails import PlanBatch
 
@@ -100,7 +106,7 @@ def perform(
     recorder = None
     try:
         algorithm, problem = _prepare(task)
-        recorder = Recorder(task, lambda: _archive(algorithm, problem), send)
+        recorder = Recorder(task, lambda: _archive(task, algorithm, problem), send)
         termination = NoTermination() if task.evaluations is None else ("n_eval", task.evaluations)
         algorithm.setup(problem, termination=termination, seed=task.seed)
         if isinstance(problem, CountedBOTOHE):
@@ -111,7 +117,7 @@ def perform(
             spent[0] = max(spent[0], problem.meter.spent)
         if task.evaluations is not None and spent[0] > task.evaluations:
             raise RuntimeError(f"evaluated {spent[0]} plans of the {task.evaluations} allowed")
-        archive = _archive(algorithm, problem)
+        archive = _archive(task, algorithm, problem)
         recorder.record(spent[0], seconds, whole=True)
     except (Exception, SystemExit) as error:  # an algorithm may end its own run only
         said = "".join(traceback.format_exception_only(error)).strip()
@@ -135,12 +141,15 @@ def _prepare(task: Task) -> tuple[Algorithm, BOTOHE]:
         "min_survival": task.min_survival,
         "max_length": task.max_length,
     }
+    kind = find_problem(task.problem)
     if not isinstance(algorithm, ArchiveAlgorithm | PopulationAlgorithm):
-        return algorithm, MeteredBOTOHE(mission, evaluations=task.evaluations, **limits)
-    # Annealing evaluates in its kernel, and refuses problems that override the evaluation.
-    if _is_ours(algorithm) or isinstance(algorithm, SimulatedAnnealing):
-        return algorithm, BOTOHE(mission, **limits)
-    return algorithm, CountedBOTOHE(mission, **limits)
+        metered = counting(MeteredBOTOHE, kind)
+        return algorithm, metered(mission, evaluations=task.evaluations, **limits)
+    # What evaluates in a kernel refuses problems that override the evaluation, if only to count.
+    in_kernel = getattr(algorithm, "evaluates_in_kernels", False)
+    if in_kernel or (kind is BOTOHE and _is_ours(algorithm)):
+        return algorithm, kind(mission, **limits)
+    return algorithm, counting(CountedBOTOHE, kind)(mission, **limits)
 
 
 def _is_ours(algorithm: Algorithm) -> bool:
@@ -177,21 +186,26 @@ def _loop(
     return "evaluations" if spent[0] >= allowed else "itself"
 
 
-def _archive(algorithm: Algorithm, problem: BOTOHE) -> PlanArchive:
+def _archive(task: Task, algorithm: Algorithm, problem: BOTOHE) -> PlanArchive:
     """Give what an algorithm of any kind has found so far."""
-    if isinstance(problem, MeteredBOTOHE):
-        return problem.archive
-    if not isinstance(algorithm.archive, PlanArchive):
+    archive = problem.archive if isinstance(problem, MeteredBOTOHE) else algorithm.archive
+    if not isinstance(archive, PlanArchive):
         raise TypeError(f"Expected the archive of {type(algorithm).__name__} to be a PlanArchive.")
-    return algorithm.archive
+    if task.problem:
+        check_objectives(problem, archive.objectives)
+    return archive
 
 
 def verify(task: Task, plans: PlanBatch, claimed: FloatArray) -> None:
     """Evaluate a final front again; no algorithm's objectives are trusted.
 
-    ``claimed`` are E[R] and E[S] according to the algorithm, shape (n, 2).
+    ``claimed`` are E[R] and E[S] according to the algorithm, or −F of the task's own problem, shape
+    (n, 2).
     """
-    found = task.mission.evaluate(plans)
+    found = task.mission.evaluate(plans)  # names plans that are not valid
+    problem = problem_on(task, task.problem)
+    if task.problem:
+        found = _own_objectives(problem, plans)
     wrong = np.flatnonzero(~np.isclose(found, claimed, rtol=1e-9, atol=1e-12).all(axis=1))
     if len(wrong):
         plan = int(wrong[0])
@@ -199,23 +213,38 @@ def verify(task: Task, plans: PlanBatch, claimed: FloatArray) -> None:
             f"plan {plan} of the final front is claimed to bring {claimed[plan]}, and brings "
             f"{found[plan]}"
         )
-    limits = BOTOHE(task.mission, min_survival=task.min_survival, max_length=task.max_length)
     least = task.mission.robot_survival(plans).min(initial=1.0)
-    if least < limits.survival_floor:
+    if least < problem.survival_floor:
         raise ValueError(
             f"a robot of the final front survives with {least:g}, below {task.min_survival:g}"
         )
     longest = task.mission.trail_lengths(plans).max(initial=0.0)
-    if longest > limits.travel_budget:
+    if longest > problem.travel_budget:
         raise ValueError(
             f"a trail of the final front is {longest:g} long, beyond {task.max_length:g}"
         )
 
 
+def _own_objectives(problem: BOTOHE, plans: PlanBatch) -> FloatArray:
+    """Give −F of a problem of one's own; a ValueError for plans that break its constraints."""
+    with blamed(problem, "evaluate_batch"):
+        F = problem.evaluate_batch(plans)
+    with blamed(problem, "constrain_batch"):
+        G = problem.constrain_batch(plans)
+    broken = (problem.checked("G", G, len(plans)) > 0).any(axis=1)
+    if broken.any():
+        plan = int(broken.argmax())
+        raise ValueError(
+            f"plan {plan} of the final front breaks constraints of {type(problem).__name__}: "
+            f"{G[plan]}"
+        )
+    return -problem.checked("F", F, len(plans))
+
+
 def warm_up(task: Task) -> None:
     """Compile, or load from the cache, the kernels that a run will need, so that it is not timed.
 
-    Other packages' algorithms are not tried: they may have side effects.
+    Other packages' algorithms and problems are not tried: they may have side effects.
     """
     toy = load_mission("toy")
     ours = _is_ours(make_algorithm(task.algorithm, **task.parameters))
@@ -227,6 +256,7 @@ def warm_up(task: Task) -> None:
         max_length=max(task.max_length, WARM_UP_LENGTH),
         algorithm=task.algorithm if ours else "random",
         parameters=task.parameters if ours else {},
+        origin={**task.origin, "problem": None},
         evaluations=_WARM_UP_EVALUATIONS,
         seconds=None,
     )

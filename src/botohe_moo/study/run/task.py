@@ -20,7 +20,7 @@ class Task:
     min_survival: float
     algorithm: str  # a registered name or module:Class
     parameters: dict[str, Any]
-    origin: dict[str, str | None]  # package, version and source of the algorithm
+    origin: dict[str, str | None]  # package, version and source of the algorithm; the problem
     seed: int
     evaluations: int | None  # budget; None for no limit
     seconds: float | None
@@ -33,6 +33,11 @@ class Task:
     # Seconds without an evaluation after which the run of another package's algorithm fails, if it
     # has no budget of seconds. No result depends on it.
     patience: float = PATIENCE
+
+    @property
+    def problem(self) -> str | None:
+        """A problem of one's own as ``module:Class``; None for BOTOHE."""
+        return self.origin.get("problem")
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,14 @@ from botohe_moo.mission.model import Mission
 from botohe_moo.mission.validation import MissionError
 from botohe_moo.study.file.config import IndicatorName, StudyFile
 from botohe_moo.study.file.document import Document
-from botohe_moo.study.file.model import MANIFEST, Study, StudyAlgorithm, StudyError, StudyMission
+from botohe_moo.study.file.model import (
+    MANIFEST,
+    ObjectiveBounds,
+    Study,
+    StudyAlgorithm,
+    StudyError,
+    StudyMission,
+)
 
 _ALGORITHM = TypeAdapter(StudyAlgorithm)
 _MISSION = TypeAdapter(StudyMission)
@@ -134,11 +141,18 @@ class _ManifestMission(BaseModel):
     min_survival: float
     max_length: float | None = None  # not in earlier versions' files
     budget: dict[str, float | None]
+    objective_bounds: ObjectiveBounds | None = None  # of a problem of one's own
 
 
 class _ManifestAlgorithm(BaseModel):
     algorithm: str
     parameters: dict[str, Any]
+    package: str | None
+    version: str | None
+
+
+class _ManifestProblem(BaseModel):
+    problem: str
     package: str | None
     version: str | None
 
@@ -157,6 +171,7 @@ class _Manifest(BaseModel):
     version: str
     missions: dict[str, _ManifestMission]
     algorithms: dict[str, _ManifestAlgorithm]
+    problem: _ManifestProblem | None = None
     seeds: list[int]
     indicators: list[IndicatorName]
     comparison: _ManifestComparison

@@ -65,7 +65,7 @@ def unpack_run(data: bytes, run: Run) -> Outcome:
     if (header.get("format"), header.get("digest")) != (_FORMAT, run.digest):
         raise ValueError("not the file of this run")
     mission, objectives = run.mission.mission, arrays["plan_objectives"]
-    check_records(arrays, mission)
+    check_records(arrays, run.mission.scale)
     plans = PlanBatch(arrays["plan_nodes"], arrays["plan_offsets"], mission.robots)
     check_plans(plans, objectives, mission)
     ends = np.cumsum(arrays["n_points"])

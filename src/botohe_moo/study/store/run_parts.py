@@ -19,6 +19,7 @@ from pydantic import (
 
 from botohe_moo._base.checks import quoted
 from botohe_moo._base.types import FloatArray
+from botohe_moo.indicators import Scale, largest_objectives
 from botohe_moo.mission.model import Mission
 from botohe_moo.study.file.config import MAX_EVALUATIONS
 from botohe_moo.study.store.schemas import SCHEMAS
@@ -117,7 +118,7 @@ def _read_arrays(data: bytes) -> dict[str, Any]:
         raise ValueError(f"not an npz file of arrays, {said[:_LONG]}") from error
 
 
-def check_records(arrays: Mapping[str, Any], mission: Mission) -> None:
+def check_records(arrays: Mapping[str, Any], scale: Scale) -> None:
     """Raise a ValueError if records do not fit together, or are not of a mission's plans."""
     columns = [arrays[name] for name in ("evaluations", "seconds", "ties", "n_points")]
     if len({len(column) for column in columns}) > 1:
@@ -128,11 +129,11 @@ def check_records(arrays: Mapping[str, Any], mission: Mission) -> None:
     if sum(arrays["n_points"].tolist()) != len(arrays["points"]):
         raise ValueError("records and points do not fit")
     for points in (arrays["points"], arrays["plan_objectives"]):
-        _check_points(points, mission)
+        _check_points(points, scale)
 
 
-def _check_points(points: FloatArray, mission: Mission) -> None:
-    most = np.array([mission.total_reward, mission.robots]) * (1 + _ROUNDING)
+def _check_points(points: FloatArray, scale: Scale) -> None:
+    most = np.array(largest_objectives(scale)) * (1 + _ROUNDING)
     if points.shape[1:] != (2,) or not ((points >= 0) & (points <= most)).all():
         raise ValueError("expected points that are possible on its mission")
 

@@ -1,0 +1,105 @@
+"""Problems of one's own, which a study file names as ``module:Class``."""
+
+import functools
+import math
+import sys
+from typing import Any, Protocol
+
+import numpy as np
+
+from botohe_moo._base.checks import quoted
+from botohe_moo._base.types import FloatArray
+from botohe_moo._plugins.entry_points import imported
+from botohe_moo._plugins.factories import named
+from botohe_moo.algorithms.registry import make_algorithm
+from botohe_moo.indicators import largest_objectives
+from botohe_moo.mission.model import Mission
+from botohe_moo.problem import BOTOHE
+
+_ROUNDING = 1e-9
+
+
+class _Limited(Protocol):
+    """A mission with its limits: a study's, or that of a task."""
+
+    @property
+    def mission(self) -> Mission: ...
+    @property
+    def min_survival(self) -> float: ...
+    @property
+    def max_length(self) -> float | None: ...
+
+
+def find_problem(path: str | None) -> type[BOTOHE]:
+    """Import the class of a problem, BOTOHE for None; a ValueError says why it cannot be had.
+
+    Importing its module runs it.
+    """
+    if path is None:
+        return BOTOHE
+    found: Any = None
+    if path.partition(":")[0].partition(".")[0] not in sys.stdlib_module_names:
+        found = imported(functools.partial(named, path), "it")
+    if not (isinstance(found, type) and issubclass(found, BOTOHE)):
+        raise ValueError(f"expected a class derived from BOTOHE, got {quoted(found)}")
+    if found._evaluate is not BOTOHE._evaluate:
+        raise ValueError(
+            f"{found.__name__} overrides _evaluate, which studies do not call: override "
+            "evaluate_batch"
+        )
+    own = found.evaluate_batch is not BOTOHE.evaluate_batch
+    if own and found.objective_bounds is BOTOHE.objective_bounds:
+        raise ValueError(
+            f"{found.__name__} overrides evaluate_batch, and does not state objective_bounds: "
+            "areas are shares of what both objectives are at most"
+        )
+    return found
+
+
+def problem_on(limited: _Limited, path: str | None) -> BOTOHE:
+    """Make the problem of a class, or BOTOHE, on a mission with its limits."""
+    limit = math.inf if limited.max_length is None else limited.max_length
+    kind = find_problem(path)
+    return kind(limited.mission, min_survival=limited.min_survival, max_length=limit)
+
+
+def stated_bounds(limited: _Limited, path: str) -> tuple[float, float]:
+    """Give what a problem's two objectives are at most; a ValueError says what is wrong."""
+    try:
+        problem = problem_on(limited, path)
+    except (Exception, SystemExit) as error:  # whatever another package's code may raise
+        raise ValueError(f"it cannot be made ({type(error).__name__}: {error})") from error
+    if problem.n_obj != 2:
+        raise ValueError(f"expected two objectives, got n_obj = {problem.n_obj}")
+    given: Any = None
+    try:
+        given = problem.objective_bounds
+        return largest_objectives(tuple(given))
+    except Exception as error:
+        found = f"got {quoted(given)}" if given is not None else f"{type(error).__name__}: {error}"
+        expected = f"objective_bounds of {type(problem).__name__} to be two finite numbers >= 0"
+        raise ValueError(f"expected {expected}, {found}") from error
+
+
+def refusal(problem: BOTOHE, algorithm: str, parameters: dict[str, Any]) -> str | None:
+    """Say, as ``minimize`` does, why an algorithm refuses a problem; None if it does not."""
+    try:
+        made = make_algorithm(algorithm, **parameters)
+        made.setup(problem, termination=("n_eval", 1), seed=1)
+    except TypeError as error:
+        return str(error)
+    except (Exception, SystemExit):  # its runs will say so
+        pass
+    return None
+
+
+def check_objectives(problem: BOTOHE, points: FloatArray) -> None:
+    """Raise a ValueError for points (n, 2) of plans that a problem says there cannot be."""
+    most = np.array(problem.objective_bounds)
+    outside = points[~((points >= 0) & (points <= most * (1 + _ROUNDING))).all(axis=1)]
+    if len(outside):
+        kind = type(problem)
+        raise ValueError(
+            f"{kind.__module__}:{kind.__qualname__} says by objective_bounds that −F is in "
+            f"[0, {most[0]:g}] and [0, {most[1]:g}], and gives {outside[0].tolist()}"
+        )

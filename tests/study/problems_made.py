@@ -1,0 +1,102 @@
+"""Problems of one's own for studies: named as ``module:Class``."""
+
+import numpy as np
+
+from botohe_moo import BOTOHE
+
+
+class Weakest(BOTOHE):
+    """E[R], and how probably the robot in the greatest danger survives."""
+
+    @property
+    def objective_bounds(self):
+        return self.mission.total_reward, 1.0
+
+    def evaluate_batch(self, batch):
+        F = super().evaluate_batch(batch)
+        F[:, 1] = -self.mission.robot_survival(batch).min(axis=1)
+        return F
+
+
+class Unbounded(BOTOHE):
+    """Does not say what its objectives are at most."""
+
+    def evaluate_batch(self, batch):
+        return 2 * super().evaluate_batch(batch)
+
+
+class Misjudged(Weakest):
+    """Says that its objectives are at most less than they are."""
+
+    @property
+    def objective_bounds(self):
+        return 0.01, 0.5
+
+
+class Endless(Weakest):
+    """States a bound that is none."""
+
+    @property
+    def objective_bounds(self):
+        return np.inf, 1.0
+
+
+class Three(Weakest):
+    """Has a third objective."""
+
+    def __init__(self, mission, **limits):
+        super().__init__(mission, **limits)
+        self.n_obj = 3
+
+    def evaluate_batch(self, batch):
+        return np.column_stack([super().evaluate_batch(batch), np.zeros(len(batch))])
+
+
+class Unheard(BOTOHE):
+    """Overrides what studies do not call."""
+
+    def _evaluate(self, x, out, *args, **kwargs):
+        super()._evaluate(x, out, *args, **kwargs)
+
+
+class Unmakeable(BOTOHE):
+    """Does not take the limits of a study."""
+
+    def __init__(self, mission):
+        super().__init__(mission)
+
+
+def weakest(mission) -> BOTOHE:
+    return Weakest(mission)
+
+
+class Raising(Weakest):
+    """Raises what is no ValueError."""
+
+    def evaluate_batch(self, batch):
+        raise ZeroDivisionError("out of luck")
+
+
+class Negative(Weakest):
+    """Gives less than 0."""
+
+    def evaluate_batch(self, batch):
+        F = super().evaluate_batch(batch)
+        F[:, 1] = 1.0
+        return F
+
+
+class Strict(Weakest):
+    """All trails have to be of one length."""
+
+    def __init__(self, mission, **limits):
+        super().__init__(mission, **limits)
+        self.n_ieq_constr += 1
+
+    def constrain_batch(self, batch):
+        lengths = self.mission.trail_lengths(batch)
+        return np.column_stack([super().constrain_batch(batch), np.ptp(lengths, axis=1)])
+
+
+class Same(BOTOHE):
+    """E[R] and E[S], by another name."""

@@ -1,0 +1,237 @@
+"""Studies of objectives of one's own: ``problem: module:Class``."""
+
+import json
+import pickle
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pymoo.optimize import minimize
+
+from botohe_moo import area_indicator, load_mission, make_algorithm
+from botohe_moo.indicators import igd_plus_indicator
+from botohe_moo.study import StudyError, load_study, make_tables, merge_studies, read_study
+from botohe_moo.study import run_study as run
+from botohe_moo.study.file.digest import code_mismatch
+from botohe_moo.study.planning import make_task
+from botohe_moo.study.report.folder import write_report
+from botohe_moo.study.run.metered import CountedBOTOHE, MeteredBOTOHE, counting
+from botohe_moo.study.run.perform import perform, verify
+from tests.study import problems_made
+from tests.study.problems_made import Weakest
+
+MADE = problems_made.__name__
+FOREIGN = "tests.study.algorithms_made:Sampler"
+IN_KERNEL = "tests.study.algorithms_made:InKernel"
+STUDY = {
+    "name": "weakest",
+    "missions": ["toy"],
+    "algorithms": {"ants": "bo-aco", "few": {"algorithm": "nsga2", "parameters": {"pop_size": 20}},
+                   "foreign": FOREIGN},
+    "problem": f"{MADE}:Weakest",
+    "budget": {"evaluations": 120},
+    "seeds": 1,
+}  # fmt: skip
+PLAIN = {key: value for key, value in STUDY.items() if key != "problem"}
+
+
+@pytest.fixture(scope="module")
+def studied(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("weakest")
+    return folder, run(load_study(STUDY), folder, workers=1)
+
+
+def fault(content):
+    with pytest.raises(StudyError) as caught:
+        load_study(content)
+    (line,) = str(caught.value).splitlines()
+    return line
+
+
+def of_problem(name, **changes):
+    return {**STUDY, "problem": f"{MADE}:{name}", **changes}
+
+
+def performed(content):
+    """The outcome of a study's first run, its task and its records."""
+    task, records = make_task(load_study(content).runs()[0]), []
+    return perform(task, records.append), task, records
+
+
+class TestRun:
+    def test_fronts_are_those_of_the_problem(self, studied):
+        _, tables = studied
+        assert tables.runs["status"].tolist() == ["done"] * 3
+        assert tables.runs["evaluations"].tolist() == [120] * 3
+        problem = Weakest(tables.mission("toy"))
+        rows = tables.plans
+        plans = [tables.plan(row["run"], row["plan_id"]) for row in rows.to_dict("records")]
+        F = problem.evaluate_batch(problem.mission.batch(plans))
+        assert np.allclose(rows[["reward", "survivors"]], -F, rtol=1e-12)
+        assert rows["survivors"].max() == 1.0
+
+    def test_indicators_are_shares_of_its_bounds(self, studied):
+        _, tables = studied
+        most = Weakest(tables.mission("toy")).objective_bounds
+        assert tables.manifest["missions"]["toy"]["objective_bounds"] == [10.0, 1.0] == [*most]
+        reference = tables.references[["reward", "survivors"]].to_numpy()
+        found = tables.indicators.set_index(["run", "indicator"])["value"]
+        for row in tables.runs.to_dict("records"):
+            of_run = tables.plans[tables.plans["run"] == row["run"]]
+            points = of_run[["reward", "survivors"]].to_numpy()
+            assert row["area"] == area_indicator(points, most) > 0
+            igd_plus = igd_plus_indicator(points, reference, most)
+            assert found[row["run"], "igd_plus"] == pytest.approx(igd_plus)
+        assert tables.targets["n_reached"].max() > 0
+
+    def test_the_folder_is_read_again_and_reported(self, studied):
+        folder, tables = studied
+        assert read_study(folder).runs.equals(tables.runs)
+        assert run(load_study(STUDY), folder).runs["began"].equals(tables.runs["began"])
+        assert make_tables(folder).indicators.equals(tables.indicators)
+        assert tables.manifest["problem"]["problem"] == STUDY["problem"]
+        write_report(tables)
+        page = (folder / "report" / "report.html").read_text("utf-8")
+        assert f"{MADE}:Weakest: reward and survivors are its two objectives" in page
+        assert "total reward times robots" not in page
+        assert not list((folder / "report").rglob("fronts-*"))
+        assert list((folder / "report").rglob("areas-toy*"))
+
+    def test_parts_are_merged_if_they_have_one_problem(self, studied, tmp_path):
+        folder, _ = studied
+        other = {**STUDY, "seeds": [3], "algorithms": {"ants": "bo-aco"}}
+        run(load_study(other), tmp_path / "b")
+        both = merge_studies([folder, tmp_path / "b"], tmp_path / "both")
+        assert len(both.runs) == 4
+        run(load_study({**PLAIN, "algorithms": ["greedy"]}), tmp_path / "c")
+        with pytest.raises(StudyError, match="expected its problem to be"):
+            merge_studies([folder, tmp_path / "c"], tmp_path / "none")
+
+    def test_stored_points_are_within_its_bounds(self, studied, tmp_path):
+        folder = tmp_path / "copy"
+        shutil.copytree(studied[0], folder)
+        path = folder / "study.json"
+        manifest = json.loads(path.read_text())
+        (kept,) = manifest["kept"]["missions"]
+        assert kept["objective_bounds"] == [10.0, 1.0]
+        kept["objective_bounds"] = [10.0, 0.5]
+        path.write_text(json.dumps(manifest))
+        said = []
+        assert len(make_tables(folder, say=said.append).runs) == 0
+        assert "points that are possible" in said[0]
+
+    @pytest.mark.parametrize("name", ["moead", "spea2", "sms-emoa", "random", "greedy"])
+    def test_the_same_is_found_by_minimize(self, name):
+        outcome, task, records = performed({**STUDY, "algorithms": [name]})
+        assert (outcome.status, outcome.error) == ("done", None)
+        plans, objectives = records[-1].plans
+        verify(task, plans, objectives)
+        result = minimize(Weakest(task.mission), make_algorithm(name), ("n_eval", 120), seed=1)
+        assert sorted(map(tuple, -result.F)) == sorted(map(tuple, objectives))
+
+    @pytest.mark.parametrize("algorithm", ["simulated-annealing", IN_KERNEL])
+    @pytest.mark.parametrize("content", [PLAIN, {**STUDY, "problem": f"{MADE}:Same"}])
+    def test_what_kernels_evaluate_overrides_nothing(self, algorithm, content):
+        outcome, *_ = performed({**content, "algorithms": [algorithm]})
+        assert (outcome.status, outcome.evaluations) == ("done", 120)
+
+    def test_constraints_are_its_own(self):
+        outcome, task, records = performed(of_problem("Strict", algorithms=["random"]))
+        assert outcome.status == "done"
+        plans, objectives = records[-1].plans
+        assert (np.ptp(task.mission.trail_lengths(plans), axis=1) == 0).all()
+        _, plain, records = performed({**STUDY, "algorithms": ["random"]})
+        plans, objectives = records[-1].plans
+        verify(plain, plans, objectives)
+        with pytest.raises(ValueError, match="breaks constraints of Strict"):
+            verify(task, plans, objectives)
+
+    def test_runs_depend_on_it(self):
+        own, of_all = load_study(STUDY), load_study(PLAIN)
+        assert not {run.digest for run in own.runs()} & {run.digest for run in of_all.runs()}
+        task = make_task(own.runs()[0])
+        assert task.origin["source"] is not None
+        origin = task.algorithm, task.parameters, task.origin
+        assert code_mismatch({}, [origin]) is None
+        changed = {**task.origin, "source": "0"}
+        assert "has 'bo-aco' from" in code_mismatch({}, [(*origin[:2], changed)])
+        missing = {**task.origin, "problem": "no_such_module:X"}
+        assert "or the problem 'no_such_module:X'" in code_mismatch({}, [(*origin[:2], missing)])
+
+
+class TestRefused:
+    @pytest.mark.parametrize("algorithm", ["exact", "pareto-local-search", "simulated-annealing"])
+    def test_algorithms_that_cannot_heed_it(self, algorithm):
+        with pytest.raises(TypeError) as caught:
+            minimize(Weakest(load_mission("toy")), make_algorithm(algorithm), ("n_eval", 9))
+        line = fault({**STUDY, "algorithms": {"good": "greedy", "bad": algorithm}})
+        assert line == f"algorithms.bad.algorithm: {algorithm!r}: {caught.value}"
+
+    @pytest.mark.parametrize(
+        ("path", "said"),
+        [
+            ("Unbounded", "Unbounded overrides evaluate_batch, and does not state objective_bou"),
+            ("Endless", "expected objective_bounds of Endless to be two finite numbers >= 0, got"),
+            ("Three", "expected two objectives, got n_obj = 3."),
+            ("Unheard", "Unheard overrides _evaluate, which studies do not call: override evalu"),
+            ("Nobody", "it cannot be imported (AttributeError: "),
+            ("weakest", "expected a class derived from BOTOHE, got "),
+            ("np", "expected a class derived from BOTOHE, got "),
+            ("Unmakeable", "it cannot be made (TypeError: "),
+        ],
+    )
+    def test_what_is_not_one(self, path, said):
+        assert fault(of_problem(path)).startswith(f"problem: '{MADE}:{path}': {said}")
+
+    def test_other_modules(self):
+        assert "cannot be imported" in fault({**STUDY, "problem": "no_such_module:X"})
+        assert "derived from BOTOHE" in fault({**STUDY, "problem": "antigravity:X"})
+        assert "Expected problem to be a text" in fault({**STUDY, "problem": 3})
+
+    def test_its_package_is_named_where_it_is_missing(self, studied, tmp_path):
+        path = tmp_path / "study.json"
+        manifest = json.loads((studied[0] / "study.json").read_text())
+        manifest["problem"] = {"problem": "gone:X", "package": "gone", "version": "1.0"}
+        path.write_text(json.dumps(manifest))
+        with pytest.raises(StudyError, match=r"package gone 1.0, which is not installed"):
+            load_study({**STUDY, "problem": "gone:X"}, out=tmp_path)
+
+    def test_bounds_are_of_other_objectives(self):
+        line = fault({**STUDY, "bounds": {"seconds": 1}})
+        assert line == (
+            "bounds: bounds are proved of E[R] and E[S], not of the objectives of "
+            f"'{MADE}:Weakest'."
+        )
+
+    @pytest.mark.parametrize("name", ["Misjudged", "Negative"])
+    @pytest.mark.parametrize("algorithm", ["random", FOREIGN])
+    def test_objectives_outside_their_bounds_fail_the_run(self, name, algorithm):
+        outcome, *_ = performed(of_problem(name, algorithms=[algorithm]))
+        assert outcome.status == "failed"
+        assert f"{MADE}:{name} says by objective_bounds that" in outcome.error
+
+    @pytest.mark.parametrize("algorithm", ["nsga2", FOREIGN])
+    def test_what_it_raises_fails_the_run_and_names_it(self, algorithm):
+        outcome, task, _ = performed(of_problem("Raising", algorithms=[algorithm]))
+        said = f"{MADE}:Raising.evaluate_batch: ZeroDivisionError: out of luck"
+        assert (outcome.status, outcome.error) == ("failed", f"ValueError: {said}")
+        toy = task.mission
+        plans = toy.batch([toy.plan([[toy.base]] * toy.robots)])
+        with pytest.raises(ValueError, match=said):
+            verify(task, plans, np.zeros((1, 2)))
+
+    def test_fronts_of_other_objectives(self):
+        _, task, records = performed({**STUDY, "algorithms": ["random"]})
+        plain = replace(task, origin={**task.origin, "problem": None})
+        with pytest.raises(ValueError, match="is claimed to bring"):
+            verify(plain, *records[-1].plans)
+
+
+@pytest.mark.parametrize("base", [CountedBOTOHE, MeteredBOTOHE])
+def test_what_counts_has_the_problems_name_and_can_be_stored(base):
+    problem = counting(base, Weakest)(load_mission("toy"), min_survival=0.25)
+    assert type(problem).__name__ == "Weakest"
+    again = pickle.loads(pickle.dumps(problem))
+    assert isinstance(again, Weakest)
+    assert (again.min_survival, again.objective_bounds) == (0.25, problem.objective_bounds)
