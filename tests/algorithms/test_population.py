@@ -1,6 +1,7 @@
 """pymoo's population-based algorithms with this package's operators and archive."""
 
 import copy
+import inspect
 
 import numpy as np
 import pytest
@@ -10,7 +11,8 @@ from pymoo.algorithms.moo.sms import SMSEMOA
 from pymoo.algorithms.moo.spea2 import SPEA2
 from pymoo.optimize import minimize
 
-from botohe_moo import BOTOHE, area_indicator, load_mission, make_algorithm
+from botohe_moo import BOTOHE, area_indicator, load_mission, make_algorithm, solve
+from botohe_moo.algorithms import PopulationAlgorithm
 from botohe_moo.operators import (
     MixedMutation,
     PenaltyOnly,
@@ -206,6 +208,24 @@ def test_moead_replaces_by_violation_first(museum):
         assert algorithm.pop.get("feas").all()
         broken += (~algorithm.off.get("feas")).sum()
     assert broken > 100
+
+
+def test_classes_of_ones_own_need_no_init():
+    class Plain(PopulationAlgorithm, NSGA2):
+        pass
+
+    class Small(PopulationAlgorithm, NSGA2):
+        def __init__(self):
+            super().__init__({"pop_size": 10})
+
+    stated = inspect.signature(Plain).parameters
+    assert "mutation" in stated
+    assert "arguments" not in stated
+    assert not inspect.signature(Small).parameters  # it takes none
+    for kind, size in [(Plain, 100), (Small, 10)]:
+        solution = solve("toy", kind(), evaluations=130, seed=1)
+        assert solution.evaluations == 130
+        assert kind().pop_size == size
 
 
 class TestDottedPaths:

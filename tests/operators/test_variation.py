@@ -12,6 +12,8 @@ from botohe_moo.operators import (
     GuidedTrailSampling,
     MixedSampling,
     PenaltyOnly,
+    PlanMutation,
+    PlanSampling,
     RandomTrailSampling,
     RuinRecreate,
     SendHome,
@@ -200,3 +202,22 @@ class TestSampling:
             MixedSampling([TrailPlan([[0]])])
         with pytest.raises(TypeError, match="Expected rest to be a PlanSampling"):
             CornerSampling("guided")
+
+
+class Short(PlanMutation, PlanSampling):
+    """An operator of one's own that loses a plan."""
+
+    def _draft(self, mission, plans, rng):
+        return plans.take(np.arange(len(plans) - 1))
+
+    def _sample(self, problem, n_samples, rng):
+        return problem.mission.batch([problem.mission.plan([[1], [1]])] * (n_samples - 1))
+
+
+def test_operators_of_ones_own_that_lose_plans_are_named(toy):
+    rng = np.random.default_rng(0)
+    plans = GuidedTrailSampling().sample_batch(BOTOHE(toy), 4, rng)
+    with pytest.raises(ValueError, match=r"_draft of Short to give 4 drafts, got 3\."):
+        Short().mutate_batch(toy, plans, rng)
+    with pytest.raises(ValueError, match=r"_sample of Short to give 6 plans, got 5\."):
+        Short().sample_batch(BOTOHE(toy), 6, rng)

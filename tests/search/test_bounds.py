@@ -195,6 +195,12 @@ def test_sure_arcs_between_which_relaxed_trails_collect_without_end(
 
 
 @pytest.mark.parametrize("robots", [1, 3])
+def test_the_solver_prints_nothing(no_front, capfd, robots):
+    bound_front(load_mission("toy", robots=robots), time_limit=1)
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("robots", [1, 3])
 def test_nothing_to_collect_and_nowhere_to_go(robots):
     alone = nx.DiGraph()
     alone.add_node(0, reward=3.0)

@@ -7,6 +7,7 @@ import functools
 import inspect
 import sys
 from collections.abc import Callable, Iterable, Mapping
+from types import MappingProxyType
 from typing import Annotated, Any, TypeAlias
 
 import numpy as np
@@ -63,7 +64,8 @@ class PopulationAlgorithm(BudgetedAlgorithm):
     Parameters
     ----------
     arguments
-        What the pymoo class is made with besides its operators.
+        What the pymoo class is made with besides its operators; by default nothing. A class with
+        an ``__init__`` of its own gives them, as below.
     sampling
         Plans to start from: ``guided``, ``random``, a mapping from these to weights, a pymoo
         sampling, or trail plans, to which guided ones are added where they are too few. All
@@ -125,14 +127,16 @@ class PopulationAlgorithm(BudgetedAlgorithm):
         super().__init_subclass__(**kwargs)
         if "__signature__" in vars(cls):
             return
-        own = list(inspect.signature(cls.__init__).parameters.values())[1:]
-        operators = keyword_only(PopulationAlgorithm.__init__)
-        cls.__signature__ = inspect.Signature([*own[:-1], *operators, own[-1]])
+        *own, last = inspect.signature(cls.__init__).parameters.values()
+        if last.kind is last.VAR_KEYWORD:
+            stated = own[1:] if cls.__init__ is not PopulationAlgorithm.__init__ else []
+            operators = keyword_only(PopulationAlgorithm.__init__)
+            cls.__signature__ = inspect.Signature([*stated, *operators, last])
 
     @checked
     def __init__(
         self,
-        arguments: Mapping[str, Any],
+        arguments: Mapping[str, Any] = MappingProxyType({}),
         *,
         sampling: str
         | Mapping[str, float]

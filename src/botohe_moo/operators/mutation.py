@@ -76,7 +76,11 @@ class PlanMutation(Mutation):
         return self._mutate(mission, plans, random_state) if len(plans) else plans
 
     def _mutate(self, mission: Mission, plans: PlanBatch, rng: Rng) -> PlanBatch:
-        return self.plan_repair.repair_batch(mission, self._draft(mission, plans, rng))
+        drafts = self._draft(mission, plans, rng)
+        if len(drafts) != len(plans):
+            expected = f"_draft of {type(self).__name__} to give {len(plans)} drafts"
+            raise ValueError(f"Expected {expected}, got {len(drafts)}.")
+        return self.plan_repair.repair_batch(mission, drafts)
 
     def _draft(self, mission: Mission, plans: PlanBatch, rng: Rng) -> PlanBatch:
         raise NotImplementedError

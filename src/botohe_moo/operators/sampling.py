@@ -44,7 +44,11 @@ class PlanSampling(Sampling):
             Where all random numbers come from.
         """
         n_samples = check_integer("n_samples", n_samples, at_least=1)
-        return self._sample(problem, n_samples, random_state)
+        plans = self._sample(problem, n_samples, random_state)
+        if len(plans) < n_samples:
+            expected = f"_sample of {type(self).__name__} to give {n_samples} plans"
+            raise ValueError(f"Expected {expected}, got {len(plans)}.")
+        return plans
 
     def _sample(self, problem: BOTOHE, n_samples: int, rng: Rng) -> PlanBatch:
         raise NotImplementedError

@@ -27,6 +27,13 @@ class Master:
     def __init__(self, team: Team, total: float) -> None:
         import highspy
 
+        class Silent(highspy.Highs):
+            """HiGHS, which since 1.16 prints its name as soon as it is made."""
+
+            def enableCallbacks(self) -> None:  # noqa: N802 - the first thing that it is told
+                self.setOptionValue("output_flag", False)
+                super().enableCallbacks()  # type: ignore[no-untyped-call]
+
         self.team = team
         self._inf = highspy.kHighsInf
         n_nodes, n_levels = len(team.nodes), team.n_levels
@@ -39,8 +46,7 @@ class Master:
         self._upper = upper = np.full(self._mu + 1, self._inf)
         upper[: self._n_prices] = (team.reward[:, None] * team.alive[:, 1:]).ravel()
         upper[self._mu] = _MOST_MU * total
-        self._lp: Any = highspy.Highs()  # type: ignore[no-untyped-call]
-        self._lp.setOptionValue("output_flag", False)
+        self._lp: Any = Silent()  # type: ignore[no-untyped-call]
         self._lp.setOptionValue("threads", 1)
         self._lp.addVars(len(cost), np.zeros(len(cost)), upper)
         self._lp.changeColsCost(len(cost), np.arange(len(cost), dtype=np.int32), cost)
