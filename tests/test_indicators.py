@@ -292,6 +292,13 @@ class TestDistancesRefuse:
             with pytest.raises(ValueError, match=r"give -result\.F\.$"):
                 indicator(points, reference, quay())
 
+    @both
+    def test_other_missions_fronts(self, indicator):
+        with pytest.raises(ValueError, match=r"^Expected E\[R\] <= .*of another mission\.$"):
+            indicator([(50, 50)], [(4, 1)], quay())
+        with pytest.raises(ValueError, match=r"^Expected E\[R\] <= .*of another mission\.$"):
+            indicator([(4, 1)], [(50, 50)], quay())
+
 
 some = st.lists(st.tuples(st.floats(0, 10), st.floats(0, 2)), min_size=1, max_size=8)
 

@@ -218,6 +218,17 @@ class TestSearch:
             solve(toy, BOACO)
         with pytest.raises(TypeError, match=r"algorithm: expected a name .*, got NoneType"):
             solve(toy, None)
+        with pytest.raises(TypeError, match=r"^progress: expected a function, got True"):
+            solve(toy, progress=True)
+        with pytest.raises(TypeError, match=r"^stop: expected a threading.Event, got True"):
+            solve(toy, stop=True)
+
+    @pytest.mark.parametrize(
+        ("given", "meant"), [("n_eval", "evaluations"), ("seeds", "seed"), ("verbose", "progress")]
+    )
+    def test_what_pymoo_calls_otherwise_is_told(self, toy, given, meant):
+        with pytest.raises(ValueError, match=rf"no parameter {given!r}.* Did you mean {meant} of "):
+            solve(toy, **{given: 3})
 
     def test_it_is_shown_on_a_line(self, toy):
         found = repr(solve(toy, "greedy", evaluations=10))

@@ -40,7 +40,8 @@ def area_indicator(objectives: ArrayLike, mission: Scale) -> float:
     ------
     ValueError
         If ``objectives`` is not of shape (n, 2), holds NaN or infinity, is ``result.F``, which
-        holds the negatives, or is above what there is on the mission: it is of another one.
+        holds the negatives, or is above what there is on the mission: it is of another one. A point
+        below 0, also of minus infinity, dominates nothing.
 
     Notes
     -----
@@ -55,18 +56,8 @@ def area_indicator(objectives: ArrayLike, mission: Scale) -> float:
     >>> area_indicator([[5, 1], [2, 2]], toy)  # (5 · 1 + 2 · 1) / (10 · 2)
     0.35
     """
-    most = np.array(largest_objectives(mission))
+    values, most = _possible("objectives", objectives, mission)
     whole = float(most.prod())
-    values = check_objectives("objectives", objectives)
-    above = values > most * (1.0 + _ROUNDING)
-    if above.any():
-        expected = f"objectives of at most {most.tolist()}"
-        if isinstance(mission, Mission):
-            expected = f"E[R] <= {most[0]:g} and E[S] <= {mission.robots}, all that mission "
-            expected += f"{mission.name!r} has"
-        raise ValueError(
-            f"Expected {expected}, got {_row(values, above)}: the front is of another mission."
-        )
     if whole == 0 or len(values) == 0:
         return 0.0
     area = float(moocore.hypervolume(values, ref=[0.0, 0.0], maximise=True)) / whole
@@ -77,11 +68,27 @@ def area_indicator(objectives: ArrayLike, mission: Scale) -> float:
 def igd_plus_indicator(objectives: ArrayLike, reference: ArrayLike, mission: Scale) -> float:
     """Compute the IGD+ of a front: how far it is from a reference front on average.
 
-    For each point of ``reference`` (m, 2), the distance to the nearest of ``objectives`` (n, 2), of
-    which only what the plan lacks counts; E[R] is divided by the total reward before and E[S] by
-    the number of robots. 0 if every point is matched or exceeded. Without plans, (0, 0) is scored.
-    Raises ValueError like :func:`area_indicator`, and if ``reference`` is empty.
+    For each point of the reference, the distance to the nearest plan, of which only what the plan
+    lacks counts; E[R] is divided by the total reward before and E[S] by the number of robots. 0 if
+    every point is matched or exceeded.
 
+    Parameters
+    ----------
+    objectives
+        Shape (n, 2): E[R] and E[S] of each plan (``-result.F``). Without plans, (0, 0) is scored.
+    reference
+        Shape (m, 2): the points of the reference front, at least one.
+    mission
+        As for :func:`area_indicator`.
+
+    Raises
+    ------
+    ValueError
+        As for :func:`area_indicator`, if there is an infinity of either sign, and if ``reference``
+        is empty.
+
+    Notes
+    -----
     Ishibuchi, Masuda, Tanigaki and Nojima, "Modified distance calculation in generational distance
     and inverted generational distance", EMO 2015; computed by moocore.
 
@@ -101,9 +108,21 @@ def epsilon_indicator(objectives: ArrayLike, reference: ArrayLike, mission: Scal
     """Compute the additive epsilon of a front with respect to a reference front.
 
     The smallest number that, added to both normalised objectives of all plans, lets some plan match
-    each point of the reference; below 0 if the front is ahead of all of it. Arguments, errors and
-    normalisation are those of :func:`igd_plus_indicator`.
+    each point of the reference; below 0 if the front is ahead of all of it. Both are normalised as
+    for :func:`igd_plus_indicator`.
 
+    Parameters
+    ----------
+    objectives, reference, mission
+        As for :func:`igd_plus_indicator`.
+
+    Raises
+    ------
+    ValueError
+        As for :func:`igd_plus_indicator`.
+
+    Notes
+    -----
     Zitzler, Thiele, Laumanns, Fonseca and Grunert da Fonseca, "Performance assessment of
     multiobjective optimizers: an analysis and review", IEEE Transactions on Evolutionary
     Computation 7(2), 2003; computed by moocore.
@@ -240,12 +259,28 @@ def _row(values: FloatArray, is_wrong: Any) -> str:
     return f"{values[row].tolist()} in row {row}"
 
 
+def _possible(name: str, given: ArrayLike, mission: Scale) -> tuple[FloatArray, FloatArray]:
+    """Convert points of a front, and give what both objectives are at most, which none exceeds."""
+    most = np.array(largest_objectives(mission))
+    values = check_objectives(name, given)
+    above = values > most * (1.0 + _ROUNDING)
+    if above.any():
+        expected = f"{name} of at most {most.tolist()}"
+        if isinstance(mission, Mission):
+            expected = f"E[R] <= {most[0]:g} and E[S] <= {mission.robots}, all that mission "
+            expected += f"{mission.name!r} has"
+        raise ValueError(
+            f"Expected {expected}, got {_row(values, above)}: the front is of another mission."
+        )
+    return values, most
+
+
 def _normalised(
     objectives: ArrayLike, reference: ArrayLike, mission: Scale
 ) -> tuple[FloatArray, FloatArray]:
     """Divide both objectives by what they are at most, E[R] by the total reward; by 0 gives 0."""
-    points = check_objectives("objectives", objectives)
-    targets = check_objectives("reference", reference)
+    points, most = _possible("objectives", objectives, mission)
+    targets, _ = _possible("reference", reference, mission)
     if not len(targets):
         raise ValueError("Expected at least one point in reference, got none.")
     for name, values in (("objectives", points), ("reference", targets)):
@@ -254,6 +289,5 @@ def _normalised(
             raise ValueError(f"Expected {name} without NaN and infinity, got {found}.")
     if not len(points):
         points = np.zeros((1, 2))  # moocore scores an empty set as perfect
-    most = np.array(largest_objectives(mission))
     whole = np.where(most > 0, most, np.inf)
     return points / whole, targets / whole

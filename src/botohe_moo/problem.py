@@ -218,7 +218,10 @@ class BOTOHE(Problem):
             method = "_evaluate"
         expected = f"Expected {method} of {type(self).__name__} to give"
         if computed.shape != shape:
-            raise ValueError(f"{expected} {what} of shape {shape}, got {computed.shape}.")
+            stacked = ""
+            if what == "G":
+                stacked = " (columns of its own beside those of super().constrain_batch(batch))"
+            raise ValueError(f"{expected} {what} of shape {shape}{stacked}, got {computed.shape}.")
         bad = computed[~np.isfinite(computed).all(axis=1)]
         raise ValueError(f"{expected} finite {what}, got {bad[0]}.")
 

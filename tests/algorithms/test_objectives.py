@@ -143,3 +143,40 @@ def test_one_objective_is_refused():
         TypeError, match="PlanNSGA2 searches for fronts of two objectives or more, and BOTOHE has 1"
     ):
         minimize(problem, small("nsga2"), ("n_eval", 40), seed=1)
+
+
+class Uncounted(BOTOHE):
+    """Has a constraint that it does not count."""
+
+    def constrain_batch(self, batch):
+        return np.column_stack([super().constrain_batch(batch), np.ones(len(batch))])
+
+
+class Impossible(Uncounted):
+    def __init__(self, mission, **limits):
+        super().__init__(mission, **limits)
+        self.n_ieq_constr += 1
+
+
+@pytest.mark.parametrize("name", ["bo-aco", "greedy", "random", "nsga2"])
+def test_constraints_of_ones_own_are_kept_and_have_to_be_counted(name):
+    toy = load_mission("toy")
+    with pytest.raises(ValueError, match=r"Uncounted.*(n_ieq_constr = 0|beside those of super)"):
+        minimize(Uncounted(toy), small(name), ("n_eval", 40), seed=1)
+    for limits in ({}, {"min_survival": 0.2}):
+        result = minimize(Impossible(toy, **limits), small(name), ("n_eval", 40), seed=1)
+        assert result.X is None
+
+
+def test_with_drafts_constraints_stand_beside_faults():
+    algorithm = make_algorithm("nsga2", pop_size=20, repair="penalty")
+    assert minimize(Impossible(load_mission("toy")), algorithm, ("n_eval", 40), seed=1).X is None
+
+
+def test_only_batches_are_taken_in():
+    class Listed(ArchiveAlgorithm):
+        def _advance(self, **_):
+            self._take_in([1, 2])
+
+    with pytest.raises(TypeError, match=r"Expected a PlanBatch, got \[1, 2\]; mission\.batch"):
+        minimize(BOTOHE(load_mission("toy")), Listed(), ("n_eval", 40), seed=1)

@@ -1,9 +1,12 @@
 """Conformance of algorithms: those of this package, and those that break a promise."""
 
+import contextlib
 import json
 import sys
+import time
 from importlib.metadata import distribution
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -94,6 +97,57 @@ def test_a_raised_error_tells_the_rule_and_the_remedy():
         check()
     assert "The rule: Where leaving gains nothing" in str(raised.value)
     assert "To keep it: Let robots stay at base" in str(raised.value)
+
+
+class Stubborn(broken.Walks):
+    """Goes on for ever, whatever is raised."""
+
+    def _advance(self, **_):
+        while True:
+            with contextlib.suppress(Exception):
+                time.sleep(0.01)
+
+
+def test_what_swallows_errors_ends_all_the_same():
+    results = {each.rule: each for each in check_algorithm(Stubborn, time_limit=0.3)}
+    assert results["runs_end"].status == "failed"
+    assert results["runs_end"].message == "it did not return within 0.3 s"
+
+
+class Homeless(broken.Walks):
+    """Takes in nothing but plans that break the floor."""
+
+    def walks(self, n):
+        if self.problem.min_survival == 0:
+            return super().walks(n)
+        drawn = super().walks(50)
+        kept = (self.problem.constrain_batch(drawn) > 0).any(axis=1)
+        return drawn.take(np.flatnonzero(kept)[:n])
+
+
+def test_a_front_without_a_plan_is_not_blamed_for_one_that_nobody_found():
+    results = {each.rule: each for each in check_algorithm(Homeless)}
+    assert results["front_of_all_evaluated"].status == "passed"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "said"),
+    [
+        ({"factories": "bo-aco"}, TypeError, "Expected factories to be a list, got 'bo-aco'"),
+        ({"factories": broken.Walks}, TypeError, "Expected factories to be a list"),
+        ({"factories": [], "expected_failed_checks": ["one_robot"]}, TypeError, "to map rules to"),
+        ({"factories": [], "kind": "algo"}, ValueError, "Expected kind to be 'algorithm' or"),
+    ],
+)
+def test_arguments_of_parametrizing_are_checked(arguments, error, said):
+    with pytest.raises(error, match=said):
+        parametrize_with_checks(**arguments)
+
+
+def test_expected_failures_are_rules_of_algorithms_and_missions_together():
+    marks = parametrize_with_checks(["random", "toy"], expected_failed_checks={"one_robot": "no"})
+    expected = [case.id for case in marks.args[1] if case.marks]
+    assert expected == ["random-one_robot"]
 
 
 AUTHORS_TESTS = """

@@ -16,6 +16,7 @@ from pymoo.core.termination import TerminateIfAll, Termination
 from pymoo.termination.max_eval import MaximumFunctionCallTermination
 from pymoo.termination.max_gen import MaximumGenerationTermination
 
+from botohe_moo._base.checks import quoted
 from botohe_moo._base.types import FloatArray, ObjectArray, OffsetArray
 from botohe_moo._plugins.checks import checked
 from botohe_moo.algorithms.individuals import PopulationArchive
@@ -124,7 +125,8 @@ class ArchiveAlgorithm(BudgetedAlgorithm):
         ----------
         problem
             A :class:`BOTOHE`. A TypeError is raised for another one, and for one that overrides
-            what is computed in kernels; a ValueError for equality constraints.
+            what is computed in kernels; a ValueError for equality constraints, and for constraints
+            that it does not count.
         **kwargs
             pymoo's own: ``termination``, ``seed``, ... A ValueError is raised for a budget of less
             than one evaluation.
@@ -135,14 +137,18 @@ class ArchiveAlgorithm(BudgetedAlgorithm):
         if overrides(problem, "_evaluate"):
             raise TypeError(
                 f"{type(problem).__name__} overrides _evaluate, which {type(self).__name__} does "
-                "not call: override evaluate_batch, which it heeds, as population-based algorithms "
-                "do."
+                "not call: override evaluate_batch, which all algorithms use that can."
             )
         check_n_objectives(self, problem, 2)
         if problem.n_eq_constr > 0:
             raise ValueError(
                 f"Expected a problem without equality constraints, which {type(self).__name__} "
-                f"would not heed, got {problem.n_eq_constr} in {problem.name()}."
+                f"would ignore, got {problem.n_eq_constr} in {problem.name()}."
+            )
+        if overrides(problem, "constrain_batch") and problem.n_ieq_constr == 0:
+            raise ValueError(
+                f"{type(problem).__name__} overrides constrain_batch and has n_ieq_constr = 0: "
+                "add the number of its constraints to n_ieq_constr."
             )
         return super().setup(problem, **kwargs)
 
@@ -190,6 +196,10 @@ class ArchiveAlgorithm(BudgetedAlgorithm):
 
         Gives their E[R] and E[S] (n, 2), and the indices of the Pareto set of those feasible.
         """
+        if not isinstance(batch, PlanBatch):
+            raise TypeError(
+                f"Expected a PlanBatch, got {quoted(batch)}; mission.batch(plans) makes one."
+            )
         self.evaluator.n_eval += len(batch)
         problem = self.problem
         objectives = -problem.checked("F", problem.evaluate_batch(batch), len(batch))
@@ -249,7 +259,7 @@ def refuse_overrides(algorithm: Algorithm, problem: BOTOHE) -> None:
         if overrides(problem, method):
             raise TypeError(
                 f"{type(problem).__name__} overrides {method}, which {type(algorithm).__name__} "
-                "does not call: it evaluates plans inside a kernel. Algorithms such as BOACO heed "
+                "does not call: it evaluates plans inside a kernel. Algorithms such as BOACO use "
                 "it."
             )
 

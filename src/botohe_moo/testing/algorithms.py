@@ -88,7 +88,7 @@ def objectives_of_the_problem(subject: Subject) -> None:
     "`setup` that names the problem's class."
 )
 def own_objectives(subject: Subject) -> None:
-    """An objective of one's own, a subclass of BOTOHE, is heeded, or refused by name."""
+    """An objective of one's own, a subclass of BOTOHE, is used, or refused by name."""
     problem = Halved(places.streets())
     if not refuses(subject.make(), problem):
         _expect_true_objectives(_run(subject, problem), problem)
@@ -103,7 +103,8 @@ def front_of_all_evaluated(subject: Subject) -> None:
         problem.seen.clear()
         plain = BOTOHE(problem.mission, min_survival=floor)
         found = _run(subject, problem if watched else plain)
-        seen = np.array([point for _, point, feasible in problem.seen if feasible] or [[0.0, 0.0]])
+        feasible = [point for _, point, is_feasible in problem.seen if is_feasible]
+        seen = np.reshape(feasible, (-1, 2))
         for points in (*found.fronts, seen if watched else found.fronts[-1]):
             lost = missing(points, found.objectives)
             expect(not len(lost), f"its result lacks a plan that it found, {_points(lost)}")

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from botohe_moo._base.checks import nearest_first
+from botohe_moo._base.checks import nearest_first, quoted
 from botohe_moo.testing.checking import TIME_LIMIT, Kind, kind_of, rules_and_subject
 from botohe_moo.testing.rules import BrokenRuleError, Rule, Subject, fault_of
 
@@ -35,6 +35,7 @@ def parametrize_with_checks(
     *,
     expected_failed_checks: Mapping[str, str] | None = None,
     kind: Kind | None = None,
+    time_limit: float = TIME_LIMIT,
 ) -> pytest.MarkDecorator:
     """Make a test of each rule for each algorithm or mission; a decorator for a pytest test.
 
@@ -46,15 +47,19 @@ def parametrize_with_checks(
         Classes, functions or names, as for :func:`check_algorithm`.
     expected_failed_checks
         Rules that are known to be broken, and why: these tests are expected to fail, and fail if
-        they pass.
+        they pass. They are rules of all factories that have them.
     kind
         ``"algorithm"`` or ``"mission"``; by default what each says that it makes, by its class or
         the annotation of what it returns, or else an algorithm.
+    time_limit
+        Seconds that each rule may take.
 
     Raises
     ------
+    TypeError
+        If ``factories`` is not a list, or ``expected_failed_checks`` not a mapping.
     ValueError
-        If there is no rule of a name in ``expected_failed_checks``.
+        If ``kind`` is another one, or there is no rule of a name in ``expected_failed_checks``.
     ImportError
         Without pytest.
 
@@ -68,14 +73,24 @@ def parametrize_with_checks(
     """
     import pytest
 
+    if isinstance(factories, str) or not isinstance(factories, Iterable):
+        raise TypeError(f"Expected factories to be a list, got {quoted(factories)}.")
+    if not isinstance(expected_failed_checks, Mapping | None):
+        found = quoted(expected_failed_checks)
+        raise TypeError(f"Expected expected_failed_checks to map rules to reasons, got {found}.")
+    if kind not in (None, "algorithm", "mission"):
+        raise ValueError(f"Expected kind to be 'algorithm' or 'mission', got {quoted(kind)}.")
     expected = dict(expected_failed_checks or {})
+    made = [
+        rules_and_subject(factory, None, kind or kind_of(factory), time_limit)
+        for factory in factories
+    ]
+    known = {rule.name for rules, _ in made for rule in rules}
+    for name in expected.keys() - known if made else ():
+        near = ", ".join(nearest_first(str(name), sorted(known)))
+        raise ValueError(f"There is no rule {name!r}; known are {near}.")
     cases = []
-    for factory in factories:
-        rules, subject = rules_and_subject(factory, None, kind or kind_of(factory), TIME_LIMIT)
-        for name in expected:
-            if name not in {rule.name for rule in rules}:
-                known = ", ".join(nearest_first(str(name), [rule.name for rule in rules]))
-                raise ValueError(f"There is no rule {name!r}; known are {known}.")
+    for rules, subject in made:
         for rule in rules:
             marks: list[Any] = []
             if rule.name in expected:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import os
 import signal
 import threading
 import time
@@ -16,7 +17,7 @@ from typing import Any, Literal
 from botohe_moo._base.checks import quoted
 from botohe_moo._plugins.docstrings import summary_of
 
-_OURS = str(Path(__file__).parents[1])
+_OURS = str(Path(__file__).parents[1]) + os.sep
 _LONGEST = 500  # characters of another package's message
 
 
@@ -129,30 +130,34 @@ def fault_of(each: Rule, subject: Subject) -> str | None:
     try:
         with _ending_after(subject.seconds):
             each.check(subject)
-    except BrokenRuleError as error:
+    except (BrokenRuleError, _TimeIsOverError) as error:
         return str(error)
     except (Exception, SystemExit) as error:  # whatever another package's code may raise
         return _raised(error)
     return None
 
 
+class _TimeIsOverError(BaseException):
+    """Not an Exception, which an algorithm may catch in its loop."""
+
+
 @contextmanager
 def _ending_after(seconds: float) -> Iterator[None]:
-    """Raise a BrokenRuleError when the time is over, where the system has alarms.
+    """Raise a _TimeIsOverError when the time is over, and again each second after that.
 
-    Only the main thread gets them, and not while a kernel runs.
+    Only the main thread gets alarms, where the system has them, and not while a kernel runs.
     """
     if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "SIGALRM"):
         yield
         return
 
     def ring(*_: object) -> None:
-        raise BrokenRuleError(f"it did not return within {seconds:g} s")
+        raise _TimeIsOverError(f"it did not return within {seconds:g} s")
 
     started = time.monotonic()
     others = signal.getitimer(signal.ITIMER_REAL)[0]  # a test's own, for instance
     handler = signal.signal(signal.SIGALRM, ring)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
+    signal.setitimer(signal.ITIMER_REAL, seconds, 1.0)
     try:
         yield
     finally:

@@ -116,7 +116,7 @@ def _objectives(algorithm: Algorithm) -> FloatArray:
 
 
 def refuses(algorithm: Algorithm, problem: BOTOHE) -> bool:
-    """Tell whether an algorithm says by name that it does not heed a problem's own evaluation."""
+    """Tell whether an algorithm says by name that it does not use a problem's own evaluation."""
     try:
         algorithm.setup(problem, termination=("n_eval", 1), seed=1)
     except TypeError as error:
