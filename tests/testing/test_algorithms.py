@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from botohe_moo import BOTOHE
 from botohe_moo.cli.app import app
+from botohe_moo.operators import RandomTrailSampling
 from botohe_moo.testing import BrokenRuleError, check_algorithm, parametrize_with_checks
 from botohe_moo.testing.algorithms import RULES
 from tests.forked import run_forked
@@ -120,7 +122,7 @@ class Homeless(broken.Walks):
     def walks(self, n):
         if self.problem.min_survival == 0:
             return super().walks(n)
-        drawn = super().walks(50)
+        drawn = RandomTrailSampling().sample_batch(BOTOHE(self.problem.mission), 200, self.rng())
         kept = (self.problem.constrain_batch(drawn) > 0).any(axis=1)
         return drawn.take(np.flatnonzero(kept)[:n])
 
