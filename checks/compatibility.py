@@ -3,7 +3,7 @@
 ``python -m checks.compatibility [PYTHON ...] [--libraries oldest|newest] [--whole] [--out CSV]``
 
 Each Python that is here (on the path, or pyenv's) gets two environments: the lower bounds of
-pyproject.toml, as constraints-oldest.txt has them, and whatever is newest. Both have wheels only.
+pyproject.toml, as constraints-oldest.txt has them, and whatever is newest. Wheels are preferred.
 The tests are those of what libraries may change: numbers, kernels, files, tables and pictures.
 Those left out start many processes, or compare the wording of pages and commands with what is
 written in guides; ``--whole`` runs them, too. A Python that is not here is named in the table. The

@@ -748,6 +748,7 @@ class TestBadOptions:
                 ["Expected heuristic to be true or false, got 'maybe'."],
             ),
             (["-p", "sampling=3"], ["sampling can be given from Python only"]),
+            (["--out", ""], ["--out", "expected a path, got an empty text"]),
             (["-p", "n_ants"], ["Expected a parameter as NAME=VALUE, got 'n_ants'."]),
             (["-p", "=3"], ["Expected a parameter as NAME=VALUE, got '=3'."]),
             (["-p", "n ants=3"], ["Expected a parameter as NAME=VALUE, got 'n ants=3'."]),

@@ -251,7 +251,7 @@ class TestBadPlans:
         ],
     )
     def test_no_trail(self, trail, got):
-        message = f"^Robot 1: expected a trail of at least one node, got {got}"
+        message = f"^Robot 1: expected a trail, a sequence of node indices, got {got}"
         with pytest.raises(ValueError, match=message):
             TrailPlan([[0], trail])
 

@@ -133,7 +133,7 @@ def _indices(trail: Sequence[int], robot: int) -> IntArray:
         array = np.empty((0, 0))
     if array.ndim != 1 or array.size == 0:
         raise ValueError(
-            f"Robot {robot}: expected a trail of at least one node, got {trail!r}; "
+            f"Robot {robot}: expected a trail, a sequence of node indices, got {trail!r}; "
             "a robot that stays at base has the trail (base,)."
         )
     # Among integers in a list, numpy takes True for 1.

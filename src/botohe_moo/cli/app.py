@@ -41,6 +41,7 @@ with ending_on_interrupt:
         ParameterOption,
         RobotsOption,
         SeedOption,
+        given_path,
         mission_source,
         read_parameters,
         seconds,
@@ -110,7 +111,11 @@ def solve_mission(
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", "-o", help="Folder to write to; by default a new one, results/solve/MISSION."
+            "--out",
+            "-o",
+            metavar="DIR",
+            parser=given_path,
+            help="Folder to write to; by default a new one, results/solve/MISSION.",
         ),
     ] = None,
     wish: ChooseOption = None,

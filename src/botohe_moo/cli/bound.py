@@ -21,6 +21,7 @@ with ending_on_interrupt:
         MissionParameterOption,
         RobotsOption,
         SeedOption,
+        given_path,
         mission_source,
         seconds,
     )
@@ -62,7 +63,13 @@ def bound_mission(
     seed: SeedOption = 1,
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", metavar="FILE", help="Write the bound to this file, as JSON."),
+        typer.Option(
+            "--out",
+            "-o",
+            metavar="FILE",
+            parser=given_path,
+            help="Write the bound to this JSON file.",
+        ),
     ] = None,
 ) -> None:
     """Prove what no plan of a mission exceeds, and so how far a front is from the best there is.

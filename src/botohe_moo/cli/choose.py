@@ -13,7 +13,7 @@ with ending_on_interrupt:
     import typer
 
     from botohe_moo.cli.describe import paragraph
-    from botohe_moo.cli.options import integer_option
+    from botohe_moo.cli.options import given_path, integer_option
     from botohe_moo.cli.shell import FAILED, fail, failing, tell
 
 if TYPE_CHECKING:
@@ -69,6 +69,7 @@ PlanFileOption = Annotated[
         "--out",
         "-o",
         metavar="FILE",
+        parser=given_path,
         help="Write the plan to this file: .json, .csv (waypoints), .geojson, or drawn on the map "
         "as .png, .svg or .pdf.",
     ),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from botohe_moo.cli.interrupt import ending_on_interrupt
+from botohe_moo.cli.options import given_path
 
 with ending_on_interrupt:
     from pathlib import Path
@@ -24,7 +25,11 @@ def explore_front(
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", "-o", metavar="FILE.html", help="File to write; by default DIR/explorer.html."
+            "--out",
+            "-o",
+            metavar="FILE.html",
+            parser=given_path,
+            help="File to write; by default DIR/explorer.html.",
         ),
     ] = None,
     wish: ChooseOption = None,

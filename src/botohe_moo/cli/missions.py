@@ -15,6 +15,7 @@ with ending_on_interrupt:
         MissionArgument,
         MissionParameterOption,
         RobotsOption,
+        given_path,
         integer_option,
         length,
         mission_source,
@@ -121,7 +122,13 @@ def import_mission(
     robots: Annotated[int, integer_option("--robots", metavar="K", help="Number of robots.")],
     out: Annotated[
         Path,
-        typer.Option("--out", "-o", metavar="FILE", help="Mission file to write: .json, .graphml."),
+        typer.Option(
+            "--out",
+            "-o",
+            metavar="FILE",
+            parser=given_path,
+            help="Mission file to write: .json, .graphml.",
+        ),
     ],
     both_ways: Annotated[
         bool, typer.Option("--both-ways", help="Every row of arcs is an arc in both directions.")

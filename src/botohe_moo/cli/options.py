@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from contextlib import suppress
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -41,6 +42,13 @@ def seconds(text: str) -> float:
         if 0 < (number := float(text)) < float("inf"):
             return number
     raise typer.BadParameter(f"expected a number of seconds > 0, got {text}.")
+
+
+def given_path(text: str) -> Path:
+    """Parse an option that is a path; an empty one, as of an unset variable, is refused."""
+    if not text:
+        raise typer.BadParameter("expected a path, got an empty text.")
+    return Path(text)
 
 
 def pairs_option(*names: str, help: str) -> Any:  # noqa: A002

@@ -9,7 +9,7 @@ import typer
 
 from botohe_moo._base.words import counted
 from botohe_moo.cli.interrupt import ending_on_interrupt
-from botohe_moo.cli.options import integer_option
+from botohe_moo.cli.options import given_path, integer_option
 from botohe_moo.cli.shell import FAILED, fail, failing, say, tell
 
 if TYPE_CHECKING:
@@ -28,7 +28,9 @@ FolderArgument = Annotated[
 ]
 OutOption = Annotated[
     Path | None,
-    typer.Option("--out", "-o", metavar="DIR", help="Its folder; by default results/NAME."),
+    typer.Option(
+        "--out", "-o", metavar="DIR", parser=given_path, help="Its folder; by default results/NAME."
+    ),
 ]
 WorkersOption = Annotated[
     int | None,

@@ -33,10 +33,10 @@ def _label(value: str) -> str:
     return value
 
 
-def _different(values: list[str]) -> list[str]:
+def _different(values: list[str], of: str = "") -> list[str]:
     value, count = Counter(values).most_common(1)[0] if values else ("", 1)
     if count > 1:
-        raise ValueError(f"expected each once, got {quoted(value)} {count} times")
+        raise ValueError(f"expected each{of} once, got {quoted(value)} {count} times")
     return values
 
 
@@ -274,5 +274,5 @@ class StudyFile(_Entry):
         for key in ("missions", "algorithms"):
             names = value.get(key)
             if isinstance(names, list) and all(isinstance(name, str) for name in names):
-                listed[key] = {name: name for name in _different(names)}
+                listed[key] = {name: name for name in _different(names, f" of {key}")}
         return {**value, **listed}

@@ -121,7 +121,7 @@ def _text(path: Path) -> str:
         return read.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise StudyError(
-            f"{path}: expected UTF-8 text, found byte {error.start} is none."
+            f"{path}: expected UTF-8 text, found other bytes from {error.start} on."
         ) from None
 
 
