@@ -288,7 +288,7 @@ class TestBadPlans:
             TrailPlan([])
 
     def test_a_flat_list(self):
-        with pytest.raises(ValueError, match=r"^Robot 0: expected a trail .* got 0;"):
+        with pytest.raises(ValueError, match=r"^Robot 0: expected a trail, a sequence .*, got 0;"):
             TrailPlan([0, 1, 0])
 
     @pytest.mark.parametrize("trails", [3, None, TrailPlan([A])])

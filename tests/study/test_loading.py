@@ -499,7 +499,10 @@ indicators: [area, igd]
             ({"bounds": {"second": 9}}, "there is no key 'second'; known are seconds."),
             ({"bound": {"seconds": 9}}, "there is no key 'bound'; known are bounds,"),
             ({"indicators": ["area", "area"]}, "expected each once, got 'area' 2 times"),
-            ({"algorithms": ["random", "random"]}, "expected each once, got 'random' 2 times"),
+            (
+                {"algorithms": ["random", "random"]},
+                "expected each of algorithms once, got 'random' 2 times",
+            ),
             ({"algorithms": {"_a": "random"}}, "does not begin with _"),
             ({"algorithms": {"a\x1bb": "random"}}, "printable"),
             (

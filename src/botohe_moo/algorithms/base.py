@@ -125,8 +125,7 @@ class ArchiveAlgorithm(BudgetedAlgorithm):
         ----------
         problem
             A :class:`BOTOHE`. A TypeError is raised for another one, and for one that overrides
-            what is computed in kernels; a ValueError for equality constraints, and for constraints
-            that it does not count.
+            what is computed in kernels; a ValueError for equality constraints.
         **kwargs
             pymoo's own: ``termination``, ``seed``, ... A ValueError is raised for a budget of less
             than one evaluation.
@@ -144,11 +143,6 @@ class ArchiveAlgorithm(BudgetedAlgorithm):
             raise ValueError(
                 f"Expected a problem without equality constraints, which {type(self).__name__} "
                 f"would ignore, got {problem.n_eq_constr} in {problem.name()}."
-            )
-        if overrides(problem, "constrain_batch") and problem.n_ieq_constr == 0:
-            raise ValueError(
-                f"{type(problem).__name__} overrides constrain_batch and has n_ieq_constr = 0: "
-                "add the number of its constraints to n_ieq_constr."
             )
         return super().setup(problem, **kwargs)
 
@@ -203,7 +197,7 @@ class ArchiveAlgorithm(BudgetedAlgorithm):
         self.evaluator.n_eval += len(batch)
         problem = self.problem
         objectives = -problem.checked("F", problem.evaluate_batch(batch), len(batch))
-        if problem.n_ieq_constr == 0:
+        if problem.n_ieq_constr == 0 and not overrides(problem, "constrain_batch"):
             return objectives, self.archive.absorb(batch, objectives)
         constraints = problem.checked("G", problem.constrain_batch(batch), len(batch))
         feasible = np.flatnonzero((constraints <= 0).all(axis=1))
