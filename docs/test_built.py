@@ -59,3 +59,9 @@ def test_what_has_no_page_is_described_all_the_same():
 
 def test_formulas_are_drawn():
     assert (BUILT / "model.html").read_text("utf-8").count("<math") > 20
+
+
+def test_the_command_line_shows_signs_and_not_their_names():
+    text = (BUILT / "command-line.html").read_text("utf-8")
+    assert "&quot;survivors &gt;= 2&quot;" in text
+    assert "&amp;" not in text
