@@ -8,6 +8,7 @@ its bound and makes more than noise.
 """
 
 import json
+import math
 import os
 import shutil
 import signal
@@ -33,8 +34,8 @@ NOISE = 8.0  # MiB that memory may seem to grow by in all
 _TO_END = 1_800.0  # seconds to make the tables
 
 
-def study() -> dict[str, Any]:
-    """Give a study of runs of about a tenth of a second, more than there is time for."""
+def study(seconds: float) -> dict[str, Any]:
+    """Give a study of runs of about a tenth of a second, more than two workers have time for."""
     return {
         "name": "soak",
         "missions": {
@@ -51,7 +52,7 @@ def study() -> dict[str, Any]:
             "random": "random",
         },
         "budget": {"evaluations": 2_000},
-        "seeds": 200,
+        "seeds": max(10, math.ceil(seconds / 18)),
         "recording": {"per_decade": 5},
         "indicators": ["area", "front_size"],
     }
@@ -63,7 +64,7 @@ def main() -> int:
     shutil.rmtree(folder, ignore_errors=True)
     folder.parent.mkdir(parents=True, exist_ok=True)
     file = RESULTS / "study.yaml"
-    file.write_text(json.dumps(study()))
+    file.write_text(json.dumps(study(seconds)))
     command = [sys.executable, "-m", "botohe_moo.cli", "study", "run", str(file)]
     command += ["--out", str(folder), "--workers", str(WORKERS)]
     with (
@@ -72,12 +73,12 @@ def main() -> int:
     ):
         try:
             rows = list(samples(runner, folder / "runs", seconds))
+            table = pd.DataFrame(rows, columns=["s", "process", "pid", "runs", "resident MiB"])
+            table.to_csv(RESULTS / "memory.csv", index=False)
             runner.send_signal(signal.SIGTERM)
             status = runner.wait(_TO_END)
         finally:
             runner.kill()
-    table = pd.DataFrame(rows, columns=["s", "process", "pid", "runs", "resident MiB"])
-    table.to_csv(RESULTS / "memory.csv", index=False)
     return judge(table, stopped=status == 128 + signal.SIGTERM)
 
 

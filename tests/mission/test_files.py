@@ -488,6 +488,11 @@ class TestGraphML:
         (found,) = graphml_faults(text)
         assert fault in found
 
+    def test_what_the_parser_says_is_cut_short(self, graphml_faults):
+        (found,) = graphml_faults(f'<?xml version="1.0" encoding="{"utf-" * 999}"?><a/>')
+        assert "expected XML" in found
+        assert len(found) < 400
+
     @pytest.mark.parametrize(
         "declaration",
         [

@@ -577,6 +577,35 @@ def small(finished, tmp_path):
     return shutil.copytree(finished, tmp_path / "copy")
 
 
+def without_version(manifest):
+    del manifest["kept"]["versions"]["version"]
+
+
+def elsewhere(manifest):
+    manifest["kept"]["missions"][0]["digest"] = "../../outside"
+
+
+def seconds_as_text(manifest):
+    manifest["bounds"] = {"seconds": "10"}
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (without_version, "versions: .*expected versions of version, pymoo"),
+        (elsewhere, r"kept.missions: expected a digest, got '../../outside'"),
+        (seconds_as_text, "bounds.seconds: Input should be a valid number"),
+    ],
+)
+def test_what_a_changed_manifest_lacks_is_named(small, change, said):
+    path = small / "study.json"
+    manifest = json.loads(path.read_text())
+    change(manifest)
+    path.write_text(json.dumps(manifest))
+    with pytest.raises(StudyError, match=rf"study\.json: cannot be read \({said}"):
+        restore_study(small)
+
+
 def a_run_of(folder):
     digest = read_study(folder).runs["run"][1]
     return folder / "runs" / f"{digest}.npz", digest

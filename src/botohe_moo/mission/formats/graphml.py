@@ -15,6 +15,7 @@ from botohe_moo.mission.formats.nodelink import graph_from
 from botohe_moo.mission.validation import MissionError
 
 _NAMESPACE = "http://graphml.graphdrawing.org/xmlns"
+_LONGEST = 200  # characters of what a parser says
 _NOT_IN_XML = re.compile("[^\t\n\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _TYPES = {bool: "boolean", int: "long", float: "double", str: "string"}
 _PARSERS: dict[str, Callable[[str], object]] = {
@@ -85,7 +86,7 @@ def _parse(data: bytes) -> ET.Element:
     except MissionError:
         raise
     except (LookupError, ValueError, ET.ParseError) as error:  # an unknown encoding
-        raise MissionError(f"expected XML, found: {error}") from None
+        raise MissionError(f"expected XML, found: {str(error)[:_LONGEST]}") from None
 
 
 def _refuse_document_type(name: str, *_: object) -> None:

@@ -1,13 +1,14 @@
 """What a study's folder says about the study: ``study.json`` and the missions beside it."""
 
 import json
+import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import BaseModel, TypeAdapter, ValidationError
+from pydantic import AfterValidator, BaseModel, StrictFloat, TypeAdapter, ValidationError
 
-from botohe_moo._base.checks import nearest_first
+from botohe_moo._base.checks import nearest_first, quoted
 from botohe_moo._base.files import read_bytes, replace_file
 from botohe_moo._base.words import counted
 from botohe_moo.mission.digest import mission_digest
@@ -15,6 +16,7 @@ from botohe_moo.mission.formats.files import read_mission
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.validation import MissionError
 from botohe_moo.study.file.config import IndicatorName, StudyFile
+from botohe_moo.study.file.digest import installed_versions
 from botohe_moo.study.file.document import Document
 from botohe_moo.study.file.model import (
     MANIFEST,
@@ -90,6 +92,8 @@ def restore_study(folder: Path) -> Study:
         missions = []
         for entry in dump.missions:
             digest = entry["digest"]
+            if not re.fullmatch("[0-9a-f]+", digest):
+                raise ValueError(f"kept.missions: expected a digest, got {quoted(digest)}")
             mission = saved_mission(folder / "missions" / f"{digest}.json", digest)
             missions.append(_MISSION.validate_python({**entry, "mission": mission}))
         file = StudyFile.model_validate(Document.parse(dump.text).content)
@@ -124,10 +128,16 @@ def _reason(error: Exception) -> str:
     return " ".join((getattr(error, "strerror", None) or str(error)).split()[:20])
 
 
+def _of_each_package(versions: dict[str, str]) -> dict[str, str]:
+    if versions.keys() != installed_versions().keys():
+        raise ValueError(f"expected versions of {', '.join(installed_versions())}")
+    return versions
+
+
 class _Dump(BaseModel):
     text: str
     seeds: tuple[int, ...]
-    versions: dict[str, str]
+    versions: Annotated[dict[str, str], AfterValidator(_of_each_package)]
     missions: list[dict[str, Any]]
     algorithms: tuple[StudyAlgorithm, ...]
 
@@ -159,7 +169,11 @@ class _ManifestProblem(BaseModel):
 
 class _ManifestComparison(BaseModel):
     control: str | None
-    significance: float
+    significance: StrictFloat
+
+
+class _ManifestBounds(BaseModel):
+    seconds: StrictFloat
 
 
 class _Manifest(BaseModel):
@@ -175,5 +189,6 @@ class _Manifest(BaseModel):
     seeds: list[int]
     indicators: list[IndicatorName]
     comparison: _ManifestComparison
+    bounds: _ManifestBounds | None = None
     tables: dict[str, str] | None
     previous: "_Manifest | None" = None  # what the tables were made for, if not this study
