@@ -5,6 +5,7 @@ import sys
 import textwrap
 from pathlib import Path
 
+import networkx as nx
 import pytest
 
 from botohe_moo._base.checks import ParameterError, nearest_first
@@ -153,6 +154,12 @@ class TestRefusals:
     def test_no_name(self, name):
         with pytest.raises(ValueError, match="Expected the name of a mission or a path, got"):
             load_mission(name)
+
+    def test_graphs_and_tables_are_shown_the_way(self):
+        with pytest.raises(ValueError, match=r"; Mission\(graph, base=.* makes one of a graph"):
+            load_mission(nx.DiGraph())
+        with pytest.raises(MissionError, match="mission_from_tables, and botohe missions import"):
+            load_mission("nodes.csv")
 
     @pytest.mark.parametrize(
         ("name", "parameters", "message"),

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import botohe_moo.mission
-from botohe_moo.mission import Mission, PlanError
+from botohe_moo.mission import Mission, PlanError, load_mission
 from botohe_moo.outcomes.distribution import Distribution
 from botohe_moo.outcomes.outcomes import (
     Outcomes,
@@ -627,3 +627,12 @@ def test_plans_of_other_missions_are_refused(harbour, function):
     nx.set_edge_attributes(path, 0.5, "survival")
     with pytest.raises(PlanError, match="Robot 0, position 1: arc 0 -> 3 is missing"):
         function(Mission(path, base=0, robots=2), beyond)
+
+
+@pytest.mark.parametrize("seed", ["x", -1, 1.5])
+def test_seeds_are_checked_also_where_nothing_is_drawn(seed):
+    toy = load_mission("toy")
+    home = toy.plan([[1], [1]])
+    for outcomes in (plan_outcomes, lambda *args, **seed: simulate(*args, 3, **seed)):
+        with pytest.raises(ValueError, match=r"^Expected random_state to be None, an integer >= 0"):
+            outcomes(toy, home, random_state=seed)

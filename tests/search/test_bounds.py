@@ -194,6 +194,10 @@ def test_sure_arcs_between_which_relaxed_trails_collect_without_end(
     assert n_missions >= 10
 
 
+def test_it_is_shown_on_a_line():
+    assert repr(bound_front(load_mission("toy"))) == "<FrontBound of 'toy': area at most 0.6277>"
+
+
 @pytest.mark.parametrize("robots", [1, 3])
 def test_the_solver_prints_nothing(no_front, capfd, robots):
     bound_front(load_mission("toy", robots=robots), time_limit=1)

@@ -294,7 +294,7 @@ class TestComputing:
             def end(self, run, outcome):
                 signal.raise_signal(signal.SIGINT)
 
-        with pytest.raises(StudyInterrupted):
+        with pytest.raises(StudyInterrupted, match=r"stopped by SIG.*run the study again"):
             run_study(study_of(seeds=1, algorithms=["greedy"]), tmp_path, watcher=Stopping())
         assert files(tmp_path) == []
         assert read_study(tmp_path).missing_bounds == ["toy"]

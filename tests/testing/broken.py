@@ -31,6 +31,14 @@ class Walks(ArchiveAlgorithm):
         self._take_in(self.walks(min(self.n, self._n_left())))
 
 
+class Loud(Walks):
+    """Prints, and raises."""
+
+    def _advance(self, **_):
+        print("hello")
+        raise ValueError("Too loud.")
+
+
 class MakesNothing:
     """Is not an algorithm of pymoo's."""
 

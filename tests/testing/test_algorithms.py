@@ -201,6 +201,12 @@ class TestCommand:
         assert [each["rule"] for each in failed] == ["staying_home"]
         assert failed[0].keys() == {"rule", "status", "seconds", "message", "remedy"}
 
+    def test_what_an_algorithm_prints_is_not_among_the_results(self):
+        ran = self.check("tests.testing.broken:Loud", "--json")
+        assert [each["rule"] for each in json.loads(ran.stdout)] == [rule.name for rule in RULES]
+        assert "hello" in ran.stderr
+        assert "ValueError: Too loud (broken.py, line" in ran.stdout
+
     def test_parameters_and_missions(self):
         assert self.check("bo-aco", "-p", "n_ants=20").exit_code == 0
         assert self.check("terrain", "-p", "nodes=20").exit_code == 0

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import sys
+
 from botohe_moo.cli.interrupt import ending_on_interrupt
 
 with ending_on_interrupt:
@@ -56,7 +59,8 @@ def check_conformance(
         if parameters and faults:
             raise ValueError(f"{name}: {' '.join(message for _, message in faults)}")
         check = testing.check_mission if mission else testing.check_algorithm
-        results = check(name, parameters, time_limit=time_limit)
+        with contextlib.redirect_stdout(sys.stderr):  # what an algorithm prints is not a result
+            results = check(name, parameters, time_limit=time_limit)
     if as_json:
         import json
         from dataclasses import asdict

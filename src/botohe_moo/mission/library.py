@@ -6,6 +6,8 @@ from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any
 
+import networkx as nx
+
 from botohe_moo._base.checks import ParameterError, mapping_of, quoted
 from botohe_moo._plugins.checks import Fault, call_factory, check_values, checked, raised_fault
 from botohe_moo._plugins.docstrings import summary_of
@@ -203,7 +205,9 @@ def find_factory(name: str | os.PathLike[str]) -> Callable[..., Any] | None:
     if isinstance(name, os.PathLike):
         return None
     if not isinstance(name, str):
-        raise ValueError(f"Expected the name of a mission or a path, got {name!r}.")
+        made = "; Mission(graph, base=..., robots=...) makes one of a graph"
+        hint = made if isinstance(name, nx.Graph) else ""
+        raise ValueError(f"Expected the name of a mission or a path, got {quoted(name)}{hint}.")
     separators = {os.sep, os.altsep or os.sep}
     if Path(name).suffix.lower() in SUFFIXES or not separators.isdisjoint(name):
         return None
@@ -216,6 +220,8 @@ def find_factory(name: str | os.PathLike[str]) -> Callable[..., Any] | None:
         return declared_factory(name, _PLUGINS, Mission)
     except PluginError as error:
         hint = f"; mission files end in one of {', '.join(SUFFIXES)}"
+        if Path(name).suffix.lower() == ".csv":
+            hint = "; mission_from_tables, and botohe missions import, read tables"
         message = f"{error}{'' if known or ':' in name else hint}"
         raise MissionError(message, _PLUGINS.source(name)) from error
 

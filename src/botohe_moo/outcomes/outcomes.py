@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from botohe_moo._base.checks import check_integer
+from botohe_moo._base.checks import ParameterError, check_integer, quoted
 from botohe_moo._base.types import FloatArray, Rng
 from botohe_moo.kernels.plans import simulate as kernels
 from botohe_moo.kernels.plans.ragged import Trails
@@ -244,12 +244,13 @@ def reward_distribution(
     max_outcomes = check_integer("max_outcomes", max_outcomes, at_least=1)
     n_samples = check_integer("n_samples", n_samples, at_least=1)
     check_mission(mission).evaluate([plan])
+    generator = _generator(random_state)
     # Robots are identical, so the result must not depend on the order of their trails.
     ordered = TrailPlan(sorted(plan.trails))
     try:
         found = join_robots(mission.arrays.reward, follow(mission, ordered), max_outcomes)
     except TooManyOutcomesError:
-        rewards = _rewards(mission, ordered, _draws(ordered, n_samples, random_state))
+        rewards = _rewards(mission, ordered, _draws(ordered, n_samples, generator))
         found = merged(rewards, np.full(n_samples, 1 / n_samples))
         return Distribution(found.values, found.probabilities, n_samples)
     return Distribution(found.values, found.probabilities)
@@ -295,7 +296,7 @@ def simulate(
 
     n_missions = check_integer("n_missions", n_missions, at_least=1)
     check_mission(mission).evaluate([plan])
-    draws = _draws(plan, n_missions, random_state)
+    draws = _draws(plan, n_missions, _generator(random_state))
     hops = np.empty(draws.shape, np.int64)
     kernels.play_hops(plan.offsets, follow(mission, plan).alive, draws, hops)
     frame = pd.DataFrame(hops, columns=[f"hops_{k}" for k in range(plan.n_robots)])
@@ -304,9 +305,18 @@ def simulate(
     return frame
 
 
-def _draws(plan: TrailPlan, n_missions: int, random_state: Seed) -> FloatArray:
+def _generator(random_state: Seed) -> Rng:
+    try:
+        return np.random.default_rng(random_state)
+    except (TypeError, ValueError):
+        expected = "random_state to be None, an integer >= 0 or a numpy Generator"
+        found = quoted(random_state)
+        raise ParameterError(f"Expected {expected}, got {found}.", "random_state") from None
+
+
+def _draws(plan: TrailPlan, n_missions: int, generator: Rng) -> FloatArray:
     """Draw what settles how far each robot gets in each mission (n_missions, n_robots)."""
-    return np.random.default_rng(random_state).random((n_missions, plan.n_robots))
+    return generator.random((n_missions, plan.n_robots))
 
 
 def _rewards(mission: Mission, plan: TrailPlan, draws: FloatArray) -> FloatArray:

@@ -79,7 +79,10 @@ class StudyInterrupted(KeyboardInterrupt):
     """
 
     def __init__(self, number: int = signal.SIGINT) -> None:
-        super().__init__()
+        super().__init__(
+            f"stopped by {signal.Signals(number).name}; what is finished is kept, run the study "
+            "again for the rest"
+        )
         self.signal = number
 
 

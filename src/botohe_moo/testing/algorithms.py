@@ -48,7 +48,7 @@ def can_be_made(subject: Subject) -> None:
 
 
 @rule(
-    "Evaluate plans in every generation, and end by `self.termination.terminate()` when done.",
+    "Evaluate plans in every generation, and set `self.termination.force_termination` when done.",
     comes_first=True,
 )
 def runs_end(subject: Subject) -> None:

@@ -175,7 +175,7 @@ def _raised(error: BaseException) -> str:
     frames = traceback.extract_tb(error.__traceback__)
     theirs = [frame for frame in frames if not frame.filename.startswith(_OURS)]
     where = f" ({Path(theirs[-1].filename).name}, line {theirs[-1].lineno})" if theirs else ""
-    return f"{text[:_LONGEST]}{where}"
+    return f"{text[:_LONGEST].rstrip('.')}{where}"
 
 
 def name_of(factory: Any) -> str:

@@ -38,7 +38,7 @@ class _Proved(NamedTuple):
     capped: FloatArray
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class FrontBound:
     """For each E[S], an E[R] that no plan of a mission exceeds; see :func:`bound_front`.
 
@@ -238,6 +238,9 @@ class FrontBound:
         if area == 0.0:
             return 0.0 if self.area == 0.0 else float("inf")
         return max(0.0, self.area / area - 1.0)
+
+    def __repr__(self) -> str:
+        return f"<FrontBound of {self.mission.name!r}: area at most {self.area:.4g}>"
 
     def check(self, name: str, front: ArrayLike) -> None:
         """Refuse a front that has a plan above the bound.
