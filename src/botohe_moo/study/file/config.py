@@ -51,8 +51,8 @@ def _indicator(value: Any) -> Any:
     """Refuse what is not among the indicators there are now, as a Literal would."""
     if not isinstance(value, str) or value not in INDICATORS:
         *first, last = map(repr, INDICATORS)
-        expected = {"expected": f"{', '.join(first)} or {last}"}
-        raise PydanticCustomError("literal_error", "Input should be {expected}", expected)
+        said = {"expected": f"{', '.join(first)} or {last}", "found": quoted(value)}
+        raise PydanticCustomError("literal_error", "Input should be {expected}, got {found}", said)
     return value
 
 
