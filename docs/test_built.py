@@ -10,7 +10,7 @@ sys.path.append(str(Path(__file__).parent / "_extensions"))
 from exported import documented_names
 
 BUILT = Path(__file__).parent / "_build" / "html"
-ON_THE_PAGE_OF_THEIR_MODULE = {"botohe_moo.study.SCHEMAS"}
+ON_THE_PAGE_OF_THEIR_MODULE = {"botohe_moo.indicators.INDICATORS", "botohe_moo.study.SCHEMAS"}
 PAGES = sorted(BUILT.rglob("*.html"))
 # All that a browser fetches by itself; a link is only followed when somebody clicks.
 FETCHED = re.compile(

@@ -12,7 +12,14 @@ from botohe_moo._base.checks import check_number, quoted
 from botohe_moo._base.types import FloatArray
 from botohe_moo.mission.model import Mission, check_mission
 
-__all__ = ["area_indicator", "epsilon_indicator", "igd_plus_indicator"]
+__all__ = [
+    "INDICATORS",
+    "Indicator",
+    "area_indicator",
+    "epsilon_indicator",
+    "igd_plus_indicator",
+    "largest_objectives",
+]
 
 # Indicators that differ by less are equal: such differences come from the order of sums.
 TIE = 1e-12
@@ -147,18 +154,42 @@ def _front_size(objectives: FloatArray, mission: Scale) -> float:  # noqa: ARG00
 class Indicator:
     """What studies know of an indicator: their tables, reports and files follow from it.
 
-    ``function`` takes points (n, 2), the non-dominated E[R] and E[S] of a run or none, the mission,
-    and between them, if it needs one, the reference front (m, 2). It gives a finite number, without
-    points that of the single plan that brings nothing back, (0, 0). In a study of a problem of
-    one's own, points are of its objectives, and its ``objective_bounds`` stand for the mission.
+    Parameters
+    ----------
+    label
+        Its name in reports.
+    function
+        Takes points (n, 2), the non-dominated E[R] and E[S] of a run or none, the mission, and
+        between them, if it needs one, the reference front (m, 2). It gives a finite number, without
+        points that of the single plan that brings nothing back, (0, 0). In a study of a problem of
+        one's own, points are of its objectives, and its ``objective_bounds`` stand for the mission.
+    higher_is_better
+        None: it describes a front and does not judge it.
+    needs_reference
+        Whether ``function`` takes a reference front.
+    long_label
+        Stands beside axes and in descriptions of columns; default: the label.
+    latex
+        Heads a column; default: the label.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.indicators import Indicator, largest_objectives
+    >>> def most_reward(points, mission):
+    ...     return float(points[:, 0].max(initial=0.0)) / largest_objectives(mission)[0]
+    >>> best = Indicator("most reward", most_reward, higher_is_better=True)
+    >>> best.measure(np.array([[5.0, 1.0], [2.0, 2.0]]), None, load_mission("toy"))
+    0.5
     """
 
-    label: str  # in reports
+    label: str
     function: Callable[..., float]
-    higher_is_better: bool | None  # None: it describes a front and does not judge it
+    higher_is_better: bool | None
     needs_reference: bool = False
-    long_label: str = ""  # beside axes and in descriptions of columns; default: the label
-    latex: str = ""  # heads a column; default: the label
+    long_label: str = ""
+    latex: str = ""
 
     @property
     def in_words(self) -> str:
@@ -244,7 +275,21 @@ def check_objectives(name: str, given: ArrayLike) -> FloatArray:
 
 
 def largest_objectives(scale: Scale) -> tuple[float, float]:
-    """Give what both objectives are at most, both at least 0; a ValueError if it is not a scale."""
+    """Give what both objectives are at most, both at least 0.
+
+    Parameters
+    ----------
+    scale
+        A mission, or ``objective_bounds`` of a problem with objectives of its own. A TypeError is
+        raised for anything else, and a ValueError for a tuple that has other than two such numbers.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.indicators import largest_objectives
+    >>> largest_objectives(load_mission("toy"))
+    (10.0, 2.0)
+    """
     if not isinstance(scale, tuple):
         return check_mission(scale).total_reward, float(scale.robots)
     if len(scale) != 2:

@@ -15,7 +15,8 @@ from exported import documented_names, public_modules
 REFERENCE = DOCS / "reference"
 MODULES = public_modules()
 DOCUMENTED = documented_names()
-WITHOUT_DOCSTRING = {"botohe_moo.study.SCHEMAS"}  # described and shown on its page
+# Described and shown on their pages.
+WITHOUT_DOCSTRING = {"botohe_moo.indicators.INDICATORS", "botohe_moo.study.SCHEMAS"}
 
 
 def listed(module):
