@@ -339,7 +339,7 @@ class TestInsidePymoo:
         problem = BOTOHE(museum)
         problem.n_eq_constr = 1
         with pytest.raises(
-            ValueError, match="without equality constraints, which BOACO would not heed"
+            ValueError, match="without equality constraints, which BOACO would ignore"
         ):
             minimize(problem, BOACO(), ("n_gen", 1))
 
