@@ -1,31 +1,38 @@
-"""What the pictures of a study show; curves and attainment are compared with readable twins."""
+"""What the pictures of a study show; progress, targets and attainment beside readable twins."""
 
 from __future__ import annotations
 
-from itertools import pairwise
+from itertools import combinations
+from typing import ClassVar
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
+import seaborn as sns
 from hypothesis import example, given
 from hypothesis import strategies as st
+from matplotlib.collections import LineCollection, PathCollection, PolyCollection
 from matplotlib.colors import to_rgb
 
 from botohe_moo.plots import (
-    algorithm_styles,
     plot_areas,
     plot_attainment,
     plot_attainment_difference,
     plot_curves,
     plot_fronts,
+    plot_heat,
+    plot_ranks,
+    plot_reached,
     save_figure,
 )
-from botohe_moo.plots.draw.scales import log_axis, plain_number, spread
+from botohe_moo.plots.draw.algorithms import log_axis, plain_number
 from botohe_moo.plots.study.attainment import attainment_difference, attainment_surface
-from botohe_moo.plots.study.curves import progress_curves
+from botohe_moo.plots.study.curves import progress
 from botohe_moo.plots.study.fronts import median_run
+from botohe_moo.plots.study.ranks import overruled
+from botohe_moo.plots.study.reached import first_reached
 from tests.examples import examples
 
 
@@ -74,21 +81,21 @@ def fronts_of(runs):
     return pd.DataFrame(plans, columns=columns), pd.DataFrame(rows)
 
 
-def drawn(ax, gid):
-    return [artist for artist in ax.get_children() if artist.get_gid() == gid]
+def runs_of(keys):
+    return pd.DataFrame([{"algorithm": a, "seed": s} for a, s in keys])
 
 
-def only(ax, gid):
-    (artist,) = drawn(ax, gid)
-    return artist
-
-
-def words(ax):
-    return " ".join(only(ax, "words").get_text().split())
+def lines_of(ax):
+    """Return the lines that are named, by name."""
+    return {line.get_label(): line for line in ax.lines if not line.get_label().startswith("_")}
 
 
 def legend_texts(ax):
     return [text.get_text() for text in ax.get_legend().get_texts()]
+
+
+def of_kind(ax, kind):
+    return [artist for artist in ax.get_children() if type(artist) is kind]
 
 
 TWO = {
@@ -97,94 +104,90 @@ TWO = {
     ("B", 1): [(10, 0.6)],
 }
 
+# The theme
 
-# Styles
 
+class TestTheme:
+    def test_a_theme_that_is_set_is_respected(self):
+        with mpl.rc_context():
+            sns.set_theme(style="whitegrid", palette="deep")
+            ax = plot_curves(trace_of(TWO))
+            bars = plot_areas(*areas_of(VALUES))
+        deep = sns.color_palette("deep")
+        lines = lines_of(ax)
+        assert to_rgb(lines["A"].get_color()) == pytest.approx(deep[0])
+        assert to_rgb(lines["B"].get_color()) == pytest.approx(deep[1])
+        assert ax.spines["right"].get_visible()  # as whitegrid has it
+        assert to_rgb(ax.get_xgridlines()[0].get_color()) == to_rgb("0.8")
+        assert tuple(of_kind(bars, PathCollection)[0].get_facecolor()[0][:3]) == deep[0]
 
-class TestStyles:
-    def test_forty_algorithms_differ_in_colour_or_line(self):
-        styles = algorithm_styles([f"a{i}" for i in range(40)])
-        assert len({(style.colour, style.line) for style in styles.values()}) == 40
+    def test_without_one_the_pictures_bring_their_own(self):
+        before = dict(mpl.rcParams)
+        ax = plot_curves(trace_of(TWO))
+        own = sns.color_palette("colorblind")
+        assert to_rgb(lines_of(ax)["A"].get_color()) == pytest.approx(own[0])
+        assert not ax.spines["right"].get_visible()
+        assert dict(mpl.rcParams) == before
 
-    def test_two_of_one_colour_differ_in_marker_and_line(self):
-        first, *_, eleventh = algorithm_styles("abcdefghijk").values()
-        assert first.colour == eleventh.colour
-        assert first.marker != eleventh.marker
-        assert first.line != eleventh.line
+    def test_a_colour_cycle_alone_is_a_theme(self):
+        with mpl.rc_context({"axes.prop_cycle": mpl.cycler(color=["red", "blue"])}):
+            ax = plot_curves(trace_of(TWO))
+        assert to_rgb(lines_of(ax)["A"].get_color()) == (1, 0, 0)
 
-    def test_a_style_comes_from_the_place_among_all(self):
-        assert algorithm_styles(["A", "B", "A"]) == algorithm_styles(["A", "B"])
-        assert algorithm_styles("ABC")["B"] == algorithm_styles("XB")["B"]
+    @pytest.mark.parametrize("palette", ["Set2", ["#ff0000", "#00ff00"], {"A": "red", "B": "lime"}])
+    def test_palettes_are_those_of_seaborn(self, palette):
+        lines = lines_of(plot_curves(trace_of(TWO), palette=palette))
+        wanted = palette if isinstance(palette, dict) else sns.color_palette(palette, 2)
+        for label, colour in zip(
+            "AB", wanted.values() if palette is wanted else wanted, strict=True
+        ):
+            assert to_rgb(lines[label].get_color()) == pytest.approx(to_rgb(colour))
 
-    def test_one_without_style_is_named(self):
-        with pytest.raises(ValueError, match="missing: B"):
-            plot_curves(trace_of(TWO), styles=algorithm_styles("A"))
+    def test_one_without_colour_is_named(self):
+        with pytest.raises(ValueError, match="a colour for every label, missing: B"):
+            plot_curves(trace_of(TWO), palette={"A": "red"})
+
+    def test_jitter_leaves_the_global_generator_alone(self):
+        before = np.random.get_state()[1].tolist()  # noqa: NPY002
+        first, again = (plot_areas(*areas_of(VALUES)) for _ in range(2))
+        assert np.random.get_state()[1].tolist() == before  # noqa: NPY002
+        points = [
+            np.concatenate([c.get_offsets() for c in of_kind(ax, PathCollection)])
+            for ax in (first, again)
+        ]
+        np.testing.assert_array_equal(*points)
 
 
 # Curves
 
 
-class TestProgressCurves:
+class TestProgress:
     def test_records_hold_until_the_next_one(self):
-        curve = progress_curves(trace_of(TWO), n_points=3)["A"]
-        # The grid is 10, 31.6, 100; both runs have a record from 20 on.
-        np.testing.assert_allclose(curve.x, [20, 10**1.5, 100])
-        np.testing.assert_allclose(curve.middle, [0.15, 0.15, 0.45])
-        assert curve.n_runs == 2
-        assert curve.ended == 100
+        held = progress(trace_of(TWO))
+        a = held[held["algorithm"] == "A"]
+        assert a["evaluations"].min() == 20  # where both runs have a record
+        assert a["evaluations"].max() == 100
+        first = a[(a["seed"] == 1) & (a["evaluations"] < 100)]
+        assert set(first["area"]) == {0.2}
+        assert set(a.loc[a["evaluations"] == 100, "area"]) == {0.4, 0.5}
 
     def test_a_run_that_ended_keeps_its_area(self):
-        curve = progress_curves(trace_of(TWO), n_points=3)["B"]
-        np.testing.assert_allclose(curve.x, [10, 10**1.5, 100])
-        np.testing.assert_allclose(curve.middle, [0.6, 0.6, 0.6])
-        assert curve.ended == 10
+        held = progress(trace_of(TWO))
+        b = held[held["algorithm"] == "B"]
+        assert b["evaluations"].agg(["min", "max"]).tolist() == [10, 100]
+        assert set(b["area"]) == {0.6}
 
-    def test_the_band_lies_between_the_quartiles_around_the_median(self):
-        areas = [0.9, 0.1, 0.4, 0.2, 0.8]
-        trace = trace_of({("A", seed): [(1, area)] for seed, area in enumerate(areas)})
-        curve = progress_curves(trace, n_points=2)["A"]
-        np.testing.assert_allclose(curve.middle, 0.4)
-        np.testing.assert_allclose(curve.low, 0.2)
-        np.testing.assert_allclose(curve.high, 0.8)
-
-    def test_distances_over_evaluations(self):
+    def test_rows_without_a_value_do_not_count(self):
         trace = trace_of(TWO).assign(igd_plus=[0.4, 0.2, 0.5, 0.3, 0.1, np.nan])
-        curves = progress_curves(trace, value="igd_plus", n_points=3)
-        assert list(curves) == ["A"]  # B has none
-        np.testing.assert_allclose(curves["A"].middle, [0.45, 0.45, 0.15])
-
-    def test_the_band_is_one_standard_deviation_where_runs_are(self):
-        trace = trace_of({("A", seed): [(1, area)] for seed, area in enumerate([0.0, 0.0, 0.3])})
-        curve = progress_curves(trace, band="sd", n_points=2)["A"]
-        np.testing.assert_allclose(curve.middle, 0.1)
-        np.testing.assert_allclose(curve.low, 0.0)  # not 0.1 - 0.1732
-        np.testing.assert_allclose(curve.high, 0.1 + 0.3 / np.sqrt(3))
-
-    def test_the_band_is_the_range(self):
-        curve = progress_curves(trace_of(TWO), band="range", n_points=3)["A"]
-        np.testing.assert_allclose(curve.low, [0.1, 0.1, 0.4])
-        np.testing.assert_allclose(curve.high, [0.2, 0.2, 0.5])
+        assert set(progress(trace, value="igd_plus")["algorithm"]) == {"A"}
 
     def test_records_at_no_time_count_from_the_first_moment(self):
         trace = trace_of({("A", 1): [(0, 0.1), (200, 0.3)], ("A", 2): [(0, 0.2), (400, 0.5)]})
-        curve = progress_curves(trace, x="seconds", n_points=2)["A"]
-        np.testing.assert_allclose(curve.x, [2, 4])
-        np.testing.assert_allclose(curve.middle, [(0.3 + 0.2) / 2, (0.3 + 0.5) / 2])
-
-    def test_only_records_at_no_time(self):
-        curve = progress_curves(trace_of({("A", 1): [(0, 0.1)]}), x="seconds")["A"]
-        assert set(curve.middle) == {0.1}
-
-    def test_the_later_of_two_records_at_once_counts(self):
-        curve = progress_curves(trace_of({("A", 1): [(5, 0.1), (5, 0.2)]}))["A"]
-        assert set(curve.middle) == {0.2}
-
-    def test_those_asked_for_in_their_order(self):
-        trace = trace_of(TWO)
-        assert list(progress_curves(trace)) == ["A", "B"]
-        assert list(progress_curves(trace, algorithms=["B", "A"])) == ["B", "A"]
-        # The grid is that of what is drawn.
-        assert progress_curves(trace, algorithms=["B"])["B"].x.max() == 10
+        held = progress(trace, x="seconds")
+        assert held["seconds"].min() == 2
+        assert set(held.loc[held["seconds"] == 2, "area"]) == {0.3, 0.2}
+        only = progress(trace_of({("A", 1): [(0, 0.1)]}), x="seconds")
+        assert set(only["area"]) == {0.1}
 
     @given(
         st.dictionaries(
@@ -195,22 +198,18 @@ class TestProgressCurves:
         ),
         st.randoms(use_true_random=False),
     )
-    def test_every_point_is_the_median_of_the_last_records(self, runs, chance):
+    def test_every_point_is_the_last_record(self, runs, chance):
         trace = trace_of({key: list(records.items()) for key, records in runs.items()})
         rows = list(range(len(trace)))
         chance.shuffle(rows)
-        last = max(max(records) for records in runs.values())
-        for label, curve in progress_curves(trace.iloc[rows], n_points=7).items():
+        held = progress(trace.iloc[rows])
+        assert held["evaluations"].max() == max(max(records) for records in runs.values())
+        for label, rows in held.groupby("algorithm"):
             own = [records for (algorithm, _), records in runs.items() if algorithm == label]
-            assert curve.x[0] == max(min(records) for records in own)
-            assert curve.x[-1] == last
-            assert (np.diff(curve.x) > 0).all()
-            for x, middle, low, high in zip(
-                curve.x, curve.middle, curve.low, curve.high, strict=True
-            ):
-                areas = [r[max(at for at in r if at <= x)] for r in own]
-                lower, median, upper = np.quantile(areas, [0.25, 0.5, 0.75])
-                assert (low, middle, high) == pytest.approx((lower, median, upper))
+            assert rows["evaluations"].min() == max(min(records) for records in own)
+        for algorithm, seed, x, area in held.itertuples(index=False):
+            records = runs[algorithm, seed]
+            assert area == records[max(at for at in records if at <= x)]
 
     @pytest.mark.parametrize(
         ("change", "options", "message"),
@@ -238,131 +237,94 @@ class TestProgressCurves:
 
 
 class TestPlotCurves:
-    def test_lines_and_bands(self):
+    def test_medians_and_bands(self):
         ax = plot_curves(trace_of(TWO), title="A site")
-        styles = algorithm_styles("AB")
-        a, b = drawn(ax, "curve")
-        assert to_rgb(a.get_color()) == pytest.approx(styles["A"].colour)
-        # Steps: level or upright.
-        assert ((np.diff(a.get_xdata()) == 0) | (np.diff(a.get_ydata()) == 0)).all()
-        assert a.get_ydata()[-1] == pytest.approx(0.45)
-        assert len(drawn(ax, "band")) == 1  # one run has none
-        # B has one record: a point, and a thinner line to the end.
-        assert b.get_xdata().tolist() == [10]
-        assert only(ax, "marks").get_xdata().tolist() == [10]
-        assert only(ax, "marks").get_marker() == styles["B"].marker
-        held = only(ax, "held")
-        assert held.get_xdata() == pytest.approx([10, 100])
-        assert held.get_ydata() == pytest.approx([0.6, 0.6])
-        assert held.get_linewidth() < b.get_linewidth()
+        lines = lines_of(ax)
+        assert lines["A"].get_ydata()[-1] == pytest.approx(0.45)
+        assert lines["A"].get_drawstyle() == "steps-post"
+        assert set(lines["B"].get_ydata()) == {0.6}
+        assert lines["B"].get_xdata()[[0, -1]].tolist() == [10, 100]
         assert ax.get_xscale() == "log"
         assert ax.get_title(loc="left") == "A site"
-        assert words(ax).startswith("median of 1 to 2 runs and quartiles")
+        assert legend_texts(ax) == ["B", "A"]  # as the curves end
 
     @pytest.mark.parametrize(
-        ("runs", "options", "said"),
+        ("band", "ends"),
         [
-            ({("A", 1): [(1, 0.5)]}, {}, "one run of each"),
-            ({("A", s): [(1, 0.5)] for s in (1, 2)}, {}, "median of 2 runs and quartiles"),
-            (
-                {("A", s): [(1, 0.5)] for s in (1, 2)},
-                {"band": "sd"},
-                "mean of 2 runs ± 1 standard deviation",
-            ),
-            (
-                {("A", s): [(1, 0.5)] for s in (1, 2)},
-                {"band": "range"},
-                "median of 2 runs and range",
-            ),
+            ("quartiles", (0.2, 0.4, 0.8)),
+            ("range", (0.1, 0.4, 0.9)),
+            ("sd", (0.1236, 0.48, 0.8364)),
         ],
     )
-    def test_it_says_what_the_band_is(self, runs, options, said):
-        assert words(plot_curves(trace_of(runs), **options)) == said
+    def test_lines_and_bands_are_what_they_say(self, band, ends):
+        areas = [0.9, 0.1, 0.4, 0.2, 0.8]
+        trace = trace_of({("A", seed): [(1, area), (9, area)] for seed, area in enumerate(areas)})
+        ax = plot_curves(trace, band=band)
+        (filled,) = ax.collections
+        y = filled.get_paths()[0].vertices[:, 1]
+        low, middle, high = ends
+        assert (y.min(), y.max()) == pytest.approx((low, high), abs=0.001)
+        assert lines_of(ax)["A"].get_ydata()[-1] == pytest.approx(middle)
 
     def test_a_bound_is_a_dashed_line_in_sight(self):
-        ax = plot_curves(trace_of(TWO), bound=0.6)
-        line = only(ax, "bound")
-        assert (set(line.get_ydata()), line.get_linestyle()) == ({0.6}, "--")
-        assert ax.get_ylim()[1] > 0.6
-        assert words(ax).endswith("; dashed: no front reaches more than 0.6000")
+        ax = plot_curves(trace_of(TWO), bound=0.7)
+        line = lines_of(ax)["no front exceeds 0.7000"]
+        assert (set(line.get_ydata()), line.get_linestyle()) == ({0.7}, "--")
+        assert ax.get_ylim()[1] >= 0.7
+        assert legend_texts(ax)[-1] == "no front exceeds 0.7000"
 
-    def test_one_that_is_too_far_is_only_told(self):
+    def test_a_bound_far_away_is_left_out(self):
         runs = {("A", 1): [(1, 0.1), (9, 0.12)]}
         ax = plot_curves(trace_of(runs), bound=0.9)
-        assert not drawn(ax, "bound")
         assert ax.get_ylim() == plot_curves(trace_of(runs)).get_ylim()
-        assert words(ax).endswith("; no front reaches more than 0.9000, off the axis")
 
-    def test_panels_have_it_each(self):
+    def test_panels_have_the_bound_each(self):
         runs = {(f"a{i}", 1): [(1, 0.1), (9, 0.5)] for i in range(12)}
         ax = plot_curves(trace_of(runs), bound=0.6)
-        assert all(drawn(panel, "bound") for panel in ax.figure.axes)
+        assert all("no front exceeds 0.6000" in lines_of(panel) for panel in ax.figure.axes)
 
-    def test_a_long_low_start_is_cut_off_and_said_to_be(self):
+    def test_a_long_low_start_is_cut_off(self):
         runs = {
             ("A", 1): [(1, 0.0), (1000, 0.5), (2000, 0.52)],
             ("B", 1): [(1, 0.4), (2000, 0.48)],
         }
-        ax = plot_curves(trace_of(runs))
-        low, high = ax.get_ylim()
+        low, high = plot_curves(trace_of(runs)).get_ylim()
         assert 0.2 < low < 0.27
         assert 0.52 < high < 0.55
-        assert words(ax).endswith(f"; areas below {low:.2f} cut off")
 
     def test_nothing_is_cut_off_from_one_that_ends_low(self):
         ax = plot_curves(trace_of({("A", 1): [(1, 0.5), (9, 0.6)], ("B", 1): [(1, 0.0)]}))
         assert ax.get_ylim()[0] <= 0
-        assert "cut off" not in words(ax)
 
     def test_many_curves_have_markers_too(self):
         runs = {(f"a{i}", 1): [(1, 0.1 * i), (50, 0.11 * i)] for i in range(7)}
-        markers = [line.get_marker() for line in drawn(plot_curves(trace_of(runs)), "marks")]
+        markers = [line.get_marker() for line in plot_curves(trace_of(runs)).lines]
         assert len(set(markers)) == 7
         assert "None" not in markers
         few = {key: runs[key] for key in list(runs)[:6]}
-        assert not drawn(plot_curves(trace_of(few)), "marks")
+        assert {line.get_marker() for line in plot_curves(trace_of(few)).lines} == {"None"}
 
-    def test_names_of_curves_that_end_together_do_not_overlap(self):
-        runs = {(f"algorithm {i}", 1): [(1, 0.1), (50, 0.5)] for i in range(11)}
-        ax = plot_curves(trace_of(runs))
-        ax.figure.canvas.draw()
-        boxes = sorted((t.get_window_extent() for t in drawn(ax, "name")), key=lambda b: b.y0)
-        assert len(boxes) == 11
-        assert all(low.y1 < high.y0 for low, high in pairwise(boxes))
-        assert all(box.x0 > ax.get_window_extent().x1 for box in boxes)
-        above = only(ax, "words").get_window_extent()
-        assert not any(box.overlaps(above) for box in boxes)
-
-    def test_names_are_in_the_order_of_the_curves(self):
-        ends = {"A": 0.5, "B": 0.7, "C": 0.5001}
-        ax = plot_curves(trace_of({(k, 1): [(1, 0.1), (9, v)] for k, v in ends.items()}))
-        heights = {text.get_text(): text.xy[1] for text in drawn(ax, "name")}
-        assert sorted(heights, key=heights.get) == ["A", "C", "B"]
-
-    def test_labels_are_no_mathematics(self, tmp_path):
+    def test_labels_are_not_mathematics(self, tmp_path):
         label = r"$\frac{$ <b>&_^"
         ax = plot_curves(trace_of({(label, 1): [(1, 0.1)]}), title="$x")
         save_figure(ax.figure, tmp_path / "a.png")
-        assert only(ax, "name").get_text() == label
+        assert legend_texts(ax) == [label]
 
     def test_given_axes_are_used(self):
         _, ax = plt.subplots()
         assert plot_curves(trace_of(TWO), ax=ax) is ax
 
 
-class TestScales:
-    @given(st.floats(1e-4, 1e7), st.floats(1.0, 1e7))
-    @example(10.0, 1.0)
+class TestLogAxis:
+    @given(st.floats(1e-4, 1e7), st.floats(1.01, 1e7))
     @example(1.05, 6.4)
     @example(0.9999, 6.6)
     @examples(30)
     def test_at_least_two_plain_numbers_are_in_sight(self, low, ratio):
         fig, ax = plt.subplots(figsize=(4, 2), dpi=50)
-        log_axis(ax, low, low * ratio)
-        left, right = ax.get_xlim()
-        assert left <= low
-        assert low * ratio <= right
-        ticks = [t for t in ax.get_xticks() if left <= t <= right]
+        ax.set_xlim(low, low * ratio)
+        log_axis(ax)
+        ticks = [t for t in ax.get_xticks() if low <= t <= low * ratio * (1 + 1e-9)]
         assert len(ticks) >= 2
         shown = ax.xaxis.get_major_formatter().format_ticks(ticks)
         assert not any("$" in text or "e" in text for text in shown)
@@ -376,28 +338,12 @@ class TestScales:
             (1, "1"),
             (50, "50"),
             (10_000, "10,000"),
-            (500_000, "500,000"),
             (2e6, "2M"),
             (1e9, "1,000M"),
         ],
     )
     def test_numbers_are_plain(self, value, text):
         assert plain_number(value) == text
-
-    def test_places_move_no_more_than_needed(self):
-        assert spread([0.9, 0.5, 0.5], 0.2).tolist() == pytest.approx([0.9, 0.4, 0.6])
-        assert spread([0.1, 0.9], 0.2).tolist() == pytest.approx([0.1, 0.9])
-        assert spread([1.0, 1.0], 0.2).tolist() == pytest.approx([0.8, 1.0])
-        assert spread([], 0.1).tolist() == []
-
-    @given(st.lists(st.floats(0, 1), min_size=1, max_size=20), st.floats(0.001, 0.2))
-    def test_places_are_apart_in_order_and_within(self, wanted, gap):
-        places = spread(wanted, gap)
-        order = np.argsort(wanted, kind="stable")
-        assert (np.diff(places[order]) >= gap - 1e-9).all()
-        assert (places >= -1e-9).all()
-        if gap * (len(wanted) - 1) <= 1:
-            assert (places <= 1 + 1e-9).all()
 
 
 # Areas
@@ -437,51 +383,23 @@ VALUES = {"A": [0.3, 0.1, 0.2], "B": [0.5], "C": [0.0, 0.4]}
 class TestPlotAreas:
     def test_points_medians_and_intervals(self):
         ax = plot_areas(*areas_of(VALUES, lost={("C", 1)}), title="A site")
-        runs = drawn(ax, "runs")
-        assert [sorted(points.get_xdata()) for points in runs] == [[0.1, 0.2, 0.3], [0.5], [0.4]]
-        crosses = drawn(ax, "not done")
-        assert [points.get_xdata().tolist() for points in crosses] == [[], [], [0.0]]
-        assert [m.get_xdata()[0] for m in drawn(ax, "median")] == [0.2, 0.5, 0.2]
-        ends = [list(line.get_xdata()) for line in drawn(ax, "interval")]
+        found = np.concatenate([c.get_offsets() for c in of_kind(ax, PathCollection)])
+        by_row = {row: sorted(found[found[:, 1].round() == row, 0].round(9)) for row in range(3)}
+        assert by_row == {0: [0.1, 0.2, 0.3], 1: [0.5], 2: [0.0, 0.4]}
+        medians = next(line for line in ax.lines if line.get_marker() == "d")
+        assert medians.get_xdata() == pytest.approx([0.2, 0.5, 0.2])
+        ends = [line.get_xdata().tolist() for line in ax.lines if line is not medians]
         assert ends == [[0.1, 0.3], [0.5, 0.5], [0, 0.4]]
         assert [label.get_text() for label in ax.get_yticklabels()] == ["A", "B", "C"]
         assert ax.get_ylim()[0] > ax.get_ylim()[1]  # the first is on top
-        assert "crosses: runs that are not done" in words(ax)
+        assert ax.get_title(loc="left") == "A site"
 
     def test_a_bound_is_a_dashed_line_unless_it_is_too_far(self):
-        near, far = (plot_areas(*areas_of(VALUES), bound=bound) for bound in (0.7, 1.0))
-        assert set(only(near, "bound").get_xdata()) == {0.7}
-        assert near.get_xlim()[1] > 0.7
-        assert "dashed: no front reaches more than 0.7000" in words(near)
-        assert set(only(far, "bound").get_xdata()) == {1.0}
+        near = plot_areas(*areas_of(VALUES), bound=0.7)
+        assert set(lines_of(near)["no front exceeds 0.7000"].get_xdata()) == {0.7}
+        assert near.get_xlim()[1] >= 0.7
         narrow = plot_areas(*areas_of({"A": [0.3, 0.31]}), bound=0.4)
-        assert not drawn(narrow, "bound")
-        assert narrow.get_xlim()[1] < 0.32
-        assert "no front reaches more than 0.4000, off the axis" in words(narrow)
-
-    def test_without_lost_runs_nothing_is_said_of_them(self):
-        assert "crosses" not in words(plot_areas(*areas_of(VALUES)))
-
-    def test_points_of_thirty_runs_lie_apart_and_in_their_row(self):
-        ax = plot_areas(*areas_of({"A": [0.2] * 30, "B": [0.2] * 30}))
-        for row, points in enumerate(drawn(ax, "runs")):
-            heights = np.sort(points.get_ydata())
-            assert np.diff(heights).min() > 0.005
-            assert heights[0] > row - 0.3
-            assert heights[-1] < row + 0.5
-
-    def test_the_order_of_rows_changes_nothing(self):
-        runs, summary = areas_of(VALUES)
-        there = plot_areas(runs, summary, algorithms=list("ABC"))
-        back = plot_areas(runs.iloc[::-1], summary.iloc[::-1], algorithms=list("ABC"))
-        for one, other in zip(drawn(there, "runs"), drawn(back, "runs"), strict=True):
-            np.testing.assert_array_equal(one.get_xydata(), other.get_xydata())
-
-    def test_areas_that_are_all_alike_are_not_blown_up(self):
-        ax = plot_areas(*areas_of({"A": [0.25, 0.25]}))
-        left, right = ax.get_xlim()
-        assert left < 0.25 < right
-        assert right - left >= 0.009
+        assert not any(line.get_linestyle() == "--" for line in narrow.lines)
 
     def test_one_without_summary_is_named(self):
         runs, summary = areas_of(VALUES)
@@ -503,32 +421,24 @@ RUNS = {
 
 
 class TestPlotFronts:
-    def test_the_median_run_is_drawn(self):
-        ax = plot_fronts(*fronts_of(RUNS))
-        a, b = drawn(ax, "front")
-        assert a.get_xydata().tolist() == [[1, 2], [3, 1]]
-        assert b.get_xydata().tolist() == []
-        assert legend_texts(ax) == ["A (seed 3)", "B (seed 2): no plans"]
+    def test_the_median_run_is_drawn_as_stairs(self):
+        lines = lines_of(plot_fronts(*fronts_of(RUNS)))
+        assert list(lines) == ["A (seed 3)", "B (seed 2): no plans"]
+        stairs = lines["A (seed 3)"]
+        assert stairs.get_xydata().tolist() == [[0, 2], [1, 2], [1, 1], [3, 1], [3, 0]]
+        start, step = stairs.get_markevery()
+        assert stairs.get_xydata()[start::step].tolist() == [[1, 2], [3, 1]]  # the plans
+        assert lines["B (seed 2): no plans"].get_xydata().tolist() == []
 
-    def test_stairs_end_at_the_axes(self):
-        ax = plot_fronts(*fronts_of(RUNS), algorithms=["A"])
-        stairs = only(ax, "stairs").get_xydata().tolist()
-        assert stairs == [[0, 2], [1, 2], [1, 1], [3, 1], [3, 0]]
-
-    def test_the_reference_front(self):
-        reference = pd.DataFrame({"reward": [5.0, 2.0], "survivors": [1.0, 3.0]})
-        ax = plot_fronts(*fronts_of(RUNS), reference=reference)
-        line = only(ax, "reference").get_xydata().tolist()
+    @pytest.mark.parametrize(
+        ("option", "name"), [("reference", "all runs together"), ("bound", "no plan lies beyond")]
+    )
+    def test_reference_and_bound(self, option, name):
+        points = pd.DataFrame({"reward": [5.0, 2.0], "survivors": [1.0, 3.0]})
+        ax = plot_fronts(*fronts_of(RUNS), **{option: points})
+        line = lines_of(ax)[name].get_xydata().tolist()
         assert line == [[0, 3], [2, 3], [2, 1], [5, 1], [5, 0]]
-        assert legend_texts(ax)[0] == "all runs together"
-
-    def test_the_bound(self):
-        bound = pd.DataFrame({"reward": [5.0, 2.0], "survivors": [1.0, 3.0]})
-        ax = plot_fronts(*fronts_of(RUNS), bound=bound)
-        line = only(ax, "bound")
-        assert line.get_xydata().tolist() == [[0, 3], [2, 3], [2, 1], [5, 1], [5, 0]]
-        assert line.get_linestyle() == "--"
-        assert legend_texts(ax)[0] == "no plan lies beyond"
+        assert legend_texts(ax)[-1] == name
 
     @pytest.mark.parametrize(
         ("areas", "seed"), [([0.5], 1), ([0.1, 0.3], 1), ([0.3, 0.1, 0.2], 3), ([0.2, 0.2], 1)]
@@ -593,13 +503,13 @@ class TestAttainment:
     def test_lines_and_bands(self):
         runs = {("A", seed): run for seed, run in enumerate(THREE)}
         ax = plot_attainment(*fronts_of({**runs, ("B", 1): [(1, 1)]}))
-        a, b = drawn(ax, "median")
-        assert a.get_xydata().tolist() == [[0, 2], [1, 2], [1, 1], [2, 1], [2, 0]]
-        assert b.get_xydata().tolist() == [[0, 1], [1, 1], [1, 0]]
+        lines = lines_of(ax)
+        assert lines["A"].get_xydata().tolist() == [[0, 2], [1, 2], [1, 1], [2, 1], [2, 0]]
+        assert lines["B"].get_xydata().tolist() == [[0, 1], [1, 1], [1, 0]]
         # From what one run reaches to what all do, which is nothing.
-        outline = only(ax, "band").get_paths()[0].vertices.tolist()
-        assert [1, 3] in outline
-        assert [0, 0] in outline
+        (band,) = ax.patches
+        assert [1, 3] in band.get_xy().tolist()
+        assert [0, 0] in band.get_xy().tolist()
         assert legend_texts(ax) == ["A", "B"]
 
 
@@ -642,31 +552,25 @@ class TestDifference:
     def test_both_panels(self):
         plans, runs = fronts_of({("A", 1): [(2, 1)], ("B", 1): [(1, 2)], ("B", 2): [(1, 2)]})
         left, right = plot_attainment_difference(plans, runs, "A", "B", title="A site")
-        (mine,) = only(left, "ahead").get_paths()
-        (theirs,) = only(right, "ahead").get_paths()
-        assert mine.get_extents().bounds == (1, 0, 1, 1)
-        assert theirs.get_extents().bounds == (0, 1, 1, 1)
+        for ax, bounds in ((left, (1, 0, 1, 1)), (right, (0, 1, 1, 1))):
+            (filled,) = [c for c in of_kind(ax, PolyCollection) if len(c.get_paths())]
+            assert filled.get_paths()[0].get_extents().bounds == bounds
         for ax, median in ((left, [[0, 1], [2, 1], [2, 0]]), (right, [[0, 2], [1, 2], [1, 0]])):
-            assert only(ax, "median").get_xydata().tolist() == median
-            best = only(ax, "best").get_xydata().tolist()
-            assert best == [[0, 2], [1, 2], [1, 1], [2, 1], [2, 0]]
-        assert left.get_title() == "A reaches more often"
-        assert right.get_title() == "B reaches more often"
+            any_run, half = ax.lines
+            assert half.get_xydata().tolist() == median
+            assert any_run.get_xydata().tolist() == [[0, 2], [1, 2], [1, 1], [2, 1], [2, 0]]
+        assert left.get_title(loc="left") == "A reaches more often"
+        assert right.get_title(loc="left") == "B reaches more often"
 
     @pytest.mark.parametrize(("n_ahead", "shade"), [(1, 1), (2, 2), (5, 5)])
     def test_the_larger_the_darker(self, n_ahead, shade):
         runs = {("A", s): [(1, 1)] if s <= n_ahead else [] for s in range(1, 6)}
         plans, rows = fronts_of({**runs, **{("B", s): [] for s in range(1, 6)}})
         left, right = plot_attainment_difference(plans, rows, "A", "B")
-        (colour,) = only(left, "ahead").get_facecolor()
+        (filled,) = [c for c in of_kind(left, PolyCollection) if len(c.get_paths())]
         key = left.get_legend().get_patches()[shade - 1].get_facecolor()
-        assert tuple(colour) == pytest.approx(key)
-        assert len(only(right, "ahead").get_paths()) == 0
-
-    def test_nobody_is_ahead_of_his_like(self):
-        plans, runs = fronts_of({("A", 1): [(1, 2), (2, 1)], ("B", 1): [(1, 2), (2, 1)]})
-        for ax in plot_attainment_difference(plans, runs, "A", "B"):
-            assert len(only(ax, "ahead").get_paths()) == 0
+        assert tuple(filled.get_facecolor()[0]) == pytest.approx(key)
+        assert not any(len(c.get_paths()) for c in of_kind(right, PolyCollection))
 
     def test_given_axes_are_used(self):
         _, axes = plt.subplots(1, 2)
@@ -678,18 +582,182 @@ class TestDifference:
             plot_attainment_difference(*fronts_of({("A", 1): [], ("B", 1): []}), "A", "C")
 
 
+class TestReached:
+    def test_what_pairs_took(self):
+        # A, 1 reaches 0.2 at 10 and 0.4 at 100; A, 2 reaches 0.1 at 20, 0.3 at 50, 0.5 at 100.
+        spent = first_reached(trace_of(TWO), runs_of([*TWO, ("C", 1)]), [0.1, 0.2, 0.3, 0.5])
+        assert spent["A"].tolist() == [10, 10, 100, np.inf, 20, 50, 50, 100]
+        assert spent["B"].tolist() == [10] * 4
+        assert spent["C"].tolist() == [np.inf] * 4
+
+    @given(
+        st.dictionaries(
+            st.tuples(st.sampled_from("AB"), st.integers(1, 4)),
+            st.dictionaries(st.integers(1, 50), st.floats(0, 1), max_size=5),
+            min_size=1,
+            max_size=6,
+        ),
+        st.lists(st.floats(0.01, 1), min_size=1, max_size=6),
+    )
+    def test_it_is_the_first_record_that_reaches(self, runs, targets):
+        trace = trace_of({key: list(records.items()) for key, records in runs.items()})
+        for label, spent in first_reached(trace, runs_of(runs), targets).items():
+            expected = [
+                min((at for at, area in run.items() if area >= t - 1e-12), default=np.inf)
+                for (algorithm, _), run in runs.items()
+                for t in sorted(targets)
+                if algorithm == label
+            ]
+            assert spent.tolist() == expected
+
+    def test_curves_end_at_the_share_that_is_reached(self):
+        ax = plot_reached(trace_of(TWO), runs_of([*TWO, ("C", 1)]), [0.1, 0.9], title="A site")
+        for label, share in {"A": 0.5, "B": 0.5, "C": 0.0}.items():
+            x, y = lines_of(ax)[label].get_data()
+            assert y[x <= 100][-1] == pytest.approx(share)
+        assert ax.get_xlim()[1] < 200  # what is never reached is out of sight
+        assert ax.get_title(loc="left") == "A site"
+
+    @pytest.mark.parametrize("targets", [[], [0.5, np.nan]])
+    def test_targets_are_numbers(self, targets):
+        with pytest.raises(ValueError, match="at least one target, all finite"):
+            plot_reached(trace_of(TWO), runs_of(TWO), targets)
+
+
+def posthoc_of(ranks, difference):
+    return pd.DataFrame(
+        [
+            {
+                "algorithm": a,
+                "other": b,
+                "difference": ranks[a] - ranks[b],
+                "critical_difference": difference,
+                "significant": abs(ranks[a] - ranks[b]) > difference,
+            }
+            for a, b in combinations(ranks, 2)
+        ],
+        columns=["algorithm", "other", "difference", "critical_difference", "significant"],
+    )
+
+
+class TestRanks:
+    RANKS: ClassVar = {"A": 1.2, "B": 2.0, "C": 2.9, "D": 3.9}
+
+    def table(self, ranks):
+        rows = [{"algorithm": a, "average_rank": r, "n_missions": 5} for a, r in ranks.items()]
+        return pd.DataFrame(rows)
+
+    def bars(self, ax):
+        """Return the ends of the bars that join algorithms."""
+        bars = [line.get_xdata() for line in ax.lines if line.get_linewidth() == 2]
+        return sorted((min(bar), max(bar)) for bar in bars)
+
+    def test_bars_join_what_does_not_differ(self):
+        shuffled = {label: self.RANKS[label] for label in "CADB"}
+        ax = plot_ranks(self.table(shuffled), posthoc_of(self.RANKS, 1.0), title="A study")
+        assert self.bars(ax) == [(1.2, 2.0), (2.0, 2.9), (2.9, 3.9)]
+        assert {text.get_text() for text in ax.texts} == {
+            "A  (1.20)",
+            "B  (2.00)",
+            "(2.90)  C",
+            "(3.90)  D",
+        }
+        assert ax.get_title(loc="left") == "A study"
+
+    def test_what_friedman_overrules(self):
+        posthoc = posthoc_of(self.RANKS, 1.0)
+        assert not overruled(posthoc)
+        posthoc["significant"] = False
+        assert overruled(posthoc)
+        assert self.bars(plot_ranks(self.table(self.RANKS), posthoc)) == [(1.2, 3.9)]
+
+    @pytest.mark.parametrize("n", [2, 14])
+    def test_names_stand_apart(self, n):
+        ranks = {f"BO-ACO (n_ants={i}, evaporation=0.0{i}, q=1)": 1.0 + i * 0.9 for i in range(n)}
+        ax = plot_ranks(self.table(ranks), posthoc_of(ranks, 2.0), title="A study")
+        ax.figure.canvas.draw()
+        boxes = [text.get_window_extent() for text in [*ax.texts, ax.title]]
+        assert not any(one.overlaps(other) for one, other in combinations(boxes[:-1], 2))
+
+    def test_one_alone_has_no_ranks(self):
+        with pytest.raises(ValueError, match="at least two algorithms, got 1"):
+            plot_ranks(self.table({"A": 1.0}), posthoc_of({"A": 1.0}, 1.0))
+
+
+class TestHeat:
+    MEDIANS = pd.DataFrame(
+        [[0.1, 0.25], [0.5, np.nan]],
+        index=pd.Index([50, 100], name="n_ants"),
+        columns=pd.Index([0.04, 0.1], name="evaporation"),
+    )
+
+    def test_every_cell_says_its_median_and_the_largest_is_bold(self):
+        ax = plot_heat(self.MEDIANS, title="A site")
+        told = {text.get_text(): text.get_fontweight() for text in ax.texts}
+        assert told == {"0.1000": "normal", "0.2500": "normal", "0.5000": "bold"}
+        assert (ax.get_xlabel(), ax.get_ylabel()) == ("evaporation", "n_ants")
+        assert [t.get_text() for t in ax.get_xticklabels()] == ["0.04", "0.1"]
+        assert [t.get_text() for t in ax.get_yticklabels()] == ["50", "100"]
+
+    def test_a_grid_without_medians_is_refused(self):
+        with pytest.raises(ValueError, match="at least one combination, got none"):
+            plot_heat(self.MEDIANS * np.nan)
+
+
+def many(n):
+    return [f"BO-ACO (n_ants={i}, evaporation={e})" for i in range(n) for e in (0.04, 0.1)][:n]
+
+
 PICTURES = {
-    "curves": lambda: plot_curves(trace_of(TWO)),
-    "areas": lambda: plot_areas(*areas_of({"A": [0.1, 0.2], "B": [0.3]})),
-    "fronts": lambda: plot_fronts(*fronts_of(RUNS)),
-    "attainment": lambda: plot_attainment(*fronts_of(RUNS)),
-    "difference": lambda: plot_attainment_difference(*fronts_of(RUNS), "A", "B")[0],
+    "curves": lambda labels: plot_curves(
+        trace_of({(a, s): [(1, 0.1), (50, 0.5 + s / 10)] for a in labels for s in (1, 2)}),
+        title="A site",
+    ),
+    "reached": lambda labels: plot_reached(
+        trace_of({(a, 1): [(1, 0.1), (50, 0.5)] for a in labels}),
+        runs_of([(a, 1) for a in labels]),
+        [0.2],
+        title="A site",
+    ),
+    "fronts": lambda labels: plot_fronts(
+        *fronts_of({(a, 1): [(1, 2), (2, 1)] for a in labels}),
+        reference=pd.DataFrame({"reward": [3.0], "survivors": [3.0]}),
+        title="A site",
+    ),
+    "attainment": lambda labels: plot_attainment(
+        *fronts_of({(a, s): [(s, 2), (2, s)] for a in labels for s in (1, 2)}), title="A site"
+    ),
 }
 
 
-@pytest.mark.parametrize("draw", PICTURES.values(), ids=list(PICTURES))
-def test_the_same_bytes_every_time(tmp_path, draw):
-    for name in ("a.png", "b.png"):
-        save_figure(draw().figure, tmp_path / name)
-        plt.close("all")
-    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+@pytest.mark.parametrize("kind", PICTURES)
+class TestPanels:
+    @pytest.mark.parametrize("n", [12, 14])
+    def test_from_twelve_on_each_has_one(self, kind, n):
+        labels = many(n)
+        fig = PICTURES[kind](labels).figure
+        panels = [ax for ax in fig.axes if ax.get_visible()]
+        assert [" ".join(ax.get_title(loc="left").split()) for ax in panels] == labels
+        for ax in panels:
+            (others,) = of_kind(ax, LineCollection)
+            assert len(others.get_paths()) == n - 1
+            assert ax.get_xlim() == panels[0].get_xlim()
+            assert ax.get_ylim() == panels[0].get_ylim()
+        assert fig.get_suptitle() == "A site"
+
+    def test_eleven_share_one_plot(self, kind):
+        ax = PICTURES[kind](many(11))
+        assert ax.figure.axes == [ax]
+        ax.figure.canvas.draw()
+        assert ax.get_legend().get_window_extent().x0 >= ax.get_window_extent().x1
+        assert ax.get_title(loc="left") == "A site"
+
+    def test_texts_of_panels_are_apart_and_whole(self, kind):
+        labels = [f"BO-ACO, memetic (n_ants={i}, evaporation=0.0{i})" for i in range(10, 23)]
+        fig = PICTURES[kind](labels).figure
+        fig.canvas.draw()
+        names = [ax.title if ax.title.get_text() else ax._left_title for ax in fig.axes]
+        boxes = [name.get_window_extent() for name in names if name.get_text()]
+        assert len(boxes) == 13
+        assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
+        assert all(fig.bbox.x0 <= box.x0 and box.x1 <= fig.bbox.x1 for box in boxes)

@@ -10,8 +10,6 @@ from botohe_moo._base.lazy import lazy_names
 if TYPE_CHECKING:
     from botohe_moo.plots.case_study import plot_case_study as plot_case_study
     from botohe_moo.plots.choices import plot_choices as plot_choices
-    from botohe_moo.plots.draw.algorithms import AlgorithmStyle as AlgorithmStyle
-    from botohe_moo.plots.draw.algorithms import algorithm_styles as algorithm_styles
     from botohe_moo.plots.draw.style import save_figure as save_figure
     from botohe_moo.plots.draw.style import save_plot as save_plot
     from botohe_moo.plots.draw.style import theme as theme

@@ -1,106 +1,28 @@
-"""How algorithms look: the same colour, marker and line in every figure of a report."""
+"""What pictures of studies share: which algorithms they show, in which colours, on which axes."""
 
-from __future__ import annotations
-
+import textwrap
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Literal
+
+import matplotlib.pyplot as plt
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from botohe_moo._base.checks import check_frame, nearest_first
-from botohe_moo.plots.draw.labels import UNBROKEN, WIDTH, display_names, drawable, wrapped
-from botohe_moo.plots.draw.style import MARKERS, Colour, colours
+from botohe_moo.plots.draw.style import MUTED, new_axes
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-Line = tuple[int, tuple[float, ...] | None]
-
-# Colours repeat after ten, then the line changes; the marker has a period of its own.
-_LINES: tuple[Line, ...] = ((0, None), (0, (5, 1.6)), (0, (1.2, 1.2)), (0, (6, 1.5, 1.2, 1.5)))
-
-
-@dataclass(frozen=True)
-class AlgorithmStyle:
-    """Colour, marker and line of one algorithm.
-
-    Attributes
-    ----------
-    colour, marker, line
-        Red, green and blue in [0, 1]; marker and line style as matplotlib takes them.
-    name
-        What it is called in pictures; its label, if empty.
-
-    Examples
-    --------
-    >>> from botohe_moo.plots import AlgorithmStyle, algorithm_styles
-    >>> ants = AlgorithmStyle(colour=(0.8, 0.2, 0.1), marker="o", line="solid", name="the ants")
-    >>> styles = algorithm_styles(["greedy"]) | {"ants": ants}  # plots take them as styles
-    >>> list(styles)
-    ['greedy', 'ants']
-    """
-
-    colour: Colour
-    marker: str
-    line: Line
-    name: str = ""
-
-
-def stroke(style: AlgorithmStyle, width: float) -> dict[str, Any]:
-    """Give matplotlib's options of an algorithm's line."""
-    return {"color": style.colour, "linestyle": style.line, "linewidth": width}
-
-
-def marks(style: AlgorithmStyle, size: float, *, rim: float) -> dict[str, Any]:
-    """Give matplotlib's options of an algorithm's markers, with a white rim."""
-    edge = {"markeredgecolor": "white", "markeredgewidth": rim}
-    return {"marker": style.marker, "markersize": size, **edge}
-
-
-def algorithm_styles(labels: Iterable[str]) -> dict[str, AlgorithmStyle]:
-    """Give every algorithm a look of its own, by its place among all of them, and a name.
-
-    Names are labels without what the members of a grid have in common. The styles, by label, are
-    for the plots' option ``styles``.
-
-    Parameters
-    ----------
-    labels
-        Labels of all algorithms of the study, in the order of its file. Ten have colours of their
-        own, forty a colour and a line of their own.
-
-    Examples
-    --------
-    >>> from botohe_moo.plots import algorithm_styles
-    >>> styles = algorithm_styles(["ants", "greedy"])
-    >>> styles["ants"].colour != styles["greedy"].colour
-    True
-    """
-    names = display_names(labels)
-    return {
-        label: AlgorithmStyle(
-            colour, MARKERS[i % len(MARKERS)], _LINES[i // 10 % len(_LINES)], name
-        )
-        for i, ((label, name), colour) in enumerate(
-            zip(names.items(), colours(len(names)), strict=True)
-        )
-    }
-
-
-def styles_of(
-    algorithms: Sequence[str], styles: Mapping[str, AlgorithmStyle] | None
-) -> Mapping[str, AlgorithmStyle]:
-    """Give the styles to draw ``algorithms`` in: those given, or new ones."""
-    if styles is None:
-        return algorithm_styles(algorithms)
-    if absent := [label for label in algorithms if label not in styles]:
-        raise ValueError(f"Expected a style for every algorithm, missing: {', '.join(absent)}.")
-    return styles
+MANY = 12  # from as many algorithms on, one plot would be a tangle
+_COLUMNS = 4  # of panels
+_NAME = 30  # letters of a line of an algorithm's name
+_LEAST_ROOM = 0.01  # of areas, beyond the largest one that was found
 
 
 def chosen_algorithms(
     name: str, frame: pd.DataFrame, columns: Sequence[str], algorithms: Sequence[str] | None
 ) -> list[str]:
-    """Check a table of one mission, and give the algorithms to draw: all by default."""
+    """Check a table of one mission, and return the algorithms to draw: all by default."""
     check_frame(name, frame)
     if missing := [column for column in columns if column not in frame.columns]:
         raise ValueError(f"Expected {name} with columns {tuple(columns)}, it lacks {missing}.")
@@ -118,15 +40,96 @@ def chosen_algorithms(
     return list(dict.fromkeys(algorithms))
 
 
-def names_of(
-    algorithms: Iterable[str],
-    styles: Mapping[str, AlgorithmStyle],
-    width: int = WIDTH,
-    *,
-    longest: int = UNBROKEN,
-) -> dict[str, str]:
-    """Give the names of ``algorithms`` in pictures, on lines as ``wrapped`` makes them."""
-    return {
-        label: wrapped(styles[label].name or drawable(label), width, longest=longest)
-        for label in algorithms
-    }
+def wrapped(labels: Iterable[str]) -> list[str]:
+    """Return names as pictures show them, on lines of at most 30 letters."""
+    return [textwrap.fill(str(label), _NAME) for label in labels]
+
+
+def axes_of(
+    labels: Sequence[str], ax: Axes | None, size: tuple[float, float] = (7.5, 4.0)
+) -> dict[str, Axes]:
+    """Return the axes of each algorithm: the same for all, or a panel each if there are many.
+
+    A new figure is of ``size`` inches, if it has no panels.
+    """
+    if ax is not None or len(labels) < MANY:
+        return dict.fromkeys(labels, ax or new_axes(*size))
+    n_rows = -(-len(labels) // _COLUMNS)
+    _, grid = plt.subplots(
+        n_rows,
+        _COLUMNS,
+        sharex=True,
+        sharey=True,
+        figsize=(11.0, 0.6 + 1.9 * n_rows),
+        layout="constrained",
+    )
+    panels = dict(zip(labels, grid.flat, strict=False))
+    for own, name in zip(panels.values(), wrapped(labels), strict=True):
+        own.set_title(name, fontsize="small", fontweight="normal")
+        own.tick_params(labelsize="x-small")
+    for empty in grid.flat[len(labels) :]:
+        empty.set_visible(False)
+    for own in grid[-2, len(labels) % _COLUMNS or _COLUMNS :] if n_rows > 1 else ():
+        own.xaxis.set_tick_params(labelbottom=True)
+    return panels
+
+
+def finish(axes: Mapping[str, Axes], title: str | None, x: str, y: str) -> Axes:
+    """Write the title and the names of both axes, add a legend or the other lines in grey.
+
+    Returns the first axes.
+    """
+    first = next(iter(axes.values()))
+    if len(set(axes.values())) == 1:
+        first.set(xlabel=x, ylabel=y)
+        first.set_title(title or "")
+        first.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+        return first
+    lines = {label: own.lines[0].get_xydata() for label, own in axes.items() if own.lines}
+    for label, own in axes.items():
+        own.set(xlabel="", ylabel="")
+        if legend := own.get_legend():
+            legend.remove()
+        others = [line for other, line in lines.items() if other != label]
+        grey = LineCollection(others, colors="0.85", linewidths=0.7, zorder=0.5)
+        own.add_collection(grey, autolim=False)
+    fig = first.figure.figure
+    fig.suptitle(title or "", x=0.01, ha="left", fontweight="bold")
+    fig.supxlabel(x)
+    fig.supylabel(y)
+    return first
+
+
+def log_axis(ax: Axes, which: Literal["x", "y"] = "x") -> None:
+    """Make an axis logarithmic, with numbers that people read: 0.01, 200, 10,000, 2M."""
+    ax.set(**{f"{which}scale": "log"})
+    axis = ax.xaxis if which == "x" else ax.yaxis
+    low, high = ax.get_xlim() if which == "x" else ax.get_ylim()
+    if high < 5 * low:
+        axis.set_major_locator(MaxNLocator(4))
+    elif high < 50 * low:
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    # The formatter of matplotlib writes mathematics, which the theme switches off.
+    axis.set_major_formatter(FuncFormatter(lambda value, _: plain_number(value)))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def plain_number(value: float) -> str:
+    """Write a number without an exponent: 0.001, 1, 10,000; millions as 2M."""
+    return f"{value / 1e6:,.10g}M" if value >= 1e6 else f"{value:,.10f}".rstrip("0").rstrip(".")
+
+
+def draw_bound(
+    axes: Iterable[Axes], bound: float, low: float, high: float, which: Literal["x", "y"]
+) -> float:
+    """Draw a dashed line at the area ``bound``, and return where the axis has to end.
+
+    The areas that are shown are from ``low`` to ``high``; a line that would more than double that
+    is left out.
+    """
+    if bound > high + max(high - low, _LEAST_ROOM):
+        return high
+    for ax in axes:
+        draw = ax.axhline if which == "y" else ax.axvline
+        draw(bound, color=MUTED, ls="--", lw=1.0, zorder=1, label=f"no front exceeds {bound:.4f}")
+    return max(high, bound)

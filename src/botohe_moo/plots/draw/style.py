@@ -2,86 +2,90 @@
 
 import io
 import os
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext
-from importlib.resources import as_file, files
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
+import seaborn as sns  # registers its palettes with matplotlib, too
+from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.colors import Colormap, LinearSegmentedColormap, Normalize, to_rgb
 from matplotlib.figure import Figure
 
 from botohe_moo._base.files import replace_file
 from botohe_moo._base.types import FloatArray
-from botohe_moo.plots.draw.labels import families
 
 Colour = tuple[float, float, float]
+Palette = str | Sequence[Any] | Mapping[str, Any]
 
 DPI = 160
 INK = "#262626"
 MUTED = "#8c8c8c"
-# Without dates and versions, so that the same figure gives the same bytes.
-_METADATA: Mapping[str, Mapping[str, str | None]] = {
-    ".png": {"Software": "botohe_moo"},
-    ".pdf": {"Creator": "botohe_moo", "Producer": None, "CreationDate": None},
-    ".svg": {"Creator": "botohe_moo", "Date": None},
-}
-# Seaborn's palettes, without seaborn: importing it takes as long as everything else together.
-_CREST = (
-    "#a5cd90 #93c491 #81bc91 #70b390 #61aa90 #53a190 #48988f #3e8e8e #33858d #2a7c8c #21728b "
-    "#1c6889 #1e5e87 #225383 #26487e #2a3d77 #2c3172"
-)
-_FLARE = (
-    "#edb081 #eca077 #ea916e #e88165 #e5715e #e0615c #d9535d #cf4862 #c14168 #b33c6c #a4386f "
-    "#953470 #873171 #772d6f #682a6c #592767 #4b2362"
-)
-# Its palette "colorblind" in another order: the first few should differ the most.
-_COLOURBLIND = (
-    *("#0173b2", "#de8f05", "#029e73", "#cc78bc", "#d55e00"),
-    *("#56b4e9", "#ca9161", "#fbafe4", "#ece133", "#949494"),
-)
-N_COLOURS = len(_COLOURBLIND)
-with as_file(files(__package__) / "theme.mplstyle") as _path:
-    _THEME = mpl.rc_params_from_file(_path, use_default_template=False)
+N_COLOURS = 10
+FORMATS = (".png", ".pdf", ".svg")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")  # so that fronts differ in a grey print too
+
+# Seaborn's ticks with a pale grid; seaborn's own grid is too dark behind many lines.
+_STYLE = {"axes.grid": True, "grid.color": "0.92", "grid.linewidth": 0.8}
+_STYLE |= {"axes.spines.top": False, "axes.spines.right": False, "axes.titlelocation": "left"}
+_STYLE |= {"axes.titleweight": "bold", "legend.frameon": False, "lines.solid_capstyle": "round"}
 
 
 def reward_palette() -> Colormap:
-    """Sequential green to blue: the darker, the more reward."""
-    return LinearSegmentedColormap.from_list("crest", _CREST.split())
+    """Return the sequential palette of rewards: the darker, the more reward."""
+    return mpl.colormaps["crest"]
 
 
 def survival_palette() -> Colormap:
-    """Sequential purple to orange: the darker, the more dangerous."""
-    return pheromone_palette().reversed()
+    """Return the sequential palette of survivals: the darker, the more dangerous."""
+    return mpl.colormaps["flare_r"]
 
 
 def pheromone_palette() -> Colormap:
-    """Sequential cream to purple: the darker, the more pheromone."""
-    return LinearSegmentedColormap.from_list("flare", _FLARE.split())
+    """Return the sequential palette of pheromone: the darker, the more pheromone."""
+    return mpl.colormaps["flare"]
 
 
 def reach_palette() -> Colormap:
-    """Sequential white to slate: the darker, the more likely a node is reached."""
+    """Return white to slate: the darker, the more likely a node is reached."""
     return LinearSegmentedColormap.from_list("slate", ["#ffffff", "#c3ccd8", "#7f90a8", "#26364e"])
 
 
 def colours(n: int) -> list[Colour]:
-    """Give ``n`` colours that colour-blind readers can tell apart; after ten they repeat."""
-    return [to_rgb(_COLOURBLIND[i % N_COLOURS]) for i in range(n)]
+    """Return the first ``n`` colours of the theme's cycle, which begins again after the last."""
+    with theme():
+        return list(sns.color_palette(None, n))
 
 
-def tint(colour: Colour, strength: float) -> Colour:
+def palette_of(labels: Iterable[str], palette: Palette | None = None) -> dict[str, Any]:
+    """Return a colour for each label: of ``palette``, as seaborn takes it, or of the theme.
+
+    Raises
+    ------
+    ValueError
+        If ``palette`` is a mapping without one of the labels, or not known to seaborn.
+    """
+    labels = list(dict.fromkeys(labels))
+    if isinstance(palette, Mapping):
+        if absent := [label for label in labels if label not in palette]:
+            raise ValueError(f"Expected a colour for every label, missing: {', '.join(absent)}.")
+        return {label: palette[label] for label in labels}
+    found = colours(len(labels)) if palette is None else sns.color_palette(palette, len(labels))
+    return dict(zip(labels, found, strict=False))
+
+
+def tint(colour: Any, strength: float) -> Colour:
     """Mix a colour into white; ``strength`` 0 is white and 1 the colour itself."""
-    red, green, blue = (1 - strength * (1 - part) for part in colour)
+    red, green, blue = (1 - strength * (1 - part) for part in to_rgb(colour))
     return red, green, blue
 
 
-def readable_on(colour: object) -> str:
-    """Give the text colour, light or dark, that is legible on ``colour``."""
-    red, green, blue = (part**2.2 for part in to_rgb(colour))  # type: ignore[arg-type]
+def readable_on(colour: Any) -> str:
+    """Return the text colour, light or dark, that is legible on ``colour``."""
+    red, green, blue = (part**2.2 for part in to_rgb(colour))
     # At this luminance either text has the same contrast (WCAG).
     return "white" if 0.2126 * red + 0.7152 * green + 0.0722 * blue < 0.2 else INK
 
@@ -97,7 +101,9 @@ def colour_range(values: FloatArray, *, low: float | None = None) -> Normalize:
 
 @contextmanager
 def theme() -> Iterator[None]:
-    """Draw in the project's style; what matplotlib is set to outside stays as it is.
+    """Draw in the project's style, unless a theme is set, as by ``seaborn.set_theme``.
+
+    What matplotlib is set to outside stays as it is.
 
     Examples
     --------
@@ -108,7 +114,16 @@ def theme() -> Iterator[None]:
     >>> line = ax.plot([0, 1], [2, 0])
     >>> save_plot(ax, "mine.png")
     """
-    with mpl.rc_context({**_THEME, "font.family": list(families())}):
+    own = {**sns.axes_style("ticks"), **sns.plotting_context(font_scale=0.9), **_STYLE}
+    # Fonts are left to the user: those that are not installed on a machine only cause warnings.
+    own = {name: value for name, value in own.items() if not name.startswith("font.")}
+    own["axes.prop_cycle"] = cycler(color=sns.color_palette("colorblind"))
+    sizes = sns.plotting_context().keys()
+    is_set = any(
+        mpl.rcParams[name] != mpl.rcParamsDefault[name] for name in own if name not in sizes
+    )
+    # A dollar sign in a label is a dollar sign.
+    with mpl.rc_context({"text.parse_math": False, **({} if is_set else own)}):
         yield
 
 
@@ -120,18 +135,13 @@ def new_axes(width: float, height: float) -> Axes:
 
 
 def dress(ax: Axes) -> None:
-    """Give axes the grid and the frame of all plots."""
-    ax.grid(color="0.92", linewidth=0.8)
-    ax.set_axisbelow(True)
-    ax.spines[["top", "right"]].set_visible(False)
+    """To go."""
 
 
 def save_figure(
     fig: Figure, path: str | os.PathLike[str], *others: str | os.PathLike[str], dpi: int = DPI
 ) -> None:
-    """Write a figure, whole or not at all, and the same bytes every time.
-
-    The picture is as large as what is drawn. It is laid out once for all files.
+    """Write a figure, whole or not at all; the picture is as large as what is drawn.
 
     Parameters
     ----------
@@ -159,48 +169,19 @@ def save_figure(
     """
     targets = [Path(target) for target in (path, *others)]
     for target in targets:
-        if target.suffix.lower() not in _METADATA:
+        if target.suffix.lower() not in FORMATS:
             raise ValueError(
                 f"Expected a path that ends in '.png', '.pdf' or '.svg', got {str(target)!r}."
             )
     engine = fig.get_layout_engine()
-    with theme():
-        if engine is not None:
-            engine.execute(fig)
-            fig.set_layout_engine("none")  # once is enough
-        try:
-            _write_all(fig, targets, dpi)
-        finally:
-            if engine is not None:
-                fig.set_layout_engine(engine)
-
-
-def _write_all(fig: Figure, targets: Sequence[Path], dpi: int) -> None:
-    box = fig.get_tightbbox().padded(0.1)
-    drawn: dict[Path, bytes] = {}
+    if engine is not None:  # laid out once, not anew for each file
+        engine.execute(fig)
+        fig.set_layout_engine("none")
     for target in targets:
-        kind, buffer = target.suffix.lower(), io.BytesIO()
-        metadata = dict(_METADATA[kind])
-        # Artists have names for tests; in SVG names have to be unique.
-        with _without_names(fig) if kind == ".svg" else nullcontext():
-            fig.savefig(buffer, format=kind[1:], dpi=dpi, bbox_inches=box, metadata=metadata)
-        drawn[target] = buffer.getvalue()
-    for target, data in drawn.items():
-        replace_file(target, data)
-
-
-@contextmanager
-def _without_names(fig: Figure) -> Iterator[None]:
-    # Not findobj, which would create all ticks, even of invisible axes.
-    artists = [*fig.get_children(), *(child for ax in fig.axes for child in ax.get_children())]
-    named = [(artist, artist.get_gid()) for artist in artists if artist.get_gid()]
-    for artist, _ in named:
-        artist.set_gid(None)
-    try:
-        yield
-    finally:
-        for artist, gid in named:
-            artist.set_gid(gid)
+        drawn = io.BytesIO()
+        fig.savefig(drawn, format=target.suffix.lower()[1:], dpi=dpi, bbox_inches="tight")
+        replace_file(target, drawn.getvalue())
+    fig.set_layout_engine(engine)
 
 
 def save_plot(ax: Axes, path: str | os.PathLike[str], *others: str | os.PathLike[str]) -> None:

@@ -1,26 +1,16 @@
 """The picture of the final areas of all runs on a mission."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 import numpy as np
 import pandas as pd
+import seaborn as sns
 from matplotlib.axes import Axes
 
 from botohe_moo._base.checks import check_number
-from botohe_moo.plots.draw.algorithms import (
-    AlgorithmStyle,
-    chosen_algorithms,
-    marks,
-    names_of,
-    styles_of,
-)
-from botohe_moo.plots.draw.panels import study_axes
-from botohe_moo.plots.draw.scales import title_above
-from botohe_moo.plots.draw.style import INK, dress, theme, tint
-from botohe_moo.plots.study.bounds import draw_bound
-
-_GOLDEN = (5**0.5 - 1) / 2  # its multiples spread evenly, whatever their number
+from botohe_moo.plots.draw.algorithms import chosen_algorithms, draw_bound, wrapped
+from botohe_moo.plots.draw.style import INK, Palette, new_axes, palette_of, theme
 
 
 def plot_areas(
@@ -28,7 +18,7 @@ def plot_areas(
     summary: pd.DataFrame,
     *,
     algorithms: Sequence[str] | None = None,
-    styles: Mapping[str, AlgorithmStyle] | None = None,
+    palette: Palette | None = None,
     bound: float | None = None,
     title: str | None = None,
     ax: Axes | None = None,
@@ -43,7 +33,7 @@ def plot_areas(
     summary
         Rows of the same mission in the summary: columns ``algorithm``, ``area_median``,
         ``area_low`` and ``area_high``.
-    algorithms, styles, bound, title, ax
+    algorithms, palette, bound, title, ax
         As in :func:`plot_curves`; algorithms from top to bottom.
 
     Raises
@@ -69,46 +59,62 @@ def plot_areas(
     if bound is not None:
         check_number("bound", bound, at_least=0, at_most=1)
     labels = chosen_algorithms("runs", runs, ("algorithm", "seed", "status", "area"), algorithms)
-    interval = ("algorithm", "area_median", "area_low", "area_high")
-    chosen_algorithms("summary", summary, interval, labels)
-    medians = summary.set_index("algorithm")
-    styles = styles_of(labels, styles)
+    interval = ["area_median", "area_low", "area_high"]
+    chosen_algorithms("summary", summary, ("algorithm", *interval), labels)
+    # The median of the three is the median, and their range the interval; above the runs.
+    medians = summary.melt("algorithm", interval, value_name="area")
+    places = {label: row - 0.32 for row, label in enumerate(labels)}
+    medians["algorithm"] = medians["algorithm"].map(places)
     with theme():
-        names = names_of(labels, styles)
-        if ax is None:
-            lines = max(name.count("\n") + 1 for name in names.values())
-            (ax,) = study_axes(6.0, max(0.42, 0.18 * lines + 0.08) * max(len(labels), 2))
-        dress(ax)
-        for row, label in enumerate(labels):
-            _draw_runs(ax, row, runs[runs["algorithm"] == label], styles[label])
-            median, *ends = medians.loc[label, list(interval[1:])].to_numpy(float)
-            above = row - 0.28  # where it hides no run
-            ax.plot(ends, [above] * 2, color=INK, linewidth=1.8, zorder=3, gid="interval")
-            ax.plot([median], [above], color=INK, marker="d", markersize=6, zorder=4, gid="median")
-        ax.set_yticks(range(len(labels)), list(names.values()))
-        ax.set_ylim(len(labels) - 0.4, -0.6)
-        ax.tick_params(axis="y", length=0)
-        ax.set_xlabel("area of the final front (normalised hypervolume)")
-        crosses = "; crosses: runs that are not done" if (runs["status"] != "done").any() else ""
-        words = f"points: runs; above them their median and its interval{crosses}"
-        low, high = ax.dataLim.intervalx
+        ax = ax or new_axes(7.5, 0.9 + 0.4 * max(len(labels), 2))
+        colour = palette_of(labels, palette)
+        look = {"x": "area", "y": "algorithm", "order": labels, "ax": ax}
+        done = runs["status"] == "done"
+        for rows, marker, alpha in ((runs[done], "o", 0.45), (runs[~done], "X", 1.0)):
+            if len(rows):
+                with _fixed_jitter():
+                    sns.stripplot(
+                        rows,
+                        **look,
+                        hue="algorithm",
+                        palette=colour,
+                        legend=False,
+                        marker=marker,
+                        alpha=alpha,
+                        clip_on=False,
+                    )
+        sns.pointplot(
+            medians,
+            x="area",
+            y="algorithm",
+            ax=ax,
+            estimator="median",
+            errorbar=("pi", 100),
+            orient="y",
+            native_scale=True,
+            linestyle="none",
+            color=INK,
+            marker="d",
+            markersize=6,
+            err_kws={"linewidth": 1.5},
+        )
+        ax.set_yticks(range(len(labels)), wrapped(labels))
+        ax.set(xlabel="area of the final front (normalised hypervolume)", ylabel="")
+        ax.set_title(title or "")
         if bound is not None:
-            high, said = draw_bound([ax], bound, low, high, "x")
-            words += said
-        title_above(ax, title, words)
-        margin = max(0.04 * (high - low), 0.005)
-        ax.set_xlim(max(low - margin, -0.3 * margin), high + margin)
+            low, high = ax.get_xlim()
+            ax.set_xlim(low, draw_bound([ax], bound, low, high, "x"))
+            if ax.get_legend_handles_labels()[0]:
+                ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
     return ax
 
 
-def _draw_runs(ax: Axes, row: int, runs: pd.DataFrame, style: AlgorithmStyle) -> None:
-    runs = runs.sort_values("seed", kind="stable")
-    # Spread by number, not by chance: the same runs lie at the same places every time.
-    places = row + 0.1 + 0.44 * ((np.arange(len(runs)) + 1) * _GOLDEN % 1 - 0.5)
-    done = (runs["status"] == "done").to_numpy()
-    areas = runs["area"].to_numpy(float)
-    points: dict[str, Any] = {"linestyle": "none", "clip_on": False, "zorder": 2}
-    pale = {**marks(style, 5.0, rim=0.4), "color": tint(style.colour, 0.75)}
-    ax.plot(areas[done], places[done], gid="runs", **pale, **points)
-    cross: dict[str, Any] = {"marker": "x", "markersize": 5.5, "markeredgewidth": 1.4}
-    ax.plot(areas[~done], places[~done], color=style.colour, gid="not done", **cross, **points)
+@contextmanager
+def _fixed_jitter() -> Iterator[None]:
+    """Let seaborn's jitter be the same every time, and leave numpy's global generator as it was."""
+    state = np.random.get_state()  # noqa: NPY002
+    np.random.seed(0)  # noqa: NPY002
+    try:
+        yield
+    finally:
+        np.random.set_state(state)  # noqa: NPY002

@@ -1,18 +1,17 @@
 """Empirical attainment: the share of runs that reach a reward and a number of survivors."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
 from botohe_moo._base.types import FloatArray
-from botohe_moo.plots.draw.algorithms import AlgorithmStyle, marks, names_of, stroke, styles_of
-from botohe_moo.plots.draw.panels import add_band, open_algorithm_axes
-from botohe_moo.plots.draw.style import theme
-from botohe_moo.plots.front import staircase
-from botohe_moo.plots.study.fronts import final_fronts, finish_objectives
+from botohe_moo.plots.draw.algorithms import axes_of, finish
+from botohe_moo.plots.draw.style import MARKERS, Palette, palette_of, theme
+from botohe_moo.plots.front import OBJECTIVES, staircase
+from botohe_moo.plots.study.fronts import final_fronts
 
 _MAX_STEPS = 120  # more would take half a minute
 
@@ -22,7 +21,7 @@ def plot_attainment(
     runs: pd.DataFrame,
     *,
     algorithms: Sequence[str] | None = None,
-    styles: Mapping[str, AlgorithmStyle] | None = None,
+    palette: Palette | None = None,
     title: str | None = None,
     ax: Axes | None = None,
 ) -> Axes:
@@ -35,7 +34,7 @@ def plot_attainment(
     ----------
     plans, runs
         As in :func:`plot_fronts`.
-    algorithms, styles, title, ax
+    algorithms, palette, title, ax
         As in :func:`plot_curves`, with panels from twelve algorithms on.
 
     Raises
@@ -58,46 +57,35 @@ def plot_attainment(
     >>> save_plot(plot_attainment(plans, runs), "attainment.png")
     """
     fronts = final_fronts(plans, runs, algorithms)
-    styles = styles_of(list(fronts), styles)
-    surfaces = {
-        label: [staircase(attainment_surface(found.values(), p))[:-1] for p in (25, 50, 75)]
-        for label, found in fronts.items()
-    }
-    words = "reached by half of the runs; bands: by a quarter to three quarters"
+    colour = palette_of(fronts, palette)
     with theme():
-        lines = {label: half for label, (_, half, _) in surfaces.items()}
-        axes = open_algorithm_axes(lines, styles, ax, size=(5.6, 4.2), stretch=1.3)
-        names = names_of(fronts, styles)
-        for label, own in axes.of.items():
-            _draw(own, surfaces[label], styles[label], names[label], len(fronts[label]))
-        finish_objectives(axes, title, words)
-    return axes.first
-
-
-def _draw(
-    ax: Axes, surfaces: Sequence[FloatArray], style: AlgorithmStyle, name: str, n_runs: int
-) -> None:
-    """Draw what a quarter of the runs reach, what half and what three quarters."""
-    few, half, most = surfaces
-    if n_runs > 1:
-        add_band(ax, np.concatenate([few, most[::-1]]), style.colour, 0.2)
-    ax.plot(
-        *half.T,
-        **stroke(style, 1.6),
-        **marks(style, 5, rim=0.5),
-        # Not plans: a few are enough to tell the lines apart.
-        markevery=max(1, len(half) // 8),
-        zorder=2,
-        label=name,
-        gid="median",
-    )
+        axes = axes_of(list(fronts), ax)
+        for i, (label, found) in enumerate(fronts.items()):
+            few, half, most = (
+                staircase(attainment_surface(found.values(), p))[:-1] for p in (25, 50, 75)
+            )
+            axes[label].plot(
+                *half.T,
+                color=colour[label],
+                marker=MARKERS[i % len(MARKERS)],
+                # Not plans: a few are enough to tell the lines apart.
+                markevery=max(1, len(half) // 8),
+                markersize=5,
+                label=label,
+            )
+            if len(found) > 1:
+                band = np.concatenate([few, most[::-1]])
+                axes[label].fill(*band.T, color=colour[label], alpha=0.2, linewidth=0)
+        for own in dict.fromkeys(axes.values()):
+            own.set(xlim=(0, None), ylim=(0, None))
+        return finish(axes, title, *OBJECTIVES)
 
 
 def attainment_surface(fronts: Iterable[FloatArray], percent: float) -> FloatArray:
-    """Give the non-dominated corners (n, 2) of what at least ``percent`` of the runs reach.
+    """Return the non-dominated corners (n, 2) of what at least ``percent`` of the runs reach.
 
     Fronts are points (n_plans, 2), to be maximised; an empty one reaches the origin only. A
-    ``percent`` of 0 stands for one run.
+    ``percent`` of 0 means one run.
 
     Fonseca, Guerreiro, López-Ibáñez and Paquete, "On the computation of the empirical attainment
     function", EMO 2011.
@@ -112,11 +100,11 @@ def attainment_surface(fronts: Iterable[FloatArray], percent: float) -> FloatArr
 def attainment_difference(
     fronts: Iterable[FloatArray], others: Iterable[FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
-    """Give rectangles (n, 4) that runs reach unequally often, and the differences (n,), in [-1, 1].
+    """Return rectangles (n, 4) that runs reach unequally often, and the differences (n,).
 
-    Rectangles are left, bottom, right and top, and do not overlap. A difference is the share of the
-    first runs that reach the inside, less that of the others. If the numbers of runs have no common
-    multiple up to 120, it is off by up to one run's share.
+    Rectangles are left, bottom, right and top, and do not overlap. A difference, in [-1, 1], is the
+    share of the first runs that reach the inside, less that of the others. If the numbers of runs
+    have no common multiple up to 120, it is off by up to one run's share.
     """
     import moocore
 

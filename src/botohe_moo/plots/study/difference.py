@@ -1,11 +1,11 @@
 """The picture of where one algorithm reaches more often than another."""
 
-from collections.abc import Mapping, Sequence
-from itertools import pairwise
+from collections.abc import Sequence
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+import seaborn as sns
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
@@ -13,17 +13,13 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from botohe_moo._base.types import FloatArray
-from botohe_moo.plots.draw.algorithms import AlgorithmStyle, names_of, styles_of
-from botohe_moo.plots.draw.labels import columns
-from botohe_moo.plots.draw.scales import stack_above
-from botohe_moo.plots.draw.style import INK, MUTED, Colour, theme, tint
-from botohe_moo.plots.front import staircase
+from botohe_moo.plots.draw.algorithms import wrapped
+from botohe_moo.plots.draw.style import INK, Colour, Palette, palette_of, theme
+from botohe_moo.plots.front import OBJECTIVES, staircase
 from botohe_moo.plots.study.attainment import attainment_difference, attainment_surface
-from botohe_moo.plots.study.fronts import final_fronts, objective_axes
+from botohe_moo.plots.study.fronts import final_fronts
 
 _SHADES = 5  # as many as are told apart
-_DASHED = (0, (4, 2))
-_NAME_WIDTH = 44  # columns
 _MANY = 1_500  # more rectangles are drawn as an image in vector files, too
 
 
@@ -33,7 +29,7 @@ def plot_attainment_difference(
     algorithm: str,
     other: str,
     *,
-    styles: Mapping[str, AlgorithmStyle] | None = None,
+    palette: Palette | None = None,
     title: str | None = None,
     axes: Sequence[Axes] | None = None,
 ) -> tuple[Axes, Axes]:
@@ -50,7 +46,7 @@ def plot_attainment_difference(
         As in :func:`plot_fronts`.
     algorithm, other
         Labels of the algorithms on the left and on the right.
-    styles, title
+    palette, title
         As in :func:`plot_curves`.
     axes
         The two axes to draw on. A figure with two will be created if not given.
@@ -76,93 +72,57 @@ def plot_attainment_difference(
     >>> save_plot(left, "difference.png")
     """
     fronts = final_fronts(plans, runs, [algorithm, other])
-    styles = styles_of([algorithm, other], styles)
+    colour = palette_of(fronts, palette)
     mine, theirs = (list(fronts[label].values()) for label in (algorithm, other))
     rectangles, difference = attainment_difference(mine, theirs)
     reach = staircase(attainment_surface([*mine, *theirs], 0))[:-1]
     with theme():
         if axes is None:
-            axes = _two_axes()
+            _, axes = plt.subplots(
+                1, 2, sharex=True, sharey=True, figsize=(9.7, 5.0), layout="constrained"
+            )
         left, right = axes
-        names = names_of([algorithm, other], styles, _NAME_WIDTH, longest=_NAME_WIDTH)
-        for label, name in names.items():
-            space = " " if columns(name) < _NAME_WIDTH - 20 else "\n"
-            names[label] = f"{name}{space}reaches more often"
         sides = ((left, algorithm, mine, difference), (right, other, theirs, -difference))
         for ax, label, found, ahead in sides:
-            colour = styles[label].colour
-            _shade(ax, rectangles[ahead > 0], ahead[ahead > 0], colour)
-            ax.plot(*reach.T, color=INK, linewidth=1.0, zorder=3, gid="best")
+            shades = sns.light_palette(colour[label], _SHADES + 1)[1:]
+            for level, shade in enumerate(shades):
+                # A difference of 1/5 is still in the first.
+                shown = np.ceil(ahead * _SHADES - 1e-9) == level + 1
+                _shade(ax, rectangles[shown], shade)
             half = staircase(attainment_surface(found, 50))[:-1]
-            ax.plot(*half.T, color=INK, linewidth=1.0, linestyle=_DASHED, zorder=3, gid="median")
-            objective_axes(ax)
-            ax.set_title(names[label], fontsize=11, y=1.0)
+            ax.plot(*reach.T, color=INK, linewidth=1.0)
+            ax.plot(*half.T, color=INK, linewidth=1.0, linestyle="--")
+            ax.set(xlim=(0, None), ylim=(0, None), xlabel=OBJECTIVES[0])
+            ax.set_title(f"{wrapped([label])[0]} reaches more often", fontweight="normal")
+            steps = [f"{100 * i // _SHADES}–{100 * (i + 1) // _SHADES} %" for i in range(_SHADES)]
+            keys: list[Artist] = [
+                Patch(color=c, label=step) for c, step in zip(shades, steps, strict=True)
+            ]
+            keys += [
+                Line2D([], [], color=INK, linewidth=1.0, label="any run of both"),
+                Line2D([], [], color=INK, linewidth=1.0, linestyle="--", label="half of its runs"),
+            ]
             ax.legend(
-                handles=_key(colour),
+                handles=keys,
                 loc="upper center",
                 bbox_to_anchor=(0.5, -0.13),
                 ncols=3,
                 columnspacing=1.2,
-                handlelength=1.6,
-                fontsize=9,
-                frameon=False,
+                fontsize="small",
                 title="share of its runs, ahead by",
-                title_fontsize=9,
             )
-        right.set_ylabel("")
+        left.set_ylabel(OBJECTIVES[1])
         if title:
-            lines = max(name.count("\n") + 1 for name in names.values())
-            head, _, rest = title.partition("\n")
-            bold = {"fontweight": "bold", "color": INK}
-            parts = [(rest, "subtitle", 10.0, {"color": "0.4"}), (head, "title", 12.0, bold)]
-            stack_above(left, parts, 9.0, 1.3 * 11 * lines + 8)
+            left.figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
     return left, right
 
 
-def _two_axes() -> tuple[Axes, Axes]:
-    """Open a figure with two axes beside each other, the same in both directions."""
-    fig = plt.figure(figsize=(9.7, 4.9))
-    left = fig.add_axes((0.07, 0.12, 0.435, 0.74))
-    right = fig.add_axes((0.535, 0.12, 0.435, 0.74), sharex=left, sharey=left)
-    right.tick_params(labelleft=False)
-    for ax in (left, right):
-        ax.xaxis.set_label_coords(0.5, -0.1)
-        ax.yaxis.set_label_coords(-0.12, 0.5)
-    return left, right
-
-
-def _shade(ax: Axes, rectangles: FloatArray, ahead: FloatArray, colour: Colour) -> None:
-    levels = np.ceil(ahead * _SHADES - 1e-9)  # from 1; a difference of 1/5 is still in the first
-    shades = [tint(colour, level / _SHADES) for level in levels]
+def _shade(ax: Axes, rectangles: FloatArray, shade: Colour) -> None:
+    """Fill rectangles (n, 4): left, bottom, right and top."""
     left, low, right, top = rectangles.T
     corners = np.stack([left, low, right, low, right, top, left, top], axis=1).reshape(-1, 4, 2)
-    # Edges of their own colour hide the seams between neighbours.
-    ax.add_collection(
-        PolyCollection(
-            list(corners),
-            facecolors=shades,
-            edgecolors=shades,
-            linewidths=0.3,
-            zorder=1,
-            rasterized=len(corners) > _MANY,
-            gid="ahead",
-        )
+    # Edges of the same colour hide the seams between neighbours.
+    filled = PolyCollection(
+        list(corners), color=[shade], linewidths=0.3, zorder=1, rasterized=len(corners) > _MANY
     )
-
-
-def _key(colour: Colour) -> list[Artist]:
-    steps = [round(100 * i / _SHADES) for i in range(_SHADES + 1)]
-    shades = [
-        Patch(
-            facecolor=tint(colour, (i + 1) / _SHADES),
-            edgecolor=MUTED,
-            linewidth=0.4,
-            label=f"{low}–{high} %",
-        )
-        for i, (low, high) in enumerate(pairwise(steps))
-    ]
-    lines = [
-        Line2D([], [], color=INK, linewidth=1.0, label="any run of both"),
-        Line2D([], [], color=INK, linewidth=1.0, linestyle=_DASHED, label="half of its runs"),
-    ]
-    return [*shades, *lines]
+    ax.add_collection(filled)

@@ -5,29 +5,32 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import seaborn as sns
 from matplotlib.axes import Axes
-from matplotlib.patches import Rectangle
 
-from botohe_moo.plots.draw.labels import columns, drawable, wrapped
-from botohe_moo.plots.draw.panels import study_axes
-from botohe_moo.plots.draw.scales import title_above
-from botohe_moo.plots.draw.style import INK, colour_range, readable_on, reward_palette, theme
+from botohe_moo.plots.draw.style import new_axes, theme
 
 _NO_PARAMETERS = {"algorithm", "name", "family", "package", "version"}
 
 
 def plot_heat(
-    medians: pd.DataFrame, *, name: str = "area", title: str | None = None, ax: Axes | None = None
+    medians: pd.DataFrame,
+    *,
+    palette: str = "crest",
+    title: str | None = None,
+    ax: Axes | None = None,
 ) -> Axes:
     """Draw the median of every combination of two parameters, the darker the larger.
+
+    The largest is bold.
 
     Parameters
     ----------
     medians
         One row for each value of the first parameter, one column for each of the second; the names
         of index and columns are those of the parameters. What is missing stays empty.
-    name
-        What the medians are of, for the line under the title.
+    palette
+        Name of a sequential palette.
     title, ax
         As in :func:`plot_curves`.
 
@@ -47,44 +50,26 @@ def plot_heat(
     ... )
     >>> save_plot(plot_heat(medians), "grid.png")
     """
-    values = medians.to_numpy(float, na_value=np.nan)
-    found = values[np.isfinite(values)]
-    if not len(found):
+    values = medians.astype(float)
+    if not values.notna().any(axis=None):
         raise ValueError("Expected the median of at least one combination, got none.")
-    rows, cells = (
-        [wrapped(drawable(str(value)), 24) for value in labels]
-        for labels in (medians.index, medians.columns)
-    )
-    palette, norm = reward_palette(), colour_range(found)
-    best = float(found.max())
+    n_rows, n_columns = values.shape
     with theme():
-        if ax is None:
-            wide = float(np.clip(0.15 + 0.085 * max(map(columns, cells)), 0.8, 2.4))
-            (ax,) = study_axes(max(wide * len(cells), 1.6), 0.52 * len(rows))
-        for (row, column), value in np.ndenumerate(values):
-            if not np.isfinite(value):
-                continue
-            colour = palette(norm(value))
-            ax.add_patch(Rectangle((column - 0.5, row - 0.5), 1, 1, facecolor=colour, gid="cell"))
-            weight = "bold" if value == best else "normal"
-            look: dict[str, Any] = {"color": readable_on(colour), "fontweight": weight}
-            look |= {"fontsize": 9.5, "ha": "center", "va": "center"}
-            ax.text(column, row, f"{value:.4f}", gid="median", **look)
-        ax.set(xlim=(-0.5, len(cells) - 0.5), ylim=(len(rows) - 0.5, -0.5))
-        ax.set_xticks(range(len(cells)), cells)
-        ax.set_yticks(range(len(rows)), rows)
-        ax.tick_params(length=0)
-        ax.spines[:].set_visible(False)
-        ax.set_xlabel(drawable(str(medians.columns.name)), color=INK)
-        ax.set_ylabel(drawable(str(medians.index.name)), color=INK)
-        title_above(ax, title, f"median {name}; the largest is bold", width=6.0)
+        ax = ax or new_axes(1.8 + 1.0 * n_columns, 1.2 + 0.55 * n_rows)
+        sns.heatmap(values, annot=True, fmt=".4f", cmap=palette, cbar=False, ax=ax)
+        ax.grid(visible=False)
+        ax.tick_params(length=0, rotation=0)
+        ax.set_title(title or "")
+        for text in ax.texts:
+            if text.get_text() == f"{np.nanmax(values):.4f}":
+                text.set_fontweight("bold")
     return ax
 
 
 def two_parameter_grids(algorithms: pd.DataFrame) -> dict[str, pd.DataFrame]:
     """Find families of algorithms in which exactly two parameters vary, and nothing else does.
 
-    Gives for each family the algorithms' labels: a row for each value of the first parameter, a
+    Returns for each family the algorithms' labels: a row for each value of the first parameter, a
     column for each of the second, in ascending order, or in that of ``algorithms``, the study's
     table, if they are not numbers; missing where there is no such algorithm.
     """

@@ -1,20 +1,17 @@
 """The picture of the share of targets that runs have reached, over time."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
+import seaborn as sns
 from matplotlib.axes import Axes
 
 from botohe_moo._base.types import FloatArray
 from botohe_moo.indicators import TIE
-from botohe_moo.plots.draw.algorithms import AlgorithmStyle, chosen_algorithms, stroke, styles_of
-from botohe_moo.plots.draw.panels import open_algorithm_axes
-from botohe_moo.plots.draw.scales import label_ends, log_axis
-from botohe_moo.plots.draw.style import theme
-from botohe_moo.plots.study.curves import NAMES, Progress, records_of, stairs
-
-_Y = "share of runs × targets reached"
+from botohe_moo.plots.draw.algorithms import axes_of, chosen_algorithms, finish, log_axis
+from botohe_moo.plots.draw.style import Palette, palette_of, theme
+from botohe_moo.plots.study.curves import NAMES, Progress
 
 
 def plot_reached(
@@ -24,14 +21,14 @@ def plot_reached(
     *,
     x: Progress = "evaluations",
     algorithms: Sequence[str] | None = None,
-    styles: Mapping[str, AlgorithmStyle] | None = None,
+    palette: Palette | None = None,
     title: str | None = None,
     ax: Axes | None = None,
 ) -> Axes:
     """Draw the share of all pairs of a run and a target that are reached, over evaluations.
 
     A run reaches a target with its first recorded front of at least that area; one that never does,
-    or has no record, counts, too.
+    or has no record, counts, too. The legend lists the algorithms as their curves end.
 
     Parameters
     ----------
@@ -44,7 +41,7 @@ def plot_reached(
         Areas to be reached, at least one.
     x
         What the horizontal, logarithmic axis shows.
-    algorithms, styles, title, ax
+    algorithms, palette, title, ax
         As in :func:`plot_curves`, with panels from twelve algorithms on.
 
     Raises
@@ -70,29 +67,26 @@ def plot_reached(
     >>> runs = pd.DataFrame({"algorithm": ["ants", "greedy"], "seed": 1})
     >>> save_plot(plot_reached(trace, runs, targets=[0.35, 0.45]), "reached.png")
     """
-    shares = reached_shares(trace, runs, targets, x=x, algorithms=algorithms)
-    styles = styles_of(list(shares), styles)
-    lasts = [points[-1, 0] for points in shares.values() if len(points)]
-    starts = [points[0, 0] for points in shares.values() if len(points)]
-    if not starts:
+    spent = first_reached(trace, runs, targets, x=x, algorithms=algorithms)
+    shown = trace.loc[trace["algorithm"].isin(list(spent)) & (trace[x] > 0), x]
+    if shown.empty:
         raise ValueError("Expected at least one row of trace, got none.")
-    low, high = float(min(starts)), float(max(lasts))
-    lines = {label: _line(points, low, high) for label, points in shares.items()}
-    words = f"{len(targets)} target{'' if len(targets) == 1 else 's'} for each run"
+    low, high = float(shown.min()), float(shown.max())
+    colour = palette_of(spent, palette)
+    labels = sorted(spent, key=lambda label: -np.isfinite(spent[label]).mean())
     with theme():
-        axes = open_algorithm_axes(lines, styles, ax, size=(6.0, 3.7))
-        log_axis(axes.first, low, high, small=not axes.in_panels)
-        axes.first.set_ylim(-0.02, 1.02)
-        for label, own in axes.of.items():
-            own.plot(*lines[label].T, **stroke(styles[label], 2.0), zorder=3, gid="reached")
-        axes.finish(title, words, NAMES[x], _Y)
-        if not axes.in_panels:
-            ends = {label: float(line[-1, 1]) for label, line in lines.items()}
-            label_ends(axes.first, ends, styles)
-    return axes.first
+        axes = axes_of(labels, ax)
+        for label in labels:
+            # What is never reached lies beyond the edge, since seaborn leaves out the infinite.
+            within = np.clip(spent[label], low, 2 * high)
+            sns.ecdfplot(x=within, color=colour[label], label=label, ax=axes[label])
+        first = axes[labels[0]]
+        first.set(xlim=(low, high * 1.01), ylim=(-0.02, 1.02))
+        log_axis(first)
+        return finish(axes, title, NAMES[x], "share of runs × targets reached")
 
 
-def reached_shares(
+def first_reached(
     trace: pd.DataFrame,
     runs: pd.DataFrame,
     targets: Sequence[float] | FloatArray,
@@ -100,42 +94,20 @@ def reached_shares(
     x: Progress = "evaluations",
     algorithms: Sequence[str] | None = None,
 ) -> dict[str, FloatArray]:
-    """Give for each algorithm pairs (n, 2) of progress and share of reached targets, ascending.
+    """Return for each algorithm what each pair of a run and a target took; infinite for never.
 
-    They go from the first record of any of its runs to the last one; (0, 2) if no run has a record.
-    Options and errors are those of ``plot_reached``.
+    Shape (n_runs * n_targets,). Options and errors are those of ``plot_reached``.
     """
     labels = chosen_algorithms("runs", runs, ("algorithm", "seed"), algorithms)
     chosen_algorithms("trace", trace, ("algorithm", "seed", x, "area"), None)
     wanted = np.sort(np.asarray(targets, float))
     if not len(wanted) or not np.isfinite(wanted).all():
         raise ValueError(f"Expected at least one target, all finite, got {list(targets)}.")
-    n_runs = runs["algorithm"].value_counts()
-    records = records_of(trace, x, "area", labels)
-    return {label: _shares(records.get(label, []), wanted, int(n_runs[label])) for label in labels}
-
-
-def _shares(runs: Sequence[FloatArray], targets: FloatArray, n_runs: int) -> FloatArray:
-    if not runs:
-        return np.empty((0, 2))
-    at, n_reached = [], []
-    for run in runs:
-        best = np.maximum.accumulate(run[:, 1])
-        done = np.searchsorted(targets, best + TIE, side="right")
-        at.append(run[:, 0])
-        n_reached.append(np.diff(done, prepend=0))
-    x, steps = np.concatenate(at), np.concatenate(n_reached)
-    order = np.argsort(x, kind="stable")
-    share = np.cumsum(steps[order]) / (n_runs * len(targets))
-    x = x[order]
-    last = np.append(x[1:] != x[:-1], True)  # of several records at once, all count
-    return np.column_stack([x[last], share[last]])
-
-
-def _line(points: FloatArray, low: float, high: float) -> FloatArray:
-    """Give the steps from the lower left to the right edge."""
-    if not len(points):
-        return np.array([[low, 0.0], [high, 0.0]])
-    x = np.concatenate([[low], points[:, 0], [high]])
-    share = np.concatenate([[0.0], points[:, 1], points[-1:, 1]])
-    return stairs(x, share)
+    records = dict(iter(trace.sort_values(x, kind="stable").groupby(["algorithm", "seed"])))
+    spent: dict[str, list[FloatArray]] = {label: [] for label in labels}
+    for label, seed in runs.loc[runs["algorithm"].isin(labels), ["algorithm", "seed"]].to_numpy():
+        run = records.get((label, seed), trace.iloc[:0])
+        best = np.maximum.accumulate(run["area"].to_numpy(float))
+        first = np.searchsorted(best, wanted - TIE)
+        spent[label].append(np.append(run[x].to_numpy(float), np.inf)[first])
+    return {label: np.concatenate(of_runs) for label, of_runs in spent.items()}
