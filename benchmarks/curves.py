@@ -11,7 +11,7 @@ from pymoo.optimize import minimize
 
 from botohe_moo import BOACO, BOTOHE, area_indicator, load_mission
 from botohe_moo.plots import save_plot
-from botohe_moo.plots.draw.scales import log_axis
+from botohe_moo.plots.draw.algorithms import log_axis
 from botohe_moo.plots.draw.style import colours, new_axes, theme
 
 SEEDS = (1, 2, 3, 4)
@@ -141,9 +141,8 @@ def _plot(museum: pd.DataFrame, path: Path) -> None:
             mean, sd = PUBLISHED[name]
             ax.errorbar(MARKS, mean, sd, fmt="o", color=colour, capsize=3, markersize=5)
         ax.errorbar([], [], [], fmt="o", color="grey", capsize=3, label="published mean ± sd")
-        log_axis(ax, min(MARKS), max(MARKS))
+        log_axis(ax)
         ax.set(xlabel="iterations of 100 ants", ylabel="area")
         ax.set_title("Art museum, journal settings: four runs (mean and range)")
-        ax.legend(frameon=False)
-        ax.grid(alpha=0.3)
+        ax.legend()
     save_plot(ax, path)

@@ -11,12 +11,11 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from benchmarks.measure import in_process
 from benchmarks.one_search import ALGORITHMS, COLUMNS, EARLY
 from botohe_moo.plots import save_plot
-from botohe_moo.plots.draw.scales import log_axis, plain_number
+from botohe_moo.plots.draw.algorithms import log_axis
 from botohe_moo.plots.draw.style import colours, theme
 
 NODES = (100, 1_000, 10_000)
@@ -82,12 +81,8 @@ def _panel(ax: Axes, table: pd.DataFrame, column: str) -> None:
             mine = table[(table["robots"] == robots) & (table["algorithm"] == algorithm)]
             label = f"{algorithm}, {robots} robots"
             ax.plot(mine["nodes"], mine[column], line, marker="o", color=colour, label=label)
-    log_axis(ax, min(NODES), max(NODES))
-    ax.set_xlim(min(NODES) / 1.3, max(NODES) * 1.3)
-    ax.set_yscale("log")
-    ax.yaxis.set_major_locator(LogLocator(subs=(1.0,)))
-    ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: plain_number(value)))
-    ax.yaxis.set_minor_formatter(NullFormatter())
+    log_axis(ax)
+    log_axis(ax, "y")
 
 
 if __name__ == "__main__":

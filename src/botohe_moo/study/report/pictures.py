@@ -189,14 +189,15 @@ class MissionPictures:
 
     def _grids(self) -> Iterator[Picture]:
         medians = self._rows(self._tables.summary).set_index("algorithm")["area_median"]
-        for family, grid in two_parameter_grids(self._tables.algorithms).items():
+        grids = two_parameter_grids(self._tables.algorithms)
+        for i, (family, grid) in enumerate(grids.items(), start=1):
             values = grid.apply(lambda column: column.map(medians)).astype(float)
             if values.notna().any(axis=None):
                 caption = (
                     f"The median area of {family} for each combination of {grid.index.name} (rows) "
                     f"and {grid.columns.name} (columns). The largest is bold."
                 )
-                yield f"grid-{slug(family)}", plot_heat(values), caption
+                yield f"grid-{i}", plot_heat(values), caption
 
     def _fronts(self) -> Iterator[Picture]:
         plans, reference = self._rows(self._tables.plans), self._rows(self._tables.references)
