@@ -752,6 +752,15 @@ class TestPanels:
         assert ax.get_legend().get_window_extent().x0 >= ax.get_window_extent().x1
         assert ax.get_title(loc="left") == "A site"
 
+    @pytest.mark.filterwarnings("error:constrained_layout not applied")
+    @pytest.mark.parametrize("label", ["an algorithm that somebody described " * 4, "x" * 150])
+    def test_long_names_have_room(self, kind, label):
+        ax = PICTURES[kind]([f"{i} {label}" for i in "abc"])
+        ax.figure.canvas.draw()
+        names = [text.get_window_extent() for text in ax.get_legend().get_texts()]
+        assert not any(one.overlaps(other) for one, other in combinations(names, 2))
+        assert all(name.x1 <= ax.figure.bbox.x1 for name in names)
+
     def test_texts_of_panels_are_apart_and_whole(self, kind):
         labels = [f"BO-ACO, memetic (n_ants={i}, evaporation=0.0{i})" for i in range(10, 23)]
         fig = PICTURES[kind](labels).figure

@@ -83,7 +83,8 @@ def finish(axes: Mapping[str, Axes], title: str | None, x: str, y: str) -> Axes:
     if len(set(axes.values())) == 1:
         first.set(xlabel=x, ylabel=y)
         first.set_title(title or "")
-        first.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+        handles, names = first.get_legend_handles_labels()
+        first.legend(handles, wrapped(names), loc="upper left", bbox_to_anchor=(1.0, 1.0))
         return first
     lines = {label: own.lines[0].get_xydata() for label, own in axes.items() if own.lines}
     for label, own in axes.items():
