@@ -147,16 +147,6 @@ class TestTheme:
         with pytest.raises(ValueError, match="a colour for every label, missing: B"):
             plot_curves(trace_of(TWO), palette={"A": "red"})
 
-    def test_jitter_leaves_the_global_generator_alone(self):
-        before = np.random.get_state()[1].tolist()  # noqa: NPY002
-        first, again = (plot_areas(*areas_of(VALUES)) for _ in range(2))
-        assert np.random.get_state()[1].tolist() == before  # noqa: NPY002
-        points = [
-            np.concatenate([c.get_offsets() for c in of_kind(ax, PathCollection)])
-            for ax in (first, again)
-        ]
-        np.testing.assert_array_equal(*points)
-
 
 # Curves
 

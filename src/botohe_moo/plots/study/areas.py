@@ -1,9 +1,7 @@
 """The picture of the final areas of all runs on a mission."""
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 
-import numpy as np
 import pandas as pd
 import seaborn as sns
 from matplotlib.axes import Axes
@@ -11,6 +9,8 @@ from matplotlib.axes import Axes
 from botohe_moo._base.checks import check_number
 from botohe_moo.plots.draw.algorithms import chosen_algorithms, draw_bound, wrapped
 from botohe_moo.plots.draw.style import INK, Palette, new_axes, palette_of, theme
+
+_GOLDEN = (5**0.5 - 1) / 2  # its multiples spread evenly, whatever their number
 
 
 def plot_areas(
@@ -61,33 +61,33 @@ def plot_areas(
     labels = chosen_algorithms("runs", runs, ("algorithm", "seed", "status", "area"), algorithms)
     interval = ["area_median", "area_low", "area_high"]
     chosen_algorithms("summary", summary, ("algorithm", *interval), labels)
+    rows = runs[runs["algorithm"].isin(labels)].sort_values("seed", kind="stable")
+    row = rows["algorithm"].map({label: i for i, label in enumerate(labels)})
+    # Spread by number: stripplot's jitter would come from numpy's global generator.
+    spread = rows.groupby("algorithm").cumcount() * _GOLDEN % 1 - 0.5
+    rows = rows.assign(row=row + 0.1 + 0.4 * spread, is_done=rows["status"] == "done")
     # The median of the three is the median, and their range the interval; above the runs.
     medians = summary.melt("algorithm", interval, value_name="area")
-    places = {label: row - 0.32 for row, label in enumerate(labels)}
-    medians["algorithm"] = medians["algorithm"].map(places)
+    medians["row"] = medians["algorithm"].map({label: i - 0.32 for i, label in enumerate(labels)})
     with theme():
         ax = ax or new_axes(7.5, 0.9 + 0.4 * max(len(labels), 2))
-        colour = palette_of(labels, palette)
-        look = {"x": "area", "y": "algorithm", "order": labels, "ax": ax}
-        done = runs["status"] == "done"
-        for rows, marker, alpha in ((runs[done], "o", 0.45), (runs[~done], "X", 1.0)):
-            if len(rows):
-                with _fixed_jitter():
-                    sns.stripplot(
-                        rows,
-                        **look,
-                        hue="algorithm",
-                        palette=colour,
-                        legend=False,
-                        marker=marker,
-                        alpha=alpha,
-                        clip_on=False,
-                    )
+        sns.scatterplot(
+            rows,
+            x="area",
+            y="row",
+            hue="algorithm",
+            palette=palette_of(labels, palette),
+            style="is_done",
+            markers={True: "o", False: "X"},
+            alpha=0.6,
+            legend=False,
+            clip_on=False,
+            ax=ax,
+        )
         sns.pointplot(
             medians,
             x="area",
-            y="algorithm",
-            ax=ax,
+            y="row",
             estimator="median",
             errorbar=("pi", 100),
             orient="y",
@@ -97,7 +97,10 @@ def plot_areas(
             marker="d",
             markersize=6,
             err_kws={"linewidth": 1.5},
+            ax=ax,
         )
+        ax.set_ylim(len(labels) - 0.5, -0.7)
+        ax.tick_params(axis="y", length=0)
         ax.set_yticks(range(len(labels)), wrapped(labels))
         ax.set(xlabel="area of the final front (normalised hypervolume)", ylabel="")
         ax.set_title(title or "")
@@ -107,14 +110,3 @@ def plot_areas(
             if ax.get_legend_handles_labels()[0]:
                 ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
     return ax
-
-
-@contextmanager
-def _fixed_jitter() -> Iterator[None]:
-    """Let seaborn's jitter be the same every time, and leave numpy's global generator as it was."""
-    state = np.random.get_state()  # noqa: NPY002
-    np.random.seed(0)  # noqa: NPY002
-    try:
-        yield
-    finally:
-        np.random.set_state(state)  # noqa: NPY002
