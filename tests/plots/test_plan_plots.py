@@ -22,7 +22,6 @@ from botohe_moo.plots import (
     plot_plan,
     save_plot,
 )
-from botohe_moo.plots.draw.labels import drawable
 from botohe_moo.plots.draw.places import node_positions
 from botohe_moo.plots.draw.space import Space, text_size
 from botohe_moo.plots.draw.style import reach_palette
@@ -259,7 +258,7 @@ class TestPlan:
         names = {text.get_text() for text in drawn(ax, "node name")}
         visited = {node for trail in mission.labels(plan) for node in trail}
         assert len(names) > 40
-        assert len(names & visited) / len(visited) > len(names - visited) / (60 - len(visited))
+        assert visited <= names
         assert (len(names) == 60) != ("no room for the names of" in words(ax))
         ax.figure.draw_without_rendering()
         boxes = [Text.get_window_extent(text) for text in drawn(ax, "node name")]
@@ -294,7 +293,7 @@ class TestPlan:
         assert 10 < len(only(own, "trail heads").get_offsets()) < len(plan.trails[0]) - 1
 
     def test_texts_are_shown_as_they_are(self, tmp_path):
-        names = ['dock "A"', "<reef>", "$cave$", "🚁", "שלום", "</script>", "b\\c", "x_1^2"]
+        names = ['dock "A"', "<reef>", "$cave$", "שלום", "</script>", "b\\c", "x_1^2"]
         arcs = [(a, b, 0.9) for a, b in itertools.pairwise([*names, names[0]])]
         mission = make({name: {"reward": 1} for name in names}, arcs, base=names[0], robots=2)
         plan = mission.plan([[*names, names[0]], names[:1]])
@@ -302,7 +301,7 @@ class TestPlan:
             warnings.simplefilter("error")
             ax = plot_plan(mission, plan, title="<b>\n$x$")
             shown = {text.get_text() for text in drawn(ax, "node name")}
-            assert shown == {drawable(name) for name in names}
+            assert shown == set(names)
             assert (title(ax), only(ax, "subtitle").get_text()) == ("<b>", "$x$")
             save_plot(ax, *(tmp_path / f"plan.{end}" for end in ("png", "svg", "pdf")))
 

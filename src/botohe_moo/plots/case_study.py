@@ -15,11 +15,10 @@ from botohe_moo.decide import representatives
 from botohe_moo.decide.fronts import check_row
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.plots.draw.canvas import frame_of, open_axes
-from botohe_moo.plots.draw.labels import drawable
 from botohe_moo.plots.draw.places import node_positions
-from botohe_moo.plots.draw.scales import retitle, title_above
 from botohe_moo.plots.draw.sheets import add_reach_bar
 from botohe_moo.plots.draw.style import theme
+from botohe_moo.plots.draw.titles import retitle, title_above
 from botohe_moo.plots.front import plot_front
 from botohe_moo.plots.mission import plot_mission
 from botohe_moo.plots.pheromone import Kind, plot_pheromone
@@ -111,7 +110,7 @@ def plot_case_study(
     with theme():
         axes = _draw(lines, _aspect(mission))
         fig = axes[0].figure.figure
-        head = drawable(mission.title if title is None else title)
+        head = mission.title if title is None else title
         fig.text(
             0.1 / fig.get_figwidth(),
             1.0,
@@ -119,7 +118,6 @@ def plot_case_study(
             fontsize=15,
             fontweight="bold",
             va="top",
-            gid="title",
         )
     return axes[0]
 

@@ -8,7 +8,6 @@ from botohe_moo.decide import Mark, knees, representatives
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.plots.draw.canvas import open_axes
 from botohe_moo.plots.draw.places import node_positions
-from botohe_moo.plots.draw.scales import title_above
 from botohe_moo.plots.draw.sheets import (
     add_reach_bar,
     map_size,
@@ -17,6 +16,7 @@ from botohe_moo.plots.draw.sheets import (
     rightmost,
 )
 from botohe_moo.plots.draw.style import INK, theme
+from botohe_moo.plots.draw.titles import title_above
 from botohe_moo.plots.front import front_summary, plot_front, staircase
 from botohe_moo.plots.plan import PlanOnMap
 from botohe_moo.trails import Plans
@@ -116,4 +116,4 @@ def _draw_mark(ax: Axes, mark: Mark) -> None:
     fill |= {"markerfacecolor": INK if dark else "white", "markeredgecolor": INK}
     fill |= {"markeredgewidth": 0.8, "marker": _SIGNS[mark.name][0], "clip_on": False}
     label = f"{mark.name}: plan {mark.index}"
-    ax.plot([mark.reward], [mark.survivors], label=label, zorder=5, gid="mark", **fill)
+    ax.plot([mark.reward], [mark.survivors], label=label, zorder=5, **fill)

@@ -17,11 +17,9 @@ from botohe_moo._base.words import counted
 from botohe_moo.decide.fronts import check_objectives
 from botohe_moo.mission.digest import numbers_digest
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.plots.draw.labels import drawable
-from botohe_moo.plots.draw.panels import study_axes
-from botohe_moo.plots.draw.scales import title_above
 from botohe_moo.plots.draw.space import Space, write_beside
-from botohe_moo.plots.draw.style import INK, MARKERS, MUTED, colours, dress, theme, tint
+from botohe_moo.plots.draw.style import INK, MARKERS, MUTED, colours, new_axes, theme, tint
+from botohe_moo.plots.draw.titles import title_above
 
 if TYPE_CHECKING:
     from botohe_moo.search.bounds import FrontBound
@@ -89,9 +87,9 @@ def plot_front(
     summary = front_summary(points, corners, mission)
     with theme():
         if ax is None:
-            (ax,) = study_axes(6.0, 4.0)
+            ax = new_axes(7.2, 5.2)
         drawn = sum(line.get_gid() == "front" for line in ax.lines)
-        _draw(ax, points, corners, drawn, drawable(f"{label}: {summary}") if label else None)
+        _draw(ax, points, corners, drawn, f"{label}: {summary}" if label else None)
         if bound is not None:
             _draw_open(ax, corners, bound, _open_words(bound, points, label))
         if label or bound is not None:
@@ -171,8 +169,8 @@ def front_summary(points: FloatArray, corners: FloatArray, mission: Mission | No
 
 def _draw(ax: Axes, points: FloatArray, corners: FloatArray, drawn: int, label: str | None) -> None:
     colour, marker = colours(drawn + 1)[-1], MARKERS[drawn % len(MARKERS)]
-    ax.fill(*corners.T, facecolor=colour, alpha=0.16, linewidth=0, zorder=1, gid="area")
-    ax.plot(*corners[:-1].T, color=colour, linewidth=1.0, zorder=2, gid="stairs")
+    ax.fill(*corners.T, facecolor=colour, alpha=0.16, linewidth=0, zorder=1, label="_area")
+    ax.plot(*corners[:-1].T, color=colour, linewidth=1.0, zorder=2, label="_stairs")
     dominated = _dominated(points)
     crowded = len(points) > _CROWD  # where the rims of points would cover other points
     style: dict[str, Any] = {
@@ -193,7 +191,7 @@ def _open_words(bound: FrontBound, points: FloatArray, label: str | None) -> str
     more = f"at most {100 * gap:.2f} % more area"
     if math.isinf(gap):
         more = f"area at most {bound.area:.4f}"
-    return drawable(f"{label}, open: {more}" if label else f"open: {more}")
+    return f"{label}, open: {more}" if label else f"open: {more}"
 
 
 def _draw_open(ax: Axes, corners: FloatArray, bound: FrontBound, label: str) -> None:
@@ -202,8 +200,8 @@ def _draw_open(ax: Axes, corners: FloatArray, bound: FrontBound, label: str) -> 
     # Back along the front, so that what it dominates is left out.
     between = np.concatenate([highest, corners[::-1]])
     look: dict[str, Any] = {"facecolor": MUTED, "alpha": 0.25, "linewidth": 0, "zorder": 1}
-    ax.fill(*between.T, **look, label=label, gid="open")
-    ax.plot(*highest[:-1].T, color=MUTED, linewidth=1.0, zorder=1.5, gid="bound")
+    ax.fill(*between.T, **look, label=label)
+    ax.plot(*highest[:-1].T, color=MUTED, linewidth=1.0, zorder=1.5, label="_bound")
 
 
 def _mark(ax: Axes, points: FloatArray, chosen: Mapping[int, str]) -> None:
@@ -223,17 +221,16 @@ def _mark(ax: Axes, points: FloatArray, chosen: Mapping[int, str]) -> None:
     space = Space(marks, radius, (frame[0], frame[1]), everything)
     ring: dict[str, Any] = {"marker": "o", "markersize": 2 * radius, "markerfacecolor": "none"}
     ring |= {"markeredgecolor": INK, "markeredgewidth": 1.6, "clip_on": False}
-    for point, mark, text in zip(at, marks, map(drawable, chosen.values()), strict=True):
-        ax.plot(*point[:, None], **ring, zorder=4, gid="highlight")
+    for point, mark, text in zip(at, marks, chosen.values(), strict=True):
+        ax.plot(*point[:, None], **ring, zorder=4, label="_highlight")
         offset = space.beside(mark, text, size, bold=True, reach=60.0)
         away = np.array([0.0, 14.0]) if offset is None else offset
-        look: dict[str, Any] = {"fontsize": size, "fontweight": "bold", "gid": "plan"}
+        look: dict[str, Any] = {"fontsize": size, "fontweight": "bold"}
         write_beside(ax, point, away, text, radius=radius, annotation_clip=False, **look)
 
 
 def _dress(ax: Axes, mission: Mission | None) -> None:
     ax.set(xlabel=OBJECTIVES[0], ylabel=OBJECTIVES[1])
-    dress(ax)
     if mission is not None:
         ax.set(xlim=(0, mission.total_reward or 1.0), ylim=(0, mission.robots))
         ax.yaxis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 5, 10]))

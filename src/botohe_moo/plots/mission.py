@@ -22,9 +22,7 @@ from botohe_moo.plots.draw.canvas import (
     bowed_arcs,
     open_axes,
 )
-from botohe_moo.plots.draw.labels import drawable
 from botohe_moo.plots.draw.places import layout_notes, node_positions
-from botohe_moo.plots.draw.scales import title_above
 from botohe_moo.plots.draw.style import (
     MUTED,
     Colour,
@@ -35,6 +33,7 @@ from botohe_moo.plots.draw.style import (
     theme,
     tint,
 )
+from botohe_moo.plots.draw.titles import title_above
 from botohe_moo.plots.draw.trails import draw_trails, robot_styles
 from botohe_moo.trails import TrailPlan
 
@@ -128,7 +127,7 @@ def _draw_arcs(canvas: Canvas, mission: Mission, arc_colours: NDArray[Any], *, f
     alpha = 0.6 if faint else 1.0
     straight = canvas.curves(tail[once], head[once], bowed[once])
     canvas.draw_lines(
-        straight, colors=arc_colours[once], linewidths=width, alpha=alpha, gid="lines", zorder=1
+        straight, colors=arc_colours[once], linewidths=width, alpha=alpha, label="_lines", zorder=1
     )
     canvas.draw_arrows(
         tail[bowed],
@@ -158,7 +157,7 @@ def _shade_zones(canvas: Canvas, mission: Mission, zones: dict[str, Colour]) -> 
         tail, head = arrays.tail[within], arrays.head[within]
         # Hulls of neighbouring floors overlap; a band along a zone's own arcs rarely does.
         bands = canvas.curves(tail, head, np.zeros(len(tail), dtype=bool))
-        canvas.draw_lines(bands, colors=[colour], linewidths=wide, zorder=0, gid="zone")
+        canvas.draw_lines(bands, colors=[colour], linewidths=wide, zorder=0, label="_zone")
         cycles = nx.cycle_basis(nx.Graph(zip(tail.tolist(), head.tolist(), strict=True)))
         rooms = PolyCollection([canvas.xy[cycle] for cycle in cycles], color=colour, zorder=0)
         canvas.ax.add_collection(rooms, autolim=False)
@@ -173,11 +172,11 @@ def _add_legend(
     hollow: dict[str, Any] = {"linestyle": "none", "markerfacecolor": "white", "markersize": 9}
     square = {"marker": "s", "markeredgecolor": "black", "markeredgewidth": 2, **hollow}
     circle = {"marker": "o", "markeredgecolor": MUTED, "markeredgewidth": 1.1, **hollow}
-    base = drawable(f"{team} at base {mission.base}")
+    base = f"{team} at base {mission.base}"
     handles: list[Artist] = [Line2D([], [], label=base, **square)]
     if (np.delete(mission.arrays.reward, mission.arrays.base) == 0).any():
         handles.append(Line2D([], [], label="no reward", **circle))
-    handles += [Patch(color=colour, label=drawable(zone)) for zone, colour in zones.items()]
+    handles += [Patch(color=colour, label=zone) for zone, colour in zones.items()]
     trails = [] if plan is None else _trail_handles(mission, plan)
     # Colour bars stand beside the axes, and the legend may reach below them.
     room = 1.25 * ax.get_window_extent().width

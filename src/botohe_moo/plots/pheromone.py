@@ -11,8 +11,8 @@ from botohe_moo._base.types import FloatArray
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.plots.draw.canvas import Canvas, add_colour_bar, open_axes
 from botohe_moo.plots.draw.places import layout_notes, node_positions
-from botohe_moo.plots.draw.scales import title_above
 from botohe_moo.plots.draw.style import colour_range, pheromone_palette, theme
+from botohe_moo.plots.draw.titles import title_above
 
 Kind = Literal["reward", "survival"]
 

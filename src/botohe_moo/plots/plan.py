@@ -13,7 +13,6 @@ from botohe_moo.outcomes import reach_probabilities, team_reach
 from botohe_moo.plots.draw.canvas import open_axes
 from botohe_moo.plots.draw.maps import draw_map, name_room
 from botohe_moo.plots.draw.places import layout_notes, node_positions
-from botohe_moo.plots.draw.scales import title_above
 from botohe_moo.plots.draw.sheets import (
     add_reach_bar,
     key_of,
@@ -24,6 +23,7 @@ from botohe_moo.plots.draw.sheets import (
     title_sheet,
 )
 from botohe_moo.plots.draw.style import theme
+from botohe_moo.plots.draw.titles import title_above
 from botohe_moo.plots.draw.trails import RobotStyle, robot_styles
 from botohe_moo.trails import TrailPlan
 

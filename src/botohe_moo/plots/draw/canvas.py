@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from botohe_moo._base.types import FloatArray, IntArray
 from botohe_moo.mission import Mission
-from botohe_moo.plots.draw.labels import drawable
 from botohe_moo.plots.draw.style import INK, MUTED, new_axes, readable_on
 
 MAX_LABELLED = 40
@@ -121,7 +120,7 @@ class Canvas:
             edgecolors=edges[others].tolist(),
             linewidths=np.where(rewarding, 0.6, 1.1)[others],
             zorder=4,
-            gid="nodes",
+            label="_nodes",
         )
         self.ax.scatter(
             self.xy[[base], 0],
@@ -132,13 +131,13 @@ class Canvas:
             edgecolors="black",
             linewidths=2.2,
             zorder=5,
-            gid="base",
+            label="_base",
         )
         if len(self.xy) <= MAX_LABELLED:
             self._draw_labels(mission, fills)
 
     def _draw_labels(self, mission: Mission, fills: Sequence[Any]) -> None:
-        texts = [drawable(str(node)) for node in mission.nodes]
+        texts = [str(node) for node in mission.nodes]
         size = min(9.0, 1.05 * self.radius)
         inside = size >= 6.5 and 0.62 * size * max(map(len, texts)) <= 1.8 * self.radius
         for i, (text, (x, y)) in enumerate(zip(texts, self.xy, strict=True)):
@@ -206,7 +205,7 @@ class Canvas:
     ) -> None:
         """Draw one arrow per arc, bowed to its right so that both directions are seen."""
         points = self.curves(tail, head, np.ones(len(tail), dtype=bool))
-        self.draw_lines(points, colors=colours, linewidths=widths, gid="arrows", **style)
+        self.draw_lines(points, colors=colours, linewidths=widths, label="_arrows", **style)
         sizes = np.minimum(2.4 + 2.4 * widths, 1.1 * self.radius + widths)
         along = self.xy[head] - self.xy[tail]
         # The quadratic curve runs parallel to its chord half-way.
@@ -235,7 +234,7 @@ class Canvas:
             offset_transform=self.ax.transData,
             facecolors=colours,
             linewidths=0,
-            **{"gid": "heads", **style},
+            **{"label": "_heads", **style},
         )
         heads.set_transform(IdentityTransform())
         self.ax.add_collection(heads, autolim=False)

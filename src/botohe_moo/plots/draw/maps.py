@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from botohe_moo._base.types import FloatArray
 from botohe_moo.mission import Mission
 from botohe_moo.plots.draw.canvas import MAX_LABELLED, Canvas
-from botohe_moo.plots.draw.labels import drawable
 from botohe_moo.plots.draw.space import PAD, Space, text_size, write_beside
 from botohe_moo.plots.draw.style import INK, MUTED, reach_palette, readable_on
 from botohe_moo.plots.draw.trails import RobotStyle, draw_trails
@@ -43,7 +42,7 @@ class PlanMap:
 
         Names of many nodes stand close to them, so that it is clear which node each belongs to.
         """
-        named = [drawable(str(label)) for label in mission.nodes]
+        named = [str(label) for label in mission.nodes]
         sizes = [self._inside(text) for text in named]
         n_nodes, written = len(named), 0
         far = _FAR if n_nodes <= MAX_LABELLED else _NEAR if self.canvas.radius >= _LEGIBLE else 0.0
@@ -105,7 +104,7 @@ class PlanMap:
             if found is not None:
                 frame = {"boxstyle": "round,pad=0.18", "fc": "white", "ec": style.colour}
                 look: dict[str, Any] = {"fontsize": 7.0, "fontweight": "bold", "bbox": frame}
-                look |= {"ha": "center", "va": "center_baseline", "zorder": 7, "gid": "robot"}
+                look |= {"ha": "center", "va": "center_baseline", "zorder": 7, "label": "_robot"}
                 x, y = found / self.canvas.scale
                 self.canvas.ax.text(x, y, style.name, **look)
                 return
@@ -138,15 +137,15 @@ class PlanMap:
     ) -> FloatArray | None:
         return room.beside(self.canvas.xy[node] * self.canvas.scale, text, size, reach=reach)
 
-    def _write(self, node: int, text: str, offset: FloatArray, size: float, gid: str) -> None:
+    def _write(self, node: int, text: str, offset: FloatArray, size: float, name: str) -> None:
         colour = INK if offset.any() else readable_on(self.fills[node])
         look: dict[str, Any] = {"radius": self.canvas.radius, "color": colour, "fontsize": size}
-        write_beside(self.canvas.ax, self.canvas.xy[node], offset, text, gid=gid, **look)
+        write_beside(self.canvas.ax, self.canvas.xy[node], offset, text, label=f"_{name}", **look)
 
 
 def name_room(mission: Mission) -> float:
     """Give the points between nodes at which most of their names have room beside each other."""
-    widths = [text_size(drawable(str(node)), _NAMES)[0] for node in mission.nodes]
+    widths = [text_size(str(node), _NAMES)[0] for node in mission.nodes]
     return float(np.percentile(widths, 80)) + 2 * PAD
 
 
@@ -182,7 +181,7 @@ def draw_map(
     square: dict[str, Any] = {"marker": "s", "edgecolors": "black", "linewidths": 1.4, "zorder": 5}
     size = (2 * max(canvas.radius, 4.0)) ** 2
     (x, y) = xy[~away].T
-    ax.scatter(x, y, s=size, facecolors=fills[~away], **square, gid="base")
+    ax.scatter(x, y, s=size, facecolors=fills[~away], **square, label="_base")
     drawn = (reach > 0) | (canvas.radius >= _LEGIBLE)
     low, high = np.array([ax.get_xlim(), ax.get_ylim()]).T * canvas.scale
     lines = points[:, ::2].reshape(-1, 2) * canvas.scale
@@ -197,15 +196,15 @@ def _draw_ground(canvas: Canvas, mission: Mission) -> bool:
     known = set(arcs)
     both = [(u, v) for u, v in arcs if u < v and (v, u) in known]
     once = [(u, v) for u, v in arcs if (v, u) not in known]
-    for pairs, gid in ((both, "both ways"), (once, "one way")):
+    for pairs, name in ((both, "both ways"), (once, "one way")):
         tail, head = np.array(pairs, dtype=np.int32).reshape(-1, 2).T
         points = canvas.curves(tail, head, np.zeros(len(tail), dtype=bool))
-        canvas.draw_lines(points, colors=_GROUND, linewidths=0.9, zorder=1, gid=gid)
+        canvas.draw_lines(points, colors=_GROUND, linewidths=0.9, zorder=1, label=f"_{name}")
     if once:
         # Before the middle, where the arrowheads of trails are.
         along, at = points[:, -1] - points[:, 0], points[:, points.shape[1] // 3]
         sizes = np.full(len(once), 6.0)
-        canvas.draw_heads(at, along, colours=[MUTED], sizes=sizes, zorder=1, gid="ways")
+        canvas.draw_heads(at, along, colours=[MUTED], sizes=sizes, zorder=1, label="_ways")
     return bool(once)
 
 
@@ -215,8 +214,10 @@ def _draw_nodes(
     fills: NDArray[Any],
     radius: float,
     edge: str,
-    gid: str,
+    name: str,
 ) -> None:
     x, y = canvas.xy[chosen].T
     look: dict[str, Any] = {"facecolors": fills[chosen], "edgecolors": edge, "zorder": 4}
-    canvas.ax.scatter(x, y, s=(2 * radius) ** 2, linewidths=min(0.6, 0.2 * radius), **look, gid=gid)
+    canvas.ax.scatter(
+        x, y, s=(2 * radius) ** 2, linewidths=min(0.6, 0.2 * radius), **look, label=f"_{name}"
+    )

@@ -11,8 +11,8 @@ from matplotlib.lines import Line2D
 
 from botohe_moo._base.types import FloatArray
 from botohe_moo.plots.draw.canvas import add_colour_bar, crowding, frame_of
-from botohe_moo.plots.draw.scales import title_above
 from botohe_moo.plots.draw.style import reach_palette
+from botohe_moo.plots.draw.titles import title_above
 from botohe_moo.plots.draw.trails import RobotStyle
 
 Place = tuple[float, float, float, float]  # left, bottom, width, height in parts of the figure

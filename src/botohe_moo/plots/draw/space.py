@@ -1,15 +1,17 @@
 """Free room on a picture: texts go where they cover neither a mark nor another text."""
 
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Any, Self
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.font_manager import FontProperties
 from matplotlib.patheffects import withStroke
+from matplotlib.textpath import text_to_path
 from numpy.typing import NDArray
 
 from botohe_moo._base.types import FloatArray
-from botohe_moo.plots.draw.labels import columns
 from botohe_moo.plots.draw.style import MUTED
 
 _SIDES = np.array([(1, 0), (1, 1), (1, -1), (0, 1), (0, -1), (-1, 1), (-1, -1), (-1, 0)])
@@ -19,11 +21,15 @@ _FARTHER = 4.0  # points by which other marks are farther from a text that is no
 PAD = 1.5  # points that texts keep from each other, on either side
 
 
+@cache
 def text_size(text: str, size: float, *, bold: bool = False) -> tuple[float, float]:
-    """Estimate width and height of a text in letters of ``size`` points."""
-    size *= 1.12 if bold else 1.0
-    narrow = min(line.count(",") + line.count(" ") for line in text.split("\n"))
-    return size * (0.64 * columns(text) - 0.3 * narrow), 1.15 * size * (text.count("\n") + 1)
+    """Return width and height of a text in letters of ``size`` points, with some air around it."""
+    font = FontProperties(size=size, weight="bold" if bold else "normal")
+    lines = text.split("\n")
+    widths = [
+        text_to_path.get_text_width_height_descent(line, font, ismath=False)[0] for line in lines
+    ]
+    return max(widths) + 0.4 * size, 1.15 * size * len(lines)
 
 
 @dataclass

@@ -24,7 +24,6 @@ Palette = str | Sequence[Any] | Mapping[str, Any]
 DPI = 160
 INK = "#262626"
 MUTED = "#8c8c8c"
-N_COLOURS = 10
 FORMATS = (".png", ".pdf", ".svg")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")  # so that fronts differ in a grey print too
 
@@ -132,10 +131,6 @@ def new_axes(width: float, height: float) -> Axes:
     with theme():
         _, ax = plt.subplots(figsize=(width, height), layout="constrained")
     return ax
-
-
-def dress(ax: Axes) -> None:
-    """To go."""
 
 
 def save_figure(

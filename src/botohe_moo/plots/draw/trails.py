@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from botohe_moo._base.types import FloatArray, IntArray
 from botohe_moo.plots.draw.canvas import Canvas
-from botohe_moo.plots.draw.style import N_COLOURS, Colour, colours
+from botohe_moo.plots.draw.style import Colour, colours
 from botohe_moo.trails import TrailPlan
 
 # On and off, in widths of the line. Five differ at a glance; then colours differ, and names.
 _DASHES = ((), (5.0, 1.6), (1.2, 1.2), (6.0, 1.5, 1.2, 1.5), (2.6, 1.3))
+_CYCLE = 10  # colours of the palette, after which they repeat
 _LIGHTEST = 0.5  # luminance of a line on white paper
 _APART = 24.0  # points walked between arrowheads on arcs that are too short for one each
 
@@ -37,7 +38,7 @@ class RobotStyle:
 def robot_styles(n_robots: int) -> list[RobotStyle]:
     """Give every robot a name, a colour and a dash; of the latter two, fifty pairs differ."""
     return [
-        RobotStyle(f"R{i}", _as_ink(colour), _DASHES[(i + i // N_COLOURS) % len(_DASHES)])
+        RobotStyle(f"R{i}", _as_ink(colour), _DASHES[(i + i // _CYCLE) % len(_DASHES)])
         for i, colour in enumerate(colours(n_robots))
     ]
 
@@ -92,14 +93,14 @@ def draw_trails(
     points = points + (right * offset[:, None])[:, None]
     ink = np.array([style.colour for style in styles])[robot]
     length *= canvas.scale
-    canvas.draw_lines(points, colors="white", linewidths=width + 1.2, zorder=2, gid="casing")
+    canvas.draw_lines(points, colors="white", linewidths=width + 1.2, zorder=2, label="_casing")
     canvas.draw_lines(
         points,
         colors=ink,
         linewidths=width,
         linestyles=_running_dashes(robot, length / width, styles),
         zorder=3,
-        gid="trails",
+        label="_trails",
     )
     _draw_directions(canvas, points, length, robot, lane, ink)
     return np.asarray(points)
@@ -143,7 +144,7 @@ def _draw_directions(
         colours=ink[shown],
         sizes=sizes[shown],
         zorder=3,
-        gid="trail heads",
+        label="_trail heads",
     )
 
 
