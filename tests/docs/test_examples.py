@@ -73,7 +73,7 @@ def test_the_algorithm_is_described_as_shown(drifted):
 
 
 def test_the_algorithm_finds_a_front(drifted):
-    with (drifted[0] / "found" / "front.csv").open(newline="") as file:
+    with (drifted[0] / "results" / "museum" / "front.csv").open(newline="") as file:
         assert len(list(csv.DictReader(file))) > 20
 
 
@@ -93,7 +93,7 @@ def test_the_mission_is_shown_and_solved(site, tmp_path):
         ended = botohe(*command, site=site, cwd=tmp_path)
         assert ended.status == 0, ended.err
     assert (tmp_path / "tower.png").exists()
-    assert (tmp_path / "found" / "front.csv").exists()
+    assert (tmp_path / "results" / "tower" / "front.csv").exists()
 
 
 def test_the_study_of_missions_is_one(site, tmp_path):

@@ -1,20 +1,19 @@
 """What the guides show is what happens, and what they link to is there."""
 
-import contextlib
-import io
 import re
 import shlex
 
+import matplotlib.pyplot as plt
 import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
 from botohe_moo.cli.app import app
 from botohe_moo.testing import algorithms, missions
-from tests.docs.guides import DOCS, GUIDES, ROOT, blocks, links
+from tests.docs.guides import DOCS, GUIDES, ROOT, blocks, links, printed_by, words
 
 # Read from top to bottom in one session; every block of the others stands alone.
-SESSIONS = {"tour", "model"}
+SESSIONS = {"model", "studies", "tour"}
 # Their commands need the packages that these pages make: see test_examples.py.
 OF_PACKAGES = {
     "adding-a-mission",
@@ -26,22 +25,15 @@ PAGES = [*GUIDES, *sorted((DOCS / "reference").glob("*.md"))]
 TEXTS = [*PAGES, *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md"))]
 
 
-def printed_by(code, namespace):
-    printed = io.StringIO()
-    with contextlib.redirect_stdout(printed):
-        exec(compile(code, "example", "exec"), namespace)
-    return printed.getvalue()
-
-
-def shape(text):
-    """What is printed without its numbers and trails, which another machine's libm may change."""
-    lines = [re.sub(r"\([\d, ]*\)|[\d.]+", "0", line) for line in text.strip().splitlines()]
-    return [" ".join(line.split()) for line in lines]
-
-
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: path.stem)
 def test_guides_run(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    with plt.rc_context():  # some set a theme
+        run_page(page)
+    plt.close("all")
+
+
+def run_page(page):
     namespace, printed = {}, ""
     for language, text in blocks(page):
         if language == "python":
@@ -49,11 +41,22 @@ def test_guides_run(page, tmp_path, monkeypatch):
             # Bounds take the time that they are given, and less gives wider ones.
             printed = printed_by(text.replace("time_limit=30", "time_limit=1"), namespace)
         elif language == "text" and page.stem in SESSIONS:
-            assert shape(printed) == shape(text)
+            assert words(printed) == words(text)
         elif language == "console" and page.stem not in OF_PACKAGES:
             for line in text.splitlines():
                 done = CliRunner().invoke(app, shlex.split(line.removeprefix("$ botohe ")))
                 assert done.exit_code == 0, line
+
+
+@pytest.mark.parametrize("page", [*GUIDES, ROOT / "README.md"], ids=lambda path: path.stem)
+def test_code_is_shown_without_scrolling(page):
+    lines = [line for _, text in blocks(page) for line in text.splitlines()]
+    assert [line for line in lines if len(line) > 78 and page.stem != "gallery"] == []
+
+
+@pytest.mark.parametrize("path", [*(DOCS / "examples").glob("*/*.*")], ids=lambda path: path.name)
+def test_files_of_examples_are_shown_without_scrolling(path):
+    assert [line for line in path.read_text("utf-8").splitlines() if len(line) > 78] == []
 
 
 @pytest.mark.parametrize("page", TEXTS, ids=lambda path: path.stem)
@@ -62,7 +65,7 @@ def test_links_lead_somewhere(page):
 
 
 def test_the_index_has_every_page():
-    linked = {target.resolve() for target in links(DOCS / "index.md")}
+    linked = {target.resolve() for target in links(DOCS / "index.md") if target.suffix == ".md"}
     assert linked == {*GUIDES, DOCS / "reference" / "index.md"} - {DOCS / "index.md"}
 
 

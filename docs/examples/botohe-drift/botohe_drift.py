@@ -9,7 +9,7 @@ from botohe_moo.operators import RandomTrailSampling, RuinRecreate
 
 
 class Drift(ArchiveAlgorithm):
-    """Drift along the front: change plans of the archive a little, and keep what is good.
+    """Drift along the front: change its plans a little, keep what is good.
 
     Parameters
     ----------
@@ -41,6 +41,8 @@ class Drift(ArchiveAlgorithm):
         if len(self.archive) == 0:
             plans = self.sampler.sample_batch(self.problem, size, rng)
         else:
-            parents = self.archive.plans.take(rng.integers(len(self.archive), size=size))
-            plans = self.mutation.mutate_batch(self.problem.mission, parents, rng)
-        self._take_in(plans)  # evaluates, counts, and archives what nothing dominates
+            chosen = rng.integers(len(self.archive), size=size)
+            parents = self.archive.plans.take(chosen)
+            mission = self.problem.mission
+            plans = self.mutation.mutate_batch(mission, parents, rng)
+        self._take_in(plans)  # evaluates, counts, archives

@@ -17,13 +17,17 @@ class RichVisit(PlanMutation):
     """
 
     def _draft(self, mission, plans, rng):
-        reward = np.array([mission.graph.nodes[label]["reward"] for label in mission.nodes], float)
-        share = reward / reward.sum() if reward.any() else None  # None: all alike
+        rewards = dict(mission.graph.nodes(data="reward"))
+        reward = np.array([rewards[label] for label in mission.nodes], float)
+        # None: all nodes alike.
+        share = reward / reward.sum() if reward.any() else None
         drafts = []
         for plan in plans:
             trails = [list(trail) for trail in plan.trails]
             trail = trails[rng.integers(len(trails))]
-            place = rng.integers(1, max(len(trail), 2))  # behind the base, before the last node
+            # Behind the base, before the last node.
+            place = rng.integers(1, max(len(trail), 2))
             trail.insert(place, rng.choice(len(reward), p=share))
             drafts.append(TrailPlan(trails))
-        return PlanBatch.from_plans(drafts, mission.robots)  # a repair joins what is apart
+        # A repair joins what is apart.
+        return PlanBatch.from_plans(drafts, mission.robots)

@@ -6,11 +6,17 @@ from botohe_rich_visit import RichVisit
 from botohe_moo import load_mission, make_algorithm, solve
 
 
+def parents_on(mission):
+    found = solve(mission, "random", evaluations=100, seed=1)
+    return mission.batch(found.plans)
+
+
 def test_children_are_valid_and_parents_unchanged():
     mission = load_mission("art_museum")
-    parents = mission.batch(solve(mission, "random", evaluations=100, seed=1).plans)
+    parents = parents_on(mission)
     before = list(parents)
-    children = RichVisit().mutate_batch(mission, parents, np.random.default_rng(1))
+    rng = np.random.default_rng(1)
+    children = RichVisit().mutate_batch(mission, parents, rng)
     assert mission.evaluate(children).shape == (len(parents), 2)
     assert list(parents) == before
     assert list(children) != before
@@ -18,9 +24,10 @@ def test_children_are_valid_and_parents_unchanged():
 
 def test_the_same_generator_gives_the_same_children():
     mission = load_mission("art_museum")
-    parents = mission.batch(solve(mission, "random", evaluations=100, seed=1).plans)
+    parents = parents_on(mission)
     first, second = (
-        RichVisit().mutate_batch(mission, parents, np.random.default_rng(7)) for _ in range(2)
+        RichVisit().mutate_batch(mission, parents, np.random.default_rng(7))
+        for _ in range(2)
     )
     assert list(first) == list(second)
 

@@ -12,7 +12,7 @@ class Safest(BOTOHE):
         return self.mission.total_reward, 1.0
 
     def evaluate_batch(self, batch):
-        """Give F: what is to be large has a minus."""
+        """Return F: what is to be large has a minus."""
         F = super().evaluate_batch(batch)  # −E[R] and −E[S]
         F[:, 1] = -self.mission.robot_survival(batch).min(axis=1)
         return F
