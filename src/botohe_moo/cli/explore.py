@@ -37,7 +37,7 @@ def explore_front(
         bool, typer.Option("--open", help="Open the page in the browser.")
     ] = False,
 ) -> None:
-    """Write a page on which to walk along a front, look at its plans and compare them.
+    """Write a page to walk along a front and compare its plans.
 
     One HTML file that needs no network: the front beside the map of the site, distributions of
     reward and survivors, up to four plans side by side, filters, and export of plans.

@@ -22,7 +22,7 @@ with ending_on_interrupt:
     )
     from botohe_moo.cli.shell import BAD_INPUT, failing, say, tell
 
-missions_app = typer.Typer(invoke_without_command=True)
+missions_app = typer.Typer(invoke_without_command=True, rich_markup_mode=None)
 
 
 @missions_app.callback()
@@ -53,7 +53,9 @@ def show_mission(
     mission_parameter: MissionParameterOption = None,
     picture: Annotated[
         Path | None,
-        typer.Option("--picture", help="Also draw the mission to this file: PNG, PDF or SVG."),
+        typer.Option(
+            "--picture", metavar="FILE", help="Also draw the mission to this file: PNG, PDF or SVG."
+        ),
     ] = None,
 ) -> None:
     """Describe a mission; on request, draw it."""
@@ -80,7 +82,7 @@ def show_mission(
 
 @missions_app.command("check")
 def check_missions(
-    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Mission files.")],
+    files: Annotated[list[Path], typer.Argument(metavar="FILE", help="Mission files.")],
 ) -> None:
     """Check mission files; name everything that is wrong with them."""
     from botohe_moo.cli.checks import check_places
@@ -152,7 +154,7 @@ def import_mission(
         str | None, typer.Option("--title", metavar="TEXT", help="Title, for pictures.")
     ] = None,
 ) -> None:
-    """Make a mission file of two tables (CSV), of nodes and of arcs.
+    """Make a mission file of two tables (CSV): nodes and arcs.
 
     Labels are texts. Names of columns may be in upper or lower case; further columns become
     attributes. Everything that is wrong is named by file, row and column.

@@ -17,7 +17,9 @@ if TYPE_CHECKING:
     from botohe_moo.study.store.tables import StudyTables
 
 study_app = typer.Typer(
-    no_args_is_help=True, help="Compare algorithms: from a study file to tables and figures."
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    help="Compare algorithms: from a study file to tables and figures.",
 )
 
 _BY_SIGNAL = 128  # exit status of a command that a signal has ended, and the signal's number
@@ -76,7 +78,7 @@ def run(
     there.
     """
     with ending_on_interrupt:
-        from botohe_moo.cli.progress import ProgressWatcher
+        from botohe_moo.cli.progress import watching_study
         from botohe_moo.study.file.loading import load_study
         from botohe_moo.study.file.model import study_folder
         from botohe_moo.study.runner import StudyInterrupted, run_study
@@ -85,7 +87,7 @@ def run(
         study = load_study(file, out=out)
     folder = study_folder(study.name, out)
     try:
-        with failing(FAILED), ProgressWatcher(say) as watcher:
+        with failing(FAILED), watching_study() as watcher:
             tables = run_study(
                 study,
                 folder,
@@ -136,9 +138,9 @@ def _outcome(tables: StudyTables) -> str:
 
 @study_app.command("plan")
 def plan(file: FileArgument, out: OutOption = None, workers: WorkersOption = None) -> None:
-    """List the runs, what is already there, and how long the rest will take."""
+    """List the runs, those that are there, and the time for the rest."""
     with ending_on_interrupt:
-        from botohe_moo.cli.progress import showing_trials
+        from botohe_moo.cli.progress import showing
         from botohe_moo.study.estimate import estimate_times, time_left
         from botohe_moo.study.file.loading import load_study
         from botohe_moo.study.file.model import study_folder
@@ -154,8 +156,9 @@ def plan(file: FileArgument, out: OutOption = None, workers: WorkersOption = Non
         say(f"{fault}; the run will be performed again.")
     for fault in planned.damaged_bounds.values():
         say(f"{fault}; the bound will be computed again.")
-    with showing_trials(say) as show:
-        estimates = list(estimate_times(planned, show))
+    with showing("reading") as show:
+        note = "what is not compiled yet is compiled first"
+        estimates = list(estimate_times(planned, lambda trial: show(f"{trial}; {note}")))
     tell(_plan_table(estimates))
     n_there, n_runs = len(planned.finished), len(planned.runs)
     tell(f"\n{n_runs} runs: {n_there} are there, {n_runs - n_there} to go, in {folder.path}")
@@ -205,9 +208,10 @@ def _duration(seconds: float) -> str:
 
 @study_app.command("tables")
 def tables(folder: FolderArgument) -> None:
-    """Make the tables of the runs that are there: while a runner is at work, or after a kill.
+    """Make the tables of the runs that are there.
 
-    Every file of a run is read and checked. The study file is not needed.
+    Also while a runner is at work, or after a kill. Every file of a run is read and checked. The
+    study file is not needed.
     """
     with ending_on_interrupt:
         from botohe_moo.study.runner import make_tables
@@ -222,7 +226,7 @@ def tables(folder: FolderArgument) -> None:
 @study_app.command("merge")
 def merge(
     folders: Annotated[
-        list[Path], typer.Argument(metavar="DIR...", help="Folders of the same study.")
+        list[Path], typer.Argument(metavar="DIR", help="Folders of the same study.")
     ],
     out: OutOption = None,
 ) -> None:
