@@ -192,6 +192,8 @@ def solve_mission(
         tell_choice(loaded, choice, folder)
     if certify_for is not None:
         certify(solution, folder, certify_for)
+    if choice is None:
+        tell(f"\n{_next(folder, loaded.robots)}")
     if choice is not None and not choice.met:
         fail("no plan meets all wishes.", FAILED)
 
@@ -235,7 +237,6 @@ def _search_and_write(
             except PictureError as error:
                 fail(f"{error} The tables are in {folder}.", FAILED)
     tell("\n" + "\n".join(f"wrote {path}" for path in paths))
-    tell(f"\n{_next(folder, problem.mission.robots)}")
     if stop.is_set() or late.is_set():
         raise typer.Exit(INTERRUPTED)
     return solution, folder

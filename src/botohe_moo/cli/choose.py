@@ -197,7 +197,8 @@ def _trails_text(mission: Mission, plan: TrailPlan) -> str:
 
 
 def _overview(solution: Solution) -> str:
-    return f"{solution.describe()}\n\n" + paragraph(
-        'Say what you wish, as in `botohe choose DIR "survivors >= 2"`, or look at one with '
-        "`--plan ID`."
+    more = (
+        "The knee is a mark, not a verdict. Say what you wish, as in "
+        '`botohe choose DIR "survivors >= 2"`, or look at one with `--plan ID`.'
     )
+    return f"{solution.describe()}\n\n{paragraph(more)}"

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from botohe_moo.study.run.task import Outcome, Record
 
 _COMPILING = "compiling for this machine, once: 20 s to a minute"
-_SECONDS_BETWEEN_LINES = 8.0
+_SECONDS_BETWEEN_LINES = 6.0
 _SECONDS_BETWEEN_LINES_OF_STUDIES = 60.0
 
 
