@@ -43,8 +43,8 @@ with ending_on_interrupt:
         ParameterOption,
         RobotsOption,
         SeedOption,
-        given_path,
         mission_source,
+        out_option,
         read_parameters,
         seconds,
     )
@@ -116,13 +116,7 @@ def solve_mission(
     max_length: MaxLengthOption = None,
     out: Annotated[
         Path | None,
-        typer.Option(
-            "--out",
-            "-o",
-            metavar="DIR",
-            parser=given_path,
-            help="Folder to write to; by default a new one, results/solve/MISSION.",
-        ),
+        out_option("DIR", "Folder to write to; by default a new one, results/solve/MISSION."),
     ] = None,
     show_all: Annotated[
         bool,
@@ -176,7 +170,6 @@ def solve_mission(
         BOTOHE(loaded, min_survival=min_survival, max_length=max_length),
         built,
         out,
-        default=Path("results", "solve", Path(mission).stem),
         evaluations=evaluations,
         seed=seed,
         record={"algorithm": algorithm, "parameters": parameters, "source": source},
@@ -199,13 +192,7 @@ def solve_mission(
 
 
 def _search_and_write(
-    problem: BOTOHE,
-    algorithm: Algorithm,
-    out: Path | None,
-    *,
-    default: Path,
-    show_all: bool,
-    **how: Any,
+    problem: BOTOHE, algorithm: Algorithm, out: Path | None, *, show_all: bool, **how: Any
 ) -> tuple[Solution, Path]:
     from botohe_moo._base.files import new_folder
     from botohe_moo._base.interrupts import hold_interrupt
@@ -214,6 +201,7 @@ def _search_and_write(
     from botohe_moo.solution import PictureError
     from botohe_moo.solving import RefusalError, search
 
+    default = Path("results", "solve", Path(how["record"]["source"]["name_or_path"]).stem)
     with hold_interrupt(answer=_STOPPING) as stop, ExitStack() as stack:
         with failing():
             check_folder(default.parent if out is None else out)

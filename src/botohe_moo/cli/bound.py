@@ -19,8 +19,8 @@ with ending_on_interrupt:
         MissionParameterOption,
         RobotsOption,
         SeedOption,
-        given_path,
         mission_source,
+        out_option,
         seconds,
     )
     from botohe_moo.cli.shell import FAILED, fail, failing, tell
@@ -59,16 +59,7 @@ def bound_mission(
     min_survival: MinSurvivalOption = 0.0,
     max_length: MaxLengthOption = None,
     seed: SeedOption = 1,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            "-o",
-            metavar="FILE",
-            parser=given_path,
-            help="Write the bound to this JSON file.",
-        ),
-    ] = None,
+    out: Annotated[Path | None, out_option("FILE", "Write the bound to this JSON file.")] = None,
 ) -> None:
     """Prove how far a front is from the best there is.
 

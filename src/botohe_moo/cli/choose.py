@@ -13,7 +13,7 @@ with ending_on_interrupt:
     import typer
 
     from botohe_moo.cli.describe import paragraph
-    from botohe_moo.cli.options import given_path, integer_option
+    from botohe_moo.cli.options import integer_option, out_option
     from botohe_moo.cli.shell import FAILED, fail, failing, tell
 
 if TYPE_CHECKING:
@@ -64,12 +64,9 @@ ChooseOption = Annotated[
 ]
 PlanFileOption = Annotated[
     Path | None,
-    typer.Option(
-        "--out",
-        "-o",
-        metavar="FILE",
-        parser=given_path,
-        help="Write the plan to this file: .json, .csv (waypoints), .geojson, or drawn on the map "
+    out_option(
+        "FILE",
+        "Write the plan to this file: .json, .csv (waypoints), .geojson, or drawn on the map "
         "as .png, .svg or .pdf.",
     ),
 ]

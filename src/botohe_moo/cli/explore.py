@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from botohe_moo.cli.interrupt import ending_on_interrupt
-from botohe_moo.cli.options import given_path
+from botohe_moo.cli.options import out_option
 
 with ending_on_interrupt:
     from pathlib import Path
@@ -23,14 +23,7 @@ if TYPE_CHECKING:
 def explore_front(
     folder: FolderArgument,
     out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            "-o",
-            metavar="FILE.html",
-            parser=given_path,
-            help="File to write; by default DIR/explorer.html.",
-        ),
+        Path | None, out_option("FILE.html", "File to write; by default DIR/explorer.html.")
     ] = None,
     wish: ChooseOption = None,
     open_page: Annotated[

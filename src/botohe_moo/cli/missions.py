@@ -15,14 +15,14 @@ with ending_on_interrupt:
         MissionArgument,
         MissionParameterOption,
         RobotsOption,
-        given_path,
         integer_option,
         length,
         mission_source,
+        out_option,
     )
     from botohe_moo.cli.shell import BAD_INPUT, failing, say, tell
 
-missions_app = typer.Typer(invoke_without_command=True, rich_markup_mode=None)
+missions_app = typer.Typer(invoke_without_command=True)
 
 
 @missions_app.callback()
@@ -122,16 +122,7 @@ def import_mission(
     ],
     base: Annotated[str, typer.Option("--base", metavar="LABEL", help="Label of the base.")],
     robots: Annotated[int, integer_option("--robots", metavar="K", help="Number of robots.")],
-    out: Annotated[
-        Path,
-        typer.Option(
-            "--out",
-            "-o",
-            metavar="FILE",
-            parser=given_path,
-            help="Mission file to write: .json, .graphml.",
-        ),
-    ],
+    out: Annotated[Path, out_option("FILE", "Mission file to write: .json, .graphml.")],
     both_ways: Annotated[
         bool, typer.Option("--both-ways", help="Every row of arcs is an arc in both directions.")
     ] = False,

@@ -24,9 +24,8 @@ if TYPE_CHECKING:
     from botohe_moo.study.planning import Plan
     from botohe_moo.study.run.task import Outcome, Record
 
-_COMPILING = "compiling for this machine, once: 20 s to a minute"
+_COMPILING = "compiling for this machine, once: 5 to 30 s, longer if it is busy"
 _SECONDS_BETWEEN_LINES = 6.0
-_SECONDS_BETWEEN_LINES_OF_STUDIES = 60.0
 
 
 Show = Callable[..., None]
@@ -88,10 +87,8 @@ def _bar() -> Iterator[Show]:
     bar.start()
 
     def put(words: str, done: float = 0.0, total: float | None = None) -> None:
-        if total is None:  # keeps the total that there may be
-            bar.update(task, words=harmless(words))
-        else:
-            bar.update(task, words=harmless(words), completed=done, total=total)
+        given = None if total is None else done  # without a total, both stay as they are
+        bar.update(task, words=harmless(words), completed=given, total=total)
 
     try:
         yield put
@@ -140,11 +137,12 @@ def showing_search(total: int) -> Iterator[Progress]:
         yield progress
 
 
-@contextmanager
-def watching_study() -> Iterator[StudyWatcher]:
-    """Show a study's progress."""
-    with showing("reading", every=_SECONDS_BETWEEN_LINES_OF_STUDIES) as show:
-        yield StudyWatcher(show)
+def say_faults(plan: Plan) -> None:
+    """Say which results of a study are damaged."""
+    for fault in plan.damaged.values():
+        say(f"{fault}; the run is performed again.")
+    for fault in plan.damaged_bounds.values():
+        say(f"{fault}; the bound is computed again.")
 
 
 class StudyWatcher:
@@ -159,10 +157,7 @@ class StudyWatcher:
 
     def begin(self, plan: Plan) -> None:
         """Say how many runs are finished, and how many are to go."""
-        for fault in plan.damaged.values():
-            say(f"{fault}; the run is performed again.")
-        for fault in plan.damaged_bounds.values():
-            say(f"{fault}; the bound is computed again.")
+        say_faults(plan)
         self._n_runs, self._n_bounds = len(plan.missing), len(plan.unbounded)
         there = len(plan.runs) - self._n_runs
         again = f", {len(plan.failed)} of them failed before" if plan.failed else ""

@@ -9,7 +9,7 @@ import typer
 
 from botohe_moo._base.words import counted
 from botohe_moo.cli.interrupt import ending_on_interrupt
-from botohe_moo.cli.options import given_path, integer_option
+from botohe_moo.cli.options import integer_option, out_option
 from botohe_moo.cli.shell import FAILED, fail, failing, say, tell
 
 if TYPE_CHECKING:
@@ -18,22 +18,17 @@ if TYPE_CHECKING:
 
 study_app = typer.Typer(
     no_args_is_help=True,
-    rich_markup_mode=None,
     help="Compare algorithms: from a study file to tables and figures.",
 )
 
+_SECONDS_BETWEEN_LINES = 60.0  # of a study's progress, where there is no terminal
 _BY_SIGNAL = 128  # exit status of a command that a signal has ended, and the signal's number
 
 FileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="A study file (YAML).")]
 FolderArgument = Annotated[
     Path, typer.Argument(metavar="DIR", help="Folder that `botohe study run` has written to.")
 ]
-OutOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--out", "-o", metavar="DIR", parser=given_path, help="Its folder; by default results/NAME."
-    ),
-]
+OutOption = Annotated[Path | None, out_option("DIR", "Its folder; by default results/NAME.")]
 WorkersOption = Annotated[
     int | None,
     integer_option(
@@ -78,7 +73,7 @@ def run(
     there.
     """
     with ending_on_interrupt:
-        from botohe_moo.cli.progress import watching_study
+        from botohe_moo.cli.progress import StudyWatcher, showing
         from botohe_moo.study.file.loading import load_study
         from botohe_moo.study.file.model import study_folder
         from botohe_moo.study.runner import StudyInterrupted, run_study
@@ -87,14 +82,14 @@ def run(
         study = load_study(file, out=out)
     folder = study_folder(study.name, out)
     try:
-        with failing(FAILED), watching_study() as watcher:
+        with failing(FAILED), showing("reading", every=_SECONDS_BETWEEN_LINES) as show:
             tables = run_study(
                 study,
                 folder,
                 workers=_workers(workers),
                 dask=dask,
                 patience=patience,
-                watcher=watcher,
+                watcher=StudyWatcher(show),
             )
     except StudyInterrupted as stopped:
         status = _BY_SIGNAL + stopped.signal
@@ -140,7 +135,7 @@ def _outcome(tables: StudyTables) -> str:
 def plan(file: FileArgument, out: OutOption = None, workers: WorkersOption = None) -> None:
     """List the runs, those that are there, and the time for the rest."""
     with ending_on_interrupt:
-        from botohe_moo.cli.progress import showing
+        from botohe_moo.cli.progress import say_faults, showing
         from botohe_moo.study.estimate import estimate_times, time_left
         from botohe_moo.study.file.loading import load_study
         from botohe_moo.study.file.model import study_folder
@@ -152,10 +147,7 @@ def plan(file: FileArgument, out: OutOption = None, workers: WorkersOption = Non
         folder = StudyFolder(study_folder(study.name, out))
         folder.check(study)
         planned = plan_study(study, folder)
-    for fault in planned.damaged.values():
-        say(f"{fault}; the run will be performed again.")
-    for fault in planned.damaged_bounds.values():
-        say(f"{fault}; the bound will be computed again.")
+    say_faults(planned)
     with showing("reading") as show:
         note = "what is not compiled yet is compiled first"
         estimates = list(estimate_times(planned, lambda trial: show(f"{trial}; {note}")))
