@@ -73,7 +73,7 @@ ROOMS = {
 }
 
 KERNELS_MAY_IMPORT = re.compile(
-    r"(__future__|collections\.abc|functools|gc|heapq|math|numba|os|numpy|pathlib|typing|botohe_moo\.(_base\.types|kernels))(\.|$)"
+    r"(__future__|collections\.abc|functools|gc|heapq|math|numba|os|numpy|pathlib|typing|botohe_moo\.(_base\.(compiling|types)|kernels))(\.|$)"
 )
 
 

@@ -2,10 +2,12 @@
 
 import csv
 import fcntl
+import itertools
 import json
 import os
 import pty
 import re
+import shlex
 import shutil
 import signal
 import struct
@@ -14,13 +16,17 @@ import sys
 import termios
 import textwrap
 import threading
+import time
 from pathlib import Path
 from typing import NamedTuple
 
 import networkx as nx
+import numba
 import pytest
 
+import botohe_moo.kernels.compile  # noqa: F401
 from botohe_moo import FrontBound, Mission, load_mission, read_solution, save_mission
+from botohe_moo.cli.progress import showing
 
 BOTOHE = Path(sys.executable).parent / "botohe"
 FILES = ["front.csv", "front.png", "mission.json", "mission.png", "plans.json"]
@@ -181,7 +187,7 @@ class TestSolve:
     def test_it_ends_well(self, solved):
         ended, folder = solved
         assert ended.status == 0
-        assert ended.err == ""
+        assert all("compiling" in line for line in ended.err.splitlines())
         assert names_in(folder) == FILES
         assert [line for line in ended.out.splitlines() if line.startswith("wrote ")] == [
             f"wrote out/{name}"
@@ -190,12 +196,33 @@ class TestSolve:
         assert "5 nodes, 12 arcs, 2 robots, total reward 10" in ended.out
         assert "spent 250 evaluations" in ended.out
 
-    def test_the_front_is_printed_with_its_area(self, solved):
+    def test_some_plans_are_printed_or_all(self, botohe, tmp_path):
+        ended = botohe("solve", "art_museum", "-n", 2000, "-o", "out")
+        assert ended.err == ""
+        everything = botohe("solve", "art_museum", "-n", 2000, "-o", "out", "--all")
+        front = [(f"{i}", f"{r:.4f}", f"{s:.4f}") for i, r, s in front_in(tmp_path / "out")]
+        some, every = (
+            re.findall(r"^ *(\d+) +(\d+\.\d{4}) +(\d\.\d{4})\b", out, re.MULTILINE)
+            for out in (ended.out, everything.out)
+        )
+        assert every == front
+        assert some == [row for row in front if row in some]
+        assert 5 <= len(some) <= 10 < len(front)
+        assert (some[0], some[-1]) == (front[0], front[-1])
+        area = f"area {plans_in(tmp_path / 'out')['area']:.4f}, {len(front)} plans on the front"
+        assert f"\n{area}, {len(some)} of them above\n" in ended.out
+        assert f"\n{area}\n" in everything.out
+
+    def test_what_comes_next(self, solved):
         ended, folder = solved
-        rows = [line.split() for line in ended.out.splitlines()]
-        for plan_id, reward, survivors in front_in(folder):
-            assert [str(plan_id), f"{reward:.4f}", f"{survivors:.4f}"] in rows
-        assert f"area {plans_in(folder)['area']:.4f}, {len(front_in(folder))} plans" in ended.out
+        commands = ended.out.partition("\nNext:\n")[2].splitlines()
+        assert len(commands) == 2
+        explore, choose = (shlex.split(command)[1:] for command in commands)
+        assert explore == ["explore", "out", "--open"]
+        chosen = subprocess.run(
+            [BOTOHE, *choose], cwd=folder.parent, capture_output=True, text=True
+        )
+        assert (chosen.returncode, chosen.stderr) == (0, "")
 
     def test_the_numbers_are_those_of_the_trails(self, solved):
         _, folder = solved
@@ -355,6 +382,32 @@ class TestSolve:
         )
         assert names_in(tmp_path / "out") == ["front.csv", "mission.json", "plans.json"]
 
+    def test_pictures_are_not_waited_for(self, tmp_path):
+        code = """
+            import sys
+            from botohe_moo import cli
+            app = sys.modules["botohe_moo.cli.app"]
+
+            def tell(message, usual=app.tell):
+                usual(message)
+                if "plan_id" in message:
+                    print(*sys.modules, file=sys.stderr)
+
+            app.tell = tell
+            sys.argv = ["botohe", "solve", "toy", "-n", "100", "-o", "out"]
+            cli.main()
+        """
+        done = subprocess.run(
+            [sys.executable, "-c", textwrap.dedent(code)],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+        )
+        assert done.returncode == 0
+        loaded = set(done.stderr.splitlines()[-1].split())
+        assert {"botohe_moo.solution", "numba"} <= loaded
+        assert not loaded & {"seaborn", "matplotlib.pyplot", "pandas", "scipy.spatial"}
+
     def test_output_that_holds_odd_characters(self, botohe, pier, tmp_path):
         code = "import sys; sys.stdout.reconfigure(encoding='latin-1', errors='strict')"
         ended = botohe("solve", pier(title="λ and more"), "-n", 9, "-o", "out\udcff", code=code)
@@ -426,6 +479,24 @@ def test_terminal_and_interrupt(tmp_path):
     assert 0 < content["evaluations"] < 10**9
     assert content["evaluations"] % 100 == 0  # no iteration was left half-done
     assert len(front_in(tmp_path / "out")) == len(content["plans"]) > 3
+
+
+def test_lines_where_there_is_no_terminal(capfd):
+    with showing("starting", every=0.05) as show:
+        time.sleep(0.2)
+        show("half of it", 1, 2)
+        time.sleep(0.2)
+        assert numba.njit(lambda x: [x] * 2)(1) == [1, 1]  # which compiles for a while
+        time.sleep(0.2)
+    lines = [line.removeprefix("botohe: ") for line in capfd.readouterr().err.splitlines()]
+    shown = [re.sub(r", \d:\d\d:\d\d$", "", line) for line in lines]
+    assert [words for words, _ in itertools.groupby(shown)] == [
+        "starting",
+        "half of it",
+        "compiling for this machine, once: 5 to 30 s, longer if it is busy.",
+        "compiling",
+        "half of it",
+    ]
 
 
 # Sends a signal when something of a module is called.
@@ -568,7 +639,7 @@ class TestSignals:
         ]
 
     def test_twice_while_searching(self, botohe, tmp_path):
-        code = when_called("botohe_moo.cli.progress", "progress_bar", times=2)
+        code = when_called("botohe_moo.cli.progress", "showing_search", times=2)
         ended = botohe("solve", "toy", "-o", "out", code=code)
         assert (ended.status, ended.err) == (130, STOPPING)
         assert names_in(tmp_path) == []
@@ -788,7 +859,7 @@ class TestBadOptions:
             (["missions", "shwo"], ["'shwo'", "'show'", "`botohe missions --help`"]),
             (["--loud"], ["--loud"]),
             (["solve"], ["'MISSION'", "`botohe solve --help`"]),
-            (["missions", "check"], ["'FILE...'"]),
+            (["missions", "check"], ["'FILE'"]),
             (["missions", "show", "toy", "--robots", "0"], ["--robots", ">= 1", "0"]),
             (["algorithms", "boaco"], ["'boaco': there is no such algorithm; known are bo-aco, "]),
         ],
@@ -1067,17 +1138,7 @@ class TestChoose:
         _, folder = solved
         ended = botohe("choose", folder)
         assert (ended.status, ended.err) == (0, "")
-        front = {plan_id: (reward, alive) for plan_id, reward, alive in front_in(folder)}
-        rows = ended.out.split("\n\n")[0].splitlines()
-        assert rows[0].split() == ["plan", "reward", "survivors"]
-        shown = []
-        for row in rows[1:]:
-            plan_id, reward, alive, *_ = row.split()
-            shown.append(int(plan_id))
-            assert front[int(plan_id)] == pytest.approx((float(reward), float(alive)), rel=1e-3)
-        assert shown == sorted(shown)
-        assert sum("representative" in row for row in rows) == 5
-        assert sum("largest product" in row for row in rows) == 1
+        assert ended.out.startswith(f"{read_solution(folder).describe()}\n\nThe knee is a mark")
 
     @pytest.mark.parametrize("name", ["plan.json", "plan.csv"])
     def test_a_plan_is_written(self, botohe, solved, tmp_path, name):
@@ -1124,7 +1185,7 @@ class TestChoose:
 
     def test_one_plan(self, botohe):
         assert botohe("solve", "toy", "-a", "greedy", "-n", 1, "--out", "one").status == 0
-        assert "\n1 plan; marks, not verdicts." in botohe("choose", "one").out
+        assert ", 1 plan on the front\n" in botohe("choose", "one").out
 
     def test_the_impossible(self, botohe, solved, tmp_path):
         args = ["choose", solved[1], "survivors >= 1.9", "reward >= 9", "--out", "plan.json"]
@@ -1282,7 +1343,7 @@ class TestCertify:
         bound = FrontBound.load(folder / "bound.json", solution.mission)
         gap = bound.gap(solution.objectives)
         assert gap > 0.01
-        *_, empty, told, first, second = ended.out.splitlines()
+        *_, empty, told, first, second = ended.out.partition("\n\nNext:")[0].splitlines()
         assert (empty, first, second) == ("", "wrote out/bound.json", "wrote out/front.png")
         assert told.startswith(
             f"area {solution.area:.4f}; no plans whatsoever reach more than {bound.area:.4f}: "
@@ -1600,12 +1661,19 @@ class TestHelp:
             "Ctrl-C",
         ):
             assert word in ended.out
+        assert "without it, every search gets a new folder." in flat(ended.out)
+        assert not re.search("<bool>|BOOLEAN", ended.out)
         assert "check" in botohe("missions", "--help").out
 
-    def test_without_a_command(self, botohe):
-        ended = botohe()
+    @pytest.mark.parametrize("command", [[], ["study"]])
+    def test_without_a_command(self, botohe, command):
+        ended = botohe(*command)
         assert ended.err == ""
-        assert "solve" in ended.out
+        assert ended.out == botohe(*command, "--help").out
+
+    @pytest.mark.parametrize("group", [[], ["missions"], ["study"]])
+    def test_what_commands_do_is_not_cut(self, botohe, group):
+        assert "..." not in botohe(*group, "--help", COLUMNS="80").out.partition("Commands:")[2]
 
     def test_version(self, botohe):
         assert re.fullmatch(r"botohe-moo \d+\.\d+\S*\n", botohe("--version").out)

@@ -360,10 +360,10 @@ class TestInterrupt:
 class TestDescription:
     def test_of_a_front(self, toy):
         text = solution_of(toy, [[[1, 2, 4, 2, 1], [1]], [[1], [1]]], seconds=0.5).describe()
-        assert [line.split() for line in text.splitlines()[:3]] == [
-            ["plan_id", "reward", "survivors"],
-            ["0", "3.2400", "1.6561"],
-            ["1", "0.0000", "2.0000"],
+        assert text.splitlines()[:3] == [  # 3.24 / (2 - 1.6561)
+            "plan_id  reward  survivors  reward per survivor more, to next row",
+            "      0  3.2400     1.6561                                  9.421",
+            "      1  0.0000     2.0000",
         ]
         assert "by hand, seed 1: spent 2 evaluations in 0.5 s (4 a second)" in text
         assert text.endswith("area 0.2683, 2 plans on the front")  # 3.24 · 1.6561 / 20
@@ -377,10 +377,34 @@ class TestDescription:
         assert solution_of(toy, [[[1], [1]]]).describe().endswith("1 plan on the front")
 
     def test_of_a_long_front(self, toy):
-        text = solution_of(toy, [[[1], [1]]] * 1000).describe()
-        assert len(text.splitlines()) < 60
-        assert " 999 " in text
-        assert " 500 " not in text
+        survivors = np.linspace(0, 2, 1001)
+        objectives = np.column_stack([10 - 2.5 * survivors**2, survivors])
+        plans = [[[1], [1]]] * len(objectives)
+        solution = solution_of(toy, plans, objectives=objectives)
+        lines = [line.split() for line in solution.describe().splitlines()]
+        rows = lines[1 : lines.index([])]
+        found = [int(row[0]) for row in rows]
+        assert len(rows) <= 10
+        assert found[0] == 0
+        assert found[-1] == 1000
+        assert [int(row[0]) for row in rows if "knee" in row] == [500]
+        for i, j, row in zip(found, found[1:], rows, strict=False):
+            # (x² - y²) / (y - x)
+            cost = 2.5 * (survivors[i] + survivors[j])
+            assert row[:4] == [
+                f"{i}",
+                f"{objectives[i, 0]:.4f}",
+                f"{survivors[i]:.4f}",
+                f"{cost:.4g}",
+            ]
+        assert f"1,001 plans on the front, {len(rows)} of them above" in solution.describe()
+        everything = solution.describe(all_plans=True)
+        assert len(everything.splitlines()) > 1001
+        assert everything.endswith("1,001 plans on the front")
+
+    def test_of_equal_plans(self, toy):
+        text = solution_of(toy, [[[1], [1]]] * 2).describe()
+        assert text.splitlines()[1].split() == ["0", "0.0000", "2.0000", "-"]
 
 
 class TestJson:

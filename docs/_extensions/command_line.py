@@ -1,6 +1,5 @@
 """The page of the command line, as typer writes it of the program itself."""
 
-import html
 import subprocess
 import sys
 from pathlib import Path
@@ -16,8 +15,6 @@ def write_page(app: Sphinx, _config: object) -> None:
     target.parent.mkdir(exist_ok=True)
     command = [sys.executable, "-m", "typer", *COMMAND, "--output", str(target)]
     subprocess.run(command, check=True, capture_output=True)
-    # It escapes for pages what Sphinx escapes again.
-    target.write_text(html.unescape(target.read_text("utf-8")), "utf-8")
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

@@ -13,9 +13,11 @@ from botohe_moo.cli.interrupt import INTERRUPTED, ending_on_interrupt
 _STARTED = time.perf_counter()
 
 with ending_on_interrupt:
+    import shlex
     import sys
     from contextlib import ExitStack
     from pathlib import Path
+    from shutil import which
     from typing import TYPE_CHECKING, Annotated, Any
 
     import typer
@@ -41,8 +43,8 @@ with ending_on_interrupt:
         ParameterOption,
         RobotsOption,
         SeedOption,
-        given_path,
         mission_source,
+        out_option,
         read_parameters,
         seconds,
     )
@@ -58,7 +60,11 @@ if TYPE_CHECKING:
 _STOPPING = "stopping; what was found will be written. Press Ctrl-C again to break off."
 
 app = typer.Typer(
-    name="botohe", no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False
+    name="botohe",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,  # its help breaks lines within sentences, and gives flags a value
 )
 app.command("bound")(bound_mission)
 app.command("check")(check_conformance)
@@ -110,14 +116,12 @@ def solve_mission(
     max_length: MaxLengthOption = None,
     out: Annotated[
         Path | None,
-        typer.Option(
-            "--out",
-            "-o",
-            metavar="DIR",
-            parser=given_path,
-            help="Folder to write to; by default a new one, results/solve/MISSION.",
-        ),
+        out_option("DIR", "Folder to write to; by default a new one, results/solve/MISSION."),
     ] = None,
+    show_all: Annotated[
+        bool,
+        typer.Option("--all", help="Print all plans of the front, not only some ten."),
+    ] = False,
     wish: ChooseOption = None,
     explore: Annotated[
         bool,
@@ -134,10 +138,13 @@ def solve_mission(
         ),
     ] = None,
 ) -> None:
-    """Search for the Pareto front of a mission; write it as tables and pictures.
+    """Search for the Pareto front of a mission.
 
-    Writes front.csv, plans.json, mission.json, front.png and mission.png. In the folder that --out
-    names they replace those of an earlier search; without it, every search gets a new folder.
+    Prints some ten plans along the front: its ends, its knee, and plans that represent the others.
+
+    Writes the whole front: front.csv, plans.json, mission.json, front.png and mission.png. In the
+    folder that --out names they replace those of an earlier search; without it, every search gets a
+    new folder.
 
     Ctrl-C stops the search and writes what was found, without --choose, --explore and --certify.
     While --certify proves, it keeps what is proved.
@@ -163,10 +170,10 @@ def solve_mission(
         BOTOHE(loaded, min_survival=min_survival, max_length=max_length),
         built,
         out,
-        default=Path("results", "solve", Path(mission).stem),
         evaluations=evaluations,
         seed=seed,
         record={"algorithm": algorithm, "parameters": parameters, "source": source},
+        show_all=show_all,
     )
     choice = solution.choose(*wishes) if wishes else None
     if explore:
@@ -178,27 +185,30 @@ def solve_mission(
         tell_choice(loaded, choice, folder)
     if certify_for is not None:
         certify(solution, folder, certify_for)
+    if choice is None:
+        tell(f"\n{_next(folder, loaded.robots)}")
     if choice is not None and not choice.met:
         fail("no plan meets all wishes.", FAILED)
 
 
 def _search_and_write(
-    problem: BOTOHE, algorithm: Algorithm, out: Path | None, *, default: Path, **how: Any
+    problem: BOTOHE, algorithm: Algorithm, out: Path | None, *, show_all: bool, **how: Any
 ) -> tuple[Solution, Path]:
     from botohe_moo._base.files import new_folder
     from botohe_moo._base.interrupts import hold_interrupt
     from botohe_moo.cli.checks import check_folder
-    from botohe_moo.cli.progress import progress_bar
+    from botohe_moo.cli.progress import showing_search
     from botohe_moo.solution import PictureError
     from botohe_moo.solving import RefusalError, search
 
+    default = Path("results", "solve", Path(how["record"]["source"]["name_or_path"]).stem)
     with hold_interrupt(answer=_STOPPING) as stop, ExitStack() as stack:
         with failing():
             check_folder(default.parent if out is None else out)
             folder = stack.enter_context(new_folder(default)) if out is None else out
         tell(f"{problem.mission.title}: {brief(problem.mission, problem.max_length)}\n")
         try:
-            with progress_bar(how["evaluations"]) as progress:
+            with showing_search(how["evaluations"]) as progress:
                 solution = search(
                     problem, algorithm, progress=progress, stop=stop, started=_STARTED, **how
                 )
@@ -209,14 +219,24 @@ def _search_and_write(
             fail(f"{found}; nothing is written.", INTERRUPTED if stop.is_set() else FAILED)
         with hold_interrupt() as late, failing(FAILED):
             try:
-                paths = solution.write(folder, before_pictures=lambda: tell(solution.describe()))
+                paths = solution.write(
+                    folder, before_pictures=lambda: tell(solution.describe(all_plans=show_all))
+                )
             except PictureError as error:
                 fail(f"{error} The tables are in {folder}.", FAILED)
-    for path in paths:
-        tell(f"wrote {path}")
+    tell("\n" + "\n".join(f"wrote {path}" for path in paths))
     if stop.is_set() or late.is_set():
         raise typer.Exit(INTERRUPTED)
     return solution, folder
+
+
+def _next(folder: Path, robots: int) -> str:
+    """Give the commands that come next, as they can be copied here."""
+    started = sys.argv[0]
+    name = started if Path(started).name == "botohe" and which("botohe") is None else "botohe"
+    given = f"{shlex.quote(name)} {{}} {shlex.quote(str(folder))}"
+    wish = f'"survivors >= {2 * robots / 3:.2g}"'
+    return f"Next:\n  {given.format('explore')} --open\n  {given.format('choose')} {wish}"
 
 
 def _check_plain(algorithm: str, parameters: dict[str, Any]) -> None:
@@ -234,7 +254,7 @@ def _check_plain(algorithm: str, parameters: dict[str, Any]) -> None:
 @app.command()
 def algorithms(
     name: Annotated[
-        str | None, typer.Argument(metavar="[NAME]", help="Show the parameters of this one.")
+        str | None, typer.Argument(metavar="NAME", help="Show the parameters of this one.")
     ] = None,
 ) -> None:
     """List the algorithms, or the parameters of one."""

@@ -6,8 +6,6 @@ from botohe_moo.cli.interrupt import INTERRUPTED, ending_on_interrupt
 
 with ending_on_interrupt:
     import math
-    from collections.abc import Callable, Iterator
-    from contextlib import contextmanager
     from pathlib import Path
     from typing import TYPE_CHECKING, Annotated, Any
 
@@ -21,8 +19,8 @@ with ending_on_interrupt:
         MissionParameterOption,
         RobotsOption,
         SeedOption,
-        given_path,
         mission_source,
+        out_option,
         seconds,
     )
     from botohe_moo.cli.shell import FAILED, fail, failing, tell
@@ -61,24 +59,16 @@ def bound_mission(
     min_survival: MinSurvivalOption = 0.0,
     max_length: MaxLengthOption = None,
     seed: SeedOption = 1,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            "-o",
-            metavar="FILE",
-            parser=given_path,
-            help="Write the bound to this JSON file.",
-        ),
-    ] = None,
+    out: Annotated[Path | None, out_option("FILE", "Write the bound to this JSON file.")] = None,
 ) -> None:
-    """Prove what no plan of a mission exceeds, and so how far a front is from the best there is.
+    """Prove how far a front is from the best there is.
 
     For each number of expected survivors, an expected reward that no plan whatsoever exceeds. More
     time lowers it; Ctrl-C stops, and shows what is proved.
 
-    The front has to be of the same mission: give --robots and --mission-parameter as to `solve`.
-    Its limits count; no stricter ones can be given.
+    The front has to be of the same mission: give --robots and the mission's parameters as to
+    `solve`. Its limits count; no stricter ones can be given.
+
     The exit status is 2 for bad input.
     """
     with failing():
@@ -153,14 +143,18 @@ def _prove(
     mission: Mission, solution: Solution | None, stop: Event, *, time_limit: float, **how: Any
 ) -> FrontBound:
     """Bound the front of a mission until the time is over or the event is set."""
+    from botohe_moo.cli.progress import showing
     from botohe_moo.search.bounds import bound_front
 
-    with _showing(time_limit, solution) as show:
+    with showing("starting") as show:
 
         def look(bound: FrontBound) -> None:
             if stop.is_set():
                 raise KeyboardInterrupt
-            show(bound)
+            words = f"area at most {bound.area:.4f}"
+            if solution is not None:
+                words += f"  gap {100 * bound.gap(solution.objectives):.2f} %"
+            show(words, min(bound.seconds, time_limit), time_limit)
 
         front = None if solution is None else solution.objectives
         with failing():
@@ -228,23 +222,3 @@ def _tell_bound(bound: FrontBound, solution: Solution | None) -> None:
             reached = solution.objectives[solution.objectives[:, 1] >= survivors * (1 - 1e-12), 0]
             found = f"{reached.max():10.4g}" if len(reached) else f"{'-':>10}"
         tell(f"{survivors:10.4g}  {bound.bound(survivors):14.4g}{found}")
-
-
-@contextmanager
-def _showing(time_limit: float, solution: Solution | None) -> Iterator[Callable[..., None]]:
-    """Show the bound, and the gap if there is a front, and the time left, if on a terminal."""
-    from botohe_moo.cli.progress import is_terminal, new_bar
-
-    if not is_terminal():
-        yield lambda _: None
-        return
-    with new_bar(16, "{task.fields[words]} ") as bar:
-        task = bar.add_task("", total=time_limit, words="")
-
-        def show(bound: FrontBound) -> None:
-            words = f"area at most {bound.area:.4f}"
-            if solution is not None:
-                words += f"  gap {100 * bound.gap(solution.objectives):.2f} %"
-            bar.update(task, completed=min(bound.seconds, time_limit), words=words)
-
-        yield show

@@ -39,7 +39,7 @@ def check_conformance(
     ] = 60.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print the results as JSON.")] = False,
 ) -> None:
-    """Check whether an algorithm, or a mission, keeps all that studies rest on.
+    """Check that an algorithm, or a mission, fits into studies.
 
     Names each rule, whether it is kept, what happened where it is not, and what to do.
 

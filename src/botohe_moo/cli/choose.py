@@ -13,7 +13,7 @@ with ending_on_interrupt:
     import typer
 
     from botohe_moo.cli.describe import paragraph
-    from botohe_moo.cli.options import given_path, integer_option
+    from botohe_moo.cli.options import integer_option, out_option
     from botohe_moo.cli.shell import FAILED, fail, failing, tell
 
 if TYPE_CHECKING:
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from botohe_moo.solution import Solution
     from botohe_moo.trails import TrailPlan
 
-_N_SHOWN = 5
 _PICTURES = (".png", ".svg", ".pdf")
 
 FolderArgument = Annotated[Path, typer.Argument(metavar="DIR", help="Folder that `solve` wrote.")]
@@ -65,12 +64,9 @@ ChooseOption = Annotated[
 ]
 PlanFileOption = Annotated[
     Path | None,
-    typer.Option(
-        "--out",
-        "-o",
-        metavar="FILE",
-        parser=given_path,
-        help="Write the plan to this file: .json, .csv (waypoints), .geojson, or drawn on the map "
+    out_option(
+        "FILE",
+        "Write the plan to this file: .json, .csv (waypoints), .geojson, or drawn on the map "
         "as .png, .svg or .pdf.",
     ),
 ]
@@ -84,14 +80,14 @@ def choose_plan(
     plan: PlanOption = None,
     out: PlanFileOption = None,
 ) -> None:
-    """Choose a plan of a front: the best one among its plans that meets all wishes.
+    """Choose the best plan of a front that meets all wishes.
 
     Wishes: `survivors >= 2` and `reward >= 5` (expected), `P(survivors >= 2) >= 0.9`,
     `P(reward >= 5) >= 0.8`, `CVaR(reward, 0.1) >= 2` (mean of the lowest tenth; of survivors, too),
     `every robot >= 0.5` (survives), `reach NODE >= 0.9`; several, or joined by ` and `.
 
-    Without a wish, plans to look at are listed: the knee of the front and a handful of really
-    different ones.
+    Without a wish, some ten plans to look at are listed: the ends of the front, its knee, and plans
+    that represent the others.
 
     The exit status is 1 if no plan meets all wishes; then the nearest one is shown, and no file is
     written. It is 2 for bad input, and if the file cannot be written.
@@ -198,19 +194,8 @@ def _trails_text(mission: Mission, plan: TrailPlan) -> str:
 
 
 def _overview(solution: Solution) -> str:
-    from botohe_moo._base.words import counted
-
-    marked: dict[int, list[str]] = {}
-    for mark in solution.knees():
-        marked.setdefault(mark.index, []).append(mark.name)
-    for index in solution.representatives(_N_SHOWN):
-        marked.setdefault(index, []).append("representative")
-    lines = ["plan  reward  survivors"]
-    for index in sorted(marked, key=lambda i: -solution.objectives[i, 0]):
-        reward, survivors = solution.objectives[index].tolist()
-        lines.append(f"{index:4}  {reward:6.4g}  {survivors:9.4g}  {', '.join(marked[index])}")
     more = (
-        f"{counted(len(solution.plans), 'plan')}; marks, not verdicts. Say what you wish, as in "
+        "The knee is a mark, not a verdict. Say what you wish, as in "
         '`botohe choose DIR "survivors >= 2"`, or look at one with `--plan ID`.'
     )
-    return "\n".join([*lines, "", paragraph(more)])
+    return f"{solution.describe()}\n\n{paragraph(more)}"

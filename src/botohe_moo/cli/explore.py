@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from botohe_moo.cli.interrupt import ending_on_interrupt
-from botohe_moo.cli.options import given_path
+from botohe_moo.cli.options import out_option
 
 with ending_on_interrupt:
     from pathlib import Path
@@ -23,21 +23,14 @@ if TYPE_CHECKING:
 def explore_front(
     folder: FolderArgument,
     out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            "-o",
-            metavar="FILE.html",
-            parser=given_path,
-            help="File to write; by default DIR/explorer.html.",
-        ),
+        Path | None, out_option("FILE.html", "File to write; by default DIR/explorer.html.")
     ] = None,
     wish: ChooseOption = None,
     open_page: Annotated[
         bool, typer.Option("--open", help="Open the page in the browser.")
     ] = False,
 ) -> None:
-    """Write a page on which to walk along a front, look at its plans and compare them.
+    """Write a page to walk along a front and compare its plans.
 
     One HTML file that needs no network: the front beside the map of the site, distributions of
     reward and survivors, up to four plans side by side, filters, and export of plans.

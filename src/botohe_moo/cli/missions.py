@@ -15,10 +15,10 @@ with ending_on_interrupt:
         MissionArgument,
         MissionParameterOption,
         RobotsOption,
-        given_path,
         integer_option,
         length,
         mission_source,
+        out_option,
     )
     from botohe_moo.cli.shell import BAD_INPUT, failing, say, tell
 
@@ -53,7 +53,9 @@ def show_mission(
     mission_parameter: MissionParameterOption = None,
     picture: Annotated[
         Path | None,
-        typer.Option("--picture", help="Also draw the mission to this file: PNG, PDF or SVG."),
+        typer.Option(
+            "--picture", metavar="FILE", help="Also draw the mission to this file: PNG, PDF or SVG."
+        ),
     ] = None,
 ) -> None:
     """Describe a mission; on request, draw it."""
@@ -80,7 +82,7 @@ def show_mission(
 
 @missions_app.command("check")
 def check_missions(
-    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Mission files.")],
+    files: Annotated[list[Path], typer.Argument(metavar="FILE", help="Mission files.")],
 ) -> None:
     """Check mission files; name everything that is wrong with them."""
     from botohe_moo.cli.checks import check_places
@@ -120,16 +122,7 @@ def import_mission(
     ],
     base: Annotated[str, typer.Option("--base", metavar="LABEL", help="Label of the base.")],
     robots: Annotated[int, integer_option("--robots", metavar="K", help="Number of robots.")],
-    out: Annotated[
-        Path,
-        typer.Option(
-            "--out",
-            "-o",
-            metavar="FILE",
-            parser=given_path,
-            help="Mission file to write: .json, .graphml.",
-        ),
-    ],
+    out: Annotated[Path, out_option("FILE", "Mission file to write: .json, .graphml.")],
     both_ways: Annotated[
         bool, typer.Option("--both-ways", help="Every row of arcs is an arc in both directions.")
     ] = False,
@@ -152,7 +145,7 @@ def import_mission(
         str | None, typer.Option("--title", metavar="TEXT", help="Title, for pictures.")
     ] = None,
 ) -> None:
-    """Make a mission file of two tables (CSV), of nodes and of arcs.
+    """Make a mission file of two tables (CSV): nodes and arcs.
 
     Labels are texts. Names of columns may be in upper or lower case; further columns become
     attributes. Everything that is wrong is named by file, row and column.

@@ -51,6 +51,11 @@ def given_path(text: str) -> Path:
     return Path(text)
 
 
+def out_option(metavar: str, help: str) -> Any:  # noqa: A002
+    """Make an option for what is written."""
+    return typer.Option("--out", "-o", metavar=metavar, parser=given_path, help=help)
+
+
 def pairs_option(*names: str, help: str) -> Any:  # noqa: A002
     """Make an option for parameters, given as NAME=VALUE."""
     return typer.Option(*names, metavar="NAME=VALUE", help=f"{help} Repeatable.")

@@ -1,4 +1,4 @@
-"""Showing the progress of a search, and of a study: a bar, or lines where there is no terminal."""
+"""Progress on standard error: a bar that moves, or lines where there is no terminal."""
 
 from __future__ import annotations
 
@@ -8,138 +8,163 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING, Self
+from datetime import timedelta
+from typing import TYPE_CHECKING
 
+from botohe_moo._base.compiling import when_compiling
 from botohe_moo._base.words import counted
-from botohe_moo.cli.shell import harmless
+from botohe_moo.cli.shell import harmless, say
 
 if TYPE_CHECKING:
-    from rich.progress import Progress as Bar
+    from rich.progress import Task
+    from rich.text import Text
 
     from botohe_moo.solving import Progress
     from botohe_moo.study.file.model import Run, StudyMission
     from botohe_moo.study.planning import Plan
     from botohe_moo.study.run.task import Outcome, Record
 
-_SECONDS_BETWEEN_UPDATES = 0.1
+_COMPILING = "compiling for this machine, once: 5 to 30 s, longer if it is busy"
+_SECONDS_BETWEEN_LINES = 6.0
 
 
-def is_terminal() -> bool:
-    """Tell whether standard error is a terminal."""
+Show = Callable[..., None]
+"""Takes words, and optionally how much is done and of how much."""
+
+
+@contextmanager
+def showing(words: str, *, every: float = _SECONDS_BETWEEN_LINES) -> Iterator[Show]:
+    """Show words until what is yielded shows others: beside a bar, or in a line now and then.
+
+    A bar without a total moves to and fro. Lines are for where standard error is no terminal: what
+    is shown is said every so many seconds. Meanwhile kernels may be compiled, which is shown, too.
+    """
+    latest, told = words, False
     # rich would also take FORCE_COLOR, which many set for logs, for a terminal.
-    return sys.stderr is not None and sys.stderr.isatty()
+    is_terminal = sys.stderr is not None and sys.stderr.isatty()
+    with _bar() if is_terminal else _lines(every) as put:
+
+        def show(words: str, done: float = 0.0, total: float | None = None) -> None:
+            nonlocal latest
+            latest = words
+            put(words, done, total)
+
+        def note(compiling: bool) -> None:
+            nonlocal told
+            if not told:
+                say(f"{_COMPILING}.")
+                told = True
+            put("compiling" if compiling else latest, 0.0, None)
+
+        show(words)
+        with when_compiling(note):
+            yield show
 
 
-def new_bar(width: int, words: str) -> Bar:
-    """Make a bar on standard error, with words as rich formats them, and the time left."""
+@contextmanager
+def _bar() -> Iterator[Show]:
     from rich import progress
     from rich.console import Console
+    from rich.text import Text
 
-    return progress.Progress(
-        progress.BarColumn(bar_width=width),
+    class Time(progress.ProgressColumn):
+        """The time that is left where it can be told, else the time until now."""
+
+        def render(self, task: Task) -> Text:
+            left = task.time_remaining
+            shown = timedelta(seconds=int((task.elapsed or 0.0) if left is None else left))
+            return Text(f"{shown}" if left is None else f"{shown} left")
+
+    bar = progress.Progress(
+        progress.BarColumn(bar_width=16),
         progress.TaskProgressColumn(),
-        progress.TextColumn(words),
-        progress.TimeRemainingColumn(),
-        progress.TextColumn("left"),
+        progress.TextColumn("{task.fields[words]} ", markup=False),
+        Time(),
         console=Console(stderr=True),
         redirect_stdout=False,
     )
+    task = bar.add_task("", total=None, words="")
+    bar.start()
+
+    def put(words: str, done: float = 0.0, total: float | None = None) -> None:
+        given = None if total is None else done  # without a total, both stay as they are
+        bar.update(task, words=harmless(words), completed=given, total=total)
+
+    try:
+        yield put
+    finally:
+        with suppress(OSError):  # the terminal has been closed
+            bar.stop()
 
 
 @contextmanager
-def progress_bar(total: int) -> Iterator[Progress | None]:
-    """Show evaluations, area and the time left on standard error, if that is a terminal.
+def _lines(every: float) -> Iterator[Show]:
+    latest, over, started = "", threading.Event(), time.monotonic()
 
-    Yields what takes the number of evaluations so far, and a function that gives the area, called
-    when it is about to be shown; None where nothing is shown. ``total`` evaluations are planned.
-    """
-    if not is_terminal():
-        yield None
-        return
-    words = "{task.completed:,.0f} evaluations  area {task.fields[area]:.4f} "
-    with new_bar(16, words) as bar:
-        task = bar.add_task("", total=total, area=0.0)
-        shown_at = -_SECONDS_BETWEEN_UPDATES
+    def put(words: str, done: float = 0.0, total: float | None = None) -> None:  # noqa: ARG001
+        nonlocal latest
+        latest = words
 
-        def show(evaluations: int, area: Callable[[], float]) -> None:
+    def speak() -> None:
+        while not over.wait(every):
+            say(f"{latest}, {timedelta(seconds=int(time.monotonic() - started))}")
+
+    thread = threading.Thread(target=speak, daemon=True)
+    thread.start()
+    try:
+        yield put
+    finally:
+        over.set()
+        thread.join()
+
+
+_SECONDS_BETWEEN_UPDATES = 0.5  # computing the area takes a while on large fronts
+
+
+@contextmanager
+def showing_search(total: int) -> Iterator[Progress]:
+    """Show how many evaluations are done, and the area: for what calls itself ``progress``."""
+    with showing("starting") as show:
+        shown_at = -math.inf
+
+        def progress(evaluations: int, area: Callable[[], float]) -> None:
             nonlocal shown_at
             now = time.perf_counter()
-            if evaluations >= total or now - shown_at >= _SECONDS_BETWEEN_UPDATES:
+            if now - shown_at >= _SECONDS_BETWEEN_UPDATES or evaluations >= total:
                 shown_at = now
-                bar.update(task, completed=evaluations, area=area())
+                show(f"{evaluations:,} evaluations  area {area():.4f}", evaluations, total)
 
-        yield show
-
-
-_SECONDS_BETWEEN_LINES = 60.0  # where there is no terminal to draw a bar on
-_SECONDS_BETWEEN_TRIALS = 10.0  # that are shown there
-_STEPS = 1_000  # of a run, so that the bar moves within one
+        yield progress
 
 
-@contextmanager
-def showing_trials(say: Callable[[str], None]) -> Iterator[Callable[[str], None]]:
-    """Show the words given to what it yields, in a line that changes, or in one now and then."""
-    if is_terminal():
-        from rich.console import Console
-        from rich.text import Text
-
-        with Console(stderr=True).status("reading") as status:
-            yield lambda tried: status.update(Text(harmless(_trial(tried))))
-        return
-    said_at = -math.inf
-
-    def show(tried: str) -> None:
-        nonlocal said_at
-        if time.monotonic() - said_at >= _SECONDS_BETWEEN_TRIALS:
-            said_at = time.monotonic()
-            say(_trial(tried))
-
-    yield show
+def say_faults(plan: Plan) -> None:
+    """Say which results of a study are damaged."""
+    for fault in plan.damaged.values():
+        say(f"{fault}; the run is performed again.")
+    for fault in plan.damaged_bounds.values():
+        say(f"{fault}; the bound is computed again.")
 
 
-def _trial(tried: str) -> str:
-    return f"{tried}; what is not compiled yet is compiled first, which may take minutes."
+class StudyWatcher:
+    """Counts the runs and bounds of a study that end, and shows their number."""
 
-
-class ProgressWatcher:
-    """Shows a study's progress on standard error: a bar, or lines where there is no terminal."""
-
-    def __init__(self, say: Callable[[str], None]) -> None:
-        self._say = say
+    def __init__(self, show: Show) -> None:
+        self._show_words = show
         self._lock = threading.Lock()
         self._shares: dict[str, float] = {}
         self._n_ended = self._n_runs = self._n_failed = 0
         self._n_bounded = self._n_bounds = 0
-        self._bar: Bar | None = None
-        self._said_at = time.monotonic()
-
-    def __enter__(self) -> Self:
-        if is_terminal():
-            words = "{task.fields[words]} "
-            self._bar = new_bar(24, words)
-            self._bar.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._bar is not None:
-            with suppress(OSError):  # the terminal has been closed
-                self._bar.stop()
 
     def begin(self, plan: Plan) -> None:
         """Say how many runs are finished, and how many are to go."""
-        for fault in plan.damaged.values():
-            self._say(f"{fault}; the run is performed again.")
-        for fault in plan.damaged_bounds.values():
-            self._say(f"{fault}; the bound is computed again.")
+        say_faults(plan)
         self._n_runs, self._n_bounds = len(plan.missing), len(plan.unbounded)
         there = len(plan.runs) - self._n_runs
         again = f", {len(plan.failed)} of them failed before" if plan.failed else ""
-        self._say(f"{len(plan.runs)} runs: {there} are there, {self._n_runs} to go{again}.")
+        say(f"{len(plan.runs)} runs: {there} are there, {self._n_runs} to go{again}.")
         if self._n_bounds:
-            self._say(f"{counted(self._n_bounds, 'bound')} to compute when the runs are done.")
-        if self._bar is not None:
-            n_first = self._n_runs or self._n_bounds
-            self._task = self._bar.add_task("", total=n_first * _STEPS, words=self._words())
+            say(f"{counted(self._n_bounds, 'bound')} to compute when the runs are done.")
+        self._show()
 
     def record(self, run: Run, record: Record) -> None:
         """Note which part of its budget a run has spent."""
@@ -157,36 +182,26 @@ class ProgressWatcher:
             self._n_ended += 1
             if outcome.status != "done":
                 self._n_failed += outcome.status == "failed"
-                self._say(
+                say(
                     f"{run.algorithm.label} on {run.mission.label}, seed {run.seed}: "
                     f"{outcome.status}: {outcome.error}"
                 )
             self._show()
-            if self._bar is not None and self._is_bounding:
-                # Bounds take another time than runs do.
-                self._bar.reset(self._task, total=self._n_bounds * _STEPS, words=self._words())
 
     def end_bound(self, mission: StudyMission, error: str | None) -> None:
         """Note that a mission is bounded, or why not."""
         with self._lock:
             self._n_bounded += 1
             if error is not None:
-                self._say(f"bound of {mission.label}: failed: {error}")
+                say(f"bound of {mission.label}: failed: {error}")
             self._show()
 
     def _show(self) -> None:
-        if self._bar is not None:
-            steps = (self._n_bounded or self._n_ended + sum(self._shares.values())) * _STEPS
-            self._bar.update(self._task, completed=steps, words=self._words())
-        elif time.monotonic() - self._said_at > _SECONDS_BETWEEN_LINES:
-            self._said_at = time.monotonic()
-            self._say(self._words())
-
-    @property
-    def _is_bounding(self) -> bool:
-        return self._n_bounds > 0 and self._n_ended == self._n_runs
-
-    def _words(self) -> str:
         failed = f", {self._n_failed} failed" if self._n_failed else ""
         bounds = f", {self._n_bounded} of {self._n_bounds} bounds" if self._n_bounds else ""
-        return f"{self._n_ended} of {self._n_runs} runs{failed}{bounds}"
+        words = f"{self._n_ended} of {self._n_runs} runs{failed}{bounds}"
+        if self._n_bounds and self._n_ended == self._n_runs:  # bounds take another time than runs
+            self._show_words(words, self._n_bounded, self._n_bounds)
+        else:
+            done = self._n_ended + sum(self._shares.values())
+            self._show_words(words, done, self._n_runs)

@@ -44,10 +44,11 @@ def run(app: typer.Typer) -> NoReturn:
         status = app(standalone_mode=False)
     except _UsageError as error:
         message = error.format_message()
-        if message and error.ctx is not None:
-            message = f"{message} (`{error.ctx.command_path} --help` tells more.)"
-        if message:  # there is none if the help has been shown instead
-            say(message)
+        if message.startswith("Usage: "):  # help, for want of a command
+            tell(message)
+        else:
+            more = f" (`{error.ctx.command_path} --help` tells more.)" if error.ctx else ""
+            say(f"{message}{more}")
         status = BAD_INPUT
     except MemoryError as error:
         say(f"there is not enough memory. {error}")

@@ -9,7 +9,7 @@ import typer
 
 from botohe_moo._base.words import counted
 from botohe_moo.cli.interrupt import ending_on_interrupt
-from botohe_moo.cli.options import given_path, integer_option
+from botohe_moo.cli.options import integer_option, out_option
 from botohe_moo.cli.shell import FAILED, fail, failing, say, tell
 
 if TYPE_CHECKING:
@@ -17,21 +17,18 @@ if TYPE_CHECKING:
     from botohe_moo.study.store.tables import StudyTables
 
 study_app = typer.Typer(
-    no_args_is_help=True, help="Compare algorithms: from a study file to tables and figures."
+    no_args_is_help=True,
+    help="Compare algorithms: from a study file to tables and figures.",
 )
 
+_SECONDS_BETWEEN_LINES = 60.0  # of a study's progress, where there is no terminal
 _BY_SIGNAL = 128  # exit status of a command that a signal has ended, and the signal's number
 
 FileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="A study file (YAML).")]
 FolderArgument = Annotated[
     Path, typer.Argument(metavar="DIR", help="Folder that `botohe study run` has written to.")
 ]
-OutOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--out", "-o", metavar="DIR", parser=given_path, help="Its folder; by default results/NAME."
-    ),
-]
+OutOption = Annotated[Path | None, out_option("DIR", "Its folder; by default results/NAME.")]
 WorkersOption = Annotated[
     int | None,
     integer_option(
@@ -76,7 +73,7 @@ def run(
     there.
     """
     with ending_on_interrupt:
-        from botohe_moo.cli.progress import ProgressWatcher
+        from botohe_moo.cli.progress import StudyWatcher, showing
         from botohe_moo.study.file.loading import load_study
         from botohe_moo.study.file.model import study_folder
         from botohe_moo.study.runner import StudyInterrupted, run_study
@@ -85,14 +82,14 @@ def run(
         study = load_study(file, out=out)
     folder = study_folder(study.name, out)
     try:
-        with failing(FAILED), ProgressWatcher(say) as watcher:
+        with failing(FAILED), showing("reading", every=_SECONDS_BETWEEN_LINES) as show:
             tables = run_study(
                 study,
                 folder,
                 workers=_workers(workers),
                 dask=dask,
                 patience=patience,
-                watcher=watcher,
+                watcher=StudyWatcher(show),
             )
     except StudyInterrupted as stopped:
         status = _BY_SIGNAL + stopped.signal
@@ -136,9 +133,9 @@ def _outcome(tables: StudyTables) -> str:
 
 @study_app.command("plan")
 def plan(file: FileArgument, out: OutOption = None, workers: WorkersOption = None) -> None:
-    """List the runs, what is already there, and how long the rest will take."""
+    """List the runs, those that are there, and the time for the rest."""
     with ending_on_interrupt:
-        from botohe_moo.cli.progress import showing_trials
+        from botohe_moo.cli.progress import say_faults, showing
         from botohe_moo.study.estimate import estimate_times, time_left
         from botohe_moo.study.file.loading import load_study
         from botohe_moo.study.file.model import study_folder
@@ -150,12 +147,10 @@ def plan(file: FileArgument, out: OutOption = None, workers: WorkersOption = Non
         folder = StudyFolder(study_folder(study.name, out))
         folder.check(study)
         planned = plan_study(study, folder)
-    for fault in planned.damaged.values():
-        say(f"{fault}; the run will be performed again.")
-    for fault in planned.damaged_bounds.values():
-        say(f"{fault}; the bound will be computed again.")
-    with showing_trials(say) as show:
-        estimates = list(estimate_times(planned, show))
+    say_faults(planned)
+    with showing("reading") as show:
+        note = "what is not compiled yet is compiled first"
+        estimates = list(estimate_times(planned, lambda trial: show(f"{trial}; {note}")))
     tell(_plan_table(estimates))
     n_there, n_runs = len(planned.finished), len(planned.runs)
     tell(f"\n{n_runs} runs: {n_there} are there, {n_runs - n_there} to go, in {folder.path}")
@@ -205,9 +200,10 @@ def _duration(seconds: float) -> str:
 
 @study_app.command("tables")
 def tables(folder: FolderArgument) -> None:
-    """Make the tables of the runs that are there: while a runner is at work, or after a kill.
+    """Make the tables of the runs that are there.
 
-    Every file of a run is read and checked. The study file is not needed.
+    Also while a runner is at work, or after a kill. Every file of a run is read and checked. The
+    study file is not needed.
     """
     with ending_on_interrupt:
         from botohe_moo.study.runner import make_tables
@@ -222,7 +218,7 @@ def tables(folder: FolderArgument) -> None:
 @study_app.command("merge")
 def merge(
     folders: Annotated[
-        list[Path], typer.Argument(metavar="DIR...", help="Folders of the same study.")
+        list[Path], typer.Argument(metavar="DIR", help="Folders of the same study.")
     ],
     out: OutOption = None,
 ) -> None:

@@ -101,9 +101,11 @@ def arc_counts(batch: PlanBatch, *, per_robot: bool) -> FloatArray:
 
 def distances(ours: FloatArray, others: FloatArray) -> FloatArray:
     """Compute 1 − |A ∩ B| / |A ∪ B| of multisets (n, n_arcs) and (m, n_arcs), in [0, 1] (n, m)."""
-    from scipy.spatial.distance import cdist
-
-    apart = cdist(ours, others, "cityblock")
-    union = (ours.sum(axis=1)[:, None] + others.sum(axis=1) + apart) / 2
+    most = int(max(ours.max(initial=0), others.max(initial=0)))
+    # Of multisets: how many are in both at least once, twice, and so on.
+    levels = range(1, most + 1)
+    shared = sum((1.0 * (ours >= n) @ (others >= n).T for n in levels), np.zeros(()))
+    union = ours.sum(axis=1)[:, None] + others.sum(axis=1) - shared
+    apart = union - shared
     found: FloatArray = np.divide(apart, union, out=np.zeros_like(apart), where=union > 0)
     return found

@@ -20,6 +20,7 @@ from numba.core import event
 from numba.core.cpu import CPUTargetOptions
 from numba.extending import register_jitable
 
+from botohe_moo._base.compiling import say_compiling
 from botohe_moo._base.types import RecordArray
 from botohe_moo.kernels.linking import leave_helpers_to_kernels
 
@@ -139,12 +140,15 @@ class _WithoutCollecting(event.Listener):
         if self._depth == 0:
             self._was_enabled = gc.isenabled()
             gc.disable()
+            say_compiling(True)
         self._depth += 1
 
     def on_end(self, event: Any) -> None:  # noqa: ARG002
         self._depth -= 1
-        if self._depth == 0 and self._was_enabled:
-            gc.enable()
+        if self._depth == 0:
+            say_compiling(False)
+            if self._was_enabled:
+                gc.enable()
 
 
 _register: Any = event.register

@@ -24,6 +24,7 @@ from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.digest import numbers_digest
 from botohe_moo.mission.formats.nodelink import mission_content, write_node_link
 from botohe_moo.mission.model import Mission
+from botohe_moo.solution import overview
 from botohe_moo.trails import TrailPlan
 
 if TYPE_CHECKING:
@@ -36,7 +37,6 @@ PAGE = "explorer.html"
 BOUND = "bound.json"
 FILES = (*TABLES, FRONT_PICTURE, "mission.png", PAGE, BOUND)
 COLUMNS = ("plan_id", "reward", "survivors")
-_ROWS_SHOWN = 40
 _LONG_START = 0.5  # seconds; with everything loaded and compiled, a search starts in milliseconds
 
 
@@ -190,8 +190,22 @@ class Solution:
             f"{self.evaluations} evaluations>"
         )
 
-    def describe(self) -> str:
-        """Describe the search and its front in words and a table."""
+    def describe(self, *, all_plans: bool = False) -> str:
+        """Describe the search and its front in words and a table.
+
+        The table's last column is the reward that is given up for each further expected survivor,
+        from one row to the next.
+
+        Parameters
+        ----------
+        all_plans
+            Whether all plans have a row, not only some ten: the ends of the front, its knee
+            (see :meth:`knees`), and those that represent it (see :meth:`representatives`).
+        """
+        front = self.mission, self.plans, self.objectives
+        rows = tuple(range(len(self.plans))) if all_plans else overview.shown_rows(*front)
+        table = overview.front_table(self.mission, self.objectives, rows) if rows else "no plans"
+        some = f", {len(rows)} of them above" if len(rows) < len(self.plans) else ""
         start = self.startup_seconds if self.startup_seconds >= _LONG_START else 0.0
         took, started = "", ""
         if self.seconds is not None:
@@ -202,22 +216,10 @@ class Solution:
             started = f", after {start:.1f} s to compile and start" if start else ""
         stopped = "stopped after" if self.interrupted else "spent"
         return (
-            f"{self._table_text() if self.plans else 'no plans'}\n\n"
+            f"{table}\n\n"
             f"{self.algorithm}, seed {self.seed}: {stopped} {self.evaluations:,} evaluations"
             f"{took}{started}\n"
-            f"area {self.area:.4f}, {counted(len(self.plans), 'plan')} on the front"
-        )
-
-    def _table_text(self) -> str:
-        rows = [(str(i), f"{reward:.4f}", f"{alive:.4f}") for i, reward, alive in self.rows()]
-        if len(rows) > _ROWS_SHOWN:
-            half = _ROWS_SHOWN // 2
-            rows[half:-half] = [("...", "...", "...")]
-        rows.insert(0, COLUMNS)
-        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-        return "\n".join(
-            "  ".join(text.rjust(width) for text, width in zip(row, widths, strict=True))
-            for row in rows
+            f"area {self.area:.4f}, {counted(len(self.plans), 'plan')} on the front{some}"
         )
 
     def explore(
