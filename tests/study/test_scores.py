@@ -232,32 +232,6 @@ class TestScores:
     def test_a_front_of_a_killed_run_counts(self):
         assert list(scored([("m", "a", 1, [(10, 1)], "timeout")], ["area"])["value"]) == [0.5]
 
-    def test_unknown_indicators_are_refused(self):
-        with pytest.raises(ValueError, match="no indicator 'igd'; known are igd_plus, "):
-            scored(HALVES, ["area", "igd"])
-
-    @pytest.mark.parametrize(("size", "kept"), [(0, 2), (2, 0), (4, 2)])
-    def test_a_front_of_another_size_is_refused(self, size, kept):
-        runs, final = tables([("m", "a", 1, [(10, 1), (5, 2)])])
-        references = reference_fronts(runs, final)
-        runs["front_size"] = size
-        with pytest.raises(ValueError, match=f"^Run m/a/1: .*front of {size} points, got {kept}"):
-            score_runs(
-                runs,
-                final.head(kept),
-                references,
-                missions={"m": quay()},
-                indicators=["area"],
-            )
-
-    def test_a_missing_reference_is_named(self):
-        runs, final = tables([("m", "a", 1, [(10, 1)])])
-        empty = as_table("references", [])
-        options = {"missions": {"m": quay()}}
-        with pytest.raises(ValueError, match="Expected a reference front of mission 'm'"):
-            score_runs(runs, final, empty, indicators=["epsilon"], **options)
-        assert len(score_runs(runs, final, empty, indicators=["area"], **options)) == 1
-
     @given(studies())
     def test_scores_are_those_of_the_indicators_and_fit_the_table(self, study):
         _, _, found = study

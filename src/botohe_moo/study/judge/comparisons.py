@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from statsmodels.stats.multitest import multipletests
 
-from botohe_moo._base.checks import check_number, nearest_first
 from botohe_moo._base.types import FloatArray
+from botohe_moo._base.words import counted
 from botohe_moo.study.judge.scores import as_table, merge_ties, samples_of, sign_of
-from botohe_moo.study.judge.statistics import a12, a12_interval, holm, mann_whitney, smallest_p
+from botohe_moo.study.judge.statistics import a12, a12_interval, mann_whitney, smallest_p
 
 _DECIMALS = 12  # to which an effect is rounded: it is computed, and 0.56 may be 0.5599999
 _EFFECTS = ((0.71, "large"), (0.64, "medium"), (0.56, "small"), (0.0, "negligible"))
@@ -26,7 +27,7 @@ def compare_algorithms(
     control: str | None,
     significance: float,
 ) -> pd.DataFrame:
-    """Make the table ``comparisons``: algorithms in pairs on each mission, by each indicator.
+    """Return the table ``comparisons``: algorithms in pairs on each mission, by each indicator.
 
     Two-sided Mann-Whitney tests, corrected by Holm over the tests of a mission by an indicator,
     with the effect size A12, its interval, and a verdict in words. Differences up to 1e-12 count
@@ -34,10 +35,6 @@ def compare_algorithms(
     compared. If one side has no run, as in a study that was interrupted, there is no row; if it has
     a single one, there is no test, and the pair does not count for Holm's correction.
     """
-    level = check_number("significance", significance, above=0.0, below=1.0)
-    if control is not None and control not in algorithms:
-        known = ", ".join(nearest_first(control, algorithms))
-        raise ValueError(f"Expected control among {known}, got {control!r}.")
     if control is None:
         pairs = list(combinations(algorithms, 2))
     else:
@@ -51,128 +48,130 @@ def compare_algorithms(
             continue
         found = [
             Pair(
-                algorithm=one,
-                other=other,
-                values=samples[one],
-                other_values=samples[other],
+                labels=pair,
+                values=(samples[pair[0]], samples[pair[1]]),
+                lost=(lost.get((mission, pair[0]), 0), lost.get((mission, pair[1]), 0)),
                 sign=sign,
-                level=level,
-                lost=lost.get((mission, one), 0),
-                other_lost=lost.get((mission, other), 0),
             )
-            for one, other in pairs
-            if one in samples and other in samples
+            for pair in pairs
+            if samples.keys() >= set(pair)
         ]
         rows += [
-            {"mission": mission, "indicator": indicator, **row} for row in compare_family(found)
+            {"mission": mission, "indicator": indicator, **row}
+            for row in compare_family(found, significance)
         ]
     return as_table("comparisons", rows)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Pair:
     """The runs of two algorithms on a mission, compared by an indicator."""
 
-    algorithm: str
-    other: str
-    values: FloatArray  # of the indicator, one for each run, at least one
-    other_values: FloatArray
+    labels: tuple[str, str]
+    values: tuple[FloatArray, FloatArray]  # one for each run, at least one
+    lost: tuple[int, int]  # runs without a front
     sign: int  # 1 where more is better, -1 where less is
-    level: float  # of significance
-    lost: int  # runs without a front
-    other_lost: int
 
     @cached_property
     def sides(self) -> tuple[FloatArray, FloatArray]:
         """Both samples, transformed so that more is better and ties are equal."""
-        merged = self.sign * merge_ties(np.concatenate([self.values, self.other_values]))
-        return merged[: len(self.values)], merged[len(self.values) :]
+        merged = self.sign * merge_ties(np.concatenate(self.values))
+        return merged[: len(self.values[0])], merged[len(self.values[0]) :]
 
     @property
-    def is_tested(self) -> bool:
-        """Whether both have at least two runs, without which there is no spread."""
-        return min(len(self.values), len(self.other_values)) >= 2
+    def sizes(self) -> tuple[int, int]:
+        """The number of runs of both."""
+        return len(self.values[0]), len(self.values[1])
 
-    @cached_property
-    def p_value(self) -> float:
-        """The p-value of the Mann-Whitney test; 1 where there is no test."""
-        return mann_whitney(*self.sides) if self.is_tested else 1.0
-
-    def row(self, p_holm: float, smallest_holm: float, n_tests: int) -> dict[str, Any]:
-        """Give the row of the table ``comparisons``, without mission and indicator.
-
-        ``p_holm`` is corrected for ``n_tests``; ``smallest_holm`` is the least that it can be.
-        """
-        effect = a12(*self.sides)
-        low, high = a12_interval(*self.sides, confidence=1.0 - self.level)
-        shown = f"A12 {effect:.2f} [{low:.2f}, {high:.2f}], {effect_size(effect)}"
-        if p_holm < self.level:
-            word = "better" if effect > 0.5 else "worse"
-            verdict = f"{self.algorithm} is {word} than {self.other}: {shown}, {p_text(p_holm)}"
-        elif reason := self._no_test(smallest_holm, n_tests):
-            verdict = f"{reason}; {shown}"
-        elif np.ptp(np.concatenate(self.sides)) == 0:
-            verdict = "equal: all runs have the same value"
-        else:
-            verdict = f"no difference found: {shown}, {p_text(p_holm)}"
-        return {
-            "algorithm": self.algorithm,
-            "other": self.other,
-            "n": len(self.values),
-            "n_other": len(self.other_values),
-            "median": float(np.median(self.values)),
-            "median_other": float(np.median(self.other_values)),
-            "p_value": self.p_value,
-            "p_holm": p_holm,
-            "a12": effect,
-            "a12_low": low,
-            "a12_high": high,
-            "significant": p_holm < self.level,
-            "verdict": verdict + self._losses(),
-        }
-
-    def _no_test(self, smallest_holm: float, n_tests: int) -> str:
-        """Say why so few runs cannot show a difference; empty if they can."""
-        sizes = f"{len(self.values)} and {len(self.other_values)} runs"
-        if not self.is_tested:
-            return f"too few runs to test: {sizes}"
-        if smallest_holm < self.level or np.ptp(np.concatenate(self.sides)) == 0:
-            return ""
-        among = "1 comparison" if n_tests == 1 else f"{n_tests} comparisons"
-        return (
-            f"{sizes} cannot reach {self.level:g} in {among}: even if every run of one were better "
-            f"than all of the other, p would be {smallest_holm:.2g}"
-        )
-
-    def _losses(self) -> str:
-        """Say how many runs have no front, which says more than a low value."""
-        sides = (
-            (self.algorithm, self.lost, len(self.values)),
-            (self.other, self.other_lost, len(self.other_values)),
-        )
-        counted = [f"{lost} of {n} runs of {label}" for label, lost, n in sides if lost]
-        if not counted:
-            return ""
-        return f"; without a front, and scored as bringing nothing back: {', '.join(counted)}"
+    @property
+    def is_equal(self) -> bool:
+        """Whether all runs have the same value."""
+        return bool(np.ptp(np.concatenate(self.sides)) == 0)
 
 
-def compare_family(pairs: Sequence[Pair]) -> list[dict[str, Any]]:
-    """Give the rows of a mission and an indicator; pairs that are tested are corrected together."""
-    tested = [pair for pair in pairs if pair.is_tested]
-    corrected = iter(holm([pair.p_value for pair in tested]).tolist())
+def compare_family(pairs: Sequence[Pair], level: float) -> list[dict[str, Any]]:
+    """Return the rows of a mission and an indicator, without these.
+
+    Pairs of which both have at least two runs are tested, and their p-values corrected together.
+    """
+    tested = np.array([min(pair.sizes) >= 2 for pair in pairs], bool)
+    p_values = np.array([mann_whitney(*pair.sides) for pair in pairs])
     # Holm's correction of a p-value grows with every other one: at best all are at their smallest.
-    sizes = ((len(pair.values), len(pair.other_values)) for pair in tested)
-    smallest = iter(holm([smallest_p(n, m) for n, m in sizes]).tolist())
+    smallest = np.array([smallest_p(*pair.sizes) for pair in pairs])
+    p_values[~tested] = smallest[~tested] = 1.0
+    corrected = p_values.copy()
+    for values in (corrected, smallest):
+        values[tested] = multipletests(values[tested], method="holm")[1]
     return [
-        pair.row(next(corrected), next(smallest), len(tested))
-        if pair.is_tested
-        else pair.row(1.0, 1.0, len(tested))
-        for pair in pairs
+        _row(
+            pair,
+            p_value,
+            p_holm,
+            level=level,
+            too_few=_too_few(pair, least, level, int(tested.sum())),
+        )
+        for pair, p_value, p_holm, least in zip(
+            *(pairs, p_values.tolist(), corrected.tolist(), smallest.tolist()), strict=True
+        )
     ]
 
 
+def _too_few(pair: Pair, smallest_holm: float, level: float, n_tests: int) -> str:
+    """Return why so few runs cannot show a difference; empty if they can."""
+    sizes = "{} and {} runs".format(*pair.sizes)
+    if min(pair.sizes) < 2:
+        return f"too few runs to test: {sizes}"
+    if smallest_holm < level or pair.is_equal:
+        return ""
+    return (
+        f"{sizes} cannot reach {level:g} in {counted(n_tests, 'comparison')}: even if every run of "
+        f"one were better than all of the other, p would be {smallest_holm:.2g}"
+    )
+
+
+def _row(
+    pair: Pair, p_value: float, p_holm: float, *, level: float, too_few: str
+) -> dict[str, Any]:
+    effect = a12(*pair.sides)
+    low, high = a12_interval(*pair.sides, confidence=1.0 - level)
+    shown = f"A12 {effect:.2f} [{low:.2f}, {high:.2f}], {effect_size(effect)}"
+    one, other = pair.labels
+    if p_holm < level:
+        word = "better" if effect > 0.5 else "worse"
+        verdict = f"{one} is {word} than {other}: {shown}, {p_text(p_holm)}"
+    elif too_few:
+        verdict = f"{too_few}; {shown}"
+    elif pair.is_equal:
+        verdict = "equal: all runs have the same value"
+    else:
+        verdict = f"no difference found: {shown}, {p_text(p_holm)}"
+    # How many runs have no front says more than a low value.
+    lost = [
+        f"{lost} of {n} runs of {label}"
+        for lost, n, label in zip(pair.lost, pair.sizes, pair.labels, strict=True)
+        if lost
+    ]
+    if lost:
+        verdict += f"; without a front, and scored as bringing nothing back: {', '.join(lost)}"
+    return {
+        "algorithm": one,
+        "other": other,
+        "n": pair.sizes[0],
+        "n_other": pair.sizes[1],
+        "median": float(np.median(pair.values[0])),
+        "median_other": float(np.median(pair.values[1])),
+        "p_value": p_value,
+        "p_holm": p_holm,
+        "a12": effect,
+        "a12_low": low,
+        "a12_high": high,
+        "significant": p_holm < level,
+        "verdict": verdict,
+    }
+
+
 def effect_size(effect: float) -> str:
-    """Give Vargha and Delaney's word for the size of an A12, whichever side is better.
+    """Return Vargha and Delaney's word for the size of an A12, whichever side is better.
 
     >>> effect_size(0.5), effect_size(0.44), effect_size(0.64), effect_size(0.0)
     ('negligible', 'small', 'medium', 'large')
@@ -182,5 +181,5 @@ def effect_size(effect: float) -> str:
 
 
 def p_text(value: float) -> str:
-    """Give a p-value as text."""
+    """Return a p-value as text."""
     return "p < 0.0001" if value < 0.0001 else f"p {value:.2g}"

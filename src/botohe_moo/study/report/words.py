@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from botohe_moo.indicators import further_indicators
 from botohe_moo.study.file.digest import value_text
 from botohe_moo.study.judge.scores import merge_ties
 from botohe_moo.study.store.tables import StudyTables
@@ -50,32 +49,6 @@ def count(value: Any) -> str:
 def interval(low: Any, high: Any, decimals: int = 4) -> str:
     """Write both ends of an interval."""
     return f"{fixed(low, decimals)}–{fixed(high, decimals)}"
-
-
-def summary_cells(rows: pd.DataFrame) -> list[list[str]]:
-    """Write what the page and LaTeX both have of each row of the summary."""
-    return [
-        [
-            median,
-            interval(row["area_low"], row["area_high"]),
-            *(significant(row[f"{name}_median"]) for name in further_indicators()),
-            count(row["front_size_median"]),
-            count(row["evaluations_median"]),
-            significant(row["seconds_median"]),
-            count(row["rank"]),
-        ]
-        for row, median in zip(rows.to_dict("records"), distinct(rows["area_median"]), strict=True)
-    ]
-
-
-def comparison_cells(row: Mapping[Any, Any]) -> list[str]:
-    """Write both medians, the corrected p-value, A12 and its interval of a comparison."""
-    return [
-        *distinct([row["median"], row["median_other"]], significant),
-        p_value(row["p_holm"]),
-        fixed(row["a12"], 2),
-        interval(row["a12_low"], row["a12_high"], 2),
-    ]
 
 
 def p_value(value: Any) -> str:
@@ -135,12 +108,6 @@ def distinct(
     return [write(value, digits) for value in shown.tolist()]
 
 
-def listed(names: Sequence[str]) -> str:
-    """Write names with commas and a last and."""
-    *first, last = names
-    return f"{', '.join(first)} and {last}" if first else last
-
-
 def slug(label: str) -> str:
     """Give the part of a file's name that stands for a mission; it differs for every label."""
     plain = re.sub(r"[^a-z0-9._-]+", "-", label.lower()).strip(".-_")[:_LONGEST_SLUG]
@@ -155,11 +122,3 @@ def main_indicator(comparisons: pd.DataFrame) -> str:
     """Give the indicator that a report speaks of first."""
     found = list(comparisons["indicator"].unique())
     return "area" if "area" in found or not found else str(found[0])
-
-
-def verdict_words(row: Mapping[str, Any]) -> str:
-    """Give a comparison's verdict, with both names where the verdict itself has none."""
-    verdict = str(row["verdict"])
-    if verdict.startswith(str(row["algorithm"])):
-        return verdict
-    return f"{row['algorithm']} against {row['other']}: {verdict}"
