@@ -18,20 +18,18 @@ from botohe_moo.study.store.schemas import SCHEMAS
 Samples: TypeAlias = dict[tuple[str, str], dict[str, FloatArray]]
 
 _DIGITS = 16
-_NO_FRONT = np.empty((0, 2))
 
 
-def reference_fronts(runs: pd.DataFrame, final_fronts: pd.DataFrame) -> pd.DataFrame:
-    """Make the table ``references``: what all runs on each mission found together.
+def reference_fronts(runs: pd.DataFrame, fronts: Sequence[FloatArray]) -> pd.DataFrame:
+    """Return the table ``references``: what all runs on each mission found together.
 
-    The non-dominated points of the final fronts, each once, by descending reward. Where no run
-    found anything, the single point (0, 0): the plan that brings nothing back.
+    The non-dominated points of the final ``fronts``, one for each run, each once, by descending
+    reward. Where no run found anything, the single point (0, 0): the plan that brings nothing back.
     """
-    fronts = _by_run(final_fronts)
     rows: list[dict[str, Any]] = []
     for mission in runs["mission"].unique():
-        names = runs.loc[runs["mission"] == mission, "run"].unique()
-        union = _union([fronts[run] for run in names if run in fronts])
+        of_mission = runs["mission"] == mission
+        union = _union([front for front, own in zip(fronts, of_mission, strict=True) if own])
         digest = hashlib.sha256(union.astype("<f8").tobytes()).hexdigest()[:_DIGITS]
         rows += [
             {"reference": digest, "mission": mission, "reward": reward, "survivors": survivors}
@@ -42,29 +40,28 @@ def reference_fronts(runs: pd.DataFrame, final_fronts: pd.DataFrame) -> pd.DataF
 
 def score_runs(
     runs: pd.DataFrame,
-    final_fronts: pd.DataFrame,
+    fronts: Sequence[FloatArray],
     references: pd.DataFrame,
     *,
     missions: Mapping[str, Scale],
     indicators: Sequence[str],
 ) -> pd.DataFrame:
-    """Make the table ``indicators``: a row for each run, in the order of ``runs``, and indicator.
+    """Return the table ``indicators``: a row for each run, in the order of ``runs``, and indicator.
 
-    A run without a front, because it failed or found nothing feasible, is scored as the single
-    plan that brings nothing back, (0, 0): its area is 0, its IGD+ and epsilon are those of that
-    point, and its front has 0 points. Values of a mission that differ by at most 1e-12 are made
-    equal by :func:`merge_ties`.
+    ``fronts`` are the final ones, one for each run. A run without a front, because it failed or
+    found nothing feasible, is scored as the single plan that brings nothing back, (0, 0): its area
+    is 0, its IGD+ and epsilon are those of that point, and its front has 0 points. Values of a
+    mission that differ by at most 1e-12 are made equal by :func:`merge_ties`.
     """
-    fronts = _by_run(final_fronts)
     targets = points_by_mission(references)
     names = references.groupby("mission")["reference"].first()
     rows: list[dict[str, Any]] = []
     identities: Any = runs[["run", "mission", "algorithm", "seed"]].to_dict("records")
-    for run in identities:
-        points, mission = fronts.get(run["run"], _NO_FRONT), run["mission"]
+    for run, points in zip(identities, fronts, strict=True):
+        mission = run["mission"]
         for name in indicators:
             indicator = INDICATORS[name]
-            value = indicator.measure(points, targets.get(mission), missions[mission])
+            value = indicator.measure(points, targets[mission], missions[mission])
             reference = names[mission] if indicator.needs_reference else None
             rows.append({**run, "indicator": name, "reference": reference, "value": value})
     table = as_table("indicators", rows)
@@ -146,26 +143,15 @@ def best_first(indicator: str, samples: Sequence[FloatArray]) -> FloatArray:
     return -sign_of(indicator) * merge_ties([np.median(values) for values in samples])
 
 
-def _by_run(final_fronts: pd.DataFrame) -> dict[str, FloatArray]:
-    points, rows = _points(final_fronts), final_fronts.groupby("run", sort=False).indices
-    return {str(run): points[of_run] for run, of_run in rows.items()}
-
-
 def points_by_mission(references: pd.DataFrame) -> dict[str, FloatArray]:
     """Return the points (n, 2) of each mission's reference front."""
     groups = references.groupby("mission", sort=False)
-    return {str(label): _points(front) for label, front in groups}
-
-
-def _points(front: pd.DataFrame) -> FloatArray:
-    return front[["reward", "survivors"]].to_numpy(np.float64)
+    return {str(label): front[["reward", "survivors"]].to_numpy(float) for label, front in groups}
 
 
 def _union(fronts: list[FloatArray]) -> FloatArray:
     """Return the non-dominated points, each once, by descending reward."""
-    if not fronts:
-        return np.zeros((1, 2))
     # -0.0 equals 0.0 and has other bytes.
     points = np.unique(np.concatenate(fronts), axis=0)[::-1] + 0.0
     kept: FloatArray = points[moocore.is_nondominated(points, maximise=True)]
-    return kept
+    return kept if len(kept) else np.zeros((1, 2))

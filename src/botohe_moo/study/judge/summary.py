@@ -16,7 +16,6 @@ from botohe_moo.study.judge.scores import (
     best_first,
     merge_ties,
     points_by_mission,
-    samples_of,
 )
 from botohe_moo.study.judge.statistics import generator_for, median_interval
 
@@ -137,7 +136,8 @@ def summarise(
         runs = runs.assign(raw_area=runs["area"], area=areas.transform(merge_ties))
     groups: Any = runs.groupby(["mission", "algorithm"], sort=False)
     found: dict[Any, pd.DataFrame] = dict(iter(groups))
-    samples = samples_of(indicators)
+    values: Any = indicators.groupby(["mission", "algorithm", "indicator"])["value"]
+    medians = values.median().to_dict()
     rows: list[dict[str, Any]] = []
     for mission in missions:
         labels = [label for label in algorithms if (mission, label) in found]
@@ -146,8 +146,7 @@ def summarise(
         for label, rank in zip(labels, ranks, strict=True):
             row: dict[str, Any] = {"mission": mission, "algorithm": label, "rank": float(rank)}
             for name in further_indicators():
-                values = samples.get((mission, name), {}).get(label)
-                row[f"{name}_median"] = None if values is None else float(np.median(values))
+                row[f"{name}_median"] = medians.get((mission, label, name))
             row |= _described(found[mission, label], significance)
             if mission in bounds:
                 row["area_gap"] = _gap(bounds[mission].area, row["area_mean"])
@@ -198,38 +197,22 @@ def reach_targets(
     that was interrupted, has no rows, nor has a mission whose reference front has no area.
     """
     fronts = points_by_mission(references)
-    counts: Any = runs.groupby(["mission", "algorithm"], sort=False).size()
-    rows: list[dict[str, Any]] = []
     areas = {label: area_indicator(fronts[label], missions[label]) for label in fronts}
+    runs = runs[runs["mission"].map(areas).astype(float) > 0]
     whole = trace["mission"].map(areas).to_numpy(float)
-    reached: dict[float, Any] = {}
+    keys, columns = ["mission", "algorithm"], ["evaluations", "seconds"]
+    parts = []
     for share in SHARES:
         there = trace[trace["area"].to_numpy(float) >= share * whole - TIE]
-        first = there.drop_duplicates(["run", "mission", "algorithm"])
-        reached[share] = dict(iter(first.groupby(["mission", "algorithm"], sort=False)))
-    for mission in missions:
-        for algorithm in algorithms:
-            n = int(counts.get((mission, algorithm), 0))
-            for share in SHARES if n and areas[mission] > 0 else ():
-                first = reached[share].get((mission, algorithm), trace.iloc[:0])
-                rows.append(
-                    {
-                        "mission": mission,
-                        "algorithm": algorithm,
-                        "share": share,
-                        "target": share * areas[mission],
-                        "n": n,
-                        "n_reached": len(first),
-                        "evaluations_median": _median(first["evaluations"], n),
-                        "seconds_median": _median(first["seconds"], n),
-                    }
-                )
+        first = there.drop_duplicates("run").set_index("run")[columns].astype(float)
+        spent = runs[["run", *keys]].join(first, on="run")
+        medians = spent.fillna({"evaluations": np.inf, "seconds": np.inf}).groupby(keys)[columns]
+        part = medians.median().replace(np.inf, np.nan).add_suffix("_median")
+        counts = spent.groupby(keys)["seconds"].agg(n="size", n_reached="count")
+        parts.append(part.join(counts).assign(share=share))
+    table = pd.concat(parts).reset_index()
+    table["target"] = table["share"] * table["mission"].map(areas).astype(float)
+    order: Any = {"mission": list(missions), "algorithm": list(algorithms), "share": list(SHARES)}
+    table = table.sort_values(list(order), key=lambda given: given.map(order[given.name].index))
+    rows: Any = table.to_dict("records")
     return as_table("targets", rows)
-
-
-def _median(spent: "pd.Series[Any]", n: int) -> float | None:
-    """Return the median of n runs; all but ``spent`` take for ever. None if it is endless."""
-    values = np.full(n, np.inf)
-    values[: len(spent)] = spent
-    median = float(np.median(values))
-    return median if np.isfinite(median) else None

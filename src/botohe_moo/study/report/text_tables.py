@@ -168,7 +168,7 @@ def algorithm_table(tables: StudyTables) -> TextTable:
 
 
 def fault_table(runs: pd.DataFrame) -> TextTable:
-    """Return runs that are not done, and why."""
+    """Return why runs are not done."""
     shown = runs[["mission", "algorithm", "status", "stopped_by", "error", "seed"]]
     cells = shown.fillna({"error": "–"}).assign(area=runs["area"].map(fixed))
     return TextTable(cells.rename(columns={"stopped_by": "stopped by"}).astype(str), texts=5)
