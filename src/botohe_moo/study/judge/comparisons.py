@@ -1,8 +1,6 @@
 """The table ``comparisons``: pairwise tests of algorithms on each mission, and verdicts."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 from typing import Any
 
@@ -40,134 +38,88 @@ def compare_algorithms(
     else:
         pairs = [(label, control) for label in algorithms if label != control]
     without_front = runs.loc[runs["front_size"] == 0, ["mission", "algorithm"]].value_counts()
-    lost: dict[Any, int] = without_front.to_dict()
+    n_lost: dict[Any, int] = without_front.to_dict()
     rows: list[dict[str, Any]] = []
     for (mission, indicator), samples in samples_of(indicators).items():
         sign = sign_of(indicator)
-        if not sign:
-            continue
-        found = [
-            Pair(
-                labels=pair,
-                values=(samples[pair[0]], samples[pair[1]]),
-                lost=(lost.get((mission, pair[0]), 0), lost.get((mission, pair[1]), 0)),
-                sign=sign,
+        known = [pair for pair in pairs if sign and samples.keys() >= set(pair)]
+        sides = {pair: _sides(samples[pair[0]], samples[pair[1]], sign) for pair in known}
+        for (one, other), found in _compared(sides, significance).items():
+            lost = [
+                f"{n} of {len(samples[label])} runs of {label}"
+                for label in (one, other)
+                if (n := n_lost.get((mission, label)))
+            ]
+            if lost:  # which says more than a low value
+                ending = "; without a front, and scored as bringing nothing back: "
+                found["verdict"] += ending + ", ".join(lost)
+            rows.append(
+                {
+                    "mission": mission,
+                    "indicator": indicator,
+                    "algorithm": one,
+                    "other": other,
+                    "n": len(samples[one]),
+                    "n_other": len(samples[other]),
+                    "median": float(np.median(samples[one])),
+                    "median_other": float(np.median(samples[other])),
+                    **found,
+                }
             )
-            for pair in pairs
-            if samples.keys() >= set(pair)
-        ]
-        rows += [
-            {"mission": mission, "indicator": indicator, **row}
-            for row in compare_family(found, significance)
-        ]
     return as_table("comparisons", rows)
 
 
-@dataclass(frozen=True)
-class Pair:
-    """The runs of two algorithms on a mission, compared by an indicator."""
-
-    labels: tuple[str, str]
-    values: tuple[FloatArray, FloatArray]  # one for each run, at least one
-    lost: tuple[int, int]  # runs without a front
-    sign: int  # 1 where more is better, -1 where less is
-
-    @cached_property
-    def sides(self) -> tuple[FloatArray, FloatArray]:
-        """Both samples, transformed so that more is better and ties are equal."""
-        merged = self.sign * merge_ties(np.concatenate(self.values))
-        return merged[: len(self.values[0])], merged[len(self.values[0]) :]
-
-    @property
-    def sizes(self) -> tuple[int, int]:
-        """The number of runs of both."""
-        return len(self.values[0]), len(self.values[1])
-
-    @property
-    def is_equal(self) -> bool:
-        """Whether all runs have the same value."""
-        return bool(np.ptp(np.concatenate(self.sides)) == 0)
+def _sides(values: FloatArray, others: FloatArray, sign: int) -> tuple[FloatArray, FloatArray]:
+    """Return both samples, transformed so that more is better and ties are equal."""
+    merged = sign * merge_ties(np.concatenate([values, others]))
+    return merged[: len(values)], merged[len(values) :]
 
 
-def compare_family(pairs: Sequence[Pair], level: float) -> list[dict[str, Any]]:
-    """Return the rows of a mission and an indicator, without these.
-
-    Pairs of which both have at least two runs are tested, and their p-values corrected together.
-    """
-    tested = np.array([min(pair.sizes) >= 2 for pair in pairs], bool)
-    p_values = np.array([mann_whitney(*pair.sides) for pair in pairs])
+def _compared(
+    sides: Mapping[tuple[str, str], tuple[FloatArray, FloatArray]], level: float
+) -> dict[tuple[str, str], dict[str, Any]]:
+    """Return the outcome for each pair; pairs that are tested are corrected together."""
+    tested = [pair for pair, both in sides.items() if min(map(len, both)) >= 2]
+    p_values = {pair: mann_whitney(*sides[pair]) for pair in tested}
+    corrected = _holm(p_values)
     # Holm's correction of a p-value grows with every other one: at best all are at their smallest.
-    smallest = np.array([smallest_p(*pair.sizes) for pair in pairs])
-    p_values[~tested] = smallest[~tested] = 1.0
-    corrected = p_values.copy()
-    for values in (corrected, smallest):
-        values[tested] = multipletests(values[tested], method="holm")[1]
-    return [
-        _row(
-            pair,
-            p_value,
-            p_holm,
-            level=level,
-            too_few=_too_few(pair, least, level, int(tested.sum())),
-        )
-        for pair, p_value, p_holm, least in zip(
-            *(pairs, p_values.tolist(), corrected.tolist(), smallest.tolist()), strict=True
-        )
-    ]
+    smallest = _holm({pair: smallest_p(*map(len, sides[pair])) for pair in tested})
+    rows = {}
+    for pair, (x, y) in sides.items():
+        effect, p_holm = a12(x, y), corrected.get(pair, 1.0)
+        low, high = a12_interval(x, y, confidence=1.0 - level)
+        shown = f"A12 {effect:.2f} [{low:.2f}, {high:.2f}], {effect_size(effect)}"
+        sizes = f"{len(x)} and {len(y)} runs"
+        if p_holm < level:
+            word = "better" if effect > 0.5 else "worse"
+            verdict = f"{pair[0]} is {word} than {pair[1]}: {shown}, {p_text(p_holm)}"
+        elif pair not in p_values:
+            verdict = f"too few runs to test: {sizes}; {shown}"
+        elif np.ptp(np.concatenate([x, y])) == 0:
+            verdict = "equal: all runs have the same value"
+        elif smallest[pair] >= level:
+            verdict = (
+                f"{sizes} cannot reach {level:g} in {counted(len(tested), 'comparison')}: even if "
+                "every run of one were better than all of the other, p would be "
+                f"{smallest[pair]:.2g}; {shown}"
+            )
+        else:
+            verdict = f"no difference found: {shown}, {p_text(p_holm)}"
+        rows[pair] = {
+            "p_value": p_values.get(pair, 1.0),
+            "p_holm": p_holm,
+            "a12": effect,
+            "a12_low": low,
+            "a12_high": high,
+            "significant": p_holm < level,
+            "verdict": verdict,
+        }
+    return rows
 
 
-def _too_few(pair: Pair, smallest_holm: float, level: float, n_tests: int) -> str:
-    """Return why so few runs cannot show a difference; empty if they can."""
-    sizes = "{} and {} runs".format(*pair.sizes)
-    if min(pair.sizes) < 2:
-        return f"too few runs to test: {sizes}"
-    if smallest_holm < level or pair.is_equal:
-        return ""
-    return (
-        f"{sizes} cannot reach {level:g} in {counted(n_tests, 'comparison')}: even if every run of "
-        f"one were better than all of the other, p would be {smallest_holm:.2g}"
-    )
-
-
-def _row(
-    pair: Pair, p_value: float, p_holm: float, *, level: float, too_few: str
-) -> dict[str, Any]:
-    effect = a12(*pair.sides)
-    low, high = a12_interval(*pair.sides, confidence=1.0 - level)
-    shown = f"A12 {effect:.2f} [{low:.2f}, {high:.2f}], {effect_size(effect)}"
-    one, other = pair.labels
-    if p_holm < level:
-        word = "better" if effect > 0.5 else "worse"
-        verdict = f"{one} is {word} than {other}: {shown}, {p_text(p_holm)}"
-    elif too_few:
-        verdict = f"{too_few}; {shown}"
-    elif pair.is_equal:
-        verdict = "equal: all runs have the same value"
-    else:
-        verdict = f"no difference found: {shown}, {p_text(p_holm)}"
-    # How many runs have no front says more than a low value.
-    lost = [
-        f"{lost} of {n} runs of {label}"
-        for lost, n, label in zip(pair.lost, pair.sizes, pair.labels, strict=True)
-        if lost
-    ]
-    if lost:
-        verdict += f"; without a front, and scored as bringing nothing back: {', '.join(lost)}"
-    return {
-        "algorithm": one,
-        "other": other,
-        "n": pair.sizes[0],
-        "n_other": pair.sizes[1],
-        "median": float(np.median(pair.values[0])),
-        "median_other": float(np.median(pair.values[1])),
-        "p_value": p_value,
-        "p_holm": p_holm,
-        "a12": effect,
-        "a12_low": low,
-        "a12_high": high,
-        "significant": p_holm < level,
-        "verdict": verdict,
-    }
+def _holm(p_values: Mapping[tuple[str, str], float]) -> dict[tuple[str, str], float]:
+    corrected = multipletests(list(p_values.values()), method="holm")[1].tolist()
+    return dict(zip(p_values, corrected, strict=True))
 
 
 def effect_size(effect: float) -> str:
