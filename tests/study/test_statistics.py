@@ -545,7 +545,7 @@ class TestRanks:
         assert table["p_value"].isna().all()
         assert table["average_rank"].tolist() == [1, 2, 3]
         [note] = set(table["note"])
-        assert note.startswith("no Friedman test: 5 labels stand for 4 missions")
+        assert note.startswith("no Friedman test: 5 labels represent 4 missions")
 
     def test_less_is_better_for_distances(self):
         table = ranked(FIVE, indicator="epsilon")

@@ -79,10 +79,10 @@ def _tested(
     n_missions, n_algorithms = medians.shape
     lacking = []
     if n_algorithms < MIN_ALGORITHMS:
-        needed = f"at least {MIN_ALGORITHMS} are needed"
-        lacking.append(f"{counted(n_algorithms, 'algorithm')}, {needed}")
+        found = counted(n_algorithms, "algorithm")
+        lacking.append(f"{found}, at least {MIN_ALGORITHMS} are needed")
     if n_blocks < n_missions:
-        several = f"{n_missions} labels stand for {counted(n_blocks, 'mission')}"
+        several = f"{n_missions} labels represent {counted(n_blocks, 'mission')}"
         lacking.append(f"{several}, and a mission under several labels is one block")
     if n_blocks < MIN_BLOCKS:
         needed = f"at least {MIN_BLOCKS} are needed as blocks, and seeds are no blocks"
@@ -93,11 +93,8 @@ def _tested(
     if statistic is None or p_value is None:
         return None, None, "no Friedman test: all algorithms have the same median on every mission"
     outcome = "the algorithms differ" if p_value < level else "no difference found"
-    return (
-        statistic,
-        p_value,
-        f"{outcome}: Friedman over {n_missions} missions, {p_text(p_value)}",
-    )
+    note = f"{outcome}: Friedman over {n_missions} missions, {p_text(p_value)}"
+    return statistic, p_value, note
 
 
 def nemenyi(average_ranks: FloatArray, n_blocks: int, *, significance: float) -> Any:

@@ -16,24 +16,17 @@ from botohe_moo.study.report.text_tables import (
 )
 from botohe_moo.study.store.tables import StudyTables
 
+_NAMED = ["backslash", "asciitilde", "asciicircum", "less", "greater", "bar"]
+_SIGNS = {"−": "-", "±": r"\pm", "×": r"\times", "≤": r"\leq", "≥": r"\geq"}
 _GREEK = {"α": "alpha", "β": "beta", "ε": "epsilon", "λ": "lambda", "μ": "mu", "ρ": "rho"}
 _ESCAPED = str.maketrans(
     {
         **{character: f"\\{character}" for character in "{}$&#%_"},
-        "\\": r"\textbackslash{}",
-        "~": r"\textasciitilde{}",
-        "^": r"\textasciicircum{}",
-        "<": r"\textless{}",
-        ">": r"\textgreater{}",
-        "|": r"\textbar{}",
-        "[": "{[}",  # after the end of a row it would begin an option
+        **{a: rf"\text{name}{{}}" for a, name in zip("\\~^<>|", _NAMED, strict=True)},
+        **{a: f"${sign}$" for a, sign in _SIGNS.items()},
+        **{a: f"$\\{name}$" for a, name in _GREEK.items()},
         "–": "--",
-        "−": "$-$",
-        "±": r"$\pm$",
-        "×": r"$\times$",
-        "≤": r"$\leq$",
-        "≥": r"$\geq$",
-        **{letter: f"$\\{name}$" for letter, name in _GREEK.items()},
+        "[": "{[}",  # after the end of a row it would begin an option
     }
 )
 
