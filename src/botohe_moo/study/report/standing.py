@@ -96,9 +96,9 @@ def _further(
         }
     ranks = tables.ranks[tables.ranks["indicator"] == main_indicator(tables.comparisons)]
     if len(columns) > 1 and len(ranks):
-        averages = ranks.set_index("algorithm")["average_rank"]
+        averages = dict(zip(ranks["algorithm"], ranks["average_rank"], strict=True))
         further["average rank"] = {
-            a: Cell(fixed(averages.get(a), 2), best=averages.get(a) == averages.min())
+            a: Cell(fixed(averages.get(a), 2), best=averages.get(a) == min(averages.values()))
             for a in labels
         }
     return further

@@ -120,14 +120,14 @@ def posthoc_table(rows: pd.DataFrame) -> TextTable:
 
 def target_table(rows: pd.DataFrame) -> TextTable:
     """Return what reaching shares of the reference area took, a row for each algorithm."""
-    cells: dict[str, Any] = {"algorithm": list(rows["algorithm"].unique())}
-    for share, found in rows.groupby("share"):
-        name = f"{100 * float(share):g} %"  # type: ignore[arg-type]
-        reached = found["n_reached"].map(count) + " of " + found["n"].map(count)
-        cells[f"{name}: runs"] = reached.tolist()
-        cells[f"{name}: evaluations"] = found["evaluations_median"].map(count).tolist()
-        cells[f"{name}: seconds"] = found["seconds_median"].map(significant).tolist()
-    return TextTable(pd.DataFrame(cells))
+    lines: dict[str, dict[str, str]] = {}
+    for row in rows.to_dict("records"):
+        line = lines.setdefault(row["algorithm"], {"algorithm": row["algorithm"]})
+        share = f"{100 * row['share']:g} %"
+        line[f"{share}: runs"] = f"{count(row['n_reached'])} of {count(row['n'])}"
+        line[f"{share}: evaluations"] = count(row["evaluations_median"])
+        line[f"{share}: seconds"] = significant(row["seconds_median"])
+    return TextTable(pd.DataFrame(list(lines.values())).fillna("–"))
 
 
 def mission_table(tables: StudyTables) -> TextTable:
