@@ -213,8 +213,10 @@ def use_tables(tables: StudyTables, folder: Path) -> None:
         render_page(tables, dict.fromkeys(["", *tables.mission_labels], ()))
     except StudyError as error:  # a mission's file, which is read when it is needed
         oracle.check_message(error, folder)
-    for write in (latex.summary_latex, latex.comparisons_latex, latex.ranks_latex):
-        write(tables)
+    latex.outcome_latex(tables)
+    latex.summary_latex(tables)
+    latex.comparisons_latex(tables)
+    latex.ranks_latex(tables)
 
 
 def _make_tables(folder: Path) -> StudyTables:

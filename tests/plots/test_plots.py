@@ -560,9 +560,7 @@ def test_names_of_highlighted_plans_do_not_overlap():
     rows = [0, 100, 101, 102, 103, 150, 198, 199]
     ax = plot_front(points, load("toy"), highlight=dict.fromkeys(rows, "one of those"))
     ax.figure.draw_without_rendering()
-    boxes = [
-        Text.get_window_extent(text) for text in ax.texts if text.get_fontweight() == "bold"
-    ]
+    boxes = [Text.get_window_extent(text) for text in ax.texts if text.get_fontweight() == "bold"]
     assert len(boxes) == len(rows)
     assert not any(a.overlaps(b) for a, b in combinations(boxes, 2))
     whole = ax.figure.bbox

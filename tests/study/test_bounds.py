@@ -364,7 +364,7 @@ class TestReport:
         ended = CliRunner().invoke(study_app, ["report", str(copied)])
         assert "2 of the study's 2 bounds are missing from the tables." in ended.stderr
         page = (copied / "report" / "report.html").read_text("utf-8")
-        assert "The bounds of toy and limited are not computed yet." in page
+        assert "The bounds of toy, limited are not computed yet." in page
         assert "gap at most" not in page
 
     def test_without_bounds_nothing_is_said_of_them(self, tmp_path, in_process):

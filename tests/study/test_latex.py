@@ -1,117 +1,119 @@
-"""Tables in LaTeX fit a page, whatever labels are; typeset where pdflatex is installed."""
+"""Tables in LaTeX fit a two-column class; typeset where pdflatex is installed."""
 
+import json
 import re
 import shutil
 import subprocess
+from pathlib import Path
 
 import pandas as pd
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from botohe_moo.study.report import folder as report_folder
-from botohe_moo.study.report.folder import write_report
-from botohe_moo.study.report.latex import breakable, escape_latex
+from botohe_moo.study.report.latex import (
+    comparisons_latex,
+    escape_latex,
+    outcome_latex,
+    ranks_latex,
+    summary_latex,
+)
+from botohe_moo.study.store.schemas import SCHEMAS
+from botohe_moo.study.store.tables import StudyTables
 from tests.study.test_report import lost, random_records, study
+
+RESULTS = Path(__file__).parents[2] / "results"
+WRITERS = {
+    "outcome": outcome_latex,
+    "summary": summary_latex,
+    "comparisons": comparisons_latex,
+    "ranks": ranks_latex,
+}
+ODD = "ε-MOEA {x}_1^2 #5 & 100 % ~ \\ [b] <c|d>"
+LABELS = ["BO-ACO, journal", "NSGA-II (repair=safest-path, pop_size=1000)", ODD]
+
+
+def committed(name):
+    """The study of which the repository holds the small tables."""
+    folder = RESULTS / name
+    tables = {
+        name: pd.read_csv(path) if (path := folder / f"{name}.csv").exists() else pd.DataFrame()
+        for name in SCHEMAS
+    }
+    tables = {n: t.reindex(columns=[*SCHEMAS[n].names]) for n, t in tables.items()}
+    return StudyTables(folder, json.loads((folder / "study.json").read_text("utf-8")), **tables)
+
+
+@pytest.fixture(scope="module")
+def odd(tmp_path_factory):
+    """Long and odd labels, and an algorithm without a front on one of two missions."""
+    records = random_records(["toy", ODD], LABELS, (1, 2), n_records=2)
+    records += lost("toy", "lost", (1, 2))
+    labels = [*LABELS, "lost"]
+    return study(tmp_path_factory.mktemp("latex"), ["toy", ODD], records, labels=labels)
+
+
+def rows_of(latex):
+    """Cells of all rows."""
+    lines = [line.removesuffix(r" \\") for line in latex.splitlines() if line.endswith(r" \\")]
+    return [[cell.strip() for cell in re.split(r"(?<!\\)&", line)] for line in lines]
+
+
+class TestTables:
+    def test_special_characters_are_escaped(self):
+        escaped = (
+            r"$\epsilon$-MOEA \{x\}\_1\textasciicircum{}2 \#5 \& 100 \% \textasciitilde{} "
+            r"\textbackslash{} {[}b] \textless{}c\textbar{}d\textgreater{}"
+        )
+        assert escape_latex(ODD) == escaped
+
+    @pytest.mark.parametrize(
+        ("name", "n_columns", "n_rows"),
+        [("outcome", 4, 4), ("summary", 9, 7), ("comparisons", 6, 9), ("ranks", 3, 4)],
+    )
+    def test_rows_have_all_columns(self, odd, name, n_columns, n_rows):
+        rows = rows_of(WRITERS[name](odd))
+        header = rows[0]
+        assert len(header) == n_columns
+        assert [len(row) for row in rows if row != header] == [n_columns] * n_rows
+
+    def test_the_outcome_says_what_its_marks_mean(self, odd):
+        latex = outcome_latex(odd)
+        assert r"% \caption{Median area over runs, the best on a mission bold" in latex
+        assert latex.count(r"\textbf") == 3  # on both missions, and over them
+
+    def test_significant_p_values_are_bold(self, odd):
+        bold = [row for row in rows_of(comparisons_latex(odd)) if row[-1].startswith(r"\textbf")]
+        assert len(bold) == odd.comparisons["significant"].sum() > 0
+
+    def test_notes_stand_with_ranks(self, odd):
+        assert "2 missions are too few as blocks" in ranks_latex(odd)
+
 
 PDFLATEX = shutil.which("pdflatex")
 MOST_OVER = 2.0  # pt
-LABELS = [
-    "BO-ACO",
-    "NSGA-II (repair=safest-path, pop_size=1000, crossover_probability=0.95)",
-    "蚁群算法 (n_ants=50, evaporation=0.04)",
-    "Донаудампфшиффартсгезельшафт",
-    "Donaudampfschifffahrtselektrizitätenhauptbetriebswerkbauunterbeamtengesellschaft",
-    'SMS-EMOA → ε ≤ 0,5 · 😀 \\ {x}_1^2 #5 & 100 % ~ `a´ --- "[b]" <c|d> €',
-]
-MISSIONS = ["美术馆", "a very long label of a mission " * 5, "plain", "ع_ربي"]
-DOCUMENT = r"""\documentclass{article}
-\usepackage[T1]{fontenc}
-\usepackage{array,booktabs,longtable}
+DOCUMENT = r"""\documentclass[conference]{IEEEtran}
+\usepackage{booktabs}
 \begin{document}
-\input{summary}
-\input{comparisons}
-\input{ranks}
+\title{T}\author{A}\maketitle
+\begin{table}\caption{C}\centering\footnotesize\input{small}\end{table}
+\begin{table*}\caption{C}\centering\footnotesize\input{baselines}\end{table*}
+\begin{table*}\caption{C}\centering\footnotesize\input{outcome}\end{table*}
+\begin{table*}\input{summary}\end{table*}
+\begin{table*}\input{comparisons}\end{table*}
+\begin{table}\input{ranks}\end{table}
 \end{document}
 """
 
 
-class TestText:
-    def test_what_fonts_do_not_hold_is_written_as_code_points(self):
-        assert escape_latex("美术 a") == "{[}U+7F8E 672F{]} a"
-        assert escape_latex("é\x00") == "é{[}U+0000{]}"
-        assert escape_latex("e\u0301") == "é"
-
-    def test_greek_and_signs_are_mathematics(self):
-        assert escape_latex("εΩλ≤") == "".join(
-            rf"\ensuremath{{\{name}}}" for name in ("epsilon", "Omega", "lambda", "leq")
-        )
-
-    @given(st.text(), st.text())
-    def test_labels_that_differ_stay_different(self, one, other):
-        plain = [re.sub(r"\s", " ", text) for text in (one, other)]
-        if len(set(plain)) == 2 and not any("[U+" in text for text in plain):
-            written = {escape_latex(text) for text in plain}
-            normal = {pd.Series(plain).str.normalize("NFC")[i] for i in (0, 1)}
-            assert len(written) == len(normal)
-
-    @given(st.text())
-    def test_all_of_it_is_of_the_encoding(self, text):
-        for character in escape_latex(text):
-            assert ord(character) < 0x180 or character in "‘’“”‚„"
-
-    @given(st.text())
-    def test_breaks_change_nothing_else(self, text):
-        assert breakable(text).replace(r"\allowbreak{}", "").replace("{]}{[}U+", " ") == (
-            escape_latex(text).replace("{]}{[}U+", " ")
-        )
-
-    @given(st.text("an_=.,-e ", max_size=9), st.floats(allow_nan=False, allow_infinity=False))
-    def test_none_is_within_a_number(self, name, number):
-        pieces = breakable(f"{name}={number}, {number}").split(r"\allowbreak{}")
-        whole = escape_latex(str(number))
-        assert sum(piece.count(whole) for piece in pieces) >= 2
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _without_pictures():
-    """What is tested here is text; pictures take most of the time."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(report_folder, "draw_figures", lambda *_: {})
-        yield
-
-
-@pytest.fixture(scope="module")
-def made(tmp_path_factory):
-    """Long and foreign labels, as many rows as take several pages."""
-    records = random_records(MISSIONS, LABELS, (1, 2), n_records=2)
-    labels = [*LABELS, "lost"]
-    records += lost("plain", "lost", (1, 2))
-    tables = study(tmp_path_factory.mktemp("latex"), MISSIONS, records, labels=labels)
-    write_report(tables)
-    return tables.folder / "report"
-
-
-def typeset(folder, document):
-    """Give what pdflatex says the third time, when the widths of columns are settled."""
-    (folder / "document.tex").write_text(document)
+@pytest.mark.skipif(PDFLATEX is None, reason="pdflatex is not installed")
+def test_tables_are_no_wider_than_a_two_column_page(odd, tmp_path):
+    for name, write in WRITERS.items():
+        (tmp_path / f"{name}.tex").write_text(write(odd), "utf-8")
+    for name, known in (("small", "smoke"), ("baselines", "baselines")):
+        (tmp_path / f"{name}.tex").write_text(outcome_latex(committed(known)), "utf-8")
+    (tmp_path / "document.tex").write_text(DOCUMENT)
     command = [PDFLATEX, "-draftmode", "-interaction=nonstopmode", "-halt-on-error", "document"]
-    for _ in range(3):
-        done = subprocess.run(command, cwd=folder, capture_output=True, timeout=120, check=False)
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, timeout=120, check=False)
     said = done.stdout.decode("utf-8", "replace")
     assert done.returncode == 0, said[-2_000:]
-    return said
-
-
-@pytest.mark.skipif(PDFLATEX is None, reason="pdflatex is not installed")
-class TestTypeset:
-    def test_tables_are_no_wider_and_no_longer_than_the_page(self, made):
-        said = typeset(made, DOCUMENT)
-        assert "Missing character" not in said
-        over = [float(size) for size in re.findall(r"Overfull \\[hv]box \(([\d.]+)pt", said)]
-        assert max(over, default=0) <= MOST_OVER
-
-    def test_a_study_without_runs(self, tmp_path):
-        tables = study(tmp_path, ["toy"], [], labels=["A"])
-        write_report(tables)
-        typeset(tmp_path / "report", DOCUMENT)
+    over = [float(size) for size in re.findall(r"Overfull \\[hv]box \(([\d.]+)pt", said)]
+    assert max(over, default=0) <= MOST_OVER

@@ -7,7 +7,6 @@ import warnings
 
 import networkx as nx
 import numpy as np
-import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -52,8 +51,8 @@ def tables(found):
                 "environment": "here",
             }
         )
-        fronts += [{**identity, "evaluations": 9, "reward": r, "survivors": s} for r, s in points]
-    return as_table("runs", runs), as_table("fronts", fronts)
+        fronts.append(np.array(points, float).reshape(-1, 2))
+    return as_table("runs", runs), fronts
 
 
 def scored(found, indicators=tuple(INDICATORS)):
@@ -126,23 +125,10 @@ class TestReferenceFronts:
         ]
         assert names[0] == names[1]
 
-    def test_a_table_of_fronts_without_rows_needs_no_types(self):
-        runs, _ = tables([("m", "a", 1, [])])
-        empty = pd.DataFrame(columns=["run", "reward", "survivors"])
-        assert points_of(reference_fronts(runs, empty), "m") == [[0, 0]]
-
     def test_without_runs_there_are_none(self):
         references = reference_fronts(*tables([]))
         assert len(references) == 0
         to_arrow("references", references)
-
-    @given(studies(), st.randoms(use_true_random=False))
-    def test_the_order_of_rows_does_not_count(self, study, random):
-        runs, final = tables(study[2])
-        expected = reference_fronts(runs, final)
-        order = random.sample(range(len(final)), len(final))
-        shuffled = reference_fronts(runs, final.iloc[order])
-        pd.testing.assert_frame_equal(shuffled, expected)
 
     @given(studies())
     def test_every_point_is_covered_and_no_point_covers_another(self, study):
@@ -231,32 +217,6 @@ class TestScores:
 
     def test_a_front_of_a_killed_run_counts(self):
         assert list(scored([("m", "a", 1, [(10, 1)], "timeout")], ["area"])["value"]) == [0.5]
-
-    def test_unknown_indicators_are_refused(self):
-        with pytest.raises(ValueError, match="no indicator 'igd'; known are igd_plus, "):
-            scored(HALVES, ["area", "igd"])
-
-    @pytest.mark.parametrize(("size", "kept"), [(0, 2), (2, 0), (4, 2)])
-    def test_a_front_of_another_size_is_refused(self, size, kept):
-        runs, final = tables([("m", "a", 1, [(10, 1), (5, 2)])])
-        references = reference_fronts(runs, final)
-        runs["front_size"] = size
-        with pytest.raises(ValueError, match=f"^Run m/a/1: .*front of {size} points, got {kept}"):
-            score_runs(
-                runs,
-                final.head(kept),
-                references,
-                missions={"m": quay()},
-                indicators=["area"],
-            )
-
-    def test_a_missing_reference_is_named(self):
-        runs, final = tables([("m", "a", 1, [(10, 1)])])
-        empty = as_table("references", [])
-        options = {"missions": {"m": quay()}}
-        with pytest.raises(ValueError, match="Expected a reference front of mission 'm'"):
-            score_runs(runs, final, empty, indicators=["epsilon"], **options)
-        assert len(score_runs(runs, final, empty, indicators=["area"], **options)) == 1
 
     @given(studies())
     def test_scores_are_those_of_the_indicators_and_fit_the_table(self, study):

@@ -32,7 +32,6 @@ from botohe_moo.study.judge.statistics import (
     a12_interval,
     friedman,
     generator_for,
-    holm,
     mann_whitney,
     median_interval,
     smallest_p,
@@ -93,63 +92,12 @@ class TestMedianInterval:
         assert widths == sorted(widths)
         assert widths[0] < widths[-1]
 
-    @pytest.mark.parametrize("values", [[], [1, np.nan], [np.inf], [[1, 2]], 3])
-    def test_other_values_are_refused(self, values):
-        with pytest.raises(ValueError, match="Expected values to be one or more finite numbers"):
-            median_interval(values, confidence=0.95, rng=rng())
-
-    @pytest.mark.parametrize("confidence", [0, 1, 1.3, np.nan])
-    def test_confidence_out_of_range(self, confidence):
-        with pytest.raises(ValueError, match=r"Expected confidence in \(0, 1\)"):
-            median_interval([1, 2], confidence=confidence, rng=rng())
-
     def test_the_generator_depends_on_the_values_alone(self):
         def drawn(values):
             return generator_for(values).random()
 
         assert drawn([1, 2]) == drawn(np.array([1.0, 2.0])) == drawn(np.array([1, 9, 2])[::2])
         assert len({drawn(v) for v in ([1, 2], [2, 1], [1, 2, 2], [1])}) == 4
-
-
-class TestHolm:
-    @pytest.mark.parametrize(
-        ("given", "corrected"),
-        [
-            # Times 4, 3, 2, 1 from the smallest, and never below one before.
-            ([0.01, 0.04, 0.03, 0.005], [0.03, 0.06, 0.06, 0.02]),
-            ([0.5, 0.4, 0.3], [0.9, 0.9, 0.9]),
-            ([0.6, 0.6], [1.0, 1.0]),
-            ([0.2], [0.2]),
-            ([0.0, 1.0], [0.0, 1.0]),
-            ([], []),
-        ],
-    )
-    def test_by_hand(self, given, corrected):
-        assert holm(given).tolist() == pytest.approx(corrected, abs=1e-15)
-
-    @given(st.lists(st.floats(0, 1), max_size=12), st.randoms(use_true_random=False))
-    def test_properties(self, given, random):
-        corrected = holm(given)
-        assert ((corrected >= given) & (corrected <= 1)).all()
-        assert (corrected <= np.minimum(np.array(given) * len(given), 1)).all()  # Bonferroni
-        order = random.sample(range(len(given)), len(given))
-        assert holm([given[i] for i in order]).tolist() == corrected[order].tolist()
-        for i, j in itertools.combinations(range(len(given)), 2):
-            if given[i] <= given[j]:
-                assert corrected[i] <= corrected[j]
-
-    @given(st.lists(st.floats(0, 1), min_size=1, max_size=8), st.data())
-    def test_a_smaller_p_value_makes_no_other_larger(self, given, data):
-        # What the verdict of too few runs rests on.
-        before = holm(given)
-        row = data.draw(st.integers(0, len(given) - 1))
-        given[row] = data.draw(st.floats(0, given[row]))
-        assert (holm(given) <= before + 1e-15).all()
-
-    @pytest.mark.parametrize("given", [[1.1], [-0.1], [np.nan], [[0.1]], 0.1])
-    def test_what_are_no_p_values(self, given):
-        with pytest.raises(ValueError, match="Expected p_values"):
-            holm(given)
 
 
 class TestMannWhitney:
@@ -210,11 +158,6 @@ class TestA12:
         won = sum((a > b) + (a == b) / 2 for a in x for b in y)
         assert a12(x, y) == pytest.approx(won / (len(x) * len(y)), abs=1e-15)
         assert a12(x, y) + a12(y, x) == pytest.approx(1, abs=1e-15)
-
-    @pytest.mark.parametrize("bad", [[], [np.nan], [[1.0]]])
-    def test_what_is_no_sample(self, bad):
-        with pytest.raises(ValueError, match="Expected y to be one or more finite numbers"):
-            a12([1], bad)
 
     def test_words(self):
         bounds = {0.5: "negligible", 0.56: "small", 0.64: "medium", 0.71: "large", 1.0: "large"}
@@ -322,11 +265,6 @@ class TestFriedman:
         spread = np.array([(sums**2).sum() for sums in others])
         observed = (stats.rankdata(blocks, axis=1).sum(axis=0) ** 2).sum()
         assert p_value == pytest.approx(np.mean(spread >= observed), rel=1e-12)
-
-    @pytest.mark.parametrize("shape", [(4, 2), (0, 3), (3,)])
-    def test_other_shapes(self, shape):
-        with pytest.raises(ValueError, match=r"Expected blocks of shape \(n, 3 or more\)"):
-            friedman(np.zeros(shape), rng=rng())
 
 
 class TestNemenyi:
@@ -572,23 +510,6 @@ class TestCompare:
         table = compared(values)
         assert table["mission"].tolist() == ["m"] * 3
 
-    def test_an_unknown_control(self):
-        with pytest.raises(ValueError, match="Expected control among BO-ACO, A, got 'bo-aco'"):
-            compared({"m": {"A": [1], "BO-ACO": [2]}}, control="bo-aco")
-
-    @pytest.mark.parametrize("level", [0, 1, 5])
-    def test_significance_out_of_range(self, level):
-        with pytest.raises(ValueError, match=r"Expected significance in \(0, 1\)"):
-            compared(TINY, level=level)
-
-    def test_values_that_are_none(self):
-        with pytest.raises(ValueError, match=r"Expected finite values of indicators.*'m/A/2'"):
-            compared({"m": {"A": [1, np.inf], "B": [1, 2]}})
-
-    def test_unknown_indicators(self):
-        with pytest.raises(ValueError, match="no indicator 'aera'; known are area, "):
-            compared(TINY, indicator="aera")
-
 
 def ranked(values, *, indicator="area", algorithms=None, level=0.05):
     algorithms = algorithms or list(next(iter(values.values())))
@@ -624,7 +545,7 @@ class TestRanks:
         assert table["p_value"].isna().all()
         assert table["average_rank"].tolist() == [1, 2, 3]
         [note] = set(table["note"])
-        assert note.startswith("no Friedman test: 5 labels stand for 4 missions")
+        assert note.startswith("no Friedman test: 5 labels represent 4 missions")
 
     def test_less_is_better_for_distances(self):
         table = ranked(FIVE, indicator="epsilon")

@@ -2,7 +2,7 @@
 
 import contextlib
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,7 +10,6 @@ import numpy as np
 import pandas as pd
 
 from botohe_moo._base.types import FloatArray
-from botohe_moo.indicators import Scale, further_indicators
 from botohe_moo.search.bounds import FrontBound
 from botohe_moo.study.file.model import Run, Study
 from botohe_moo.study.judge.comparisons import compare_algorithms
@@ -91,11 +90,6 @@ class _Found:
         self.plans.append(objectives)
         self.trails += [json.dumps(labels(plan), ensure_ascii=False) for plan in batch]
 
-    @property
-    def final_fronts(self) -> list[FloatArray]:
-        """The last front of each run, without points where there is none."""
-        return [fronts[-1] if fronts else np.empty((0, 2)) for fronts in self.fronts]
-
 
 def _run_row(run: Run, outcome: Outcome, where: str) -> dict[str, Any]:
     budget = run.mission.budget
@@ -121,16 +115,22 @@ def _judged(
     found: _Found,
     bounds: dict[str, FrontBound],
 ) -> dict[str, pd.DataFrame]:
-    """Give all tables but ``missions``, ``bounds`` and ``algorithms``."""
+    """Return all tables but ``missions``, ``bounds`` and ``algorithms``."""
     missions = {mission.label: mission.scale for mission in study.missions}
     comparison, indicators = study.file.comparison, study.file.indicators
     level = comparison.significance
     labels = [algorithm.label for algorithm in study.algorithms]
-    tables = _recorded(found)
-    runs = tables["runs"]
-    finals = _with_points(_repeated(runs, map(len, found.final_fronts)), found.final_fronts)
+    runs = pd.DataFrame(found.runs, columns=SCHEMAS["runs"].names)
+    # The last front of each run, without points where there is none.
+    finals = [fronts[-1] if fronts else np.empty((0, 2)) for fronts in found.fronts]
     references = reference_fronts(runs, finals)
-    tables |= _scored(tables, found, references, missions, indicators)
+    records = [
+        (label, front)
+        for label, fronts in zip(runs["mission"], found.fronts, strict=True)
+        for front in fronts
+    ]
+    scores_of_records = score_records(records, references, missions=missions, indicators=indicators)
+    tables = _recorded(found, runs, scores_of_records)
     runs = tables["runs"]
     scores = score_runs(runs, finals, references, missions=missions, indicators=indicators)
     ranks = rank_algorithms(
@@ -161,48 +161,30 @@ def _judged(
     }
 
 
-def _recorded(found: _Found) -> dict[str, pd.DataFrame]:
-    """Give the tables of runs and records; their areas are still missing."""
-    runs = pd.DataFrame(found.runs, columns=SCHEMAS["runs"].names).fillna({"area": 0.0})
+def _recorded(
+    found: _Found, runs: pd.DataFrame, scores: Mapping[str, Sequence[float]]
+) -> dict[str, pd.DataFrame]:
+    """Return the tables of runs and records; ``scores`` has a value for each recorded front."""
     records = [front for fronts in found.fronts for front in fronts]
     sizes = list(map(len, records))
-    trace = _repeated(runs, map(len, found.fronts))
     spent = pd.DataFrame(found.spent, columns=["evaluations", "seconds", "ties"])
-    trace = trace.join(spent).assign(front_size=sizes, area=0.0)
-    trace = trace.assign(**dict.fromkeys(further_indicators(), np.nan))
-    fronts = _repeated(trace, sizes, "evaluations")
+    trace = _repeated(runs, map(len, found.fronts)).join(spent)
+    trace = trace.assign(front_size=sizes, **scores)
+    final = trace.groupby("run")["area"].last()
     plans = _repeated(runs, map(len, found.plans)).assign(trails=found.trails)
     numbers = [np.arange(len(objectives)) for objectives in found.plans]
     plans["plan_id"] = np.concatenate([np.empty(0, int), *numbers])
     where = found.environments
     frames = {
-        "runs": runs,
+        "runs": runs.assign(area=runs["run"].map(final).fillna(0.0)),
         "trace": trace,
-        "fronts": _with_points(fronts, records),
+        "fronts": _with_points(_repeated(trace, sizes, "evaluations"), records),
         "plans": _with_points(plans, found.plans),
         "environments": pd.DataFrame(
             [where[key] for key in sorted(where)], columns=SCHEMAS["environments"].names
         ),
     }
     return {name: _typed(name, frame) for name, frame in frames.items()}
-
-
-def _scored(
-    tables: dict[str, pd.DataFrame],
-    found: _Found,
-    references: pd.DataFrame,
-    missions: dict[str, Scale],
-    indicators: Sequence[str],
-) -> dict[str, pd.DataFrame]:
-    """Give ``trace`` with the scores of its fronts, and ``runs`` with the final areas."""
-    runs, trace = tables["runs"], tables["trace"]
-    records = (front for fronts in found.fronts for front in fronts)
-    fronts = zip(trace["mission"].tolist(), records, strict=True)
-    scores = score_records(fronts, references, missions=missions, indicators=indicators)
-    n_records = np.array(list(map(len, found.fronts)), int)
-    areas = np.zeros(len(runs))
-    areas[n_records > 0] = np.array(scores["area"])[np.cumsum(n_records)[n_records > 0] - 1]
-    return {"runs": runs.assign(area=areas), "trace": trace.assign(**scores)}
 
 
 def _repeated(frame: pd.DataFrame, counts: Iterable[int], *further: str) -> pd.DataFrame:

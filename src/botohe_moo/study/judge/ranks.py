@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from botohe_moo._base.checks import check_number
 from botohe_moo._base.types import FloatArray
+from botohe_moo._base.words import counted
 from botohe_moo.study.judge.comparisons import p_text
 from botohe_moo.study.judge.scores import as_table, best_first, samples_of, sign_of
 from botohe_moo.study.judge.statistics import friedman, generator_for
@@ -26,7 +26,7 @@ def rank_algorithms(
     significance: float,
     digests: Mapping[str, str] | None = None,
 ) -> pd.DataFrame:
-    """Make the table ``ranks``: average ranks of medians over missions, tested by Friedman.
+    """Return the table ``ranks``: average ranks of medians over missions, tested by Friedman.
 
     Missions are the blocks, and seeds never are: the runs of a mission are not several problems.
     The test needs ``MIN_ALGORITHMS`` = 3 algorithms, since for two it would be a sign test, and
@@ -36,7 +36,6 @@ def rank_algorithms(
     block, and there is no test then. The column ``note`` says why there is no test. Missions where
     an algorithm has no run, as in a study that was interrupted, are left out and counted there.
     """
-    level = check_number("significance", significance, above=0.0, below=1.0)
     by_indicator: dict[str, dict[str, dict[str, FloatArray]]] = {}
     for (mission, indicator), samples in samples_of(indicators).items():
         if sign_of(indicator):
@@ -55,9 +54,9 @@ def rank_algorithms(
         )
         n_blocks = len({(digests or {}).get(mission, mission) for mission in complete})
         averages = stats.rankdata(medians, axis=1).mean(axis=0)
-        statistic, p_value, note = _tested(medians, n_blocks, level)
+        statistic, p_value, note = _tested(medians, n_blocks, significance)
         if left_out := len(missions) - len(complete):
-            note += f"; {_missions(left_out)} left out, where an algorithm has no run"
+            note += f"; {counted(left_out, 'mission')} left out, where an algorithm has no run"
         rows += [
             {
                 "indicator": indicator,
@@ -76,47 +75,39 @@ def rank_algorithms(
 def _tested(
     medians: FloatArray, n_blocks: int, level: float
 ) -> tuple[float | None, float | None, str]:
-    """Give Friedman's statistic, its p-value, and the outcome in words."""
+    """Return Friedman's statistic, its p-value, and the outcome in words."""
     n_missions, n_algorithms = medians.shape
     lacking = []
     if n_algorithms < MIN_ALGORITHMS:
-        needed = f"at least {MIN_ALGORITHMS} are needed"
-        lacking.append(f"{n_algorithms} algorithm{'s' * (n_algorithms > 1)}, {needed}")
+        found = counted(n_algorithms, "algorithm")
+        lacking.append(f"{found}, at least {MIN_ALGORITHMS} are needed")
     if n_blocks < n_missions:
-        several = f"{n_missions} labels stand for {_missions(n_blocks)}"
+        several = f"{n_missions} labels represent {counted(n_blocks, 'mission')}"
         lacking.append(f"{several}, and a mission under several labels is one block")
     if n_blocks < MIN_BLOCKS:
         needed = f"at least {MIN_BLOCKS} are needed as blocks, and seeds are no blocks"
-        lacking.append(f"{_missions(n_blocks)}, {needed}")
+        lacking.append(f"{counted(n_blocks, 'mission')}, {needed}")
     if lacking:
         return None, None, f"no Friedman test: {'; '.join(lacking)}"
     statistic, p_value = friedman(medians, rng=generator_for(medians.ravel()))
     if statistic is None or p_value is None:
         return None, None, "no Friedman test: all algorithms have the same median on every mission"
     outcome = "the algorithms differ" if p_value < level else "no difference found"
-    return (
-        statistic,
-        p_value,
-        f"{outcome}: Friedman over {n_missions} missions, {p_text(p_value)}",
-    )
-
-
-def _missions(count: int) -> str:
-    return "1 mission" if count == 1 else f"{count} missions"
+    note = f"{outcome}: Friedman over {n_missions} missions, {p_text(p_value)}"
+    return statistic, p_value, note
 
 
 def nemenyi(average_ranks: FloatArray, n_blocks: int, *, significance: float) -> Any:
-    """Give the critical difference of k average ranks over blocks, and p-values, shape (k, k).
+    """Return the critical difference of k average ranks over blocks, and p-values, shape (k, k).
 
     Demšar, "Statistical comparisons of classifiers over multiple data sets", Journal of Machine
     Learning Research 7, 2006, section 3.2.2: the difference of two average ranks, in units of
     sqrt(k (k + 1) / (6 n)), against the Studentized range with infinitely many degrees of freedom,
     divided by sqrt(2).
     """
-    level = check_number("significance", significance, above=0.0, below=1.0)
     k = len(average_ranks)
     unit = math.sqrt(k * (k + 1) / (12 * n_blocks))  # sqrt(2) is in it
-    critical = float(stats.studentized_range.ppf(1 - level, k, np.inf)) * unit
+    critical = float(stats.studentized_range.ppf(1 - significance, k, np.inf)) * unit
     sizes = np.abs(average_ranks[:, None] - average_ranks[None, :])
     different, where = np.unique(sizes.round(9), return_inverse=True)
     p_values = stats.studentized_range.sf(different / unit, k, np.inf)
@@ -124,7 +115,7 @@ def nemenyi(average_ranks: FloatArray, n_blocks: int, *, significance: float) ->
 
 
 def compare_ranks(ranks: pd.DataFrame, *, significance: float) -> pd.DataFrame:
-    """Make the table ``posthoc``: Nemenyi's test of all pairs, by indicators tested by Friedman.
+    """Return the table ``posthoc``: Nemenyi's test of all pairs, by indicators tested by Friedman.
 
     Where Friedman's test finds no difference, no pair is significant.
     """

@@ -10,7 +10,6 @@ import pandas as pd
 import pyarrow as pa
 from numpy.typing import ArrayLike
 
-from botohe_moo._base.checks import nearest_first
 from botohe_moo._base.types import FloatArray
 from botohe_moo.indicators import INDICATORS, TIE, Scale, further_indicators
 from botohe_moo.study.store.schemas import SCHEMAS
@@ -19,20 +18,18 @@ from botohe_moo.study.store.schemas import SCHEMAS
 Samples: TypeAlias = dict[tuple[str, str], dict[str, FloatArray]]
 
 _DIGITS = 16
-_NO_FRONT = np.empty((0, 2))
 
 
-def reference_fronts(runs: pd.DataFrame, final_fronts: pd.DataFrame) -> pd.DataFrame:
-    """Make the table ``references``: what all runs on each mission found together.
+def reference_fronts(runs: pd.DataFrame, fronts: Sequence[FloatArray]) -> pd.DataFrame:
+    """Return the table ``references``: what all runs on each mission found together.
 
-    The non-dominated points of the final fronts, each once, by descending reward. Where no run
-    found anything, the single point (0, 0): the plan that brings nothing back.
+    The non-dominated points of the final ``fronts``, one for each run, each once, by descending
+    reward. Where no run found anything, the single point (0, 0): the plan that brings nothing back.
     """
-    fronts = _by_run(final_fronts)
     rows: list[dict[str, Any]] = []
     for mission in runs["mission"].unique():
-        names = runs.loc[runs["mission"] == mission, "run"].unique()
-        union = _union([fronts[run] for run in names if run in fronts])
+        of_mission = runs["mission"] == mission
+        union = _union([front for front, own in zip(fronts, of_mission, strict=True) if own])
         digest = hashlib.sha256(union.astype("<f8").tobytes()).hexdigest()[:_DIGITS]
         rows += [
             {"reference": digest, "mission": mission, "reward": reward, "survivors": survivors}
@@ -43,36 +40,29 @@ def reference_fronts(runs: pd.DataFrame, final_fronts: pd.DataFrame) -> pd.DataF
 
 def score_runs(
     runs: pd.DataFrame,
-    final_fronts: pd.DataFrame,
+    fronts: Sequence[FloatArray],
     references: pd.DataFrame,
     *,
     missions: Mapping[str, Scale],
     indicators: Sequence[str],
 ) -> pd.DataFrame:
-    """Make the table ``indicators``: a row for each run, in the order of ``runs``, and indicator.
+    """Return the table ``indicators``: a row for each run, in the order of ``runs``, and indicator.
 
-    A run without a front, because it failed or found nothing feasible, is scored as the single
-    plan that brings nothing back, (0, 0): its area is 0, its IGD+ and epsilon are those of that
-    point, and its front has 0 points. Values of a mission that differ by at most 1e-12 are made
-    equal by :func:`merge_ties`.
+    ``fronts`` are the final ones, one for each run. A run without a front, because it failed or
+    found nothing feasible, is scored as the single plan that brings nothing back, (0, 0): its area
+    is 0, its IGD+ and epsilon are those of that point, and its front has 0 points. Values of a
+    mission that differ by at most 1e-12 are made equal by :func:`merge_ties`.
     """
-    check_indicators(indicators)
-    fronts = _by_run(final_fronts)
     targets = points_by_mission(references)
     names = references.groupby("mission")["reference"].first()
     rows: list[dict[str, Any]] = []
     identities: Any = runs[["run", "mission", "algorithm", "seed"]].to_dict("records")
-    for run, size in zip(identities, runs["front_size"].tolist(), strict=True):
-        points, label = fronts.get(run["run"], _NO_FRONT), run["run"]
-        if size != len(points):
-            raise ValueError(f"Run {label}: expected a front of {size} points, got {len(points)}.")
-        mission = missions[run["mission"]]
+    for run, points in zip(identities, fronts, strict=True):
+        mission = run["mission"]
         for name in indicators:
-            indicator, target = INDICATORS[name], targets.get(run["mission"])
-            if indicator.needs_reference and target is None:
-                raise ValueError(f"Expected a reference front of mission {run['mission']!r}.")
-            reference = names[run["mission"]] if indicator.needs_reference else None
-            value = indicator.measure(points, target, mission)
+            indicator = INDICATORS[name]
+            value = indicator.measure(points, targets[mission], missions[mission])
+            reference = names[mission] if indicator.needs_reference else None
             rows.append({**run, "indicator": name, "reference": reference, "value": value})
     table = as_table("indicators", rows)
     if rows:
@@ -108,16 +98,8 @@ def score_records(
     return scores
 
 
-def check_indicators(names: Iterable[str]) -> None:
-    """Raise a ValueError for a name that is not an indicator's."""
-    for name in names:
-        if name not in INDICATORS:
-            known = ", ".join(nearest_first(str(name), INDICATORS))
-            raise ValueError(f"There is no indicator {name!r}; known are {known}.")
-
-
 def as_table(name: str, rows: list[dict[str, Any]]) -> pd.DataFrame:
-    """Give rows as the table of a schema, with typed columns even where there are no rows."""
+    """Return rows as the table of a schema, with typed columns even where there are no rows."""
     table: pd.DataFrame = pa.Table.from_pylist(rows, schema=SCHEMAS[name]).to_pandas()
     return table
 
@@ -142,12 +124,7 @@ def merge_ties(values: ArrayLike) -> FloatArray:
 
 
 def samples_of(indicators: pd.DataFrame) -> Samples:
-    """Give the values of every algorithm by mission and indicator, in the order of the table."""
-    check_indicators(indicators["indicator"].unique())
-    values = indicators["value"].to_numpy(float)
-    if not np.isfinite(values).all():
-        row = indicators.iloc[int(np.argmin(np.isfinite(values)))].to_dict()
-        raise ValueError(f"Expected finite values of indicators, got {row}.")
+    """Return the values of every algorithm by mission and indicator, in the order of the table."""
     samples: Samples = {}
     groups: Any = indicators.groupby(["mission", "indicator", "algorithm"], sort=False)["value"]
     for (mission, indicator, algorithm), found in groups:
@@ -157,35 +134,24 @@ def samples_of(indicators: pd.DataFrame) -> Samples:
 
 
 def sign_of(indicator: str) -> int:
-    """Give 1 where more is better, -1 where less is, 0 for an indicator that does not judge."""
+    """Return 1 where more is better, -1 where less is, 0 for an indicator that does not judge."""
     return {True: 1, False: -1, None: 0}[INDICATORS[indicator].higher_is_better]
 
 
 def best_first(indicator: str, samples: Sequence[FloatArray]) -> FloatArray:
-    """Give medians, ties merged, with a sign that makes the smallest the best."""
+    """Return medians, ties merged, with a sign that makes the smallest the best."""
     return -sign_of(indicator) * merge_ties([np.median(values) for values in samples])
 
 
-def _by_run(final_fronts: pd.DataFrame) -> dict[str, FloatArray]:
-    points, rows = _points(final_fronts), final_fronts.groupby("run", sort=False).indices
-    return {str(run): points[of_run] for run, of_run in rows.items()}
-
-
 def points_by_mission(references: pd.DataFrame) -> dict[str, FloatArray]:
-    """Give the points (n, 2) of each mission's reference front."""
+    """Return the points (n, 2) of each mission's reference front."""
     groups = references.groupby("mission", sort=False)
-    return {str(label): _points(front) for label, front in groups}
-
-
-def _points(front: pd.DataFrame) -> FloatArray:
-    return front[["reward", "survivors"]].to_numpy(np.float64)
+    return {str(label): front[["reward", "survivors"]].to_numpy(float) for label, front in groups}
 
 
 def _union(fronts: list[FloatArray]) -> FloatArray:
-    """Give the non-dominated points, each once, by descending reward."""
-    if not fronts:
-        return np.zeros((1, 2))
+    """Return the non-dominated points, each once, by descending reward."""
     # -0.0 equals 0.0 and has other bytes.
     points = np.unique(np.concatenate(fronts), axis=0)[::-1] + 0.0
     kept: FloatArray = points[moocore.is_nondominated(points, maximise=True)]
-    return kept
+    return kept if len(kept) else np.zeros((1, 2))

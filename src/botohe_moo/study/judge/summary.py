@@ -7,7 +7,6 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from botohe_moo._base.checks import check_number
 from botohe_moo.indicators import TIE, Scale, area_indicator, further_indicators
 from botohe_moo.mission.model import Mission
 from botohe_moo.search.bounds import FrontBound
@@ -17,7 +16,6 @@ from botohe_moo.study.judge.scores import (
     best_first,
     merge_ties,
     points_by_mission,
-    samples_of,
 )
 from botohe_moo.study.judge.statistics import generator_for, median_interval
 
@@ -27,7 +25,7 @@ def mission_table(
     missions: Mapping[str, Mission],
     bounds: Mapping[str, FrontBound],
 ) -> pd.DataFrame:
-    """Make the table ``missions``, with a further column for each parameter in a grid.
+    """Return the table ``missions``, with a further column for each parameter in a grid.
 
     ``bounds`` are those that there are, by label of the mission.
     """
@@ -55,7 +53,7 @@ def mission_table(
 
 
 def bound_table(bounds: Mapping[str, FrontBound]) -> pd.DataFrame:
-    """Make the table ``bounds`` of the bounds that there are, by label of the mission."""
+    """Return the table ``bounds`` of the bounds that there are, by label of the mission."""
     rows = [
         {"mission": label, "reward": reward, "survivors": survivors}
         for label, bound in bounds.items()
@@ -65,7 +63,7 @@ def bound_table(bounds: Mapping[str, FrontBound]) -> pd.DataFrame:
 
 
 def algorithm_table(manifest: Mapping[str, Any]) -> pd.DataFrame:
-    """Make the table ``algorithms``, with a further column for each parameter that is given to any.
+    """Return the table ``algorithms``, with a further column for each parameter given to any.
 
     Other algorithms have their default there, if they have such a parameter.
     """
@@ -100,7 +98,7 @@ def _widened(
 
 
 def _typed(values: list[Any]) -> "pd.Series[Any]":
-    """Give a column the common type of its values; texts where there is none."""
+    """Return a column the common type of its values; texts where there is none."""
     kinds = {type(value) for value in values if value is not None}
     if kinds == {bool}:
         return pd.Series(values, dtype="boolean")
@@ -127,19 +125,19 @@ def summarise(
     significance: float,
     bounds: Mapping[str, FrontBound],
 ) -> pd.DataFrame:
-    """Make the table ``summary``: the runs of each algorithm on each mission.
+    """Return the table ``summary``: the runs of each algorithm on each mission.
 
     The intervals of median areas are bootstrapped with a generator seeded by the areas, so they do
     not depend on the rest of the study. An algorithm without runs on a mission, as in a study that
     was interrupted, has no row.
     """
-    level = check_number("significance", significance, above=0.0, below=1.0)
     if len(runs):  # the values that are compared
         areas: Any = runs.groupby("mission", sort=False)["area"]
         runs = runs.assign(raw_area=runs["area"], area=areas.transform(merge_ties))
     groups: Any = runs.groupby(["mission", "algorithm"], sort=False)
     found: dict[Any, pd.DataFrame] = dict(iter(groups))
-    samples = samples_of(indicators)
+    values: Any = indicators.groupby(["mission", "algorithm", "indicator"])["value"]
+    medians = values.median().to_dict()
     rows: list[dict[str, Any]] = []
     for mission in missions:
         labels = [label for label in algorithms if (mission, label) in found]
@@ -148,9 +146,8 @@ def summarise(
         for label, rank in zip(labels, ranks, strict=True):
             row: dict[str, Any] = {"mission": mission, "algorithm": label, "rank": float(rank)}
             for name in further_indicators():
-                values = samples.get((mission, name), {}).get(label)
-                row[f"{name}_median"] = None if values is None else float(np.median(values))
-            row |= _described(found[mission, label], level)
+                row[f"{name}_median"] = medians.get((mission, label, name))
+            row |= _described(found[mission, label], significance)
             if mission in bounds:
                 row["area_gap"] = _gap(bounds[mission].area, row["area_mean"])
             rows.append(row)
@@ -158,18 +155,18 @@ def summarise(
 
 
 def _gap(most: float, area: float) -> float:
-    """Give by which share an area may be exceeded at most, as ``FrontBound.gap`` does."""
+    """Return by which share an area may be exceeded at most, as ``FrontBound.gap`` does."""
     if area == 0.0:
         return np.inf if most > 0.0 else 0.0
     return max(0.0, most / area - 1.0)
 
 
-def _described(runs: pd.DataFrame, level: float) -> dict[str, Any]:
+def _described(runs: pd.DataFrame, significance: float) -> dict[str, Any]:
     areas = np.sort(runs["area"].to_numpy(float))
     median = float(np.median(areas))
     # Not the merged values, which depend on the other runs of the study.
     raw = np.sort(runs["raw_area"].to_numpy(float))
-    _, low, high = median_interval(raw, confidence=1.0 - level, rng=generator_for(raw))
+    _, low, high = median_interval(raw, confidence=1.0 - significance, rng=generator_for(raw))
     return {
         "n": len(runs),
         "n_not_done": int((runs["status"] != "done").sum()),
@@ -193,45 +190,29 @@ def reach_targets(
     missions: Mapping[str, Scale],
     algorithms: Sequence[str],
 ) -> pd.DataFrame:
-    """Make the table ``targets``: what reaching 90, 95 and 99 % of the reference area takes.
+    """Return the table ``targets``: what reaching 90, 95 and 99 % of the reference area takes.
 
     What is reached between two records counts from the second. Medians are over all runs; one that
     never reaches a target takes for ever. An algorithm without runs on a mission, as in a study
     that was interrupted, has no rows, nor has a mission whose reference front has no area.
     """
     fronts = points_by_mission(references)
-    counts: Any = runs.groupby(["mission", "algorithm"], sort=False).size()
-    rows: list[dict[str, Any]] = []
     areas = {label: area_indicator(fronts[label], missions[label]) for label in fronts}
+    runs = runs[runs["mission"].map(areas).astype(float) > 0]
     whole = trace["mission"].map(areas).to_numpy(float)
-    reached: dict[float, Any] = {}
+    keys, columns = ["mission", "algorithm"], ["evaluations", "seconds"]
+    parts = []
     for share in SHARES:
         there = trace[trace["area"].to_numpy(float) >= share * whole - TIE]
-        first = there.drop_duplicates(["run", "mission", "algorithm"])
-        reached[share] = dict(iter(first.groupby(["mission", "algorithm"], sort=False)))
-    for mission in missions:
-        for algorithm in algorithms:
-            n = int(counts.get((mission, algorithm), 0))
-            for share in SHARES if n and areas[mission] > 0 else ():
-                first = reached[share].get((mission, algorithm), trace.iloc[:0])
-                rows.append(
-                    {
-                        "mission": mission,
-                        "algorithm": algorithm,
-                        "share": share,
-                        "target": share * areas[mission],
-                        "n": n,
-                        "n_reached": len(first),
-                        "evaluations_median": _median(first["evaluations"], n),
-                        "seconds_median": _median(first["seconds"], n),
-                    }
-                )
+        first = there.drop_duplicates("run").set_index("run")[columns].astype(float)
+        spent = runs[["run", *keys]].join(first, on="run")
+        medians = spent.fillna({"evaluations": np.inf, "seconds": np.inf}).groupby(keys)[columns]
+        part = medians.median().replace(np.inf, np.nan).add_suffix("_median")
+        counts = spent.groupby(keys)["seconds"].agg(n="size", n_reached="count")
+        parts.append(part.join(counts).assign(share=share))
+    table = pd.concat(parts).reset_index()
+    table["target"] = table["share"] * table["mission"].map(areas).astype(float)
+    order: Any = {"mission": list(missions), "algorithm": list(algorithms), "share": list(SHARES)}
+    table = table.sort_values(list(order), key=lambda given: given.map(order[given.name].index))
+    rows: Any = table.to_dict("records")
     return as_table("targets", rows)
-
-
-def _median(spent: "pd.Series[Any]", n: int) -> float | None:
-    """Give the median of n runs; all but ``spent`` take for ever. None if it is endless."""
-    values = np.full(n, np.inf)
-    values[: len(spent)] = spent
-    median = float(np.median(values))
-    return median if np.isfinite(median) else None

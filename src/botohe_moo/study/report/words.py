@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from botohe_moo.indicators import further_indicators
 from botohe_moo.study.file.digest import value_text
 from botohe_moo.study.judge.scores import merge_ties
 from botohe_moo.study.store.tables import StudyTables
@@ -20,12 +19,12 @@ _MOST_DIGITS = 13  # with which all values that are not ties differ
 
 
 def fixed(value: Any, decimals: int = 4) -> str:
-    """Write a number with so many decimals; a dash where it is missing."""
+    """Return a number with ``decimals`` decimals; a dash where it is missing."""
     return _DASH if pd.isna(value) else f"{float(value):,.{decimals}f}"
 
 
 def significant(value: Any, digits: int = 3) -> str:
-    """Write a number with so many significant digits, a large one whole, a tiny one as 1.2e-09."""
+    """Return a number with ``digits`` significant digits, a large one whole, a tiny as 1.2e-09."""
     if pd.isna(value):
         return _DASH
     number = float(value)
@@ -36,62 +35,36 @@ def significant(value: Any, digits: int = 3) -> str:
 
 
 def percent(share: Any) -> str:
-    """Write a share in percent; a dash where it is missing."""
+    """Return a share in percent; a dash where it is missing."""
     return _DASH if pd.isna(share) else f"{100 * float(share):,.2f} %"
 
 
 def count(value: Any) -> str:
-    """Write a count, or a median of counts, which may end in a half."""
+    """Return a count, or a median of counts, which may end in a half."""
     if pd.isna(value):
         return _DASH
     return f"{float(value):,.1f}".removesuffix(".0")
 
 
 def interval(low: Any, high: Any, decimals: int = 4) -> str:
-    """Write both ends of an interval."""
+    """Return both ends of an interval."""
     return f"{fixed(low, decimals)}–{fixed(high, decimals)}"
 
 
-def summary_cells(rows: pd.DataFrame) -> list[list[str]]:
-    """Write what the page and LaTeX both have of each row of the summary."""
-    return [
-        [
-            median,
-            interval(row["area_low"], row["area_high"]),
-            *(significant(row[f"{name}_median"]) for name in further_indicators()),
-            count(row["front_size_median"]),
-            count(row["evaluations_median"]),
-            significant(row["seconds_median"]),
-            count(row["rank"]),
-        ]
-        for row, median in zip(rows.to_dict("records"), distinct(rows["area_median"]), strict=True)
-    ]
-
-
-def comparison_cells(row: Mapping[Any, Any]) -> list[str]:
-    """Write both medians, the corrected p-value, A12 and its interval of a comparison."""
-    return [
-        *distinct([row["median"], row["median_other"]], significant),
-        p_value(row["p_holm"]),
-        fixed(row["a12"], 2),
-        interval(row["a12_low"], row["a12_high"], 2),
-    ]
-
-
 def p_value(value: Any) -> str:
-    """Write a p-value with two digits; below 0.0001 only that it is."""
+    """Return a p-value with two digits; below 0.0001 only that it is."""
     if pd.isna(value):
         return _DASH
     return "< 0.0001" if value < 1e-4 else significant(value, 2)
 
 
 def level(tables: StudyTables) -> str:
-    """Write how much intervals cover, in percent."""
+    """Return how much intervals cover, in percent."""
     return f"{100 * (1 - tables.significance):g} %"
 
 
 def budget_words(budget: Mapping[str, Any]) -> str:
-    """Write a run's budget."""
+    """Return a run's budget."""
     limits = [
         f"{count(budget[unit])} {unit}"
         for unit in ("evaluations", "seconds")
@@ -101,7 +74,7 @@ def budget_words(budget: Mapping[str, Any]) -> str:
 
 
 def bound_words(mission: Mapping[Any, Any]) -> str:
-    """Say what is proved of a mission, a row of that table; empty where nothing is."""
+    """Return what is proved of a mission, a row of that table; empty where nothing is."""
     if pd.isna(mission["bound_area"]):
         return ""
     took = significant(mission["bound_seconds"])
@@ -111,12 +84,12 @@ def bound_words(mission: Mapping[Any, Any]) -> str:
 
 
 def parameter_words(parameters: Mapping[str, Any]) -> str:
-    """Write parameters as name=value."""
+    """Return parameters as name=value."""
     return ", ".join(f"{name}={value_text(value)}" for name, value in parameters.items())
 
 
 def seed_words(seeds: Sequence[int]) -> str:
-    """Write seeds; consecutive ones as the first and the last."""
+    """Return seeds; consecutive ones as the first and the last."""
     if len(seeds) > 2 and list(seeds) == list(range(seeds[0], seeds[0] + len(seeds))):
         return f"{seeds[0]}{_DASH}{seeds[-1]}"
     return ", ".join(map(str, seeds))
@@ -125,7 +98,7 @@ def seed_words(seeds: Sequence[int]) -> str:
 def distinct(
     values: Iterable[float], write: Callable[[Any, int], str] = fixed, *, digits: int = 4
 ) -> list[str]:
-    """Write numbers so that those that are not ties look different, with ``digits`` at least."""
+    """Return numbers so that those that are not ties look different, with ``digits`` at least."""
     shown = np.array(list(values), np.float64)
     known = np.isfinite(shown)
     shown[known] = merge_ties(shown[known])
@@ -135,14 +108,8 @@ def distinct(
     return [write(value, digits) for value in shown.tolist()]
 
 
-def listed(names: Sequence[str]) -> str:
-    """Write names with commas and a last and."""
-    *first, last = names
-    return f"{', '.join(first)} and {last}" if first else last
-
-
 def slug(label: str) -> str:
-    """Give the part of a file's name that stands for a mission; it differs for every label."""
+    """Return the part of a file's name that represents a mission; it differs for every label."""
     plain = re.sub(r"[^a-z0-9._-]+", "-", label.lower()).strip(".-_")[:_LONGEST_SLUG]
     if plain == label:
         return plain
@@ -152,14 +119,6 @@ def slug(label: str) -> str:
 
 
 def main_indicator(comparisons: pd.DataFrame) -> str:
-    """Give the indicator that a report speaks of first."""
+    """Return the indicator that a report speaks of first."""
     found = list(comparisons["indicator"].unique())
     return "area" if "area" in found or not found else str(found[0])
-
-
-def verdict_words(row: Mapping[str, Any]) -> str:
-    """Give a comparison's verdict, with both names where the verdict itself has none."""
-    verdict = str(row["verdict"])
-    if verdict.startswith(str(row["algorithm"])):
-        return verdict
-    return f"{row['algorithm']} against {row['other']}: {verdict}"

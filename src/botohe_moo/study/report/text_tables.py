@@ -1,0 +1,196 @@
+"""The tables of a report with their cells as text: its page and its LaTeX show the same ones."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import pandas as pd
+
+from botohe_moo.indicators import INDICATORS, further_indicators
+from botohe_moo.study.judge.comparisons import effect_size
+from botohe_moo.study.report.words import (
+    budget_words,
+    count,
+    distinct,
+    fixed,
+    interval,
+    p_value,
+    parameter_words,
+    percent,
+    significant,
+)
+from botohe_moo.study.store.tables import StudyTables
+
+
+@dataclass(frozen=True)
+class TextTable:
+    """A table of texts; the names of its columns are their headings."""
+
+    cells: pd.DataFrame
+    texts: int = 1  # number of leading columns with words; the others hold numbers
+    strong: Sequence[bool] = ()  # of each row, whether it is set off
+    bold: str = ""  # the column that LaTeX sets off in strong rows
+
+
+def summary_table(tables: StudyTables, mission: str) -> TextTable:
+    """Return the summary of a mission, a row for each algorithm; the best medians are strong."""
+    rows = tables.summary[tables.summary["mission"] == mission]
+    n_seeds = len(tables.manifest["seeds"])
+    cells: dict[str, Any] = {
+        "algorithm": rows["algorithm"],
+        "runs": [_runs(row, n_seeds) for row in rows.to_dict("records")],
+        "median area": distinct(rows["area_median"]),
+        "interval": list(map(interval, rows["area_low"], rows["area_high"])),
+        "mean ± sd": [
+            fixed(mean) if pd.isna(sd) else f"{fixed(mean)} ± {fixed(sd)}"
+            for mean, sd in zip(rows["area_mean"], rows["area_sd"], strict=True)
+        ],
+        "best": rows["area_best"].map(fixed),
+        "gap at most": rows["area_gap"].map(percent),
+    }
+    if rows["area_gap"].isna().all():
+        del cells["gap at most"]
+    for name in further_indicators():
+        cells[INDICATORS[name].label] = rows[f"{name}_median"].map(significant)
+    cells |= {
+        "points": rows["front_size_median"].map(count),
+        "evaluations": rows["evaluations_median"].map(count),
+        "seconds": rows["seconds_median"].map(significant),
+        "rank": rows["rank"].map(count),
+    }
+    best = rows["rank"] == rows["rank"].min()
+    return TextTable(pd.DataFrame(cells), strong=best.tolist(), bold="median area")
+
+
+def _runs(row: Mapping[Any, Any], n_seeds: int) -> str:
+    of_all = "" if row["n"] == n_seeds else f" of {count(n_seeds)}"
+    lost = f" ({count(row['n_not_done'])} not done)" if row["n_not_done"] else ""
+    return f"{count(row['n'])}{of_all}{lost}"
+
+
+def comparison_table(rows: pd.DataFrame) -> TextTable:
+    """Return comparisons, a row for each pair; significant ones are strong."""
+    medians = [
+        distinct(pair, significant)
+        for pair in zip(rows["median"], rows["median_other"], strict=True)
+    ]
+    effects = zip(rows["a12"], rows["a12_low"], rows["a12_high"], strict=True)
+    cells = {
+        "indicator": [INDICATORS[name].label for name in rows["indicator"]],
+        "algorithm": rows["algorithm"],
+        "other": rows["other"],
+        "verdict": [_verdict(row) for row in rows.to_dict("records")],
+        "median": [median for median, _ in medians],
+        "of other": [other for _, other in medians],
+        "A12": [f"{fixed(a12, 2)} ({interval(low, high, 2)})" for a12, low, high in effects],
+        "p (Holm)": rows["p_holm"].map(p_value),
+    }
+    strong = rows["significant"].tolist()
+    return TextTable(pd.DataFrame(cells), texts=4, strong=strong, bold="p (Holm)")
+
+
+def _verdict(row: Mapping[Any, Any]) -> str:
+    """Return what a comparison finds, without the numbers that stand beside it."""
+    if row["significant"]:
+        return f"{'better' if row['a12'] > 0.5 else 'worse'}, {effect_size(row['a12'])}"
+    return str(row["verdict"]).partition(":")[0]
+
+
+def rank_table(rows: pd.DataFrame) -> TextTable:
+    """Return average ranks by an indicator, the best first, ties in the order of the study file."""
+    rows = rows.sort_values("average_rank", kind="stable")
+    cells = {
+        "algorithm": rows["algorithm"],
+        "average rank": [fixed(rank, 2) for rank in rows["average_rank"]],
+        "missions": rows["n_missions"].map(count),
+    }
+    return TextTable(pd.DataFrame(cells))
+
+
+def posthoc_table(rows: pd.DataFrame) -> TextTable:
+    """Return the pairs of average ranks by an indicator; significant ones are strong."""
+    cells = {
+        "algorithm": rows["algorithm"],
+        "other": rows["other"],
+        "difference of average ranks": [fixed(found, 2) for found in rows["difference"]],
+        "p (Nemenyi)": rows["p_value"].map(p_value),
+    }
+    return TextTable(pd.DataFrame(cells), texts=2, strong=rows["significant"].tolist())
+
+
+def target_table(rows: pd.DataFrame) -> TextTable:
+    """Return what reaching shares of the reference area took, a row for each algorithm."""
+    lines: dict[str, dict[str, str]] = {}
+    for row in rows.to_dict("records"):
+        line = lines.setdefault(row["algorithm"], {"algorithm": row["algorithm"]})
+        share = f"{100 * row['share']:g} %"
+        line[f"{share}: runs"] = f"{count(row['n_reached'])} of {count(row['n'])}"
+        line[f"{share}: evaluations"] = count(row["evaluations_median"])
+        line[f"{share}: seconds"] = significant(row["seconds_median"])
+    return TextTable(pd.DataFrame(list(lines.values())).fillna("–"))
+
+
+def mission_table(tables: StudyTables) -> TextTable:
+    """Return what the missions of a study are, a row for each."""
+    rows = []
+    for label, entry in tables.manifest["missions"].items():
+        mission = tables.mission(label)
+        source = dict(entry["source"])
+        name, parameters = source.pop("name_or_path"), parameter_words(source)
+        limit = entry.get("max_length")
+        rows.append(
+            {
+                "mission": label,
+                "title": mission.title,
+                "from": f"{name} ({parameters})" if parameters else str(name),
+                "budget of a run": budget_words(entry["budget"]),
+                "survival floor": significant(entry["min_survival"]),
+                "travel budget": "none" if limit is None else f"{limit:g}",
+                "nodes": count(mission.arrays.n_nodes),
+                "arcs": count(mission.arrays.n_arcs),
+                "robots": count(mission.robots),
+                "total reward": significant(mission.total_reward, 4),
+            }
+        )
+    cells = pd.DataFrame(rows)
+    if (cells["travel budget"] == "none").all():
+        cells = cells.drop(columns="travel budget")
+    return TextTable(cells, texts=4)
+
+
+def algorithm_table(tables: StudyTables) -> TextTable:
+    """Return what the algorithms of a study are, a row for each."""
+    rows = [
+        (label, entry["algorithm"], parameter_words(entry["parameters"]) or "defaults")
+        for label, entry in tables.manifest["algorithms"].items()
+    ]
+    return TextTable(pd.DataFrame(rows, columns=["label", "algorithm", "parameters"]), texts=3)
+
+
+def fault_table(runs: pd.DataFrame) -> TextTable:
+    """Return why runs are not done."""
+    shown = runs[["mission", "algorithm", "status", "stopped_by", "error", "seed"]]
+    cells = shown.fillna({"error": "–"}).assign(area=runs["area"].map(fixed))
+    return TextTable(cells.rename(columns={"stopped_by": "stopped by"}).astype(str), texts=5)
+
+
+def environment_table(tables: StudyTables) -> TextTable:
+    """Return where runs ran, a row for each environment."""
+    rows = tables.environments
+    commit = (" (" + rows["commit"].astype(str) + ")").where(rows["commit"].notna(), "")
+    n_runs = rows["environment"].map(tables.runs["environment"].value_counts()).fillna(0)
+    cells = {
+        "version": "botohe_moo " + rows["botohe_moo"] + commit,
+        "packages": "Python " + rows["python"] + ", " + rows["packages"],
+        "machine": rows["system"] + ", " + rows["machine"] + ", " + rows["processor"],
+        "threads": rows["threads"],
+        "processors": rows["n_cpus"].map(count),
+        "runs": n_runs.map(count),
+    }
+    return TextTable(pd.DataFrame(cells), texts=4)
+
+
+def missing_table(tables: StudyTables) -> TextTable:
+    """Return the runs of the study that are not in its tables, by mission and algorithm."""
+    cells = tables.missing.rename(columns={"missing": "missing runs"})
+    return TextTable(cells.astype(str), texts=2)
