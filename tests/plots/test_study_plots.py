@@ -294,6 +294,12 @@ class TestPlotCurves:
         few = {key: runs[key] for key in list(runs)[:6]}
         assert {line.get_marker() for line in plot_curves(trace_of(few)).lines} == {"None"}
 
+    def test_curves_of_one_colour_differ_in_their_dashes(self):
+        runs = {(f"a{i}", 1): [(1, 0.1 * i), (50, 0.11 * i)] for i in range(11)}
+        lines = plot_curves(trace_of(runs)).lines
+        assert len({line.get_color() for line in lines}) == 10
+        assert len({(line.get_color(), line.get_linestyle()) for line in lines}) == 11
+
     def test_labels_are_not_mathematics(self, tmp_path):
         label = r"$\frac{$ <b>&_^"
         ax = plot_curves(trace_of({(label, 1): [(1, 0.1)]}), title="$x")

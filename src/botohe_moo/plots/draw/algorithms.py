@@ -1,8 +1,9 @@
 """What pictures of studies share: which algorithms they show, in which colours, on which axes."""
 
 import textwrap
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Literal
+from typing import Any, Literal
 
 import matplotlib.pyplot as plt
 import pandas as pd
@@ -15,6 +16,7 @@ from botohe_moo.plots.draw.style import MUTED, new_axes
 
 MANY = 12  # from as many algorithms on, one plot would be a tangle
 _COLUMNS = 4  # of panels
+_DASHES = ("-", "--", ":", "-.")
 _NAME = 30  # letters of a line of an algorithm's name
 _LEAST_ROOM = 0.01  # of areas, beyond the largest one that was found
 
@@ -43,6 +45,16 @@ def chosen_algorithms(
 def wrapped(labels: Iterable[str]) -> list[str]:
     """Return names as pictures show them, on lines of at most 30 letters."""
     return [textwrap.fill(str(label), _NAME) for label in labels]
+
+
+def dashes_of(colours: Mapping[str, Any]) -> dict[str, str]:
+    """Return a line style for each label: those of the same colour differ."""
+    found: dict[str, str] = {}
+    taken: Counter[Any] = Counter()
+    for label, colour in colours.items():
+        found[label] = _DASHES[taken[colour] % len(_DASHES)]
+        taken[colour] += 1
+    return found
 
 
 def axes_of(

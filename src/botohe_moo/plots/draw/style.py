@@ -72,7 +72,8 @@ def palette_of(labels: Iterable[str], palette: Palette | None = None) -> dict[st
         if absent := [label for label in labels if label not in palette]:
             raise ValueError(f"Expected a colour for every label, missing: {', '.join(absent)}.")
         return {label: palette[label] for label in labels}
-    found = colours(len(labels)) if palette is None else sns.color_palette(palette, len(labels))
+    with theme():
+        found = sns.color_palette(palette, len(labels))
     return dict(zip(labels, found, strict=False))
 
 

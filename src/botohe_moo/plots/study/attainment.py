@@ -8,7 +8,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from botohe_moo._base.types import FloatArray
-from botohe_moo.plots.draw.algorithms import axes_of, finish
+from botohe_moo.plots.draw.algorithms import axes_of, dashes_of, finish
 from botohe_moo.plots.draw.style import MARKERS, Palette, palette_of, theme
 from botohe_moo.plots.front import OBJECTIVES, staircase
 from botohe_moo.plots.study.fronts import final_fronts
@@ -58,6 +58,7 @@ def plot_attainment(
     """
     fronts = final_fronts(plans, runs, algorithms)
     colour = palette_of(fronts, palette)
+    dashes = dashes_of(colour)
     with theme():
         axes = axes_of(list(fronts), ax)
         for i, (label, found) in enumerate(fronts.items()):
@@ -67,6 +68,7 @@ def plot_attainment(
             axes[label].plot(
                 *half.T,
                 color=colour[label],
+                linestyle=dashes[label],
                 marker=MARKERS[i % len(MARKERS)],
                 # Not plans: a few are enough to tell the lines apart.
                 markevery=max(1, len(half) // 8),

@@ -13,6 +13,7 @@ from botohe_moo.indicators import INDICATORS, further_indicators
 from botohe_moo.plots.draw.algorithms import (
     axes_of,
     chosen_algorithms,
+    dashes_of,
     draw_bound,
     finish,
     log_axis,
@@ -108,6 +109,7 @@ def plot_curves(
     middle = held.pivot_table(values=value, index=x, columns="algorithm", aggfunc=estimator)
     chosen = [label for label in dict.fromkeys(algorithms or trace["algorithm"]) if label in middle]
     colour = palette_of(chosen, palette)
+    dashes = dashes_of(colour)
     labels = sorted(chosen, key=lambda label: -middle[label].iloc[-1])
     with theme():
         axes = axes_of(labels, ax)
@@ -123,6 +125,7 @@ def plot_curves(
                 estimator=estimator,
                 errorbar=errorbar,
                 color=colour[label],
+                linestyle=dashes[label],
                 label=label,
                 drawstyle="steps-post",
                 ax=axes[label],

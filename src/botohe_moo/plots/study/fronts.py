@@ -8,7 +8,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from botohe_moo._base.types import FloatArray
-from botohe_moo.plots.draw.algorithms import axes_of, chosen_algorithms, finish
+from botohe_moo.plots.draw.algorithms import axes_of, chosen_algorithms, dashes_of, finish
 from botohe_moo.plots.draw.style import INK, MARKERS, MUTED, Palette, palette_of, theme
 from botohe_moo.plots.front import OBJECTIVES, staircase
 
@@ -64,6 +64,7 @@ def plot_fronts(
     fronts = final_fronts(plans, runs, algorithms)
     seeds = {label: median_run(runs[runs["algorithm"] == label]) for label in fronts}
     colour = palette_of(fronts, palette)
+    dashes = dashes_of(colour)
     with theme():
         axes = axes_of(list(fronts), ax)
         for i, (label, found) in enumerate(fronts.items()):
@@ -73,6 +74,7 @@ def plot_fronts(
             axes[label].plot(
                 *staircase(front)[:-1].T,
                 color=colour[label],
+                linestyle=dashes[label],
                 linewidth=1.2,
                 marker=MARKERS[i % len(MARKERS)],
                 markevery=(1, 2),

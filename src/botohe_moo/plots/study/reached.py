@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 
 from botohe_moo._base.types import FloatArray
 from botohe_moo.indicators import TIE
-from botohe_moo.plots.draw.algorithms import axes_of, chosen_algorithms, finish, log_axis
+from botohe_moo.plots.draw.algorithms import axes_of, chosen_algorithms, dashes_of, finish, log_axis
 from botohe_moo.plots.draw.style import Palette, palette_of, theme
 from botohe_moo.plots.study.curves import NAMES, Progress
 
@@ -73,13 +73,20 @@ def plot_reached(
         raise ValueError("Expected at least one row of trace, got none.")
     low, high = float(shown.min()), float(shown.max())
     colour = palette_of(spent, palette)
+    dashes = dashes_of(colour)
     labels = sorted(spent, key=lambda label: -np.isfinite(spent[label]).mean())
     with theme():
         axes = axes_of(labels, ax)
         for label in labels:
             # What is never reached lies beyond the edge, since seaborn leaves out the infinite.
             within = np.clip(spent[label], low, 2 * high)
-            sns.ecdfplot(x=within, color=colour[label], label=label, ax=axes[label])
+            sns.ecdfplot(
+                x=within,
+                color=colour[label],
+                linestyle=dashes[label],
+                label=label,
+                ax=axes[label],
+            )
         first = axes[labels[0]]
         first.set(xlim=(low, high * 1.01), ylim=(-0.02, 1.02))
         log_axis(first)
