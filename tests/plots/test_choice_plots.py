@@ -163,7 +163,7 @@ class TestChoices:
             marks, [line for line in ax.lines if ": plan" in line.get_label()], strict=True
         ):
             assert sign.get_xydata().tolist() == [[mark.reward, mark.survivors]]
-        assert words(ax).endswith("numbered: the knee, and 2 plans that stand for all")
+        assert words(ax).endswith("numbered: the knee, and 2 representatives")
 
     def test_signs_of_marks_are_on_the_names_of_maps(self):
         mission, plans = toy_plans()

@@ -10,7 +10,7 @@ from botohe_moo.trails import PlanBatch, Plans
 
 
 def representatives(mission: Mission, plans: Plans, k: int = 5) -> tuple[int, ...]:
-    """Select ``k`` plans that stand for all: one from each part of the front.
+    """Select ``k`` plans that represent the front: one from each part of the front.
 
     The front, by descending reward, is cut into ``k`` segments of equal length, in objectives
     divided by the total reward and the number of robots. Each is represented by its medoid, the

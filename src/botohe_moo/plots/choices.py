@@ -75,7 +75,7 @@ def plot_choices(
     rows = sorted({*chosen, *(mark.index for mark in marks)}, key=lambda row: -objectives[row, 0])
     notes = [front_summary(objectives, staircase(objectives), mission)]
     if len(batch) > 1:
-        notes.append(f"numbered: the knee, and {len(chosen)} plans that stand for all")
+        notes.append(f"numbered: the knee, and {len(chosen)} representatives")
     with theme():
         others: list[Axes] = []
         if ax is None:

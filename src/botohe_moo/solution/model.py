@@ -167,7 +167,7 @@ class Solution:
         return marking.exchange_rate(self.mission, self.objectives, index, window=window)
 
     def representatives(self, k: int = 5) -> tuple[int, ...]:
-        """Select plans that stand for all, by their rows.
+        """Select plans that represent the front, by their rows.
 
         Parameters
         ----------
