@@ -21,6 +21,7 @@ from botohe_moo.study.file.config import StudyFile
 from botohe_moo.study.file.loading import load_study
 from botohe_moo.study.file.model import StudyError
 from botohe_moo.study.file.schema import study_schema
+from botohe_moo.study.judge.summary import algorithm_table
 from botohe_moo.study.planning import make_task
 from botohe_moo.study.store.folder import StudyFolder
 from botohe_moo.study.store.tables import read_manifest
@@ -338,6 +339,32 @@ class TestIdentity:
         assert not {r.digest for r in bare.runs()} & {r.digest for r in seventy.runs()}
         [effective] = [a.identity.effective for a in bare.algorithms]
         assert effective == {"n": 50}
+
+    def test_what_a_class_hands_to_its_base_stands_in_the_table(self, local):
+        local(
+            """
+            from botohe_moo import BOACO
+            from botohe_moo.algorithms import PlanNSGA2
+
+            class Fast(BOACO):
+                def __init__(self, **options):
+                    super().__init__(evaporation=0.2, heuristic=False, **options)
+
+            class Small(PlanNSGA2):
+                def __init__(self, **options):
+                    super().__init__(pop_size=20, repair="truncate", **options)
+            """
+        )
+        names = ["bo-aco", "mine:Fast", "nsga2", "mine:Small"]
+        table = algorithm_table(load_study(changed(algorithms=names)).manifest())
+        assert table[table.columns[5:]].astype(object).where(table.notna(), None).to_dict(
+            "list"
+        ) == {
+            "evaporation": [0.04, 0.2, None, None],
+            "heuristic": [True, False, None, None],
+            "pop_size": [None, None, 100, 20],
+            "repair": [None, None, "safest-path", "truncate"],
+        }
 
     def test_threads_count_where_seconds_limit_a_run(self):
         few, many = (

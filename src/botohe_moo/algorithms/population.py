@@ -98,6 +98,8 @@ class PopulationAlgorithm(BudgetedAlgorithm):
     ----------
     archive : PlanArchive
         All non-dominated feasible plans found so far.
+    settings : dict
+        The operators and their probabilities as they were given.
     repair : PlanRepair
         The repair of the operators that were given by name; ``repair.counts`` tells what it did.
 
@@ -154,6 +156,15 @@ class PopulationAlgorithm(BudgetedAlgorithm):
     ) -> None:
         check_options(self, options)
         self.max_ties = max_ties
+        self.settings = {
+            "sampling": sampling,
+            "corners": corners,
+            "crossover": crossover,
+            "mutation": mutation,
+            "repair": repair,
+            "prob_crossover": prob_crossover,
+            "prob_mutation": prob_mutation,
+        }
         self._least_infeasible: Population | None = None
         made = make_repair(repair)
         operators = {
