@@ -21,9 +21,10 @@ from pymoo.core.sampling import Sampling
 from pymoo.core.survival import Survival
 
 from botohe_moo._base.types import FloatArray, ObjectArray
-from botohe_moo._plugins.checks import checked
+from botohe_moo._plugins.checks import check_keywords, checked
 from botohe_moo._plugins.types import Count, Probability
 from botohe_moo.algorithms.base import (
+    PYMOO_OPTIONS,
     BudgetedAlgorithm,
     MaxTies,
     check_n_objectives,
@@ -155,6 +156,8 @@ class PopulationAlgorithm(BudgetedAlgorithm):
         **options: Any,
     ) -> None:
         check_options(self, options)
+        mro = type(self).__mro__
+        check_keywords(arguments, mro[mro.index(PopulationAlgorithm) + 1 :], also=PYMOO_OPTIONS)
         self.max_ties = max_ties
         self.settings = {
             "sampling": sampling,
