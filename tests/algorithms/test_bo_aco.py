@@ -592,7 +592,7 @@ def test_parameters_out_of_range(make, parameters, message):
 
 @pytest.mark.parametrize("make", [BOACO, BOACO.journal, RandomTrails])
 def test_unknown_parameters(make):
-    with pytest.raises(TypeError, match=r"no parameter 'n_ant'; it has .*n_ants,.* are callback"):
+    with pytest.raises(TypeError, match=r"no parameter 'n_ant'; known are n_ants, .*callback"):
         make(n_ant=3)
 
 

@@ -341,7 +341,7 @@ def test_parameters_out_of_range(parameters, message):
 
 
 def test_unknown_parameters():
-    with pytest.raises(TypeError, match=r"no parameter 'n_weight'; it has .*n_weights, "):
+    with pytest.raises(TypeError, match=r"no parameter 'n_weight'; known are n_weights, "):
         SimulatedAnnealing(n_weight=3)
 
 

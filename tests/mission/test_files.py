@@ -801,11 +801,11 @@ class TestRoundTrip:
     @pytest.mark.parametrize("suffix", [".json", ".graphml"])
     def test_mission_rules_over_its_graphs_attributes(self, tmp_path, suffix):
         graph = mission_of(name="old").graph.copy()
-        graph.graph.update(base="b", robots=9)
+        graph.graph.update(base="b", robots=9, title="A pier")
         mission = Mission(graph, base="a", robots=3, name="new").with_robots(4)
         save_mission(mission, tmp_path / f"x{suffix}")
         read = read_mission(tmp_path / f"x{suffix}")
-        assert (read.base, read.robots, read.name) == ("a", 4, "new")
+        assert (read.base, read.robots, read.name, read.title) == ("a", 4, "new", "A pier")
 
     @pytest.mark.parametrize("suffix", [".json", ".graphml"])
     def test_numpy_numbers_become_plain(self, tmp_path, suffix):

@@ -21,6 +21,7 @@ from botohe_moo.study.file.config import StudyFile
 from botohe_moo.study.file.loading import load_study
 from botohe_moo.study.file.model import StudyError
 from botohe_moo.study.file.schema import study_schema
+from botohe_moo.study.judge.summary import algorithm_table
 from botohe_moo.study.planning import make_task
 from botohe_moo.study.store.folder import StudyFolder
 from botohe_moo.study.store.tables import read_manifest
@@ -339,6 +340,32 @@ class TestIdentity:
         [effective] = [a.identity.effective for a in bare.algorithms]
         assert effective == {"n": 50}
 
+    def test_what_a_class_hands_to_its_base_stands_in_the_table(self, local):
+        local(
+            """
+            from botohe_moo import BOACO
+            from botohe_moo.algorithms import PlanNSGA2
+
+            class Fast(BOACO):
+                def __init__(self, **options):
+                    super().__init__(evaporation=0.2, heuristic=False, **options)
+
+            class Small(PlanNSGA2):
+                def __init__(self, **options):
+                    super().__init__(pop_size=20, repair="truncate", **options)
+            """
+        )
+        names = ["bo-aco", "mine:Fast", "nsga2", "mine:Small"]
+        table = algorithm_table(load_study(changed(algorithms=names)).manifest())
+        assert table[table.columns[5:]].astype(object).where(table.notna(), None).to_dict(
+            "list"
+        ) == {
+            "evaporation": [0.04, 0.2, None, None],
+            "heuristic": [True, False, None, None],
+            "pop_size": [None, None, 100, 20],
+            "repair": [None, None, "safest-path", "truncate"],
+        }
+
     def test_threads_count_where_seconds_limit_a_run(self):
         few, many = (
             digests(
@@ -653,6 +680,52 @@ indicators: [area, igd]
         monkeypatch.setattr("botohe_moo.study.file.checking.load_mission", broken)
         [line] = lines(GOOD)
         assert "RuntimeError: no such place" in line
+
+    def test_a_misspelt_keyword_is_blamed_on_the_class_that_was_given_it(self, local, tmp_path):
+        local(
+            """
+            from pymoo.algorithms.moo.nsga2 import NSGA2
+            from botohe_moo import BOACO
+            from botohe_moo.algorithms import ArchiveAlgorithm, PlanNSGA2, PopulationAlgorithm
+
+            def passing(base, *arguments, **keywords):
+                class Passing(base):
+                    def __init__(self, **options):
+                        super().__init__(*arguments, **keywords, **options)
+                return Passing
+
+            class Bare(ArchiveAlgorithm):
+                def __init__(self):
+                    super().__init__()
+
+            class Pymoo(PopulationAlgorithm, NSGA2):
+                pass
+
+            A = passing(BOACO, evaporatoin=0.2)
+            B = passing(A)
+            C = passing(PlanNSGA2, pop_sise=20)
+            D = passing(Pymoo, prob_crosover=0.2)
+            E = passing(Pymoo, {"pop_sise": 20})
+            F = passing(ArchiveAlgorithm, max_tie=3)
+            G = passing(Bare, max_ties=3)
+            """
+        )
+        algorithms = "".join(f"  {label}: mine:{label}\n" for label in "ABCDEFG")
+        more = "name: x\nmissions: [toy]\nbudget: {evaluations: 9}\nseeds: 1\n"
+        path = written(tmp_path, f"{more}algorithms:\n{algorithms}")
+        refused = "{} has no parameter '{}'; known are {}".format
+        assert [line.partition(", ")[0] for line in lines(path)] == [
+            f"{path}:{number}: algorithms.{label}.algorithm: 'mine:{label}': {said}"
+            for number, label, said in [
+                (6, "A", refused("BOACO", "evaporatoin", "evaporation")),
+                (7, "B", refused("BOACO", "evaporatoin", "evaporation")),
+                (8, "C", refused("PlanNSGA2", "pop_sise", "pop_size")),
+                (9, "D", refused("PopulationAlgorithm", "prob_crosover", "prob_crossover")),
+                (10, "E", refused("NSGA2", "pop_sise", "pop_size")),
+                (11, "F", refused("ArchiveAlgorithm", "max_tie", "max_ties")),
+                (12, "G", "Bare.__init__() got an unexpected keyword argument 'max_ties'"),
+            ]
+        ]
 
 
 class TestSchema:

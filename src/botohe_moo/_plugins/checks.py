@@ -1,12 +1,18 @@
 """What is wrong with the values that a factory is given: everything, before it is called."""
 
 import functools
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from itertools import chain
 from typing import Any, ParamSpec, TypeAlias, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from botohe_moo._base.checks import ParameterError, check_parameters, unknown_parameters
+from botohe_moo._base.checks import (
+    ParameterError,
+    check_parameters,
+    nearest_first,
+    unknown_parameters,
+)
 from botohe_moo._plugins.entry_points import PluginError
 from botohe_moo._plugins.messages import Error, fault_messages, own_message
 from botohe_moo._plugins.stated import Accepted, Factory, Parameter, signature_parameters
@@ -76,6 +82,24 @@ def check_values(
         (str(name), unknown_parameters([name], known)) for name in values if name not in known
     ]
     return [*faults, *_checked(accepted, values, plain=plain)[0]]
+
+
+def check_keywords(
+    given: Iterable[str], kinds: Sequence[type], *, also: Sequence[str] = ()
+) -> None:
+    """Refuse keywords that no class states.
+
+    The TypeError blames the first class that states the nearest name, and lists what it states.
+    The names in ``also`` are known, too.
+    """
+    stated = {kind: [p.name for p in signature_parameters(kind)] for kind in kinds}
+    known = {*also, *chain(*stated.values())}
+    for name in given:
+        if name not in known:
+            nearest = nearest_first(name, known)[0]
+            blamed = next((kind for kind in kinds if nearest in stated[kind]), kinds[0])
+            among = ", ".join(nearest_first(name, {*stated[blamed], *also}))
+            raise TypeError(f"{blamed.__name__} has no parameter {name!r}; known are {among}.")
 
 
 def call_factory(

@@ -18,7 +18,7 @@ from pymoo.termination.max_gen import MaximumGenerationTermination
 
 from botohe_moo._base.checks import quoted
 from botohe_moo._base.types import FloatArray, ObjectArray, OffsetArray
-from botohe_moo._plugins.checks import checked
+from botohe_moo._plugins.checks import check_keywords, checked
 from botohe_moo.algorithms.individuals import PopulationArchive
 from botohe_moo.problem import BOTOHE, FrontOutput, overrides
 from botohe_moo.trails import PlanBatch, TrailPlan, listed_plans
@@ -229,16 +229,13 @@ def settings_of(algorithm: Algorithm, kind: type[Any]) -> dict[str, Any]:
 
 
 def check_options(algorithm: Algorithm, options: Iterable[str]) -> None:
-    """Refuse options that pymoo's algorithms would swallow; a TypeError names those it knows."""
-    for name in options:
-        if name not in PYMOO_OPTIONS:
-            own = inspect.signature(type(algorithm)).parameters.values()
-            named = [p.name for p in own if p.kind == p.KEYWORD_ONLY]
-            known = [key for key in named if key not in PYMOO_OPTIONS]
-            raise TypeError(
-                f"{type(algorithm).__name__} has no parameter {name!r}; it has "
-                f"{', '.join(known)}, and pymoo's options here are {', '.join(PYMOO_OPTIONS)}."
-            )
+    """Refuse options that pymoo's algorithms would swallow.
+
+    The TypeError names this package's class that was given one, not a class derived from it.
+    """
+    kinds = [kind for kind in type(algorithm).__mro__ if issubclass(kind, BudgetedAlgorithm)]
+    kinds.sort(key=lambda kind: not kind.__module__.startswith("botohe_moo."))
+    check_keywords(options, kinds, also=PYMOO_OPTIONS)
 
 
 def check_problem(problem: Any) -> None:

@@ -28,7 +28,7 @@ class AlgorithmIdentity:
     name: str  # by which it is registered; ``module:Class`` if not registered
     parameters: Mapping[str, Any]  # that differ from their defaults
     neutral: frozenset[str]  # names of parameters that change no result: SameResult
-    effective: Mapping[str, Any]  # all that a text can hold, defaults too, as far as known
+    effective: Mapping[str, Any]  # what it runs with, as far as known and a text can hold it
 
 
 def algorithm_identity(name: str, parameters: Mapping[str, Any]) -> AlgorithmIdentity:
@@ -45,13 +45,9 @@ def algorithm_identity(name: str, parameters: Mapping[str, Any]) -> AlgorithmIde
     stated = accepted.parameters
     # Of a method that takes any keywords only itself knows which defaults its class has then.
     defaults = {p.name: plain_value(p.default) for p in stated if p.own and not p.required}
-    inherited = [p.name for p in stated if not p.own and p.name not in parameters]
-    made = call_factory(PLUGINS.source(name), factory, accepted, parameters) if inherited else None
-    seen = {
-        key: plain_value(getattr(made, "__dict__", {}).get(key, NotImplemented))
-        for key in inherited
-    }
-    effective = {**defaults, **seen, **{key: plain_value(v) for key, v in parameters.items()}}
+    made = call_factory(PLUGINS.source(name), factory, accepted, parameters)
+    given = {key: plain_value(value) for key, value in parameters.items()}
+    effective = {**_attributes(made), **defaults, **_plain(getattr(made, "settings", {})), **given}
     return AlgorithmIdentity(
         name=_one_name(name),
         parameters={
@@ -60,12 +56,26 @@ def algorithm_identity(name: str, parameters: Mapping[str, Any]) -> AlgorithmIde
             if key not in defaults or not _same(plain_value(value), defaults[key])
         },
         neutral=frozenset(p.name for p in stated if p.same_result),
-        effective={
-            p.name: effective[p.name]
-            for p in stated
-            if effective.get(p.name, NotImplemented) is not NotImplemented
-        },
+        effective={k: value for k, value in effective.items() if value is not NotImplemented},
     )
+
+
+def _attributes(made: Any) -> dict[str, Any]:
+    """Read what an algorithm's attributes say of the parameters of its class and of all bases.
+
+    So values are known that a class hands to its base's constructor.
+    """
+    values = getattr(made, "__dict__", {})
+    # What pymoo's base classes take besides is derived from this, or how their loop is written.
+    kinds = [k for k in type(made).__mro__ if not k.__module__.startswith("pymoo.algorithms.base.")]
+    names = [name for kind in kinds[::-1] for name in accepted_by(kind).names]
+    return _plain({name: values[name] for name in names if name in values})
+
+
+def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Give values as a text holds them; ``NotImplemented`` for objects and lists of plans."""
+    plain = {name: plain_value(value) for name, value in values.items()}
+    return {k: NotImplemented if isinstance(v, list) else v for k, v in plain.items()}
 
 
 def _same(value: Any, default: Any) -> bool:

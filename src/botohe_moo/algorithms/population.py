@@ -21,9 +21,10 @@ from pymoo.core.sampling import Sampling
 from pymoo.core.survival import Survival
 
 from botohe_moo._base.types import FloatArray, ObjectArray
-from botohe_moo._plugins.checks import checked
+from botohe_moo._plugins.checks import check_keywords, checked
 from botohe_moo._plugins.types import Count, Probability
 from botohe_moo.algorithms.base import (
+    PYMOO_OPTIONS,
     BudgetedAlgorithm,
     MaxTies,
     check_n_objectives,
@@ -98,6 +99,8 @@ class PopulationAlgorithm(BudgetedAlgorithm):
     ----------
     archive : PlanArchive
         All non-dominated feasible plans found so far.
+    settings : dict
+        The operators and their probabilities as they were given.
     repair : PlanRepair
         The repair of the operators that were given by name; ``repair.counts`` tells what it did.
 
@@ -153,7 +156,18 @@ class PopulationAlgorithm(BudgetedAlgorithm):
         **options: Any,
     ) -> None:
         check_options(self, options)
+        mro = type(self).__mro__
+        check_keywords(arguments, mro[mro.index(PopulationAlgorithm) + 1 :], also=PYMOO_OPTIONS)
         self.max_ties = max_ties
+        self.settings = {
+            "sampling": sampling,
+            "corners": corners,
+            "crossover": crossover,
+            "mutation": mutation,
+            "repair": repair,
+            "prob_crossover": prob_crossover,
+            "prob_mutation": prob_mutation,
+        }
         self._least_infeasible: Population | None = None
         made = make_repair(repair)
         operators = {

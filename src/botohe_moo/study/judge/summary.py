@@ -10,7 +10,7 @@ from scipy import stats
 from botohe_moo.indicators import TIE, Scale, area_indicator, further_indicators
 from botohe_moo.mission.model import Mission
 from botohe_moo.search.bounds import FrontBound
-from botohe_moo.study.file.digest import value_text
+from botohe_moo.study.file.digest import canonical, value_text
 from botohe_moo.study.judge.scores import (
     as_table,
     best_first,
@@ -63,9 +63,10 @@ def bound_table(bounds: Mapping[str, FrontBound]) -> pd.DataFrame:
 
 
 def algorithm_table(manifest: Mapping[str, Any]) -> pd.DataFrame:
-    """Return the table ``algorithms``, with a further column for each parameter given to any.
+    """Return the table ``algorithms``, with further columns for parameters.
 
-    Other algorithms have their default there, if they have such a parameter.
+    There is a column for each parameter that is given to any algorithm, and for each whose values
+    differ between algorithms that have it, such as one that a class hands to its base.
     """
     rows = [
         {
@@ -78,9 +79,13 @@ def algorithm_table(manifest: Mapping[str, Any]) -> pd.DataFrame:
         for label, entry in manifest["algorithms"].items()
     ]
     entries = manifest["algorithms"].values()
-    given = dict.fromkeys(name for entry in entries for name in entry["parameters"])
     used = [{**entry.get("effective", {}), **entry["parameters"]} for entry in entries]
-    shown = [{name: values[name] for name in given if name in values} for values in used]
+    found: dict[str, set[str]] = {}
+    for name, value in (pair for values in used for pair in values.items()):
+        found.setdefault(name, set()).update([] if value is None else [canonical(value)])
+    columns = dict.fromkeys(name for entry in entries for name in entry["parameters"])
+    columns |= dict.fromkeys(name for name, values in found.items() if len(values) > 1)
+    shown = [{name: values[name] for name in columns if name in values} for values in used]
     return _widened("algorithms", rows, shown, prefix="parameter_")
 
 
