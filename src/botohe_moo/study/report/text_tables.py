@@ -159,12 +159,15 @@ def mission_table(tables: StudyTables) -> TextTable:
 
 
 def algorithm_table(tables: StudyTables) -> TextTable:
-    """Return what the algorithms of a study are, a row for each."""
-    rows = [
-        (label, entry["algorithm"], parameter_words(entry["parameters"]) or "defaults")
-        for label, entry in tables.manifest["algorithms"].items()
+    """Return what the algorithms of a study are, with the parameters that differ among them."""
+    known = ["algorithm", "name", "family", "package", "version"]
+    given = tables.algorithms.drop(columns=known).astype(object)
+    cells = tables.algorithms[["algorithm", "name"]].set_axis(["label", "algorithm"], axis=1)
+    varied = [
+        parameter_words({str(name): value for name, value in row.dropna().items()}) or "defaults"
+        for _, row in given.iterrows()
     ]
-    return TextTable(pd.DataFrame(rows, columns=["label", "algorithm", "parameters"]), texts=3)
+    return TextTable(cells.assign(parameters=varied), texts=3)
 
 
 def fault_table(runs: pd.DataFrame) -> TextTable:
