@@ -66,8 +66,10 @@ def _attributes(made: Any) -> dict[str, Any]:
     So values are known that a class hands to its base's constructor.
     """
     values = getattr(made, "__dict__", {})
-    # What pymoo's base classes take besides is derived from this, or how their loop is written.
-    kinds = [k for k in type(made).__mro__ if not k.__module__.startswith("pymoo.algorithms.base.")]
+    ours = [kind for kind in type(made).__mro__ if kind.__module__.startswith("botohe_moo.")]
+    # Our classes state all of theirs, and what pymoo's base classes have besides is derived.
+    kinds = [kind for kind in type(made).__mro__ if kind not in ours[1:]]
+    kinds = [kind for kind in kinds if not kind.__module__.startswith("pymoo.algorithms.base.")]
     names = [name for kind in kinds[::-1] for name in accepted_by(kind).names]
     return _plain({name: values[name] for name in names if name in values})
 

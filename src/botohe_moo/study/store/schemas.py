@@ -210,8 +210,8 @@ _TABLES: dict[str, pa.Schema | Callable[[], pa.Schema]] = {
         ("package", TEXT, "package that it is from"),
         ("version", TEXT, "version of that package"),
         optional=("package", "version"),
-        further="one for each parameter that is given to any, defaults included; `parameter_NAME` "
-        "where there is a NAME above",
+        further="one for each parameter that is given to any, or in which those that have it "
+        "differ; `parameter_NAME` where there is a NAME above",
     ),
     "environments": _schema(
         ("environment", TEXT, "digest of the other columns"),
