@@ -354,7 +354,7 @@ class TestReport:
         for area in tables.missions["bound_area"]:
             assert f"No front whatsoever has an area above {area:.4f}, proved in" in page
         assert page.count("gap at most</th>") == 2
-        assert page.count("No plan whatsoever lies beyond the dashed line") == 2
+        assert page.count("No plan lies beyond the dashed line") == 2
         assert "2 seconds each" in page
 
     def test_missing_ones_are_named(self, copied):

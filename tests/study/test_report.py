@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import load_mission
-from botohe_moo.study.report import folder as report_folder
+from botohe_moo.study.report import pictures
 from botohe_moo.study.report.folder import FORMATS, write_report
 from botohe_moo.study.report.pictures import rivals
 from botohe_moo.study.report.words import (
