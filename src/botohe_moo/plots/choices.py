@@ -2,7 +2,9 @@
 
 from typing import Any
 
+import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.transforms import Bbox
 
 from botohe_moo.decide import Mark, knees, representatives
 from botohe_moo.mission.model import Mission, check_mission
@@ -79,33 +81,27 @@ def plot_choices(
     with theme():
         others: list[Axes] = []
         if ax is None:
-            ax, others = _open(mission, len(rows))
+            xy = node_positions(mission)
+            ax, *others = open_sheet(map_size(xy, 5.2), len(rows), 2)
+            for own in others:
+                open_axes(xy, own)
+            # Inches for the names and numbers of its axes.
+            inner = np.array([0.75, 0.6]) * ax.figure.figure.dpi / ax.figure.bbox.size
+            place = ax.get_position()
+            ax.set_position(Bbox(np.array([place.min + inner, place.max])))
+            add_reach_bar(rightmost(others))
         plot_front(objectives, mission, highlight=rows, ax=ax)
         for mark in marks:
             _draw_mark(ax, mark)
         ax.legend(loc="best", framealpha=0.9, handletextpad=0.2)
         for row, own in zip(rows, others, strict=False):  # none beside given axes
             shown = PlanOnMap.of(mission, batch[row])
-            notes += shown.draw_team(own, one_of_many=True)
+            notes += shown.draw_team(own)
             signs = "".join(_SIGNS[mark.name][1] for mark in marks if mark.index == row)
             told = [f"plan {row} {signs}".strip() + f": {shown.objectives}", *shown.at_base]
             name_map(own, "; ".join(told))
         title_above(ax, mission.title if title is None else title, "; ".join(dict.fromkeys(notes)))
     return ax
-
-
-def _open(mission: Mission, n_maps: int) -> tuple[Axes, list[Axes]]:
-    """Open a figure with axes for a front and for maps."""
-    xy = node_positions(mission)
-    wide, high = map_size(xy, 5.2)
-    fig, (place, *places) = open_sheet((wide, high), n_maps, 2)
-    width, height = fig.get_size_inches()
-    left, below = 0.75 / width, 0.6 / height
-    box = (place[0] + left, place[1] + below, place[2] - left - 0.3 / width, place[3] - below)
-    ax = fig.add_axes(box)
-    maps = [open_axes(xy, fig.add_axes(place)) for place in places]
-    add_reach_bar(rightmost(maps))
-    return ax, maps
 
 
 def _draw_mark(ax: Axes, mark: Mark) -> None:

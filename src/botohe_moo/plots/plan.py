@@ -40,7 +40,7 @@ def plot_plan(
     the darker the more likely any robot reaches them. Trails keep to the right of their arcs, so
     that both directions are seen. Robots, R0, R1, ... in the order of the plan, differ in colour,
     dash and label. What would be too small to see is not drawn, and the line under the title says
-    so: arcs off the trails of large missions, and the numbers of some visits.
+    so: arcs off the trails of large missions, and names and numbers without room.
 
     Parameters
     ----------
@@ -87,11 +87,19 @@ def plot_plan(
             title_above(ax, title, "; ".join([*shown.at_base, *shown.draw_team(ax)]))
             return ax
         robots = shown.out[:_MAX_MAPS]
-        first, *others = _open_maps(shown, len(robots))
+        # Between more than three, the map of all robots is larger: trails share its arcs.
+        span = 2 if len(robots) == 2 or len(robots) > 3 else 1
+        room = name_room(mission) / span
+        size = map_size(shown.xy, 6.4 if len(robots) < 4 else 5.2, room=room)
+        first, *others = open_sheet(size, len(robots), span)
+        for own in (first, *others):
+            open_axes(shown.xy, own)
+        add_reach_bar(rightmost([first, *others]))
         notes = [*shown.at_base, *shown.draw_team(first)]
         name_map(first, "all robots" if mission.robots > 1 else "with the names of nodes")
-        steps = [shown.draw_robot(own, i) for own, i in zip(others, robots, strict=True)]
-        if any(steps):
+        for own, robot in zip(others, robots, strict=True):
+            shown.draw_robot(own, robot)
+        if robots:
             notes.insert(0, "numbers: order of visit")
         if len(robots) < len(shown.out):
             notes.append(f"maps of {len(robots)} of the {len(shown.out)} robots that leave")
@@ -139,29 +147,22 @@ class PlanOnMap:
             return [f"all {len(home)} robots stay at base" if len(home) > 1 else "R0 stays at base"]
         return [f"{', '.join(home)} stay{'s' if len(home) == 1 else ''} at base"] if home else []
 
-    def draw_team(self, ax: Axes, *, one_of_many: bool = False) -> list[str]:
-        """Draw all trails; give what has to be said about the map, or about it and others."""
+    def draw_team(self, ax: Axes) -> list[str]:
+        """Draw all trails, and return what has to be said about the map."""
         any_robot = team_reach(self.reach)
         drawn = draw_map(ax, self.mission, self.xy, self.plan, self.styles, any_robot)
         # Robots first: a trail without a name is worse than a node without one.
         drawn.name_robots(self.plan, self.styles)
-        named = drawn.name_nodes(self.mission, self.plan)
-        nodes, notes = len(self.xy), [*layout_notes(self.mission), *drawn.notes]
-        if named < nodes:
-            some = f"{nodes - named} of {nodes:,}" if named else f"the {nodes:,}"
-            some = "some" if one_of_many else some
-            notes.append(f"no room for the names of {some} nodes")
-        return notes
+        unnamed = drawn.name_nodes(self.mission, self.plan)
+        return [*layout_notes(self.mission), *drawn.notes, *unnamed]
 
-    def draw_robot(self, ax: Axes, robot: int) -> int:
-        """Draw the trail of one robot, and name the map; give which visits are numbered."""
+    def draw_robot(self, ax: Axes, robot: int) -> None:
+        """Draw the trail of one robot, with the numbers of its visits, and name the map."""
         trail, style = self.plan.trails[robot], self.styles[robot]
         reach = self.reach[robot]
         drawn = draw_map(ax, self.mission, self.xy, TrailPlan([trail]), [style], reach)
-        step = drawn.number_visits(trail)
-        said = {0: ", too small to number", 1: ""}.get(step, f", each {step}th visit numbered")
-        name_map(ax, f"{self._survives(robot)}{said}".replace("2th", "2nd"), style)
-        return step
+        numbers = drawn.number_visits(trail)
+        name_map(ax, "; ".join([self._survives(robot), *numbers]), style)
 
     def add_legend(self, ax: Axes) -> None:
         """Add a legend below a map that tells which line belongs to which robot."""
@@ -173,19 +174,3 @@ class PlanOnMap:
 
     def _survives(self, robot: int) -> str:
         return f"{self.styles[robot].name} survives with {chance(self.survival[robot], 2)}"
-
-
-def _open_maps(shown: PlanOnMap, n_robots: int) -> list[Axes]:
-    """Open a figure with a map of all robots, and one for each of ``n_robots``.
-
-    Between more than three, that of all robots is twice as wide and high: trails share its arcs.
-    It has room for the names of nodes, within reason, and all of them for numbers.
-    """
-    xy = shown.xy
-    span = 2 if n_robots == 2 or n_robots > 3 else 1
-    room = max(20.0, name_room(shown.mission) / span)
-    size = map_size(xy, 6.4 if n_robots < 4 else 5.2, room=room)
-    fig, places = open_sheet(size, n_robots, span)
-    maps = [open_axes(xy, fig.add_axes(place)) for place in places]
-    add_reach_bar(rightmost(maps))
-    return maps

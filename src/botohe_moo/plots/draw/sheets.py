@@ -6,7 +6,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from botohe_moo._base.types import FloatArray
@@ -15,47 +14,45 @@ from botohe_moo.plots.draw.style import reach_palette
 from botohe_moo.plots.draw.titles import title_above
 from botohe_moo.plots.draw.trails import RobotStyle
 
-Place = tuple[float, float, float, float]  # left, bottom, width, height in parts of the figure
-
 _NAME, _ABOVE, _RIGHT, _GAP = 0.34, 0.8, 0.95, 0.15  # inches: over a map, the title, the key
+_ROOM = 20.0  # points between most nodes, for numbers
 _SHAPE, _EMPTY = 1.4, 0.25  # width of a figure in parts of its height; what an empty place costs
 
 
-def map_size(xy: FloatArray, widest: float, *, room: float = 20.0) -> tuple[float, float]:
-    """Give the inches at which most nodes have ``room`` points, by default for numbers."""
+def map_size(xy: FloatArray, widest: float, *, room: float = _ROOM) -> tuple[float, float]:
+    """Return the inches at which most nodes have ``room`` points, within ``widest`` inches."""
     _, half = frame_of(xy)
-    spacing = crowding(xy) if len(xy) > 1 else np.inf
     # In points, on a map an inch wide; nodes may lie on each other.
-    wide = float(np.clip(room / max(72 * spacing / (2 * half[0]), 1e-9), 4.2, widest))
+    spacing = max(72 * crowding(xy) / (2 * half[0]), 1e-9)
+    wide = float(np.clip(max(room, _ROOM) / spacing, 4.2, widest))
     return wide, wide * half[1] / half[0]
 
 
-def open_sheet(size: tuple[float, float], n_small: int, span: int) -> tuple[Figure, list[Place]]:
-    """Open a figure for maps of ``size`` inches; give their places.
-
-    The first is ``span`` times as wide and high as the ``n_small`` others.
-    """
-    wide, high = size[0], size[1] + _NAME
+def open_sheet(size: tuple[float, float], n_small: int, span: int) -> list[Axes]:
+    """Open a figure with axes of ``size`` inches, the first ``span`` times as wide and high."""
+    wide, high = size[0] + _GAP, size[1] + _NAME
     cells = n_small + span**2
     shapes = [(n, max(span, -(-cells // n))) for n in range(span, cells + 1)]
-    n_columns, n_rows = min(shapes, key=lambda shape: _fault(shape, wide / high, cells))
-    width = 0.1 + n_columns * (wide + _GAP) - _GAP + _RIGHT
-    height = _ABOVE + n_rows * high + 0.1
-    grid = [divmod(place, n_columns) for place in range(n_columns * n_rows)]
-    small = [(*cell, 1) for cell in grid if max(cell) >= span]
-    places: list[Place] = []
-    for row, column, n in [(0, 0, span), *small][: n_small + 1]:
-        own = (n * wide + (n - 1) * _GAP, n * high - _NAME)
-        left, bottom = 0.1 + column * (wide + _GAP), height - _ABOVE - (row + n) * high
-        places.append((left / width, bottom / height, own[0] / width, own[1] / height))
-    return plt.figure(figsize=(width, height)), places
-
-
-def _fault(shape: tuple[int, int], aspect: float, cells: int) -> float:
-    """Say how much columns and rows differ from the shape of a page."""
-    n_columns, n_rows = shape
-    empty = n_columns * n_rows - cells
-    return float(abs(np.log(aspect * n_columns / n_rows / _SHAPE)) + _EMPTY * empty)
+    n_columns, n_rows = min(
+        shapes,
+        key=lambda s: abs(np.log(wide * s[0] / (high * s[1]) / _SHAPE)) + _EMPTY * s[0] * s[1],
+    )
+    width, height = n_columns * wide + _RIGHT, _ABOVE + n_rows * high
+    fig = plt.figure(figsize=(width, height))
+    # Every cell has a name above it, so the highest ones begin below that.
+    grid = fig.add_gridspec(
+        n_rows,
+        n_columns,
+        left=0.1 / width,
+        right=1 - (_RIGHT + _GAP - 0.1) / width,
+        bottom=0.1 / height,
+        top=1 - (_ABOVE + _NAME - 0.1) / height,
+        wspace=_GAP / size[0],
+        hspace=_NAME / size[1],
+    )
+    cells_of = [grid[row, column] for row, column in np.ndindex(n_rows, n_columns)]
+    small = [c for c in cells_of if max(c.rowspan.start, c.colspan.start) >= span]
+    return [fig.add_subplot(cell) for cell in [grid[:span, :span], *small][: n_small + 1]]
 
 
 def title_sheet(first: Axes, title: str, words: str) -> None:
