@@ -133,10 +133,10 @@ def _chart(name: str, draw: Callable[..., object], *, right: float = 0.3) -> _Pa
 
 
 def _plan_panel(mission: Mission, plan: TrailPlan, name: str, has_key: bool) -> _Panel:
-    shown = PlanOnMap.of(mission, plan)
+    shown = PlanOnMap(mission, plan)
 
     def draw(*, title: str, ax: Axes) -> None:
-        open_axes(shown.xy, ax)
+        open_axes(node_positions(mission), ax)
         notes = shown.draw_team(ax)
         title_above(ax, title, "; ".join([shown.objectives, *shown.at_base, *notes]))
         if has_key:

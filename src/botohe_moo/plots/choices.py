@@ -8,14 +8,9 @@ from matplotlib.transforms import Bbox
 
 from botohe_moo.decide import Mark, knees, representatives
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.plots.draw.canvas import open_axes
-from botohe_moo.plots.draw.places import node_positions
 from botohe_moo.plots.draw.sheets import (
-    add_reach_bar,
-    map_size,
     name_map,
     open_sheet,
-    rightmost,
 )
 from botohe_moo.plots.draw.style import INK, theme
 from botohe_moo.plots.draw.titles import title_above
@@ -81,21 +76,17 @@ def plot_choices(
     with theme():
         others: list[Axes] = []
         if ax is None:
-            xy = node_positions(mission)
-            ax, *others = open_sheet(map_size(xy, 5.2), len(rows), 2)
-            for own in others:
-                open_axes(xy, own)
+            ax, *others = open_sheet(mission, len(rows), 2)
             # Inches for the names and numbers of its axes.
             inner = np.array([0.75, 0.6]) * ax.figure.figure.dpi / ax.figure.bbox.size
             place = ax.get_position()
             ax.set_position(Bbox(np.array([place.min + inner, place.max])))
-            add_reach_bar(rightmost(others))
         plot_front(objectives, mission, highlight=rows, ax=ax)
         for mark in marks:
             _draw_mark(ax, mark)
         ax.legend(loc="best", framealpha=0.9, handletextpad=0.2)
         for row, own in zip(rows, others, strict=False):  # none beside given axes
-            shown = PlanOnMap.of(mission, batch[row])
+            shown = PlanOnMap(mission, batch[row])
             notes += shown.draw_team(own)
             signs = "".join(_SIGNS[mark.name][1] for mark in marks if mark.index == row)
             told = [f"plan {row} {signs}".strip() + f": {shown.objectives}", *shown.at_base]

@@ -1,30 +1,25 @@
 """The picture of a plan: a map with all trails, and one of every robot's own."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any
 
 from matplotlib.axes import Axes
 
-from botohe_moo._base.types import FloatArray
 from botohe_moo._base.words import chance
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.outcomes import reach_probabilities, team_reach
 from botohe_moo.plots.draw.canvas import open_axes
-from botohe_moo.plots.draw.maps import draw_map, name_room
-from botohe_moo.plots.draw.places import layout_notes, node_positions
+from botohe_moo.plots.draw.maps import PlanMap, name_room
+from botohe_moo.plots.draw.places import node_positions
 from botohe_moo.plots.draw.sheets import (
     add_reach_bar,
     key_of,
-    map_size,
     name_map,
     open_sheet,
-    rightmost,
     title_sheet,
 )
 from botohe_moo.plots.draw.style import theme
 from botohe_moo.plots.draw.titles import title_above
-from botohe_moo.plots.draw.trails import RobotStyle, robot_styles
+from botohe_moo.plots.draw.trails import robot_styles
 from botohe_moo.trails import TrailPlan
 
 _MAX_MAPS = 24
@@ -76,12 +71,12 @@ def plot_plan(
     >>> toy = load_mission("toy")
     >>> save_plot(plot_plan(toy, toy.plan([[1, 2, 4, 2, 1], [1, 2, 1]])), "plan.png")
     """
-    shown = PlanOnMap.of(mission, plan)
+    shown = PlanOnMap(mission, plan)
     if title is None:
         title = f"{mission.title}\n{shown.objectives}"
     with theme():
         if ax is not None:
-            open_axes(shown.xy, ax)
+            open_axes(node_positions(mission), ax)
             add_reach_bar(ax)
             shown.add_legend(ax)
             title_above(ax, title, "; ".join([*shown.at_base, *shown.draw_team(ax)]))
@@ -89,12 +84,9 @@ def plot_plan(
         robots = shown.out[:_MAX_MAPS]
         # Between more than three, the map of all robots is larger: trails share its arcs.
         span = 2 if len(robots) == 2 or len(robots) > 3 else 1
-        room = name_room(mission) / span
-        size = map_size(shown.xy, 6.4 if len(robots) < 4 else 5.2, room=room)
-        first, *others = open_sheet(size, len(robots), span)
-        for own in (first, *others):
-            open_axes(shown.xy, own)
-        add_reach_bar(rightmost([first, *others]))
+        widest, room = 6.4 if len(robots) < 4 else 5.2, name_room(mission) / span
+        first, *others = open_sheet(mission, len(robots), span, widest=widest, room=room)
+        open_axes(node_positions(mission), first)
         notes = [*shown.at_base, *shown.draw_team(first)]
         name_map(first, "all robots" if mission.robots > 1 else "with the names of nodes")
         for own, robot in zip(others, robots, strict=True):
@@ -107,32 +99,17 @@ def plot_plan(
     return first
 
 
-@dataclass(frozen=True)
 class PlanOnMap:
-    """A plan, and what maps show of it."""
+    """A plan, and what maps show of it; errors are those of ``plot_plan``."""
 
-    mission: Mission
-    plan: TrailPlan
-    xy: FloatArray
-    objectives: str
-    survival: FloatArray  # (n_robots,)
-    reach: FloatArray  # (n_robots, n_nodes)
-    styles: Sequence[RobotStyle]
-
-    @classmethod
-    def of(cls, mission: Mission, plan: TrailPlan) -> Self:
-        """Compute what maps of a plan show; errors are those of ``plot_plan``."""
+    def __init__(self, mission: Mission, plan: TrailPlan) -> None:
         check_mission(mission)
         reward, survivors = mission.evaluate([plan])[0]
-        return cls(
-            mission,
-            plan,
-            node_positions(mission),
-            f"E[R] = {reward:.2f}, E[S] = {survivors:.2f}",
-            mission.robot_survival([plan])[0],
-            reach_probabilities(mission, plan),
-            robot_styles(plan.n_robots),
-        )
+        self.mission, self.plan = mission, plan
+        self.objectives = f"E[R] = {reward:.2f}, E[S] = {survivors:.2f}"
+        self.survival = mission.robot_survival([plan])[0]  # (n_robots,)
+        self.reach = reach_probabilities(mission, plan)  # (n_robots, n_nodes)
+        self.styles = robot_styles(plan.n_robots)
 
     @property
     def out(self) -> list[int]:
@@ -149,20 +126,17 @@ class PlanOnMap:
 
     def draw_team(self, ax: Axes) -> list[str]:
         """Draw all trails, and return what has to be said about the map."""
-        any_robot = team_reach(self.reach)
-        drawn = draw_map(ax, self.mission, self.xy, self.plan, self.styles, any_robot)
+        drawn = PlanMap(ax, self.mission, self.plan, self.styles, team_reach(self.reach))
         # Robots first: a trail without a name is worse than a node without one.
-        drawn.name_robots(self.plan, self.styles)
-        unnamed = drawn.name_nodes(self.mission, self.plan)
-        return [*layout_notes(self.mission), *drawn.notes, *unnamed]
+        drawn.name_robots()
+        drawn.name_nodes()
+        return drawn.notes
 
     def draw_robot(self, ax: Axes, robot: int) -> None:
         """Draw the trail of one robot, with the numbers of its visits, and name the map."""
-        trail, style = self.plan.trails[robot], self.styles[robot]
-        reach = self.reach[robot]
-        drawn = draw_map(ax, self.mission, self.xy, TrailPlan([trail]), [style], reach)
-        numbers = drawn.number_visits(trail)
-        name_map(ax, "; ".join([self._survives(robot), *numbers]), style)
+        own, style = TrailPlan([self.plan.trails[robot]]), self.styles[robot]
+        drawn = PlanMap(ax, self.mission, own, [style], self.reach[robot])
+        name_map(ax, "; ".join([self._survives(robot), *drawn.number_visits()]), style)
 
     def add_legend(self, ax: Axes) -> None:
         """Add a legend below a map that tells which line belongs to which robot."""

@@ -1,7 +1,6 @@
 """Maps of plans: grey ground, trails, nodes shaded by how likely they are reached, and texts."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from textwrap import fill
 from typing import Any
 
@@ -12,6 +11,7 @@ from matplotlib.colors import to_rgba
 from botohe_moo._base.types import FloatArray
 from botohe_moo.mission import Mission
 from botohe_moo.plots.draw.canvas import Canvas
+from botohe_moo.plots.draw.places import layout_notes, node_positions
 from botohe_moo.plots.draw.space import Space, text_size
 from botohe_moo.plots.draw.style import INK, MUTED, reach_palette
 from botohe_moo.plots.draw.trails import RobotStyle, draw_trails
@@ -28,32 +28,60 @@ _SPOTS = 60  # where a robot's name may stand, on a part of its trail
 _LINE = 14  # letters of numbers beside a node before a new line
 
 
-@dataclass(frozen=True)
 class PlanMap:
-    """A map of trails that is drawn, to be written on."""
+    """A map of trails, and of nodes shaded by how likely they are reached, on grey ground.
 
-    canvas: Canvas
-    points: FloatArray  # of each passage (n_passages, n_points, 2)
-    fills: FloatArray  # colours of the nodes (n_nodes, 4)
-    space: Space
-    notes: list[str]  # what has to be said about it
+    The plan may have fewer trails than the team has robots, with a style for each, and ``reach``
+    (n_nodes) are the probabilities. ``notes`` are what has to be said about the map.
+    """
 
-    def name_nodes(self, mission: Mission, plan: TrailPlan) -> list[str]:
-        """Write the names of nodes into or beside them, first of those visited; return notes.
+    def __init__(
+        self,
+        ax: Axes,
+        mission: Mission,
+        plan: TrailPlan,
+        styles: Sequence[RobotStyle],
+        reach: FloatArray,
+    ) -> None:
+        xy = node_positions(mission)
+        self.mission, self.plan, self.styles = mission, plan, styles
+        self.canvas = canvas = Canvas.measure(ax, xy, smallest=_SMALLEST)
+        self.fills = np.asarray(reach_palette()(reach))
+        self.notes = layout_notes(mission)
+        self.is_legible = canvas.radius >= _LEGIBLE
+        if self.is_legible:
+            away, edge = 0.8 * canvas.radius, MUTED
+            if _draw_ground(canvas, mission):
+                self.notes.append("grey arrows: one way only")
+        else:
+            away, edge = 0.25 * canvas.spacing if canvas.spacing >= _DOTS else 0.0, _GROUND
+            self.fills[reach == 0] = to_rgba(edge)
+            missing = "arcs" if away else "nodes and arcs"
+            self.notes.append(f"{missing} off the trails are too small to draw")
+        self.points = draw_trails(canvas, plan, styles)  # (n_passages, n_points, 2)
+        radii = np.where(reach > 0, canvas.radius, away)
+        edges = [INK if there else edge for there in reach > 0]
+        canvas.draw_nodes(mission.arrays.base, self.fills, radii=radii, edges=edges)
+        drawn = (reach > 0) | self.is_legible
+        self.space = Space(ax, xy[drawn], canvas.radius, self.points[:, ::2])
+
+    def name_nodes(self) -> None:
+        """Write the names of nodes into or beside them, first of those visited.
 
         Names of many nodes stand close to them, so that it is clear which node each belongs to.
         """
         away = np.ones(len(self.fills), dtype=bool)
-        away[plan.nodes] = False
+        away[self.plan.nodes] = False
         order = np.argsort(away, kind="stable").tolist()
-        far = _FAR if len(order) <= _MANY else _NEAR if self.canvas.radius >= _LEGIBLE else 0.0
-        names = {node: str(mission.nodes[node]) for node in order}
-        return label_nodes(self.space, self.canvas.xy, names, self.fills, reach=far)
+        far = _FAR if len(order) <= _MANY else _NEAR if self.is_legible else 0.0
+        names = {node: str(self.mission.nodes[node]) for node in order}
+        self.notes += label_nodes(self.space, self.canvas.xy, names, self.fills, reach=far)
 
-    def number_visits(self, trail: Sequence[int]) -> list[str]:
-        """Write the numbers of visits, from 1 after the base, where there is room; return notes."""
-        if self.canvas.radius < _LEGIBLE:
+    def number_visits(self) -> list[str]:
+        """Write the numbers of the only robot's visits, from 1 after the base; return notes."""
+        if not self.is_legible:
             return ["too small to number"]
+        (trail,) = self.plan.trails
         visits: dict[int, list[str]] = {}
         for i, node in enumerate(trail[1:], start=1):
             visits.setdefault(node, []).append(str(i))
@@ -63,10 +91,10 @@ class PlanMap:
         look: dict[str, Any] = {"size": _NUMBERS, "reach": _FAR, "what": "numbers"}
         return label_nodes(self.space, self.canvas.xy, longest, self.fills, **look)
 
-    def name_robots(self, plan: TrailPlan, styles: Sequence[RobotStyle]) -> None:
+    def name_robots(self) -> None:
         """Write the names of robots on their trails, up to three times on long ones."""
-        own = np.split(self.points, np.cumsum(np.diff(plan.offsets) - 1)[:-1])
-        for style, passages in zip(styles, own, strict=True):
+        own = np.split(self.points, np.cumsum(np.diff(self.plan.offsets) - 1)[:-1])
+        for style, passages in zip(self.styles, own, strict=True):
             for part in np.array_split(passages, min(3, -(-len(passages) // 8)) or 1):
                 if len(part):
                     self._name_robot(style, part)
@@ -127,38 +155,6 @@ def draw_nodes(canvas: Canvas, mission: Mission, fills: FloatArray, arcs: FloatA
     space = Space(canvas.ax, canvas.xy, canvas.radius, arcs)
     names = dict(enumerate(map(str, mission.nodes)))
     return label_nodes(space, canvas.xy, names, fills, reach=_FAR if len(names) <= _MANY else 0.0)
-
-
-def draw_map(
-    ax: Axes,
-    mission: Mission,
-    xy: FloatArray,
-    plan: TrailPlan,
-    styles: Sequence[RobotStyle],
-    reach: FloatArray,
-) -> PlanMap:
-    """Draw trails, and nodes shaded by the probabilities ``reach`` (n_nodes) on grey ground.
-
-    The plan may have fewer trails than the team has robots.
-    """
-    canvas = Canvas.measure(ax, xy, smallest=_SMALLEST)
-    fills = np.asarray(reach_palette()(reach))
-    notes = []
-    if canvas.radius >= _LEGIBLE:
-        away, edge = 0.8 * canvas.radius, MUTED
-        if _draw_ground(canvas, mission):
-            notes.append("grey arrows: one way only")
-    else:
-        away, edge = 0.25 * canvas.spacing if canvas.spacing >= _DOTS else 0.0, _GROUND
-        fills[reach == 0] = to_rgba(edge)
-        notes.append(f"{'' if away else 'nodes and '}arcs off the trails are too small to draw")
-    points = draw_trails(canvas, plan, styles)
-    radii = np.where(reach > 0, canvas.radius, away)
-    edges = [INK if there else edge for there in reach > 0]
-    canvas.draw_nodes(mission.arrays.base, fills, radii=radii, edges=edges)
-    drawn = (reach > 0) | (canvas.radius >= _LEGIBLE)
-    space = Space(ax, xy[drawn], canvas.radius, points[:, ::2])
-    return PlanMap(canvas, points, fills, space, notes)
 
 
 def _draw_ground(canvas: Canvas, mission: Mission) -> bool:

@@ -1,15 +1,14 @@
 """Sheets of maps: a large place and small ones on a grid, with names, and a key of shades."""
 
-from collections.abc import Sequence
-
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.lines import Line2D
 
-from botohe_moo._base.types import FloatArray
-from botohe_moo.plots.draw.canvas import add_colour_bar, crowding, frame_of
+from botohe_moo.mission import Mission
+from botohe_moo.plots.draw.canvas import add_colour_bar, crowding, frame_of, open_axes
+from botohe_moo.plots.draw.places import node_positions
 from botohe_moo.plots.draw.style import reach_palette
 from botohe_moo.plots.draw.titles import title_above
 from botohe_moo.plots.draw.trails import RobotStyle
@@ -19,18 +18,20 @@ _ROOM = 20.0  # points between most nodes, for numbers
 _SHAPE, _EMPTY = 1.4, 0.25  # width of a figure in parts of its height; what an empty place costs
 
 
-def map_size(xy: FloatArray, widest: float, *, room: float = _ROOM) -> tuple[float, float]:
-    """Return the inches at which most nodes have ``room`` points, within ``widest`` inches."""
+def open_sheet(
+    mission: Mission, n_small: int, span: int, *, widest: float = 5.2, room: float = 0.0
+) -> list[Axes]:
+    """Open a figure with large axes, ``span`` times as wide and high as the maps beside them.
+
+    Maps have ``room`` points, or what numbers need, between most nodes, within ``widest`` inches.
+    The rightmost has the key of the nodes' shades.
+    """
+    xy = node_positions(mission)
     _, half = frame_of(xy)
     # In points, on a map an inch wide; nodes may lie on each other.
     spacing = max(72 * crowding(xy) / (2 * half[0]), 1e-9)
-    wide = float(np.clip(max(room, _ROOM) / spacing, 4.2, widest))
-    return wide, wide * half[1] / half[0]
-
-
-def open_sheet(size: tuple[float, float], n_small: int, span: int) -> list[Axes]:
-    """Open a figure with axes of ``size`` inches, the first ``span`` times as wide and high."""
-    wide, high = size[0] + _GAP, size[1] + _NAME
+    inner = float(np.clip(max(room, _ROOM) / spacing, 4.2, widest))
+    wide, high = inner + _GAP, inner * half[1] / half[0] + _NAME
     cells = n_small + span**2
     shapes = [(n, max(span, -(-cells // n))) for n in range(span, cells + 1)]
     n_columns, n_rows = min(
@@ -47,12 +48,18 @@ def open_sheet(size: tuple[float, float], n_small: int, span: int) -> list[Axes]
         right=1 - (_RIGHT + _GAP - 0.1) / width,
         bottom=0.1 / height,
         top=1 - (_ABOVE + _NAME - 0.1) / height,
-        wspace=_GAP / size[0],
-        hspace=_NAME / size[1],
+        wspace=_GAP / inner,
+        hspace=_NAME / (high - _NAME),
     )
     cells_of = [grid[row, column] for row, column in np.ndindex(n_rows, n_columns)]
-    small = [c for c in cells_of if max(c.rowspan.start, c.colspan.start) >= span]
-    return [fig.add_subplot(cell) for cell in [grid[:span, :span], *small][: n_small + 1]]
+    small = [c for c in cells_of if max(c.rowspan.start, c.colspan.start) >= span][:n_small]
+    axes = [fig.add_subplot(cell) for cell in (grid[:span, :span], *small)]
+    for ax in axes[1:]:
+        open_axes(xy, ax)
+    add_reach_bar(
+        max(axes[1:] or axes, key=lambda ax: (round(ax.get_position().x1, 6), ax.get_position().y1))
+    )
+    return axes
 
 
 def title_sheet(first: Axes, title: str, words: str) -> None:
@@ -64,11 +71,6 @@ def title_sheet(first: Axes, title: str, words: str) -> None:
 def add_reach_bar(ax: Axes) -> None:
     """Put the key of the nodes' shades right of a map."""
     add_colour_bar(ax, reach_palette(), Normalize(0, 1), "probability of being reached")
-
-
-def rightmost(maps: Sequence[Axes]) -> Axes:
-    """Give the map at the right edge, the highest of them."""
-    return max(maps, key=lambda ax: (round(ax.get_position().x1, 6), ax.get_position().y1))
 
 
 def key_of(text: str, style: RobotStyle) -> Line2D:
