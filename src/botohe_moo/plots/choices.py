@@ -9,6 +9,7 @@ from matplotlib.transforms import Bbox
 from botohe_moo.decide import Mark, knees, representatives
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.plots.draw.sheets import (
+    add_reach_bar_right,
     name_map,
     open_sheet,
 )
@@ -77,6 +78,7 @@ def plot_choices(
         others: list[Axes] = []
         if ax is None:
             ax, *others = open_sheet(mission, len(rows), 2)
+            add_reach_bar_right(others)
             # Inches for the names and numbers of its axes.
             inner = np.array([0.75, 0.6]) * ax.figure.figure.dpi / ax.figure.bbox.size
             place = ax.get_position()

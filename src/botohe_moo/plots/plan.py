@@ -12,6 +12,7 @@ from botohe_moo.plots.draw.maps import PlanMap, name_room
 from botohe_moo.plots.draw.places import node_positions
 from botohe_moo.plots.draw.sheets import (
     add_reach_bar,
+    add_reach_bar_right,
     key_of,
     name_map,
     open_sheet,
@@ -87,6 +88,7 @@ def plot_plan(
         widest, room = 6.4 if len(robots) < 4 else 5.2, name_room(mission) / span
         first, *others = open_sheet(mission, len(robots), span, widest=widest, room=room)
         open_axes(node_positions(mission), first)
+        add_reach_bar_right([first, *others])
         notes = [*shown.at_base, *shown.draw_team(first)]
         name_map(first, "all robots" if mission.robots > 1 else "with the names of nodes")
         for own, robot in zip(others, robots, strict=True):

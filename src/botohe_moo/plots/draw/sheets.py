@@ -1,5 +1,7 @@
 """Sheets of maps: a large place and small ones on a grid, with names, and a key of shades."""
 
+from collections.abc import Sequence
+
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
@@ -24,7 +26,6 @@ def open_sheet(
     """Open a figure with large axes, ``span`` times as wide and high as the maps beside them.
 
     Maps have ``room`` points, or what numbers need, between most nodes, within ``widest`` inches.
-    The rightmost has the key of the nodes' shades.
     """
     xy = node_positions(mission)
     _, half = frame_of(xy)
@@ -56,10 +57,12 @@ def open_sheet(
     axes = [fig.add_subplot(cell) for cell in (grid[:span, :span], *small)]
     for ax in axes[1:]:
         open_axes(xy, ax)
-    add_reach_bar(
-        max(axes[1:] or axes, key=lambda ax: (round(ax.get_position().x1, 6), ax.get_position().y1))
-    )
     return axes
+
+
+def add_reach_bar_right(maps: Sequence[Axes]) -> None:
+    """Put the key of the nodes' shades right of the highest of the rightmost maps."""
+    add_reach_bar(max(maps, key=lambda ax: (round(ax.get_position().x1, 6), ax.get_position().y1)))
 
 
 def title_sheet(first: Axes, title: str, words: str) -> None:

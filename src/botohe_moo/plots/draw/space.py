@@ -28,7 +28,7 @@ def text_size(text: str, size: float, *, bold: bool = False) -> tuple[float, flo
     widths = [
         text_to_path.get_text_width_height_descent(line, font, ismath=False)[0] for line in lines
     ]
-    return max(widths) + 0.4 * size, 1.15 * size * len(lines)
+    return max(widths) + 0.2 * size, 1.15 * size * len(lines)
 
 
 class Space:
