@@ -1,7 +1,7 @@
 """The picture of a case study: a mission, how it was solved, and what was found, on one page."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from string import ascii_lowercase
 from typing import get_args
@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
+from botohe_moo._base.types import FloatArray
 from botohe_moo.decide import representatives
 from botohe_moo.decide.fronts import check_row
 from botohe_moo.mission.model import Mission, check_mission
@@ -18,7 +19,7 @@ from botohe_moo.plots.draw.canvas import frame_of, open_axes
 from botohe_moo.plots.draw.places import node_positions
 from botohe_moo.plots.draw.sheets import add_reach_bar
 from botohe_moo.plots.draw.style import theme
-from botohe_moo.plots.draw.titles import retitle, title_above
+from botohe_moo.plots.draw.titles import title_above
 from botohe_moo.plots.front import plot_front
 from botohe_moo.plots.mission import plot_mission
 from botohe_moo.plots.pheromone import Kind, plot_pheromone
@@ -27,9 +28,10 @@ from botohe_moo.plots.study.curves import plot_curves
 from botohe_moo.trails import Plans, TrailPlan
 
 _WIDTH, _RIGHT = 15.0, 1.0  # inches: of the parts of a line, and right of them for the key
-_TITLE, _ABOVE = 0.35, 0.75  # inches: over the page, over each part
+_TITLE, _ABOVE, _BELOW = 0.35, 0.75, 0.65  # inches: over the page, over and below each line
 _MOST = 4  # parts of a line
-_CHART = 2.8  # inches: least height of axes that are not a map
+_CHART = 2.8  # inches: least height of a line
+_KINDS: tuple[Kind, ...] = get_args(Kind)
 
 
 def plot_case_study(
@@ -94,104 +96,74 @@ def plot_case_study(
     for row in rows:
         check_row("chosen", row, len(batch))
     front = _chart("the front", partial(plot_front, objectives, mission, highlight=rows))
-    found = [_plan_panel(mission, batch[row], f"plan {row}") for row in rows]
-    found[-1] = replace(found[-1], has_key=True)
+    found = [_plan_panel(mission, batch[row], f"plan {row}", row == rows[-1]) for row in rows]
+    lines = [[_Panel("the mission", partial(plot_mission, mission), right=1.4)]]
     if trace is None:
-        lines = [[_mission_panel(mission), front]]
+        lines[0].append(front)
     else:
-        # Names of algorithms stand right of the curves.
-        progress = _chart("progress", partial(plot_curves, trace), right=1.9)
-        lines, found = [[_mission_panel(mission), progress]], [front, *found]
-    n_lines = -(-len(found) // _MOST)
-    parts = np.array_split(np.arange(len(found)), n_lines)
+        # Names of algorithms may stand right of the curves.
+        lines[0].append(_chart("progress", partial(plot_curves, trace), right=1.9))
+        found = [front, *found]
+    parts = np.array_split(np.arange(len(found)), -(-len(found) // _MOST))
     lines += [[found[i] for i in part] for part in parts]
     if pheromone is not None:
-        lines.append([_pheromone_panel(mission, pheromone, kind) for kind in get_args(Kind)])
+        draws = [partial(plot_pheromone, mission, pheromone, kind=kind) for kind in _KINDS]
+        lines.append([_Panel("pheromone", draw, right=1.4) for draw in draws])
     with theme():
-        axes = _draw(lines, _aspect(mission))
+        axes = _draw(lines, node_positions(mission))
         fig = axes[0].figure.figure
         head = mission.title if title is None else title
-        fig.text(
-            0.1 / fig.get_figwidth(),
-            1.0,
-            head,
-            fontsize=15,
-            fontweight="bold",
-            va="top",
-        )
+        fig.text(0.1 / fig.get_figwidth(), 1.0, head, fontsize=15, fontweight="bold", va="top")
     return axes[0]
 
 
 @dataclass(frozen=True)
 class _Panel:
-    """A part of the page, drawn on axes; the inches around them are for all that is not inside."""
+    """A part of the page, drawn on axes; left and right of them are inches for what is outside."""
 
     name: str
-    draw: Callable[[Axes], object]
-    is_map: bool
-    left: float
-    right: float
-    below: float
-    has_key: bool = False  # of the shades of nodes, right of it
+    draw: Callable[..., object]  # with a title, on axes
+    left: float = 0.1
+    right: float = 0.1
+    is_map: bool = True
 
 
-def _mission_panel(mission: Mission) -> _Panel:
-    return _Panel("the mission", lambda ax: plot_mission(mission, ax=ax), True, 0.1, 1.3, 0.6)
+def _chart(name: str, draw: Callable[..., object], *, right: float = 0.3) -> _Panel:
+    return _Panel(name, draw, 0.85, right, is_map=False)
 
 
-def _chart(name: str, plot: Callable[..., Axes], *, right: float = 0.3) -> _Panel:
-    return _Panel(name, lambda ax: plot(ax=ax), False, 0.85, right, 0.65)
+def _plan_panel(mission: Mission, plan: TrailPlan, name: str, has_key: bool) -> _Panel:
+    shown = PlanOnMap(mission, plan)
 
-
-def _plan_panel(mission: Mission, plan: TrailPlan, name: str) -> _Panel:
-    shown = PlanOnMap.of(mission, plan)
-
-    def draw(ax: Axes) -> None:
-        open_axes(shown.xy, ax)
+    def draw(*, title: str, ax: Axes) -> None:
+        open_axes(node_positions(mission), ax)
         notes = shown.draw_team(ax)
-        title_above(ax, name, "; ".join([shown.objectives, *shown.at_base, *notes]))
+        title_above(ax, title, "; ".join([shown.objectives, *shown.at_base, *notes]))
+        if has_key:
+            add_reach_bar(ax)
 
-    return _Panel(name, draw, True, 0.1, 0.1, 0.1)
-
-
-def _pheromone_panel(mission: Mission, pheromone: pd.DataFrame, kind: Kind) -> _Panel:
-    def draw(ax: Axes) -> None:
-        plot_pheromone(mission, pheromone, kind=kind, ax=ax)
-
-    return _Panel("pheromone", draw, True, 0.1, 1.3, 0.1)
+    return _Panel(name, draw)
 
 
-def _draw(lines: Sequence[Sequence[_Panel]], aspect: float) -> list[Axes]:
+def _draw(lines: Sequence[Sequence[_Panel]], xy: FloatArray) -> list[Axes]:
     """Open a page, and draw every line of panels on it, one below the other."""
-    heights = [max(_height(panel, _WIDTH / len(line), aspect) for panel in line) for line in lines]
-    total = _TITLE + sum(heights)
-    fig = plt.figure(figsize=(_WIDTH + _RIGHT, total))
-    axes: list[Axes] = []
-    letters = iter(ascii_lowercase)
-    top = total - _TITLE
-    for line, height in zip(lines, heights, strict=True):
+    _, half = frame_of(xy)
+    aspect = half[1] / half[0]
+    highs = []  # of the axes of each line
+    for line in lines:
+        inner = [_WIDTH / len(line) - panel.left - panel.right for panel in line if panel.is_map]
+        highs.append(max([_CHART, *(aspect * width for width in inner)]))
+    full = np.array([_WIDTH + _RIGHT, _TITLE + sum(highs) + (_ABOVE + _BELOW) * len(lines)])
+    fig, axes, letters = plt.figure(figsize=tuple(full)), [], iter(ascii_lowercase)
+    top = full[1] - _TITLE
+    for line, high in zip(lines, highs, strict=True):
         wide = _WIDTH / len(line)
         for i, panel in enumerate(line):
             width = wide - panel.left - panel.right
-            high = width * aspect if panel.is_map else height - _ABOVE - panel.below
-            place = (i * wide + panel.left, top - _ABOVE - high, width, high)
-            full = (_WIDTH + _RIGHT, total)
+            own = width * aspect if panel.is_map else high
+            place = (i * wide + panel.left, top - _ABOVE - own, width, own)
             ax = fig.add_axes(tuple(np.divide(place, (*full, *full))))
-            panel.draw(ax)
-            if panel.has_key:
-                add_reach_bar(ax)
-            retitle(ax, f"({next(letters)}) {panel.name}")
+            panel.draw(title=f"({next(letters)}) {panel.name}", ax=ax)
             axes.append(ax)
-        top -= height
+        top -= _ABOVE + high + _BELOW
     return axes
-
-
-def _height(panel: _Panel, wide: float, aspect: float) -> float:
-    inner = (wide - panel.left - panel.right) * aspect if panel.is_map else _CHART
-    return _ABOVE + inner + panel.below
-
-
-def _aspect(mission: Mission) -> float:
-    """Give the height of a map of the mission in parts of its width."""
-    _, half = frame_of(node_positions(mission))
-    return float(half[1] / half[0])

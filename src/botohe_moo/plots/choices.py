@@ -2,18 +2,16 @@
 
 from typing import Any
 
+import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.transforms import Bbox
 
 from botohe_moo.decide import Mark, knees, representatives
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.plots.draw.canvas import open_axes
-from botohe_moo.plots.draw.places import node_positions
 from botohe_moo.plots.draw.sheets import (
-    add_reach_bar,
-    map_size,
+    add_reach_bar_right,
     name_map,
     open_sheet,
-    rightmost,
 )
 from botohe_moo.plots.draw.style import INK, theme
 from botohe_moo.plots.draw.titles import title_above
@@ -79,33 +77,24 @@ def plot_choices(
     with theme():
         others: list[Axes] = []
         if ax is None:
-            ax, others = _open(mission, len(rows))
+            ax, *others = open_sheet(mission, len(rows), 2)
+            add_reach_bar_right(others)
+            # Inches for the names and numbers of its axes.
+            inner = np.array([0.75, 0.6]) * ax.figure.figure.dpi / ax.figure.bbox.size
+            place = ax.get_position()
+            ax.set_position(Bbox(np.array([place.min + inner, place.max])))
         plot_front(objectives, mission, highlight=rows, ax=ax)
         for mark in marks:
             _draw_mark(ax, mark)
         ax.legend(loc="best", framealpha=0.9, handletextpad=0.2)
         for row, own in zip(rows, others, strict=False):  # none beside given axes
-            shown = PlanOnMap.of(mission, batch[row])
-            notes += shown.draw_team(own, one_of_many=True)
+            shown = PlanOnMap(mission, batch[row])
+            notes += shown.draw_team(own)
             signs = "".join(_SIGNS[mark.name][1] for mark in marks if mark.index == row)
             told = [f"plan {row} {signs}".strip() + f": {shown.objectives}", *shown.at_base]
             name_map(own, "; ".join(told))
         title_above(ax, mission.title if title is None else title, "; ".join(dict.fromkeys(notes)))
     return ax
-
-
-def _open(mission: Mission, n_maps: int) -> tuple[Axes, list[Axes]]:
-    """Open a figure with axes for a front and for maps."""
-    xy = node_positions(mission)
-    wide, high = map_size(xy, 5.2)
-    fig, (place, *places) = open_sheet((wide, high), n_maps, 2)
-    width, height = fig.get_size_inches()
-    left, below = 0.75 / width, 0.6 / height
-    box = (place[0] + left, place[1] + below, place[2] - left - 0.3 / width, place[3] - below)
-    ax = fig.add_axes(box)
-    maps = [open_axes(xy, fig.add_axes(place)) for place in places]
-    add_reach_bar(rightmost(maps))
-    return ax, maps
 
 
 def _draw_mark(ax: Axes, mark: Mark) -> None:

@@ -17,7 +17,7 @@ from botohe_moo._base.words import counted
 from botohe_moo.decide.fronts import check_objectives
 from botohe_moo.mission.digest import numbers_digest
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.plots.draw.space import Space, write_beside
+from botohe_moo.plots.draw.space import Space
 from botohe_moo.plots.draw.style import INK, MARKERS, MUTED, colours, new_axes, theme, tint
 from botohe_moo.plots.draw.titles import title_above
 
@@ -25,7 +25,9 @@ if TYPE_CHECKING:
     from botohe_moo.search.bounds import FrontBound
 
 OBJECTIVES = ("expected team reward E[R]", "expected number of survivors E[S]")
-_CROWD = 150
+_STAIRS = "_stairs"  # by which the fronts on axes are counted
+_CROWD = 150  # points, from which on their rims would cover other points
+_RING = 5.5  # points: radius of the rings around highlighted plans
 
 
 def plot_front(
@@ -35,6 +37,7 @@ def plot_front(
     highlight: int | Sequence[int] | Mapping[int, str] | None = None,
     label: str | None = None,
     bound: FrontBound | None = None,
+    title: str | None = None,
     ax: Axes | None = None,
 ) -> Axes:
     """Draw plans in objective space and shade the area that they dominate.
@@ -58,6 +61,8 @@ def plot_front(
     bound
         What no plan exceeds, of :func:`bound_front`. The area between the front and it is shaded,
         too, and the legend says how large it is.
+    title
+        Name of the picture. Default: the mission's title.
     ax
         Axes to draw on. One will be created if not given.
 
@@ -88,14 +93,15 @@ def plot_front(
     with theme():
         if ax is None:
             ax = new_axes(7.2, 5.2)
-        drawn = sum(line.get_gid() == "front" for line in ax.lines)
+        drawn = sum(line.get_label() == _STAIRS for line in ax.lines)
         _draw(ax, points, corners, drawn, f"{label}: {summary}" if label else None)
         if bound is not None:
             _draw_open(ax, corners, bound, _open_words(bound, points, label))
         if label or bound is not None:
             ax.legend(loc="upper right", framealpha=0.9)
         _dress(ax, mission)
-        title = ax.get_title(loc="left") if mission is None else mission.title
+        if title is None:
+            title = ax.get_title(loc="left") if mission is None else mission.title
         title_above(ax, title, "" if label else summary)
         _mark(ax, points, chosen)
     return ax
@@ -170,9 +176,9 @@ def front_summary(points: FloatArray, corners: FloatArray, mission: Mission | No
 def _draw(ax: Axes, points: FloatArray, corners: FloatArray, drawn: int, label: str | None) -> None:
     colour, marker = colours(drawn + 1)[-1], MARKERS[drawn % len(MARKERS)]
     ax.fill(*corners.T, facecolor=colour, alpha=0.16, linewidth=0, zorder=1, label="_area")
-    ax.plot(*corners[:-1].T, color=colour, linewidth=1.0, zorder=2, label="_stairs")
+    ax.plot(*corners[:-1].T, color=colour, linewidth=1.0, zorder=2, label=_STAIRS)
     dominated = _dominated(points)
-    crowded = len(points) > _CROWD  # where the rims of points would cover other points
+    crowded = len(points) > _CROWD
     style: dict[str, Any] = {
         "marker": marker,
         "linestyle": "none",
@@ -181,9 +187,10 @@ def _draw(ax: Axes, points: FloatArray, corners: FloatArray, drawn: int, label: 
         "markeredgewidth": 0.0 if crowded else 0.5,
         "clip_on": False,
     }
-    pale = tint(colour, 0.55)
-    ax.plot(*points[dominated].T, **style, color=pale, zorder=2.5, gid="dominated")
-    ax.plot(*points[~dominated].T, **style, color=colour, zorder=3, label=label, gid="front")
+    if dominated.any():
+        pale = tint(colour, 0.55)
+        ax.plot(*points[dominated].T, **style, color=pale, zorder=2.5, label="_dominated")
+    ax.plot(*points[~dominated].T, **style, color=colour, zorder=3, label=label or "_front")
 
 
 def _open_words(bound: FrontBound, points: FloatArray, label: str | None) -> str:
@@ -206,27 +213,16 @@ def _draw_open(ax: Axes, corners: FloatArray, bound: FrontBound, label: str) -> 
 
 def _mark(ax: Axes, points: FloatArray, chosen: Mapping[int, str]) -> None:
     """Ring chosen plans and write what they are beside them, where no two texts overlap."""
-    if not chosen:
-        return
     figure = ax.figure.figure
-    if (engine := figure.get_layout_engine()) is not None:
+    if chosen and (engine := figure.get_layout_engine()) is not None:
         engine.execute(figure)
-    at, radius, size = points[list(chosen)], 5.5, 9.5
-    in_points = 72 / figure.dpi
-    box = ax.get_window_extent()
-    frame = np.array([box.min, box.max]) * in_points
-    frame[1, 0] += 12.0  # texts may stand out a little, but not into the title
-    everything = ax.transData.transform(np.concatenate(_drawn(ax))) * in_points
-    marks = ax.transData.transform(at) * in_points
-    space = Space(marks, radius, (frame[0], frame[1]), everything)
-    ring: dict[str, Any] = {"marker": "o", "markersize": 2 * radius, "markerfacecolor": "none"}
+    drawn = [np.asarray(line.get_xydata(), dtype=float) for line in ax.lines]
+    space = Space(ax, points[list(chosen)], _RING, np.concatenate(drawn))
+    ring: dict[str, Any] = {"marker": "o", "markersize": 2 * _RING, "markerfacecolor": "none"}
     ring |= {"markeredgecolor": INK, "markeredgewidth": 1.6, "clip_on": False}
-    for point, mark, text in zip(at, marks, chosen.values(), strict=True):
-        ax.plot(*point[:, None], **ring, zorder=4, label="_highlight")
-        offset = space.beside(mark, text, size, bold=True, reach=60.0)
-        away = np.array([0.0, 14.0]) if offset is None else offset
-        look: dict[str, Any] = {"fontsize": size, "fontweight": "bold"}
-        write_beside(ax, point, away, text, radius=radius, annotation_clip=False, **look)
+    for row, text in chosen.items():
+        ax.plot(*points[[row]].T, **ring, zorder=4, label="_highlight")
+        space.write_beside(points[row], text, 9.5, reach=60.0, bold=True)
 
 
 def _dress(ax: Axes, mission: Mission | None) -> None:
@@ -236,11 +232,5 @@ def _dress(ax: Axes, mission: Mission | None) -> None:
         ax.yaxis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 5, 10]))
         return
     # The front is one of several, perhaps: all of them must stay in view.
-    reach = np.concatenate(_drawn(ax)).max(axis=0, initial=0.0)
-    ax.set(xlim=(0, 1.05 * reach[0] or 1.0), ylim=(0, 1.05 * reach[1] or 1.0))
-
-
-def _drawn(ax: Axes) -> list[FloatArray]:
-    """Give the points of all fronts on ``ax``."""
-    fronts = [line for line in ax.lines if line.get_gid() in ("front", "dominated")]
-    return [np.asarray(line.get_xydata(), dtype=float) for line in fronts]
+    reach = 1.05 * np.clip([ax.dataLim.x1, ax.dataLim.y1], 0.0, None)
+    ax.set(xlim=(0, reach[0] or 1.0), ylim=(0, reach[1] or 1.0))

@@ -13,15 +13,16 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from botohe_moo._base.types import FloatArray
 from botohe_moo._base.words import counted
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.plots.draw.canvas import (
-    MAX_LABELLED,
     Canvas,
     add_colour_bar,
     bowed_arcs,
     open_axes,
 )
+from botohe_moo.plots.draw.maps import draw_nodes
 from botohe_moo.plots.draw.places import layout_notes, node_positions
 from botohe_moo.plots.draw.style import (
     MUTED,
@@ -41,15 +42,19 @@ _MAX_ZONES = 8
 
 
 def plot_mission(
-    mission: Mission, plan: TrailPlan | None = None, *, ax: Axes | None = None
+    mission: Mission,
+    plan: TrailPlan | None = None,
+    *,
+    title: str | None = None,
+    ax: Axes | None = None,
 ) -> Axes:
     """Draw a mission and, if given, the trails of a plan on it.
 
     Nodes are coloured by reward, hollow where there is none, and the base is a square. Arcs are
     coloured by survival: one straight line where both directions are equally dangerous, an arrow
     bowed to its right for every other arc. From two to eight zones are shaded. Nodes lie at their
-    attribute ``pos``, or in a reproducible layout if any has none; up to 40 nodes are labelled. The
-    line under the title says so where positions of some nodes are not used, or nodes not labelled.
+    attribute ``pos``, or in a reproducible layout if any has none. The line under the title says so
+    where positions of some nodes are not used, or where there is no room for names of nodes.
 
     Parameters
     ----------
@@ -57,6 +62,8 @@ def plot_mission(
         Mission to draw.
     plan
         Plan whose trails to draw, one colour per robot, each keeping to the right of its arcs.
+    title
+        Name of the picture. Default: the mission's title.
     ax
         Axes to draw on, colour bars and legend included. One will be created if not given.
 
@@ -76,37 +83,36 @@ def plot_mission(
     """
     check_mission(mission)
     notes = layout_notes(mission)
-    if len(mission.nodes) > MAX_LABELLED:
-        notes.append(f"the {len(mission.nodes):,} nodes are not labelled")
     if plan is not None:
         reward, survivors = mission.evaluate([plan])[0]
         notes.insert(0, f"E[R] = {reward:.2f}, E[S] = {survivors:.2f}")
     xy = node_positions(mission)
     with theme():
         ax = open_axes(xy, ax)
-        title_above(ax, mission.title, "; ".join(notes))
         fills = _reward_fills(ax, mission)
         zones = _zones(mission)
         _add_legend(ax, mission, plan, zones)
         arc_colours = _arc_colours(ax, mission)
         canvas = Canvas.measure(ax, xy)
         _shade_zones(canvas, mission, zones)
-        _draw_arcs(canvas, mission, arc_colours, faint=plan is not None)
+        lines = _draw_arcs(canvas, mission, arc_colours, faint=plan is not None)
         if plan is not None:
             arcs, bowed = mission.arrays, bowed_arcs(mission)
             pairs = zip(arcs.tail[bowed].tolist(), arcs.head[bowed].tolist(), strict=True)
-            draw_trails(canvas, plan, robot_styles(plan.n_robots), bowed=set(pairs))
-        canvas.draw_nodes(mission, fills)
+            lines = draw_trails(canvas, plan, robot_styles(plan.n_robots), bowed=set(pairs))
+        notes += draw_nodes(canvas, mission, fills, lines)
+        title_above(ax, mission.title if title is None else title, "; ".join(notes))
     return ax
 
 
-def _reward_fills(ax: Axes, mission: Mission) -> list[Any]:
+def _reward_fills(ax: Axes, mission: Mission) -> NDArray[Any]:
     reward = mission.arrays.reward
-    if not reward.any():
-        return ["white"] * len(reward)
-    palette, norm = reward_palette(), colour_range(reward, low=0.0)
-    add_colour_bar(ax, palette, norm, "reward", slot=0)
-    return [palette(norm(value)) if value > 0 else "white" for value in reward]
+    fills = np.ones((len(reward), 4))
+    if reward.any():
+        palette, norm = reward_palette(), colour_range(reward, low=0.0)
+        add_colour_bar(ax, palette, norm, "reward", slot=0)
+        fills[reward > 0] = palette(norm(reward[reward > 0]))
+    return fills
 
 
 def _arc_colours(ax: Axes, mission: Mission) -> NDArray[Any]:
@@ -118,17 +124,19 @@ def _arc_colours(ax: Axes, mission: Mission) -> NDArray[Any]:
     return np.asarray(palette(norm(survival)))
 
 
-def _draw_arcs(canvas: Canvas, mission: Mission, arc_colours: NDArray[Any], *, faint: bool) -> None:
+def _draw_arcs(
+    canvas: Canvas, mission: Mission, arc_colours: NDArray[Any], *, faint: bool
+) -> FloatArray:
+    """Draw all arcs, and return points on them (n_arcs, n_points, 2)."""
     tail, head = mission.arrays.tail, mission.arrays.head
     bowed = bowed_arcs(mission)
     once = ~bowed & (tail < head)
     # Hundreds of arrows at full width would merge into a carpet.
     width = (1.0 if faint else 1.8) * min(1.0, max(0.4, 12 / max(len(tail), 1) ** 0.5))
     alpha = 0.6 if faint else 1.0
-    straight = canvas.curves(tail[once], head[once], bowed[once])
-    canvas.draw_lines(
-        straight, colors=arc_colours[once], linewidths=width, alpha=alpha, label="_lines", zorder=1
-    )
+    points = canvas.curves(tail, head, bowed)
+    look: dict[str, Any] = {"linewidths": width, "alpha": alpha, "zorder": 1}
+    canvas.draw_lines(points[once], colors=arc_colours[once], label="_lines", **look)
     canvas.draw_arrows(
         tail[bowed],
         head[bowed],
@@ -137,6 +145,7 @@ def _draw_arcs(canvas: Canvas, mission: Mission, arc_colours: NDArray[Any], *, f
         alpha=alpha,
         zorder=1,
     )
+    return points
 
 
 def _zones(mission: Mission) -> dict[str, Colour]:
@@ -177,25 +186,15 @@ def _add_legend(
     if (np.delete(mission.arrays.reward, mission.arrays.base) == 0).any():
         handles.append(Line2D([], [], label="no reward", **circle))
     handles += [Patch(color=colour, label=zone) for zone, colour in zones.items()]
-    trails = [] if plan is None else _trail_handles(mission, plan)
-    # Colour bars stand beside the axes, and the legend may reach below them.
-    room = 1.25 * ax.get_window_extent().width
+    if plan is not None:
+        handles += _trail_handles(mission, plan)
+    look: dict[str, Any] = {"frameon": False, "handlelength": 1.5, "columnspacing": 1.5}
     for columns in (4, 3, 2, 1):
-        blanks = -len(handles) % columns if len(handles) + len(trails) > columns else 0
-        rows = [*handles, *(Line2D([], [], linestyle="none", label=" ") for _ in range(blanks))]
-        rows += trails  # which begin a row of their own
         legend = ax.legend(
-            # Legends fill column by column; this one is read row by row.
-            handles=[handle for i in range(columns) for handle in rows[i::columns]],
-            loc="upper center",
-            bbox_to_anchor=(0.55, -0.01),
-            ncols=columns,
-            frameon=False,
-            handlelength=1.5,
-            handletextpad=0.6,
-            columnspacing=1.5,
+            handles=handles, ncols=columns, loc="upper center", bbox_to_anchor=(0.55, -0.01), **look
         )
-        if legend.get_window_extent().width <= room:
+        # Colour bars stand beside the axes, and the legend may reach below them.
+        if legend.get_window_extent().width <= 1.25 * ax.get_window_extent().width:
             break
 
 

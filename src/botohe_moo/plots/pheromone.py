@@ -10,6 +10,7 @@ from botohe_moo._base.checks import check_frame
 from botohe_moo._base.types import FloatArray
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.plots.draw.canvas import Canvas, add_colour_bar, open_axes
+from botohe_moo.plots.draw.maps import draw_nodes
 from botohe_moo.plots.draw.places import layout_notes, node_positions
 from botohe_moo.plots.draw.style import colour_range, pheromone_palette, theme
 from botohe_moo.plots.draw.titles import title_above
@@ -20,7 +21,12 @@ _WIDEST = 5.0
 
 
 def plot_pheromone(
-    mission: Mission, pheromone: pd.DataFrame, *, kind: Kind = "reward", ax: Axes | None = None
+    mission: Mission,
+    pheromone: pd.DataFrame,
+    *,
+    kind: Kind = "reward",
+    title: str | None = None,
+    ax: Axes | None = None,
 ) -> Axes:
     """Draw every arc as wide and as dark as its pheromone.
 
@@ -33,6 +39,8 @@ def plot_pheromone(
         pheromone of either kind (finite, at least 0). The base's self-loop is not drawn.
     kind
         Which of the two to draw.
+    title
+        Name of the picture. Default: the mission's title.
     ax
         Axes to draw on, colour bar included. One will be created if not given.
 
@@ -56,27 +64,28 @@ def plot_pheromone(
     check_mission(mission)
     values = _arc_values(mission, pheromone, kind)
     xy = node_positions(mission)
+    notes = [f"pheromone for {kind}", *layout_notes(mission)]
     with theme():
         ax = open_axes(xy, ax)
-        title_above(ax, mission.title, "; ".join([f"pheromone for {kind}", *layout_notes(mission)]))
-        palette = pheromone_palette()
-        norm = colour_range(values, low=0.0) if len(values) else None
-        if norm is not None:
-            symbol = "R" if kind == "reward" else "S"
-            add_colour_bar(ax, palette, norm, rf"pheromone $\tau_{symbol}$", slot=0)
+        palette, arrays = pheromone_palette(), mission.arrays
+        if len(values):
+            norm = colour_range(values, low=0.0)
+            add_colour_bar(ax, palette, norm, rf"pheromone $\tau_{kind[0].upper()}$", slot=0)
         canvas = Canvas.measure(ax, xy)
-        if norm is not None:
+        if len(values):
             # What is darkest is drawn last, on top.
             order = np.argsort(values, kind="stable")
             share = values[order] / (values.max() or 1.0)
             canvas.draw_arrows(
-                mission.arrays.tail[order],
-                mission.arrays.head[order],
+                arrays.tail[order],
+                arrays.head[order],
                 colours=np.asarray(palette(norm(values[order]))),
                 widths=0.3 + share * min(_WIDEST, 0.5 * canvas.radius),
                 zorder=1,
             )
-        canvas.draw_nodes(mission, ["white"] * len(xy))
+        arcs = canvas.curves(arrays.tail, arrays.head, np.ones(arrays.n_arcs, dtype=bool))
+        notes += draw_nodes(canvas, mission, np.ones((len(xy), 4)), arcs)
+        title_above(ax, mission.title if title is None else title, "; ".join(notes))
     return ax
 
 

@@ -1,30 +1,26 @@
 """The picture of a plan: a map with all trails, and one of every robot's own."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any
 
 from matplotlib.axes import Axes
 
-from botohe_moo._base.types import FloatArray
 from botohe_moo._base.words import chance
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.outcomes import reach_probabilities, team_reach
 from botohe_moo.plots.draw.canvas import open_axes
-from botohe_moo.plots.draw.maps import draw_map, name_room
-from botohe_moo.plots.draw.places import layout_notes, node_positions
+from botohe_moo.plots.draw.maps import PlanMap, name_room
+from botohe_moo.plots.draw.places import node_positions
 from botohe_moo.plots.draw.sheets import (
     add_reach_bar,
+    add_reach_bar_right,
     key_of,
-    map_size,
     name_map,
     open_sheet,
-    rightmost,
     title_sheet,
 )
 from botohe_moo.plots.draw.style import theme
 from botohe_moo.plots.draw.titles import title_above
-from botohe_moo.plots.draw.trails import RobotStyle, robot_styles
+from botohe_moo.plots.draw.trails import robot_styles
 from botohe_moo.trails import TrailPlan
 
 _MAX_MAPS = 24
@@ -40,7 +36,7 @@ def plot_plan(
     the darker the more likely any robot reaches them. Trails keep to the right of their arcs, so
     that both directions are seen. Robots, R0, R1, ... in the order of the plan, differ in colour,
     dash and label. What would be too small to see is not drawn, and the line under the title says
-    so: arcs off the trails of large missions, and the numbers of some visits.
+    so: arcs off the trails of large missions, and names and numbers without room.
 
     Parameters
     ----------
@@ -76,22 +72,28 @@ def plot_plan(
     >>> toy = load_mission("toy")
     >>> save_plot(plot_plan(toy, toy.plan([[1, 2, 4, 2, 1], [1, 2, 1]])), "plan.png")
     """
-    shown = PlanOnMap.of(mission, plan)
+    shown = PlanOnMap(mission, plan)
     if title is None:
         title = f"{mission.title}\n{shown.objectives}"
     with theme():
         if ax is not None:
-            open_axes(shown.xy, ax)
+            open_axes(node_positions(mission), ax)
             add_reach_bar(ax)
             shown.add_legend(ax)
             title_above(ax, title, "; ".join([*shown.at_base, *shown.draw_team(ax)]))
             return ax
         robots = shown.out[:_MAX_MAPS]
-        first, *others = _open_maps(shown, len(robots))
+        # Between more than three, the map of all robots is larger: trails share its arcs.
+        span = 2 if len(robots) == 2 or len(robots) > 3 else 1
+        widest, room = 6.4 if len(robots) < 4 else 5.2, name_room(mission) / span
+        first, *others = open_sheet(mission, len(robots), span, widest=widest, room=room)
+        open_axes(node_positions(mission), first)
+        add_reach_bar_right([first, *others])
         notes = [*shown.at_base, *shown.draw_team(first)]
         name_map(first, "all robots" if mission.robots > 1 else "with the names of nodes")
-        steps = [shown.draw_robot(own, i) for own, i in zip(others, robots, strict=True)]
-        if any(steps):
+        for own, robot in zip(others, robots, strict=True):
+            shown.draw_robot(own, robot)
+        if robots:
             notes.insert(0, "numbers: order of visit")
         if len(robots) < len(shown.out):
             notes.append(f"maps of {len(robots)} of the {len(shown.out)} robots that leave")
@@ -99,32 +101,17 @@ def plot_plan(
     return first
 
 
-@dataclass(frozen=True)
 class PlanOnMap:
-    """A plan, and what maps show of it."""
+    """A plan, and what maps show of it; errors are those of ``plot_plan``."""
 
-    mission: Mission
-    plan: TrailPlan
-    xy: FloatArray
-    objectives: str
-    survival: FloatArray  # (n_robots,)
-    reach: FloatArray  # (n_robots, n_nodes)
-    styles: Sequence[RobotStyle]
-
-    @classmethod
-    def of(cls, mission: Mission, plan: TrailPlan) -> Self:
-        """Compute what maps of a plan show; errors are those of ``plot_plan``."""
+    def __init__(self, mission: Mission, plan: TrailPlan) -> None:
         check_mission(mission)
         reward, survivors = mission.evaluate([plan])[0]
-        return cls(
-            mission,
-            plan,
-            node_positions(mission),
-            f"E[R] = {reward:.2f}, E[S] = {survivors:.2f}",
-            mission.robot_survival([plan])[0],
-            reach_probabilities(mission, plan),
-            robot_styles(plan.n_robots),
-        )
+        self.mission, self.plan = mission, plan
+        self.objectives = f"E[R] = {reward:.2f}, E[S] = {survivors:.2f}"
+        self.survival = mission.robot_survival([plan])[0]  # (n_robots,)
+        self.reach = reach_probabilities(mission, plan)  # (n_robots, n_nodes)
+        self.styles = robot_styles(plan.n_robots)
 
     @property
     def out(self) -> list[int]:
@@ -139,29 +126,19 @@ class PlanOnMap:
             return [f"all {len(home)} robots stay at base" if len(home) > 1 else "R0 stays at base"]
         return [f"{', '.join(home)} stay{'s' if len(home) == 1 else ''} at base"] if home else []
 
-    def draw_team(self, ax: Axes, *, one_of_many: bool = False) -> list[str]:
-        """Draw all trails; give what has to be said about the map, or about it and others."""
-        any_robot = team_reach(self.reach)
-        drawn = draw_map(ax, self.mission, self.xy, self.plan, self.styles, any_robot)
+    def draw_team(self, ax: Axes) -> list[str]:
+        """Draw all trails, and return what has to be said about the map."""
+        drawn = PlanMap(ax, self.mission, self.plan, self.styles, team_reach(self.reach))
         # Robots first: a trail without a name is worse than a node without one.
-        drawn.name_robots(self.plan, self.styles)
-        named = drawn.name_nodes(self.mission, self.plan)
-        nodes, notes = len(self.xy), [*layout_notes(self.mission), *drawn.notes]
-        if named < nodes:
-            some = f"{nodes - named} of {nodes:,}" if named else f"the {nodes:,}"
-            some = "some" if one_of_many else some
-            notes.append(f"no room for the names of {some} nodes")
-        return notes
+        drawn.name_robots()
+        drawn.name_nodes()
+        return drawn.notes
 
-    def draw_robot(self, ax: Axes, robot: int) -> int:
-        """Draw the trail of one robot, and name the map; give which visits are numbered."""
-        trail, style = self.plan.trails[robot], self.styles[robot]
-        reach = self.reach[robot]
-        drawn = draw_map(ax, self.mission, self.xy, TrailPlan([trail]), [style], reach)
-        step = drawn.number_visits(trail)
-        said = {0: ", too small to number", 1: ""}.get(step, f", each {step}th visit numbered")
-        name_map(ax, f"{self._survives(robot)}{said}".replace("2th", "2nd"), style)
-        return step
+    def draw_robot(self, ax: Axes, robot: int) -> None:
+        """Draw the trail of one robot, with the numbers of its visits, and name the map."""
+        own, style = TrailPlan([self.plan.trails[robot]]), self.styles[robot]
+        drawn = PlanMap(ax, self.mission, own, [style], self.reach[robot])
+        name_map(ax, "; ".join([self._survives(robot), *drawn.number_visits()]), style)
 
     def add_legend(self, ax: Axes) -> None:
         """Add a legend below a map that tells which line belongs to which robot."""
@@ -173,19 +150,3 @@ class PlanOnMap:
 
     def _survives(self, robot: int) -> str:
         return f"{self.styles[robot].name} survives with {chance(self.survival[robot], 2)}"
-
-
-def _open_maps(shown: PlanOnMap, n_robots: int) -> list[Axes]:
-    """Open a figure with a map of all robots, and one for each of ``n_robots``.
-
-    Between more than three, that of all robots is twice as wide and high: trails share its arcs.
-    It has room for the names of nodes, within reason, and all of them for numbers.
-    """
-    xy = shown.xy
-    span = 2 if n_robots == 2 or n_robots > 3 else 1
-    room = max(20.0, name_room(shown.mission) / span)
-    size = map_size(xy, 6.4 if n_robots < 4 else 5.2, room=room)
-    fig, places = open_sheet(size, n_robots, span)
-    maps = [open_axes(xy, fig.add_axes(place)) for place in places]
-    add_reach_bar(rightmost(maps))
-    return maps

@@ -10,16 +10,14 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.colors import Colormap, Normalize
 from matplotlib.path import Path
-from matplotlib.patheffects import withStroke
 from matplotlib.transforms import IdentityTransform
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from botohe_moo._base.types import FloatArray, IntArray
 from botohe_moo.mission import Mission
-from botohe_moo.plots.draw.style import INK, MUTED, new_axes, readable_on
+from botohe_moo.plots.draw.style import new_axes
 
-MAX_LABELLED = 40
-_FEW = 500  # nodes whose distances are all computed: sooner than scipy is imported
 _BEND = 0.07  # how far an arrow bows to its right, in parts of its length
 _STEPS = np.linspace(0, 1, 17)[None, :, None]
 
@@ -68,19 +66,8 @@ def add_colour_bar(
 
 
 def crowding(xy: FloatArray) -> float:
-    """Give the distance that four of five nodes keep from the nearest other one."""
-    return float(np.percentile(_nearest(xy), 20))
-
-
-def _nearest(xy: FloatArray) -> FloatArray:
-    """Distance from each point to the nearest other one (n,)."""
-    if len(xy) > _FEW:
-        from scipy.spatial import KDTree
-
-        return np.asarray(KDTree(xy).query(xy, k=2)[0][:, 1])
-    distances = np.hypot(*(xy[:, None] - xy).T)
-    np.fill_diagonal(distances, np.inf)
-    return np.asarray(distances.min(axis=0))
+    """Return the distance that four of five nodes keep from the nearest other one."""
+    return float(np.percentile(KDTree(xy).query(xy, k=2)[0][:, 1], 20)) if len(xy) > 1 else np.inf
 
 
 @dataclass(frozen=True)
@@ -102,84 +89,37 @@ class Canvas:
         ax.apply_aspect()
         left, right = ax.get_xlim()
         scale = ax.get_window_extent().width / root.dpi * 72 / (right - left)
-        spacing = crowding(xy) * scale if len(xy) > 1 else np.inf
+        spacing = crowding(xy) * scale
         radius = float(np.clip(0.36 * spacing, smallest, 10.5))
         return cls(ax, xy, scale, radius, spacing)
 
-    def draw_nodes(self, mission: Mission, fills: Sequence[Any]) -> None:
-        """Draw circles filled with ``fills`` (one per node), the base as a square, and labels."""
-        base = mission.arrays.base
-        others = np.arange(len(self.xy)) != base
-        rewarding = mission.arrays.reward > 0
-        edges = np.where(rewarding, INK, MUTED)
+    def draw_nodes(
+        self, base: int, fills: FloatArray, *, radii: FloatArray, edges: Sequence[str]
+    ) -> None:
+        """Draw circles of ``radii`` points, the largest on top, and the base as a square."""
+        order = [i for i in np.argsort(radii, kind="stable") if i != base and radii[i] > 0]
+        x, y = self.xy.T
         self.ax.scatter(
-            self.xy[others, 0],
-            self.xy[others, 1],
-            s=(2 * self.radius) ** 2,
-            c=[fill for i, fill in enumerate(fills) if i != base],
-            edgecolors=edges[others].tolist(),
-            linewidths=np.where(rewarding, 0.6, 1.1)[others],
+            x[order],
+            y[order],
+            s=(2 * radii[order]) ** 2,
+            c=fills[order],
+            edgecolors=[edges[i] for i in order],
+            linewidths=np.minimum(0.7, 0.2 * radii[order]).tolist(),
             zorder=4,
             label="_nodes",
         )
         self.ax.scatter(
-            self.xy[[base], 0],
-            self.xy[[base], 1],
-            s=(2 * max(self.radius, 5.0)) ** 2,
+            x[base],
+            y[base],
+            s=(2 * max(self.radius, 4.0)) ** 2,
             c=[fills[base]],
             marker="s",
             edgecolors="black",
-            linewidths=2.2,
+            linewidths=1.6,
             zorder=5,
             label="_base",
         )
-        if len(self.xy) <= MAX_LABELLED:
-            self._draw_labels(mission, fills)
-
-    def _draw_labels(self, mission: Mission, fills: Sequence[Any]) -> None:
-        texts = [str(node) for node in mission.nodes]
-        size = min(9.0, 1.05 * self.radius)
-        inside = size >= 6.5 and 0.62 * size * max(map(len, texts)) <= 1.8 * self.radius
-        for i, (text, (x, y)) in enumerate(zip(texts, self.xy, strict=True)):
-            if inside:
-                self.ax.annotate(
-                    text,
-                    (x, y),
-                    ha="center",
-                    va="center_baseline",
-                    fontsize=size,
-                    color=readable_on(fills[i]),
-                    zorder=6,
-                )
-                continue
-            right, up = self._free_direction(mission, i)
-            away = self.radius + 2.5
-            self.ax.annotate(
-                text,
-                (x, y),
-                (away * right, away * up),
-                textcoords="offset points",
-                ha=("right", "center", "left")[round(right) + 1],
-                va=("top", "center", "bottom")[round(up) + 1],
-                fontsize=8.5,
-                path_effects=[withStroke(linewidth=2, foreground="white")],
-                zorder=6,
-            )
-
-    def _free_direction(self, mission: Mission, node: int) -> tuple[float, float]:
-        """Give the unit vector into the middle of the widest gap between a node's arcs."""
-        arrays = mission.arrays
-        ends = np.concatenate(
-            [arrays.head[arrays.tail == node], arrays.tail[arrays.head == node]]
-        ).astype(int)
-        away = self.xy[ends] - self.xy[node]
-        angles = np.sort(np.arctan2(away[:, 1], away[:, 0]))
-        if not len(angles):
-            return 0.0, 1.0
-        gaps = np.diff(angles, append=angles[0] + 2 * np.pi)
-        widest = int(np.argmax(gaps))
-        middle = angles[widest] + gaps[widest] / 2
-        return float(np.cos(middle)), float(np.sin(middle))
 
     def curves(self, tail: IntArray, head: IntArray, bowed: NDArray[np.bool_]) -> FloatArray:
         """Points along arcs (n, n_points, 2): straight, or bowed to the right where ``bowed``."""

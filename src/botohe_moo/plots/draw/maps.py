@@ -1,18 +1,19 @@
 """Maps of plans: grey ground, trails, nodes shaded by how likely they are reached, and texts."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from textwrap import fill
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
+from matplotlib.colors import to_rgba
 
 from botohe_moo._base.types import FloatArray
 from botohe_moo.mission import Mission
-from botohe_moo.plots.draw.canvas import MAX_LABELLED, Canvas
-from botohe_moo.plots.draw.space import PAD, Space, text_size, write_beside
-from botohe_moo.plots.draw.style import INK, MUTED, reach_palette, readable_on
+from botohe_moo.plots.draw.canvas import Canvas
+from botohe_moo.plots.draw.places import layout_notes, node_positions
+from botohe_moo.plots.draw.space import Space, text_size
+from botohe_moo.plots.draw.style import INK, MUTED, reach_palette
 from botohe_moo.plots.draw.trails import RobotStyle, draw_trails
 from botohe_moo.trails import TrailPlan
 
@@ -20,73 +21,80 @@ _GROUND = "#c9c9c9"
 _SMALLEST = 1.6  # points: radius of a node on a trail
 _LEGIBLE = 2.2  # points: radius of a node from which on arcs off the trails are drawn
 _DOTS = 1.5  # points between nodes from which on those off the trails are drawn at all
-_INSIDE, _BESIDE, _NAMES = 5.8, 6.5, 8.0  # points of letters: least in a node, numbers, names
-_STEPS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
-_FAR, _NEAR = 30.0, 1.5  # points that texts may stand away from few nodes, and from many
+_NUMBERS, _NAMES = 6.5, 8.0  # points of letters beside nodes
+_MANY = 40  # nodes, from which on their names stand close to them
+_FAR, _NEAR = 30.0, 1.5  # points that texts may stand away from nodes
 _SPOTS = 60  # where a robot's name may stand, on a part of its trail
-_LINE = 10  # columns of numbers beside a node before a new line
+_LINE = 14  # letters of numbers beside a node before a new line
 
 
-@dataclass(frozen=True)
 class PlanMap:
-    """A map of trails that is drawn, to be written on."""
+    """A map of trails, and of nodes shaded by how likely they are reached, on grey ground.
 
-    canvas: Canvas
-    points: FloatArray  # of each passage (n_passages, n_points, 2)
-    fills: NDArray[Any]  # colours of the nodes (n_nodes, 4)
-    space: Space
-    notes: list[str]  # what has to be said about it
+    The plan may have fewer trails than the team has robots, with a style for each, and ``reach``
+    (n_nodes) are the probabilities. ``notes`` are what has to be said about the map.
+    """
 
-    def name_nodes(self, mission: Mission, plan: TrailPlan) -> int:
-        """Write the names of nodes into or beside them, first of those visited; give how many fit.
+    def __init__(
+        self,
+        ax: Axes,
+        mission: Mission,
+        plan: TrailPlan,
+        styles: Sequence[RobotStyle],
+        reach: FloatArray,
+    ) -> None:
+        xy = node_positions(mission)
+        self.mission, self.plan, self.styles = mission, plan, styles
+        self.canvas = canvas = Canvas.measure(ax, xy, smallest=_SMALLEST)
+        self.fills = np.asarray(reach_palette()(reach))
+        self.notes = layout_notes(mission)
+        self.is_legible = canvas.radius >= _LEGIBLE
+        if self.is_legible:
+            away, edge = 0.8 * canvas.radius, MUTED
+            if _draw_ground(canvas, mission):
+                self.notes.append("grey arrows: one way only")
+        else:
+            away, edge = 0.25 * canvas.spacing if canvas.spacing >= _DOTS else 0.0, _GROUND
+            self.fills[reach == 0] = to_rgba(edge)
+            missing = "arcs" if away else "nodes and arcs"
+            self.notes.append(f"{missing} off the trails are too small to draw")
+        self.points = draw_trails(canvas, plan, styles)  # (n_passages, n_points, 2)
+        radii = np.where(reach > 0, canvas.radius, away)
+        edges = [INK if there else edge for there in reach > 0]
+        canvas.draw_nodes(mission.arrays.base, self.fills, radii=radii, edges=edges)
+        drawn = (reach > 0) | self.is_legible
+        self.space = Space(ax, xy[drawn], canvas.radius, self.points[:, ::2])
+
+    def name_nodes(self) -> None:
+        """Write the names of nodes into or beside them, first of those visited.
 
         Names of many nodes stand close to them, so that it is clear which node each belongs to.
         """
-        named = [str(label) for label in mission.nodes]
-        sizes = [self._inside(text) for text in named]
-        n_nodes, written = len(named), 0
-        far = _FAR if n_nodes <= MAX_LABELLED else _NEAR if self.canvas.radius >= _LEGIBLE else 0.0
-        away = np.ones(n_nodes, dtype=bool)
-        away[plan.nodes] = False
-        for node in np.argsort(away, kind="stable").tolist():
-            text, size, offset = named[node], sizes[node], np.zeros(2)
-            if not size and far:
-                beside = self._beside(self.space, node, text, _NAMES, reach=far)
-                size, offset = (0.0, offset) if beside is None else (_NAMES, beside)
-            if size:
-                self._write(node, text, offset, size, "node name")
-                written += 1
-        return written
+        away = np.ones(len(self.fills), dtype=bool)
+        away[self.plan.nodes] = False
+        order = np.argsort(away, kind="stable").tolist()
+        far = _FAR if len(order) <= _MANY else _NEAR if self.is_legible else 0.0
+        names = {node: str(self.mission.nodes[node]) for node in order}
+        self.notes += label_nodes(self.space, self.canvas.xy, names, self.fills, reach=far)
 
-    def number_visits(self, trail: Sequence[int]) -> int:
-        """Write the numbers of visits, from 1 after the base: of all, or of as many as have room.
-
-        Give 1 if all are numbered, or k if every k-th is; 0 if there is no room for any.
-        """
-        visits: dict[int, list[int]] = {}
+    def number_visits(self) -> list[str]:
+        """Write the numbers of the only robot's visits, from 1 after the base; return notes."""
+        if not self.is_legible:
+            return ["too small to number"]
+        (trail,) = self.plan.trails
+        visits: dict[int, list[str]] = {}
         for i, node in enumerate(trail[1:], start=1):
-            visits.setdefault(node, []).append(i)
-        for step in _STEPS:
-            room, placed = self.space.copy(), []
-            chosen = {v: [str(i) for i in ns if i % step == 0] for v, ns in visits.items()}
-            # The longest first: they find room the least.
-            for node, shown in sorted(chosen.items(), key=lambda item: -len(item[1])):
-                if not shown:
-                    continue
-                found = self._place_numbers(room, node, shown)
-                if found is None:
-                    break
-                placed.append((node, *found))
-            else:
-                for node, text, offset, size in placed:
-                    self._write(node, text, offset, size, "visits")
-                return step if placed else 0
-        return 0
+            visits.setdefault(node, []).append(str(i))
+        told = {node: fill(", ".join(numbers), _LINE) for node, numbers in visits.items()}
+        # The longest first: they find room the least.
+        longest = dict(sorted(told.items(), key=lambda item: -len(item[1])))
+        look: dict[str, Any] = {"size": _NUMBERS, "reach": _FAR, "what": "numbers"}
+        return label_nodes(self.space, self.canvas.xy, longest, self.fills, **look)
 
-    def name_robots(self, plan: TrailPlan, styles: Sequence[RobotStyle]) -> None:
+    def name_robots(self) -> None:
         """Write the names of robots on their trails, up to three times on long ones."""
-        own = np.split(self.points, np.cumsum(np.diff(plan.offsets) - 1)[:-1])
-        for style, passages in zip(styles, own, strict=True):
+        own = np.split(self.points, np.cumsum(np.diff(self.plan.offsets) - 1)[:-1])
+        for style, passages in zip(self.styles, own, strict=True):
             for part in np.array_split(passages, min(3, -(-len(passages) // 8)) or 1):
                 if len(part):
                     self._name_robot(style, part)
@@ -94,99 +102,59 @@ class PlanMap:
     def _name_robot(self, style: RobotStyle, passages: FloatArray) -> None:
         """Write a robot's name on one of these passages, or else right beside one."""
         width, height = text_size(style.name, 7.0)
-        at = passages[:, 4:13:2].reshape(-1, 2) * self.canvas.scale
-        along = (passages[:, -1] - passages[:, 0]).repeat(5, axis=0)
-        along /= np.maximum(np.hypot(*along.T), 1e-12)[:, None]
-        aside = np.column_stack([along[:, 1], -along[:, 0]]) * (width / 2 + 5)
-        step = -(-len(at) // _SPOTS)
-        for spots in (at, np.concatenate([at + aside, at - aside])):
-            found = self.space.place(spots[::step], width + 4, height + 2)
-            if found is not None:
-                frame = {"boxstyle": "round,pad=0.18", "fc": "white", "ec": style.colour}
-                look: dict[str, Any] = {"fontsize": 7.0, "fontweight": "bold", "bbox": frame}
-                look |= {"ha": "center", "va": "center_baseline", "zorder": 7, "label": "_robot"}
-                x, y = found / self.canvas.scale
-                self.canvas.ax.text(x, y, style.name, **look)
-                return
-
-    def _place_numbers(
-        self, room: Space, node: int, numbers: Sequence[str]
-    ) -> tuple[str, FloatArray, float] | None:
-        text = ", ".join(numbers)
-        if size := self._inside(text):
-            return text, np.zeros(2), size
-        lines = [""]
-        for number in numbers:
-            if lines[-1] and len(lines[-1]) + len(number) + 2 > _LINE:
-                lines.append("")
-            lines[-1] += f"{number}, "
-        for told in (text, "\n".join(lines).replace(", \n", ",\n").removesuffix(", ")):
-            offset = self._beside(room, node, told, _BESIDE)
-            if offset is not None:
-                return told, offset, _BESIDE
-        return None
-
-    def _inside(self, text: str) -> float:
-        """Give the size of letters in which a text fits into a node; 0 if it does not."""
-        room = 1.75 * self.canvas.radius
-        size = min(9.0, 0.6 * room, room / max(text_size(text, 1.0)[0], 1e-9))
-        return size if size >= _INSIDE else 0.0
-
-    def _beside(
-        self, room: Space, node: int, text: str, size: float, *, reach: float = _FAR
-    ) -> FloatArray | None:
-        return room.beside(self.canvas.xy[node] * self.canvas.scale, text, size, reach=reach)
-
-    def _write(self, node: int, text: str, offset: FloatArray, size: float, name: str) -> None:
-        colour = INK if offset.any() else readable_on(self.fills[node])
-        look: dict[str, Any] = {"radius": self.canvas.radius, "color": colour, "fontsize": size}
-        write_beside(self.canvas.ax, self.canvas.xy[node], offset, text, label=f"_{name}", **look)
+        on = passages[:, 4:13:2].reshape(-1, 2)
+        on = on[:: -(-len(on) // _SPOTS)]
+        aside = (width / 2 + 5) / self.canvas.scale * np.array([(0, 0), (1, 0), (-1, 0), (0, 1)])
+        at = (on + aside[:, None]).reshape(-1, 2)
+        costs = np.where(np.arange(len(at)) < len(on), 0.0, 1e6)
+        best = self.space.place(self.space.in_points(at), width + 4, height + 2, costs)
+        if best is not None:
+            frame = {"boxstyle": "round,pad=0.18", "fc": "white", "ec": style.colour}
+            look: dict[str, Any] = {"fontsize": 7.0, "fontweight": "bold", "bbox": frame}
+            look |= {"ha": "center", "va": "center_baseline", "zorder": 7, "label": "_robot"}
+            x, y = at[best]
+            self.canvas.ax.text(x, y, style.name, **look)
 
 
 def name_room(mission: Mission) -> float:
-    """Give the points between nodes at which most of their names have room beside each other."""
+    """Return the points between nodes at which most of their names have room."""
     widths = [text_size(str(node), _NAMES)[0] for node in mission.nodes]
-    return float(np.percentile(widths, 80)) + 2 * PAD
+    return float(np.percentile(widths, 80)) + 4.0
 
 
-def draw_map(
-    ax: Axes,
-    mission: Mission,
+def label_nodes(
+    space: Space,
     xy: FloatArray,
-    plan: TrailPlan,
-    styles: Sequence[RobotStyle],
-    reach: FloatArray,
-) -> PlanMap:
-    """Draw trails, and nodes shaded by the probabilities ``reach`` (n_nodes) on grey ground.
+    texts: Mapping[int, str],
+    fills: FloatArray,
+    *,
+    size: float = _NAMES,
+    reach: float = 0.0,
+    what: str = "names of nodes",
+) -> list[str]:
+    """Write texts into or up to ``reach`` points beside nodes, and return a note on those missing.
 
-    The plan may have fewer trails than the team has robots.
+    Without ``reach`` they are only written into nodes.
     """
-    canvas = Canvas.measure(ax, xy, smallest=_SMALLEST)
-    fills = np.asarray(reach_palette()(reach))
-    fills[reach == 0] = 1.0
-    notes = []
-    if canvas.radius >= _LEGIBLE:
-        if _draw_ground(canvas, mission):
-            notes.append("grey arrows: one way only")
-        _draw_nodes(canvas, reach == 0, fills, 0.8 * canvas.radius, MUTED, "others")
-    elif canvas.spacing >= _DOTS:
-        notes.append("arcs off the trails are too small to draw")
-        dots = np.full_like(fills, 0.82)
-        _draw_nodes(canvas, reach == 0, dots, 0.25 * canvas.spacing, "none", "others")
-    else:
-        notes.append("nodes and arcs off the trails are too small to draw")
-    points = draw_trails(canvas, plan, styles)
-    away = np.arange(len(xy)) != mission.arrays.base
-    _draw_nodes(canvas, (reach > 0) & away, fills, canvas.radius, INK, "nodes")
-    square: dict[str, Any] = {"marker": "s", "edgecolors": "black", "linewidths": 1.4, "zorder": 5}
-    size = (2 * max(canvas.radius, 4.0)) ** 2
-    (x, y) = xy[~away].T
-    ax.scatter(x, y, s=size, facecolors=fills[~away], **square, label="_base")
-    drawn = (reach > 0) | (canvas.radius >= _LEGIBLE)
-    low, high = np.array([ax.get_xlim(), ax.get_ylim()]).T * canvas.scale
-    lines = points[:, ::2].reshape(-1, 2) * canvas.scale
-    space = Space(xy[drawn] * canvas.scale, canvas.radius, (low, high), lines)
-    return PlanMap(canvas, points, fills, space, notes)
+    missing = 0
+    for node, text in texts.items():
+        inside = space.write_inside(xy[node], text, fills[node])
+        beside = inside or (reach and space.write_beside(xy[node], text, size, reach=reach))
+        missing += not beside
+    return [f"no room for {'some' if missing < len(texts) else 'the'} {what}"] if missing else []
+
+
+def draw_nodes(canvas: Canvas, mission: Mission, fills: FloatArray, arcs: FloatArray) -> list[str]:
+    """Draw and name all nodes of a mission, and return notes; ``arcs`` (n, 2) are points of arcs.
+
+    A node without reward has a grey rim.
+    """
+    edges = [INK if reward > 0 else MUTED for reward in mission.arrays.reward]
+    radii = np.full(len(edges), canvas.radius)
+    canvas.draw_nodes(mission.arrays.base, fills, radii=radii, edges=edges)
+    space = Space(canvas.ax, canvas.xy, canvas.radius, arcs)
+    names = dict(enumerate(map(str, mission.nodes)))
+    return label_nodes(space, canvas.xy, names, fills, reach=_FAR if len(names) <= _MANY else 0.0)
 
 
 def _draw_ground(canvas: Canvas, mission: Mission) -> bool:
@@ -194,30 +162,18 @@ def _draw_ground(canvas: Canvas, mission: Mission) -> bool:
     arrays = mission.arrays
     arcs = list(zip(arrays.tail.tolist(), arrays.head.tolist(), strict=True))
     known = set(arcs)
-    both = [(u, v) for u, v in arcs if u < v and (v, u) in known]
-    once = [(u, v) for u, v in arcs if (v, u) not in known]
-    for pairs, name in ((both, "both ways"), (once, "one way")):
-        tail, head = np.array(pairs, dtype=np.int32).reshape(-1, 2).T
-        points = canvas.curves(tail, head, np.zeros(len(tail), dtype=bool))
+    both = _straight(canvas, [(u, v) for u, v in arcs if u < v and (v, u) in known])
+    once = _straight(canvas, [(u, v) for u, v in arcs if (v, u) not in known])
+    for points, name in ((both, "both ways"), (once, "one way")):
         canvas.draw_lines(points, colors=_GROUND, linewidths=0.9, zorder=1, label=f"_{name}")
-    if once:
+    if len(once):
         # Before the middle, where the arrowheads of trails are.
-        along, at = points[:, -1] - points[:, 0], points[:, points.shape[1] // 3]
-        sizes = np.full(len(once), 6.0)
-        canvas.draw_heads(at, along, colours=[MUTED], sizes=sizes, zorder=1, label="_ways")
-    return bool(once)
+        along, at = once[:, -1] - once[:, 0], once[:, once.shape[1] // 3]
+        look: dict[str, Any] = {"colours": [MUTED], "zorder": 1, "label": "_ways"}
+        canvas.draw_heads(at, along, sizes=np.full(len(once), 6.0), **look)
+    return len(once) > 0
 
 
-def _draw_nodes(
-    canvas: Canvas,
-    chosen: NDArray[np.bool_],
-    fills: NDArray[Any],
-    radius: float,
-    edge: str,
-    name: str,
-) -> None:
-    x, y = canvas.xy[chosen].T
-    look: dict[str, Any] = {"facecolors": fills[chosen], "edgecolors": edge, "zorder": 4}
-    canvas.ax.scatter(
-        x, y, s=(2 * radius) ** 2, linewidths=min(0.6, 0.2 * radius), **look, label=f"_{name}"
-    )
+def _straight(canvas: Canvas, arcs: Iterable[tuple[int, int]]) -> FloatArray:
+    tail, head = np.array(list(arcs), dtype=np.int32).reshape(-1, 2).T
+    return canvas.curves(tail, head, np.zeros(len(tail), dtype=bool))

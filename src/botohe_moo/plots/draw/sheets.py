@@ -6,56 +6,63 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from botohe_moo._base.types import FloatArray
-from botohe_moo.plots.draw.canvas import add_colour_bar, crowding, frame_of
+from botohe_moo.mission import Mission
+from botohe_moo.plots.draw.canvas import add_colour_bar, crowding, frame_of, open_axes
+from botohe_moo.plots.draw.places import node_positions
 from botohe_moo.plots.draw.style import reach_palette
 from botohe_moo.plots.draw.titles import title_above
 from botohe_moo.plots.draw.trails import RobotStyle
 
-Place = tuple[float, float, float, float]  # left, bottom, width, height in parts of the figure
-
 _NAME, _ABOVE, _RIGHT, _GAP = 0.34, 0.8, 0.95, 0.15  # inches: over a map, the title, the key
+_ROOM = 20.0  # points between most nodes, for numbers
 _SHAPE, _EMPTY = 1.4, 0.25  # width of a figure in parts of its height; what an empty place costs
 
 
-def map_size(xy: FloatArray, widest: float, *, room: float = 20.0) -> tuple[float, float]:
-    """Give the inches at which most nodes have ``room`` points, by default for numbers."""
-    _, half = frame_of(xy)
-    spacing = crowding(xy) if len(xy) > 1 else np.inf
-    # In points, on a map an inch wide; nodes may lie on each other.
-    wide = float(np.clip(room / max(72 * spacing / (2 * half[0]), 1e-9), 4.2, widest))
-    return wide, wide * half[1] / half[0]
+def open_sheet(
+    mission: Mission, n_small: int, span: int, *, widest: float = 5.2, room: float = 0.0
+) -> list[Axes]:
+    """Open a figure with large axes, ``span`` times as wide and high as the maps beside them.
 
-
-def open_sheet(size: tuple[float, float], n_small: int, span: int) -> tuple[Figure, list[Place]]:
-    """Open a figure for maps of ``size`` inches; give their places.
-
-    The first is ``span`` times as wide and high as the ``n_small`` others.
+    Maps have ``room`` points, or what numbers need, between most nodes, within ``widest`` inches.
     """
-    wide, high = size[0], size[1] + _NAME
+    xy = node_positions(mission)
+    _, half = frame_of(xy)
+    # In points, on a map an inch wide; nodes may lie on each other.
+    spacing = max(72 * crowding(xy) / (2 * half[0]), 1e-9)
+    inner = float(np.clip(max(room, _ROOM) / spacing, 4.2, widest))
+    wide, high = inner + _GAP, inner * half[1] / half[0] + _NAME
     cells = n_small + span**2
     shapes = [(n, max(span, -(-cells // n))) for n in range(span, cells + 1)]
-    n_columns, n_rows = min(shapes, key=lambda shape: _fault(shape, wide / high, cells))
-    width = 0.1 + n_columns * (wide + _GAP) - _GAP + _RIGHT
-    height = _ABOVE + n_rows * high + 0.1
-    grid = [divmod(place, n_columns) for place in range(n_columns * n_rows)]
-    small = [(*cell, 1) for cell in grid if max(cell) >= span]
-    places: list[Place] = []
-    for row, column, n in [(0, 0, span), *small][: n_small + 1]:
-        own = (n * wide + (n - 1) * _GAP, n * high - _NAME)
-        left, bottom = 0.1 + column * (wide + _GAP), height - _ABOVE - (row + n) * high
-        places.append((left / width, bottom / height, own[0] / width, own[1] / height))
-    return plt.figure(figsize=(width, height)), places
+    n_columns, n_rows = min(
+        shapes,
+        key=lambda s: abs(np.log(wide * s[0] / (high * s[1]) / _SHAPE)) + _EMPTY * s[0] * s[1],
+    )
+    width, height = n_columns * wide + _RIGHT, _ABOVE + n_rows * high
+    fig = plt.figure(figsize=(width, height))
+    # Every cell has a name above it, so the highest ones begin below that.
+    grid = fig.add_gridspec(
+        n_rows,
+        n_columns,
+        left=0.1 / width,
+        right=1 - (_RIGHT + _GAP - 0.1) / width,
+        bottom=0.1 / height,
+        top=1 - (_ABOVE + _NAME - 0.1) / height,
+        wspace=_GAP / inner,
+        hspace=_NAME / (high - _NAME),
+    )
+    cells_of = [grid[row, column] for row, column in np.ndindex(n_rows, n_columns)]
+    small = [c for c in cells_of if max(c.rowspan.start, c.colspan.start) >= span][:n_small]
+    axes = [fig.add_subplot(cell) for cell in (grid[:span, :span], *small)]
+    for ax in axes[1:]:
+        open_axes(xy, ax)
+    return axes
 
 
-def _fault(shape: tuple[int, int], aspect: float, cells: int) -> float:
-    """Say how much columns and rows differ from the shape of a page."""
-    n_columns, n_rows = shape
-    empty = n_columns * n_rows - cells
-    return float(abs(np.log(aspect * n_columns / n_rows / _SHAPE)) + _EMPTY * empty)
+def add_reach_bar_right(maps: Sequence[Axes]) -> None:
+    """Put the key of the nodes' shades right of the highest of the rightmost maps."""
+    add_reach_bar(max(maps, key=lambda ax: (round(ax.get_position().x1, 6), ax.get_position().y1)))
 
 
 def title_sheet(first: Axes, title: str, words: str) -> None:
@@ -67,11 +74,6 @@ def title_sheet(first: Axes, title: str, words: str) -> None:
 def add_reach_bar(ax: Axes) -> None:
     """Put the key of the nodes' shades right of a map."""
     add_colour_bar(ax, reach_palette(), Normalize(0, 1), "probability of being reached")
-
-
-def rightmost(maps: Sequence[Axes]) -> Axes:
-    """Give the map at the right edge, the highest of them."""
-    return max(maps, key=lambda ax: (round(ax.get_position().x1, 6), ax.get_position().y1))
 
 
 def key_of(text: str, style: RobotStyle) -> Line2D:

@@ -1,24 +1,23 @@
 """Free room on a picture: texts go where they cover neither a mark nor another text."""
 
-from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.font_manager import FontProperties
 from matplotlib.patheffects import withStroke
 from matplotlib.textpath import text_to_path
-from numpy.typing import NDArray
 
 from botohe_moo._base.types import FloatArray
-from botohe_moo.plots.draw.style import MUTED
+from botohe_moo.plots.draw.style import INK, MUTED, readable_on
 
 _SIDES = np.array([(1, 0), (1, 1), (1, -1), (0, 1), (0, -1), (-1, 1), (-1, -1), (-1, 0)])
 _AWAY = (1.5, 6.0, 12.0, 20.0, 30.0, 45.0, 60.0)  # points between a mark and its text
 _LEADER = 4.0  # points from which on a line ties them
 _FARTHER = 4.0  # points by which other marks are farther from a text that is not tied
-PAD = 1.5  # points that texts keep from each other, on either side
+_LEAST = 5.8  # points: letters in a mark
+_PAD = 1.5  # points that texts keep from each other, on either side
 
 
 @cache
@@ -29,73 +28,101 @@ def text_size(text: str, size: float, *, bold: bool = False) -> tuple[float, flo
     widths = [
         text_to_path.get_text_width_height_descent(line, font, ismath=False)[0] for line in lines
     ]
-    return max(widths) + 0.4 * size, 1.15 * size * len(lines)
+    return max(widths) + 0.2 * size, 1.15 * size * len(lines)
 
 
-@dataclass
 class Space:
-    """What is taken on a picture: its frame, marks, and texts as they are placed. In points."""
+    """Room on axes whose scale is known. ``boxes`` are the texts, in points, as they are placed.
 
-    marks: FloatArray  # centres of discs that no text covers (n, 2)
-    radius: float
-    frame: tuple[FloatArray, FloatArray]  # lower left and upper right corner
-    lines: FloatArray  # points (n, 2) that texts should not cover if possible
-    boxes: list[tuple[float, ...]] = field(default_factory=list)
+    Texts cover no mark at ``marks`` (n, 2), a disc of ``radius`` points, and as few of the points
+    ``lines`` (n, 2) as possible.
+    """
 
-    def copy(self) -> Self:
-        """Give the same room, to try something in."""
-        return replace(self, boxes=list(self.boxes))
+    def __init__(self, ax: Axes, marks: FloatArray, radius: float, lines: FloatArray) -> None:
+        self.ax, self.radius = ax, radius
+        self.marks, self.lines = self.in_points(marks), self.in_points(lines.reshape(-1, 2))
+        box = ax.get_window_extent()
+        self._frame = np.array([box.min, box.max]) * 72 / ax.figure.figure.dpi
+        self.boxes: list[tuple[float, ...]] = []
 
-    def beside(
-        self, at: FloatArray, text: str, size: float, *, bold: bool = False, reach: float = 30.0
-    ) -> FloatArray | None:
-        """Take room up to ``reach`` from a mark, and give the offset of its centre, if any."""
+    def in_points(self, xy: FloatArray) -> FloatArray:
+        """Return where data (n, 2) lie on paper."""
+        return np.asarray(self.ax.transData.transform(xy)) * 72 / self.ax.figure.figure.dpi
+
+    def place(
+        self, centres: FloatArray, width: float, height: float, costs: FloatArray | float = 0.0
+    ) -> int | None:
+        """Take room for a box at one of ``centres`` (n, 2), and return which; None without room.
+
+        It is where the fewest points of lines are covered, plus ``costs``; of those the first.
+        """
+        half = np.array([width / 2 + _PAD, height / 2])
+        low, high = centres - half, centres + half
+        free = ((low >= self._frame[0]) & (high <= self._frame[1])).all(axis=1)
+        if self.boxes:
+            boxes = np.array(self.boxes)[:, None]
+            free &= ((low >= boxes[..., 2:]) | (high <= boxes[..., :2])).any(axis=2).all(axis=0)
+        around = low.min(axis=0) - self.radius, high.max(axis=0) + self.radius
+        marks, lines = (_within(points, *around) for points in (self.marks, self.lines))
+        free &= _gaps(centres, half, marks).min(axis=1, initial=np.inf) >= self.radius
+        if not free.any():
+            return None
+        covered = (_gaps(centres, half, lines) == 0).sum(axis=1) + costs
+        best = int(np.argmin(np.where(free, covered, np.inf)))
+        self.boxes.append((*low[best], *high[best]))
+        return best
+
+    def write_inside(self, at: FloatArray, text: str, fill: Any) -> bool:
+        """Write a text into a mark at data ``at``, if it fits there."""
+        room = 1.75 * self.radius
+        size = min(9.0, 0.6 * room, room / max(text_size(text, 1.0)[0], 1e-9))
+        if size < _LEAST:
+            return False
+        look: dict[str, Any] = {"fontsize": size, "color": readable_on(fill), "zorder": 6}
+        self.ax.annotate(text, tuple(at), ha="center", va="center_baseline", **look)
+        return True
+
+    def write_beside(
+        self, at: FloatArray, text: str, size: float, *, reach: float, bold: bool = False
+    ) -> bool:
+        """Write a text up to ``reach`` points from a mark at data ``at``, if there is room.
+
+        The text belongs to its mark: a line ties them, or all other marks are farther, if possible.
+        """
         width, height = text_size(text, size, bold=bold)
-        half = np.array([width, height]) / 2
+        half, (mark,) = np.array([width, height]) / 2, self.in_points(at[None])
         # On a diagonal, a box comes closer to a disc.
         sides = np.where(_SIDES.all(axis=1), 0.7, 1.0)[:, None] * _SIDES
         away = [sides * (self.radius + gap) + _SIDES * half for gap in _AWAY if gap <= reach]
-        centres = at + np.concatenate(away)
-        clear = self._is_clear(centres, half, at)
-        for some in (centres[clear], centres[~clear]):
-            found = self.place(some, width, height) if len(some) else None
-            if found is not None:
-                return np.asarray(found - at)
-        return None
-
-    def _is_clear(self, centres: FloatArray, half: FloatArray, at: FloatArray) -> NDArray[np.bool_]:
-        """Tell where a text belongs to its mark: a line ties them, or all others are farther."""
-        own = _gaps(centres, half, at[None])[:, 0]
-        others = _gaps(centres, half, self.marks[(self.marks != at).any(axis=1)])
+        offsets = np.concatenate(away)
+        own = _gaps(offsets, half, np.zeros((1, 2)))[:, 0]
         tied = own > self.radius + _LEADER
-        return np.asarray(tied | (others.min(axis=1, initial=np.inf) > own + _FARTHER))
-
-    def place(self, centres: FloatArray, width: float, height: float) -> FloatArray | None:
-        """Take room for a box at the best of ``centres`` (n, 2), and give it; None without room.
-
-        The best is where the box covers the fewest points of lines, of those equal the first.
-        """
-        half = np.array([width / 2 + PAD, height / 2])
-        low, high = centres - half, centres + half
-        free = ((low >= self.frame[0]) & (high <= self.frame[1])).all(axis=1)
-        if self.boxes:
-            boxes = np.array(self.boxes)[:, None]
-            apart = (low >= boxes[..., 2:]) | (high <= boxes[..., :2])
-            free &= apart.any(axis=2).all(axis=0)
-        around = (low.min(axis=0) - self.radius, high.max(axis=0) + self.radius)
-        marks, lines = (_within(points, *around) for points in (self.marks, self.lines))
-        best, fewest = -1, np.inf
-        for i in np.flatnonzero(free):
-            gap = np.maximum(low[i] - marks, marks - high[i]).clip(min=0.0)
-            if ((gap**2).sum(axis=1) < self.radius**2).any():
-                continue
-            covered = len(_within(lines, low[i], high[i]))
-            if covered < fewest:
-                best, fewest = int(i), covered
-        if best < 0:
-            return None
-        self.boxes.append((*low[best], *high[best]))
-        return np.asarray(centres[best])
+        others = _gaps(mark + offsets, half, self.marks[(self.marks != mark).any(axis=1)])
+        clear = tied | (others.min(axis=1, initial=np.inf) > own + _FARTHER)
+        best = self.place(mark + offsets, width, height, np.where(clear, 0.0, 1e6))
+        if best is None:
+            return False
+        look: dict[str, Any] = {"fontsize": size, "fontweight": "bold" if bold else "normal"}
+        if tied[best]:
+            # From the text's edge that faces the mark.
+            edge = tuple(0.5 - np.clip(offsets[best] / half, -1, 1).round() / 2)
+            look["arrowprops"] = {"arrowstyle": "-", "color": MUTED, "lw": 0.6, "relpos": edge}
+            look["arrowprops"] |= {"shrinkA": 1.0, "shrinkB": self.radius}
+        self.ax.annotate(
+            text,
+            tuple(at),
+            tuple(offsets[best]),
+            textcoords="offset points",
+            ha="center",
+            va="center" if "\n" in text else "center_baseline",
+            linespacing=1.0,
+            color=INK,
+            path_effects=[withStroke(linewidth=1.8, foreground="white")],
+            zorder=6,
+            annotation_clip=False,
+            **look,
+        )
+        return True
 
 
 def _gaps(centres: FloatArray, half: FloatArray, points: FloatArray) -> FloatArray:
@@ -105,34 +132,5 @@ def _gaps(centres: FloatArray, half: FloatArray, points: FloatArray) -> FloatArr
 
 
 def _within(points: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-    """Give the points (n, 2) in a box."""
-    x, y = points.T
-    inside = (x > low[0]) & (x < high[0]) & (y > low[1]) & (y < high[1])
-    return np.asarray(points[inside])
-
-
-def write_beside(
-    ax: Axes, at: FloatArray, offset: FloatArray, text: str, *, radius: float, **style: Any
-) -> None:
-    """Write a text centred ``offset`` points from a mark at data ``at``, tied to it if far."""
-    if offset.any():
-        style["path_effects"] = [withStroke(linewidth=1.8, foreground="white")]
-        bold = style.get("fontweight") == "bold"
-        half = np.array(text_size(text, style["fontsize"], bold=bold)) / 2
-        beyond = (np.abs(offset) - half).clip(min=0.0)
-        if np.hypot(*beyond) > radius + _LEADER:
-            # From the text's edge that faces the mark.
-            edge = 0.5 - np.clip(offset / half, -1, 1).round() / 2
-            tie = {"arrowstyle": "-", "color": MUTED, "linewidth": 0.6, "relpos": tuple(edge)}
-            style["arrowprops"] = {**tie, "shrinkA": 1.0, "shrinkB": radius}
-    ax.annotate(
-        text,
-        tuple(at),
-        tuple(offset),
-        textcoords="offset points",
-        ha="center",
-        va="center" if "\n" in text else "center_baseline",
-        linespacing=1.0,
-        zorder=6,
-        **style,
-    )
+    """Return the points (n, 2) in a box."""
+    return np.asarray(points[((points > low) & (points < high)).all(axis=1)])

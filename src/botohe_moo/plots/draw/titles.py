@@ -38,12 +38,6 @@ def title_above(
     ax.set_title(textwrap.fill(head, _fitting(width, 12.0)), fontsize=12, pad=at + 1.5)
 
 
-def retitle(ax: Axes, title: str) -> None:
-    """Give a picture another title, and leave the words below it."""
-    words = [text.get_text() for text in ax.texts if text.get_label() == _WORDS]
-    title_above(ax, title, " ".join(" ".join(words).split()))
-
-
 def _fitting(width: float, size: float) -> int:
     """Return how many letters of ``size`` points fit on ``width`` inches."""
     return max(8, int(width * 72 / (0.56 * size)))
