@@ -155,11 +155,3 @@ class TestContrast:
         parts = ([int(scheme[name][i : i + 2], 16) for i in (1, 3, 5)] for name in ("arc", "page"))
         mixed = [round(opacity * a + (1 - opacity) * b) for a, b in zip(*parts, strict=True)]
         assert contrast("#" + "".join(f"{part:02x}" for part in mixed), scheme["page"]) >= 3
-
-
-def test_the_guide_says_what_works(tmp_path, monkeypatch):
-    guide = Path(__file__).parents[2] / "docs" / "explorer.md"
-    [code] = re.findall(r"```python\n(.*?)```", guide.read_text("utf-8"), re.DOTALL)
-    monkeypatch.chdir(tmp_path)
-    exec(code, {})
-    assert (tmp_path / "museum.html").exists()
