@@ -35,7 +35,8 @@ def title_above(
                 label=name,
             )
             at += 1.25 * size * len(lines) + 1.5
-    ax.set_title(textwrap.fill(head, _fitting(width, 12.0)), fontsize=12, pad=at + 1.5)
+    head = textwrap.fill(head, _fitting(width, 12.0))
+    ax.set_title(head, loc="left", fontsize=12, fontweight="bold", pad=at + 1.5)
 
 
 def _fitting(width: float, size: float) -> int:
