@@ -144,7 +144,8 @@ def refused_or_saved(path, data, **options):
         return
     saved_and_read(mission, path.with_name("saved.json"))
     again = path.with_name("saved.graphml")
-    if path.suffix == ".graphml":
+    # XML holds a carriage return only as a reference, which is read and not written.
+    if path.suffix == ".graphml" and b"&#13;" not in data:
         saved_and_read(mission, again)
         return
     try:
