@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 
 from botohe_moo import load_mission
 from botohe_moo.study.report import pictures
-from botohe_moo.study.report.folder import FORMATS, write_report
-from botohe_moo.study.report.pictures import rivals
+from botohe_moo.study.report.folder import write_report
+from botohe_moo.study.report.pictures import FORMATS, rivals
 from botohe_moo.study.report.words import (
     budget_words,
     count,
@@ -173,7 +173,7 @@ class TestFiles:
         assert all(path.stat().st_size for path in paths)
 
     @pytest.mark.usefixtures("one_format")
-    def test_figures_of_an_earlier_report_are_removed(self, tmp_path):
+    def test_other_files_in_the_folder_stay(self, tmp_path):
         figures = tmp_path / "report" / "figures"
         before = study(tmp_path, ["toy", "gone"], lost("toy", "A", (1,)) + lost("gone", "A", (1,)))
         write_report(before)
@@ -181,7 +181,8 @@ class TestFiles:
         for path in (figures / "notes.txt", tmp_path / "report" / "mine.png"):
             path.write_text("x")
         write_report(study(tmp_path, ["toy"], lost("toy", "A", (1,))))
-        assert {path.name for path in figures.iterdir()} == {"areas-toy.png", "notes.txt"}
+        kept = {"areas-toy.png", "areas-gone.png", "notes.txt"}
+        assert {path.name for path in figures.iterdir()} == kept
         assert (tmp_path / "report" / "mine.png").exists()
 
     def test_a_plain_label_is_its_own_slug(self):

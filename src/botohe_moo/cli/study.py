@@ -249,13 +249,14 @@ def _say_missing(tables: StudyTables) -> None:
 def report(folder: FolderArgument) -> None:
     """Make the report: a page, figures and LaTeX tables."""
     with ending_on_interrupt:
+        from botohe_moo.cli.progress import showing
         from botohe_moo.study.report.folder import write_report
         from botohe_moo.study.store.tables import read_study
 
     with failing():
         tables = read_study(folder)
     _say_missing(tables)
-    with failing(FAILED):
+    with failing(FAILED), showing("drawing figures"):
         paths = write_report(tables)
     for path in paths:
         tell(f"wrote {path}")

@@ -131,6 +131,8 @@ def new_axes(width: float, height: float) -> Axes:
     """Open a figure of ``width`` x ``height`` inches with one plot in it."""
     with theme():
         _, ax = plt.subplots(figsize=(width, height), layout="constrained")
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.label.set_parse_math(True)  # ours are plain, and yours may be mathematics
     return ax
 
 
@@ -175,7 +177,9 @@ def save_figure(
         fig.set_layout_engine("none")
     for target in targets:
         drawn = io.BytesIO()
-        fig.savefig(drawn, format=target.suffix.lower()[1:], dpi=dpi, bbox_inches="tight")
+        # Journals refuse the Type 3 fonts that matplotlib writes by default.
+        with mpl.rc_context({"pdf.fonttype": 42}):
+            fig.savefig(drawn, format=target.suffix.lower()[1:], dpi=dpi, bbox_inches="tight")
         replace_file(target, drawn.getvalue())
     fig.set_layout_engine(engine)
 

@@ -10,7 +10,7 @@ from botohe_moo.study.report.latex import (
     summary_latex,
 )
 from botohe_moo.study.report.page import render_page
-from botohe_moo.study.report.pictures import FORMATS, draw_figures
+from botohe_moo.study.report.pictures import draw_figures
 from botohe_moo.study.store.tables import StudyTables
 
 
@@ -18,14 +18,11 @@ def write_report(tables: StudyTables) -> list[Path]:
     """Write the report of a study into the folder ``report`` in the study's own; return its files.
 
     They are ``report.html``, ``outcome.tex``, ``summary.tex``, ``comparisons.tex``, ``ranks.tex``,
-    and in the folder ``figures`` the figures, which replace all earlier ones.
+    and in the folder ``figures`` the figures. Files of other names stay.
     """
     folder = tables.folder / "report"
     drawings = folder / "figures"
     drawings.mkdir(parents=True, exist_ok=True)
-    for path in drawings.iterdir():
-        if path.suffix.removeprefix(".") in FORMATS:
-            path.unlink()
     figures = draw_figures(tables, drawings)
     texts = {
         "report.html": render_page(tables, figures),

@@ -108,9 +108,11 @@ def matrix_caption(tables: StudyTables) -> str:
     """Return what the matrix shows, and how to read it."""
     name = INDICATORS[main_indicator(tables.comparisons)].label
     rival = tables.control or "the best on the mission"
+    n_lost = int((tables.runs["status"] != "done").sum())
+    lost = f" Of all runs {n_lost} are not done; without a front their area is 0." if n_lost else ""
     return (
         f"Median {name} over runs, the best on a mission bold, its rank there in brackets. "
         f"{_BETTER} is better than {rival}, {_WORSE} worse, {_EQUAL} not told apart from it "
         f"(Mann-Whitney, Holm, {tables.significance:g}); without a mark it is not tested. "
-        "Medians that look different are not ties."
+        f"Medians that look different are not ties.{lost}"
     )
