@@ -23,7 +23,7 @@ from botohe_moo.study import (
     run_study,
 )
 from botohe_moo.study.planning import make_bound_task, plan_study
-from botohe_moo.study.report import folder as report_folder
+from botohe_moo.study.report import pictures
 from botohe_moo.study.report.folder import write_report
 from botohe_moo.study.run import pool
 from botohe_moo.study.run.bound import find_bound
@@ -338,7 +338,7 @@ class TestMerging:
 
 @pytest.fixture
 def one_format(monkeypatch):
-    monkeypatch.setattr(report_folder, "FORMATS", report_folder.FORMATS[:1])
+    monkeypatch.setattr(pictures, "FORMATS", pictures.FORMATS[:1])
 
 
 @pytest.mark.usefixtures("one_format")

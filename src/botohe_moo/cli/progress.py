@@ -37,7 +37,7 @@ def showing(words: str, *, every: float = _SECONDS_BETWEEN_LINES) -> Iterator[Sh
     """Show words until what is yielded shows others: beside a bar, or in a line now and then.
 
     A bar without a total moves to and fro. Lines are for where standard error is no terminal: what
-    is shown is said every so many seconds. Meanwhile kernels may be compiled, which is shown, too.
+    is shown is said every few seconds. Meanwhile kernels may be compiled, which is shown, too.
     """
     latest, told = words, False
     # rich would also take FORCE_COLOR, which many set for logs, for a terminal.
