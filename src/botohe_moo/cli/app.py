@@ -231,12 +231,12 @@ def _search_and_write(
 
 
 def _next(folder: Path, robots: int) -> str:
-    """Give the commands that come next, as they can be copied here."""
+    """Return the commands that come next, as they can be copied here."""
     started = sys.argv[0]
     name = started if Path(started).name == "botohe" and which("botohe") is None else "botohe"
-    given = f"{shlex.quote(name)} {{}} {shlex.quote(str(folder))}"
+    name, where = shlex.quote(name), shlex.quote(str(folder))
     wish = f'"survivors >= {2 * robots / 3:.2g}"'
-    return f"Next:\n  {given.format('explore')} --open\n  {given.format('choose')} {wish}"
+    return f"Next:\n  {name} explore {where} --open\n  {name} choose {where} {wish}"
 
 
 def _check_plain(algorithm: str, parameters: dict[str, Any]) -> None:
