@@ -594,6 +594,8 @@ def test_parameters_out_of_range(make, parameters, message):
 def test_unknown_parameters(make):
     with pytest.raises(TypeError, match=r"no parameter 'n_ant'; known are n_ants, .*callback"):
         make(n_ant=3)
+    with pytest.raises(TypeError, match="no parameter 'archive'"):  # pymoo's, but not for ours
+        make(archive=None)
 
 
 def test_warm_start_with_foreign_plans(museum):

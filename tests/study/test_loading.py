@@ -708,9 +708,14 @@ indicators: [area, igd]
             E = passing(Pymoo, {"pop_sise": 20})
             F = passing(ArchiveAlgorithm, max_tie=3)
             G = passing(Bare, max_ties=3)
+            H = passing(ArchiveAlgorithm, terminatoin=3)
+
+            class I(BOACO):
+                def __init__(self, *, ants=3):
+                    super().__init__(ants=ants)
             """
         )
-        algorithms = "".join(f"  {label}: mine:{label}\n" for label in "ABCDEFG")
+        algorithms = "".join(f"  {label}: mine:{label}\n" for label in "ABCDEFGHI")
         more = "name: x\nmissions: [toy]\nbudget: {evaluations: 9}\nseeds: 1\n"
         path = written(tmp_path, f"{more}algorithms:\n{algorithms}")
         refused = "{} has no parameter '{}'; known are {}".format
@@ -724,6 +729,8 @@ indicators: [area, igd]
                 (10, "E", refused("NSGA2", "pop_sise", "pop_size")),
                 (11, "F", refused("ArchiveAlgorithm", "max_tie", "max_ties")),
                 (12, "G", "Bare.__init__() got an unexpected keyword argument 'max_ties'"),
+                (13, "H", refused("ArchiveAlgorithm", "terminatoin", "termination")),
+                (14, "I", refused("BOACO", "ants", "n_ants")),
             ]
         ]
 

@@ -2,7 +2,6 @@
 
 import functools
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from itertools import chain
 from typing import Any, ParamSpec, TypeAlias, TypeVar
 
 from pydantic import BaseModel, ValidationError
@@ -84,21 +83,19 @@ def check_values(
     return [*faults, *_checked(accepted, values, plain=plain)[0]]
 
 
-def check_keywords(
-    given: Iterable[str], kinds: Sequence[type], *, also: Sequence[str] = ()
-) -> None:
-    """Refuse keywords that no class states.
+def check_keywords(given: Iterable[str], known: Collection[str], kinds: Sequence[type]) -> None:
+    """Refuse keywords that are not known.
 
-    The TypeError blames the first class that states the nearest name, and lists what it states.
-    The names in ``also`` are known, too.
+    The TypeError blames the first of the classes that states the nearest name, and lists what it
+    states. A class that states the keyword itself has handed it on, and is not to blame.
     """
-    stated = {kind: [p.name for p in signature_parameters(kind)] for kind in kinds}
-    known = {*also, *chain(*stated.values())}
     for name in given:
         if name not in known:
-            nearest = nearest_first(name, known)[0]
-            blamed = next((kind for kind in kinds if nearest in stated[kind]), kinds[0])
-            among = ", ".join(nearest_first(name, {*stated[blamed], *also}))
+            stated = {kind: {p.name for p in signature_parameters(kind)} for kind in kinds}
+            stated = {kind: names for kind, names in stated.items() if name not in names}
+            nearest = nearest_first(name, {*known}.union(*stated.values()))[0]
+            blamed = min(stated, key=lambda kind: nearest not in stated[kind])
+            among = ", ".join(nearest_first(name, {*known, *stated[blamed]}))
             raise TypeError(f"{blamed.__name__} has no parameter {name!r}; known are {among}.")
 
 

@@ -233,9 +233,12 @@ def check_options(algorithm: Algorithm, options: Iterable[str]) -> None:
 
     The TypeError names this package's class that was given one, not a class derived from it.
     """
-    kinds = [kind for kind in type(algorithm).__mro__ if issubclass(kind, BudgetedAlgorithm)]
-    kinds.sort(key=lambda kind: not kind.__module__.startswith("botohe_moo."))
-    check_keywords(options, kinds, also=PYMOO_OPTIONS)
+    mro = type(algorithm).__mro__
+    kinds = sorted(
+        mro[: mro.index(BudgetedAlgorithm)],
+        key=lambda kind: not kind.__module__.startswith("botohe_moo."),
+    )
+    check_keywords(options, PYMOO_OPTIONS, kinds)
 
 
 def check_problem(problem: Any) -> None:

@@ -22,6 +22,7 @@ from pymoo.core.survival import Survival
 
 from botohe_moo._base.types import FloatArray, ObjectArray
 from botohe_moo._plugins.checks import check_keywords, checked
+from botohe_moo._plugins.stated import signature_parameters
 from botohe_moo._plugins.types import Count, Probability
 from botohe_moo.algorithms.base import (
     PYMOO_OPTIONS,
@@ -157,7 +158,9 @@ class PopulationAlgorithm(BudgetedAlgorithm):
     ) -> None:
         check_options(self, options)
         mro = type(self).__mro__
-        check_keywords(arguments, mro[mro.index(PopulationAlgorithm) + 1 :], also=PYMOO_OPTIONS)
+        pymoos = mro[mro.index(BudgetedAlgorithm) + 1 :]
+        known = {p.name for kind in pymoos for p in signature_parameters(kind)}
+        check_keywords(arguments, known.union(PYMOO_OPTIONS), pymoos)
         self.max_ties = max_ties
         self.settings = {
             "sampling": sampling,
