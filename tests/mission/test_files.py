@@ -808,6 +808,12 @@ class TestRoundTrip:
         assert (read.base, read.robots, read.name, read.title) == ("a", 4, "new", "A pier")
 
     @pytest.mark.parametrize("suffix", [".json", ".graphml"])
+    def test_a_title_alone_stays_the_name(self, tmp_path, suffix):
+        save_mission(mission_of(title="A pier"), tmp_path / f"x{suffix}")
+        read = read_mission(tmp_path / f"x{suffix}")
+        assert (read.name, read.title) == ("A pier", "A pier")
+
+    @pytest.mark.parametrize("suffix", [".json", ".graphml"])
     def test_numpy_numbers_become_plain(self, tmp_path, suffix):
         graph = nx.DiGraph(base="a", robots=np.int64(2))
         graph.add_node("a", reward=np.int32(3), pos=np.array([0.5, 1.0]), seen=np.bool_(True))

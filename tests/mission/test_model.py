@@ -81,6 +81,8 @@ class TestConstruction:
         assert type(mission.robots) is int
 
     def test_name_of_a_nameless_mission(self, graph):
+        assert Mission(graph, base="dock", robots=1).name == "A small harbour"
+        del graph.graph["title"]
         assert Mission(graph, base="dock", robots=1).name == "mission"
 
     def test_labels_that_are_false_can_be_the_base(self):
@@ -247,6 +249,7 @@ class TestFaults:
         assert (twin.faults, str(twin)) == (error.faults, str(error))
 
     def test_one_fault_is_one_line(self, graph):
+        del graph.graph["title"]
         with pytest.raises(MissionError, match=r"^The mission: base 'x': there is no such node.*$"):
             Mission(graph, base="x", robots=1)
 

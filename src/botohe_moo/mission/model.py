@@ -43,7 +43,7 @@ class Mission:
     robots
         Team size, at least 1; default: the graph's own attribute ``robots``.
     name
-        Short name; default: the graph's own attribute ``name``.
+        Short name; default: the graph's own attribute ``name``, or else its ``title``.
 
     Raises
     ------
@@ -77,7 +77,7 @@ class Mission:
         own = graph.graph if isinstance(graph, nx.Graph) else {}
         base = own.get("base") if base is None else base
         robots = own.get("robots") if robots is None else robots
-        name = own.get("name") if name is None else name
+        name = own.get("name") or own.get("title") if name is None else name
         source = f"Mission {quoted(name)}" if name else "The mission"
         if faults := mission_faults(graph, base, robots):
             raise MissionError(faults, source)
