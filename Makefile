@@ -31,8 +31,8 @@ help:
 # pip is silent while it installs and, where its output is no terminal, while it downloads.
 define install
 @echo 'pip install $(1)'
-@(while sleep 6 && kill -0 $$$$; do echo "... $$(du -sh $(VENV) | cut -f 1) in $(VENV)"; done) 2>/dev/null & \
-	$(BIN)/python -m pip install --constraint constraints.txt $(1)
+@(while sleep 6 >/dev/null && kill -0 $$$$; do echo "... $$(du -sh $(VENV) | cut -f 1) in $(VENV)"; done) 2>/dev/null & \
+	beat=$$!; $(BIN)/python -m pip install --constraint constraints.txt $(1); status=$$?; kill $$beat; exit $$status
 endef
 
 # Bytecode is made of what the demo needs when it is needed: it takes a third of the time to make it of everything.

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 
 from botohe_moo.decide import judging, knees, representatives
-from botohe_moo.mission import PlanError
+from botohe_moo.mission import Mission, PlanError
 from botohe_moo.outcomes import reward_distribution, survivors_distribution
 from botohe_moo.plots import plot_case_study, plot_choices, plot_outcomes, save_plot
 from tests.examples import examples
@@ -89,6 +89,13 @@ class TestOutcomes:
         mission, plans = toy_plans()
         left, _ = plot_outcomes(mission, *plans)
         assert len({str(curve.get_linestyle()) for curve in curves_drawn(left)}) == 4
+
+    def test_numbers_of_a_large_team_have_room(self):
+        mission = Mission(load("toy").graph, base=1, robots=60)
+        _, right = plot_outcomes(mission, mission.plan([[1, 2, 1]] * 60))
+        right.figure.draw_without_rendering()
+        assert len(right.get_xticks()) < 15
+        assert right.get_xlim() == (-0.5, 60.5)
 
     def test_texts_stand_in_the_figure_and_apart(self):
         mission, plans = toy_plans()

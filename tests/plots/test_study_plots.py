@@ -272,6 +272,8 @@ class TestPlotCurves:
         runs = {(f"a{i}", 1): [(1, 0.1), (9, 0.5)] for i in range(12)}
         ax = plot_curves(trace_of(runs), bound=0.6)
         assert all("no front exceeds 0.6000" in lines_of(panel) for panel in ax.figure.axes)
+        (legend,) = ax.figure.legends
+        assert [text.get_text() for text in legend.get_texts()] == ["no front exceeds 0.6000"]
 
     def test_a_long_low_start_is_cut_off(self):
         runs = {
@@ -299,6 +301,22 @@ class TestPlotCurves:
         lines = plot_curves(trace_of(runs)).lines
         assert len({line.get_color() for line in lines}) == 10
         assert len({(line.get_color(), line.get_linestyle()) for line in lines}) == 11
+
+    @pytest.mark.parametrize("n", [1, 9])
+    def test_a_curve_of_one_point_is_marked(self, n):
+        runs = {(f"a{i}", 1): [(1, 0.1), (50, 0.5)] for i in range(n)} | {("late", 1): [(50, 0.4)]}
+        late = lines_of(plot_curves(trace_of(runs)))["late"]
+        assert late.get_xdata().tolist() == [50]
+        assert late.get_marker() != "None"
+        assert late.get_markevery()[0] == 0
+
+    def test_algorithms_may_be_an_array(self):
+        ax = plot_curves(trace_of(TWO), algorithms=np.array(["B", "A"]))
+        assert set(lines_of(ax)) == {"A", "B"}
+
+    def test_distances_that_are_all_zero_are_drawn(self):
+        trace = trace_of(TWO).assign(igd_plus=0.0)
+        assert plot_curves(trace, value="igd_plus").get_yscale() == "linear"
 
     def test_labels_are_not_mathematics(self, tmp_path):
         label = r"$\frac{$ <b>&_^"
@@ -741,6 +759,15 @@ class TestPanels:
             assert ax.get_ylim() == panels[0].get_ylim()
         assert fig.get_suptitle() == "A site"
 
+    def test_grey_lines_are_those_of_the_other_panels(self, kind):
+        fig = PICTURES[kind](many(12)).figure
+        (others,) = of_kind(fig.axes[0], LineCollection)
+        for path, ax in zip(others.get_paths(), fig.axes[1:], strict=True):
+            path = path.vertices
+            if ax.lines[0].get_drawstyle() == "steps-post":
+                assert ((np.diff(path[:, 0]) == 0) | (np.diff(path[:, 1]) == 0)).all()
+            assert path[-1].tolist() == ax.lines[0].get_xydata()[-1].tolist()
+
     def test_eleven_share_one_plot(self, kind):
         ax = PICTURES[kind](many(11))
         assert ax.figure.axes == [ax]
@@ -766,3 +793,12 @@ class TestPanels:
         assert len(boxes) == 13
         assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
         assert all(fig.bbox.x0 <= box.x0 and box.x1 <= fig.bbox.x1 for box in boxes)
+
+
+@pytest.mark.parametrize("plot", [plot_fronts, plot_attainment])
+def test_no_algorithm_at_all_is_refused(plot):
+    with pytest.raises(ValueError, match="Expected at least one algorithm, got none"):
+        plot(*fronts_of(RUNS), algorithms=[])
+    with pytest.raises(ValueError, match="Expected at least one algorithm, got none"):
+        plot_areas(*areas_of(VALUES), algorithms=[])
+    assert plt.get_fignums() == []

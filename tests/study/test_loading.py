@@ -713,9 +713,13 @@ indicators: [area, igd]
             class I(BOACO):
                 def __init__(self, *, ants=3):
                     super().__init__(ants=ants)
+
+            class J(BOACO):
+                def __init__(self, *, strength=3):
+                    super().__init__(strenght=strength)
             """
         )
-        algorithms = "".join(f"  {label}: mine:{label}\n" for label in "ABCDEFGHI")
+        algorithms = "".join(f"  {label}: mine:{label}\n" for label in "ABCDEFGHIJ")
         more = "name: x\nmissions: [toy]\nbudget: {evaluations: 9}\nseeds: 1\n"
         path = written(tmp_path, f"{more}algorithms:\n{algorithms}")
         refused = "{} has no parameter '{}'; known are {}".format
@@ -731,6 +735,7 @@ indicators: [area, igd]
                 (12, "G", "Bare.__init__() got an unexpected keyword argument 'max_ties'"),
                 (13, "H", refused("ArchiveAlgorithm", "terminatoin", "termination")),
                 (14, "I", refused("BOACO", "ants", "n_ants")),
+                (15, "J", refused("BOACO", "strenght", "termination")),
             ]
         ]
 

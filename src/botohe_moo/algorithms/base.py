@@ -234,11 +234,9 @@ def check_options(algorithm: Algorithm, options: Iterable[str]) -> None:
     The TypeError names this package's class that was given one, not a class derived from it.
     """
     mro = type(algorithm).__mro__
-    kinds = sorted(
-        mro[: mro.index(BudgetedAlgorithm)],
-        key=lambda kind: not kind.__module__.startswith("botohe_moo."),
-    )
-    check_keywords(options, PYMOO_OPTIONS, kinds)
+    kinds = mro[: mro.index(BudgetedAlgorithm)]
+    own = [kind for kind in kinds if kind.__module__.startswith("botohe_moo.")]
+    check_keywords(options, PYMOO_OPTIONS, own or kinds)
 
 
 def check_problem(problem: Any) -> None:

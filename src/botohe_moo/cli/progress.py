@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from botohe_moo.study.planning import Plan
     from botohe_moo.study.run.task import Outcome, Record
 
-_COMPILING = "compiling for this machine, once: 5 to 30 s, longer if it is busy"
+_COMPILING = "compiling for this machine, once: about 15 s, longer if it is busy"
+_LONGEST = 100 * 86_400  # seconds; more is not told as what is left
 _SECONDS_BETWEEN_LINES = 6.0
 
 
@@ -72,6 +73,8 @@ def _bar() -> Iterator[Show]:
 
         def render(self, task: Task) -> Text:
             left = task.time_remaining
+            if left is not None and left > _LONGEST:
+                left = None
             shown = timedelta(seconds=int((task.elapsed or 0.0) if left is None else left))
             return Text(f"{shown}" if left is None else f"{shown} left")
 

@@ -1,19 +1,21 @@
 """The picture of what may happen to plans: distributions of reward and survivors."""
 
 from collections.abc import Sequence
+from string import ascii_uppercase
 from typing import Any
 
 import matplotlib.pyplot as plt
 import pandas as pd
 import seaborn as sns
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 
 from botohe_moo.decide.judging import Candidates
 from botohe_moo.mission.model import Mission, check_mission
+from botohe_moo.plots.draw.algorithms import DASHES
 from botohe_moo.plots.draw.style import Palette, palette_of, theme
 from botohe_moo.trails import TrailPlan
 
-_LINES = ("-", "--", ":", "-.")
 _FEW = 12  # bars whose heights are written above them
 
 
@@ -29,8 +31,7 @@ def plot_outcomes(
 
     On the left the probability of at least so much reward, with the expected reward as a dot on
     the curve; on the right the probability of every number of survivors, with the expected number
-    as a triangle under the bars. Plans differ in
-    colour and dash.
+    as a triangle under the bars. Plans differ in colour and dash.
 
     Parameters
     ----------
@@ -39,7 +40,7 @@ def plot_outcomes(
     *plans
         One plan or several, valid for it.
     names
-        What the plans are called, all different. Default: ``plan 1``, ``plan 2``, ...
+        What the plans are called, all different. Default: ``plan A``, ``plan B``, ...
     palette
         Colours as seaborn takes them, or a colour for each name. Default: as in
         :func:`plot_curves`.
@@ -80,7 +81,8 @@ def plot_outcomes(
     if not plans:
         raise ValueError("Expected at least one plan, got none.")
     if names is None:
-        names = [f"plan {i}" for i in range(1, len(plans) + 1)]
+        letters = [ascii_uppercase[i % 26] + f"{i // 26 or ''}" for i in range(len(plans))]
+        names = [f"plan {letter}" for letter in letters]
     elif isinstance(names, str) or len({*names}) != len(plans):
         raise ValueError(f"Expected {len(plans)} different names, one a plan, got {names!r}.")
     judged = Candidates(mission, plans)
@@ -98,7 +100,7 @@ def plot_outcomes(
                 weights=reward.probabilities,
                 complementary=True,
                 color=own,
-                linestyle=_LINES[i % len(_LINES)],
+                linestyle=DASHES[i % len(DASHES)],
                 linewidth=2,
                 label=f"{name}: {expected}{source}",
                 ax=left,
@@ -112,7 +114,7 @@ def plot_outcomes(
             x="number",
             y="probability",
             hue="plan",
-            order=range(mission.robots + 1),
+            native_scale=True,
             palette=colour,
             saturation=1.0,
             legend=False,
@@ -129,6 +131,8 @@ def plot_outcomes(
         left.set(xlim=(0.0, mission.total_reward or 1.0), ylim=(0.0, 1.02))
         left.set(xlabel="team reward R", ylabel="probability of at least R")
         right.set(xlabel="number of survivors S", ylabel="probability of exactly S")
+        right.set_xlim(-0.5, mission.robots + 0.5)
+        right.xaxis.set_major_locator(MaxNLocator(nbins=12, integer=True))
         right.margins(y=0.1)
         right.set_ylim(bottom=0)
         right.grid(visible=False, axis="x")

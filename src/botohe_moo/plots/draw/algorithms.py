@@ -6,17 +6,21 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Literal
 
 import matplotlib.pyplot as plt
+import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.cbook import STEP_LOOKUP_MAP
 from matplotlib.collections import LineCollection
+from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from botohe_moo._base.checks import check_frame, nearest_first
+from botohe_moo._base.types import FloatArray
 from botohe_moo.plots.draw.style import MUTED, new_axes
 
 MANY = 12  # from as many algorithms on, one plot would be a tangle
 _COLUMNS = 4  # of panels
-_DASHES = ("-", "--", ":", "-.")
+DASHES = ("-", "--", ":", "-.")
 _NAME = 30  # letters of a line of an algorithm's name
 _LEAST_ROOM = 0.01  # of areas, beyond the largest one that was found
 
@@ -52,7 +56,7 @@ def dashes_of(colours: Mapping[str, Any]) -> dict[str, str]:
     found: dict[str, str] = {}
     taken: Counter[Any] = Counter()
     for label, colour in colours.items():
-        found[label] = _DASHES[taken[colour] % len(_DASHES)]
+        found[label] = DASHES[taken[colour] % len(DASHES)]
         taken[colour] += 1
     return found
 
@@ -64,6 +68,8 @@ def axes_of(
 
     A new figure is of ``size`` inches, if it has no panels.
     """
+    if not labels:
+        raise ValueError("Expected at least one algorithm, got none.")
     if ax is not None or len(labels) < MANY:
         return dict.fromkeys(labels, ax or new_axes(*size))
     n_rows = -(-len(labels) // _COLUMNS)
@@ -98,7 +104,9 @@ def finish(axes: Mapping[str, Axes], title: str | None, x: str, y: str) -> Axes:
         handles, names = first.get_legend_handles_labels()
         first.legend(handles, wrapped(names), loc="upper left", bbox_to_anchor=(1.0, 1.0))
         return first
-    lines = {label: own.lines[0].get_xydata() for label, own in axes.items() if own.lines}
+    lines = {label: _corners(own.lines[0]) for label, own in axes.items() if own.lines}
+    handles = first.get_legend_handles_labels()[0]
+    further = [handle for handle in handles if handle is not first.lines[0]]
     for label, own in axes.items():
         own.set(xlabel="", ylabel="")
         if legend := own.get_legend():
@@ -110,7 +118,14 @@ def finish(axes: Mapping[str, Axes], title: str | None, x: str, y: str) -> Axes:
     fig.suptitle(title or "", x=0.01, ha="left", fontweight="bold")
     fig.supxlabel(x)
     fig.supylabel(y)
+    if further:
+        fig.legend(handles=further, loc="outside lower right")
     return first
+
+
+def _corners(line: Line2D) -> FloatArray:
+    """Return the points (n, 2) of a line as it is drawn, in steps or not."""
+    return np.transpose(STEP_LOOKUP_MAP[line.get_drawstyle()](*line.get_data()))
 
 
 def log_axis(ax: Axes, which: Literal["x", "y"] = "x") -> None:

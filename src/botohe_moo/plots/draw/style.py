@@ -28,7 +28,7 @@ FORMATS = (".png", ".pdf", ".svg")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")  # so that fronts differ in a grey print too
 
 # Seaborn's ticks with a pale grid; seaborn's own grid is too dark behind many lines.
-_STYLE = {"axes.grid": True, "grid.color": "0.92", "grid.linewidth": 0.8}
+_STYLE = {"axes.grid": True, "grid.color": "0.92"}
 _STYLE |= {"axes.spines.top": False, "axes.spines.right": False, "axes.titlelocation": "left"}
 _STYLE |= {"axes.titleweight": "bold", "legend.frameon": False, "lines.solid_capstyle": "round"}
 
@@ -114,14 +114,11 @@ def theme() -> Iterator[None]:
     >>> line = ax.plot([0, 1], [2, 0])
     >>> save_plot(ax, "mine.png")
     """
-    own = {**sns.axes_style("ticks"), **sns.plotting_context(font_scale=0.9), **_STYLE}
+    own = {**sns.axes_style("ticks"), **_STYLE}
     # Fonts are left to the user: those that are not installed on a machine only cause warnings.
     own = {name: value for name, value in own.items() if not name.startswith("font.")}
     own["axes.prop_cycle"] = cycler(color=sns.color_palette("colorblind"))
-    sizes = sns.plotting_context().keys()
-    is_set = any(
-        mpl.rcParams[name] != mpl.rcParamsDefault[name] for name in own if name not in sizes
-    )
+    is_set = any(mpl.rcParams[name] != mpl.rcParamsDefault[name] for name in own)
     # A dollar sign in a label is a dollar sign.
     with mpl.rc_context({"text.parse_math": False, **({} if is_set else own)}):
         yield
@@ -175,13 +172,16 @@ def save_figure(
     if engine is not None:  # laid out once, not anew for each file
         engine.execute(fig)
         fig.set_layout_engine("none")
-    for target in targets:
-        drawn = io.BytesIO()
-        # Journals refuse the Type 3 fonts that matplotlib writes by default.
-        with mpl.rc_context({"pdf.fonttype": 42}):
-            fig.savefig(drawn, format=target.suffix.lower()[1:], dpi=dpi, bbox_inches="tight")
-        replace_file(target, drawn.getvalue())
-    fig.set_layout_engine(engine)
+    try:
+        for target in targets:
+            drawn = io.BytesIO()
+            # Journals refuse the Type 3 fonts that matplotlib writes by default.
+            with mpl.rc_context({"pdf.fonttype": 42}):
+                fig.savefig(drawn, format=target.suffix.lower()[1:], dpi=dpi, bbox_inches="tight")
+            replace_file(target, drawn.getvalue())
+    finally:
+        if engine is not None:
+            fig.set_layout_engine(engine)
 
 
 def save_plot(ax: Axes, path: str | os.PathLike[str], *others: str | os.PathLike[str]) -> None:

@@ -59,6 +59,8 @@ def plot_areas(
     if bound is not None:
         check_number("bound", bound, at_least=0, at_most=1)
     labels = chosen_algorithms("runs", runs, ("algorithm", "seed", "status", "area"), algorithms)
+    if not labels:
+        raise ValueError("Expected at least one algorithm, got none.")
     interval = ["area_median", "area_low", "area_high"]
     chosen_algorithms("summary", summary, ("algorithm", *interval), labels)
     rows = runs[runs["algorithm"].isin(labels)].sort_values("seed", kind="stable")
@@ -67,7 +69,7 @@ def plot_areas(
     spread = rows.groupby("algorithm").cumcount() * _GOLDEN % 1 - 0.5
     rows = rows.assign(row=row + 0.1 + 0.4 * spread, is_done=rows["status"] == "done")
     # The median of the three is the median, and their range the interval; above the runs.
-    medians = summary.melt("algorithm", interval, value_name="area")
+    medians = summary[["algorithm", *interval]].melt("algorithm", value_name="area")
     medians["row"] = medians["algorithm"].map({label: i - 0.32 for i, label in enumerate(labels)})
     with theme():
         ax = ax or new_axes(7.5, 0.9 + 0.4 * max(len(labels), 2))

@@ -64,7 +64,7 @@ def plot_curves(
         What the horizontal, logarithmic axis shows.
     value
         What the vertical axis shows: ``area``, or on a logarithmic axis ``igd_plus``, ``epsilon``
-        or another indicator of the trace.
+        or another indicator of the trace; what is 0 lies below that axis.
     algorithms
         Labels of the algorithms to draw. Default: all of them.
     palette
@@ -107,7 +107,7 @@ def plot_curves(
     held = progress(trace, x=x, value=value, algorithms=algorithms)
     estimator, errorbar = _BANDS[band]
     middle = held.pivot_table(values=value, index=x, columns="algorithm", aggfunc=estimator)
-    chosen = [label for label in dict.fromkeys(algorithms or trace["algorithm"]) if label in middle]
+    chosen = [a for a in chosen_algorithms("trace", trace, (), algorithms) if a in middle]
     colour = palette_of(chosen, palette)
     dashes = dashes_of(colour)
     labels = sorted(chosen, key=lambda label: -middle[label].iloc[-1])
@@ -115,11 +115,13 @@ def plot_curves(
         axes = axes_of(labels, ax)
         marked = len(set(axes.values())) == 1 and len(labels) > _COLOURS_ALONE
         for label in labels:
-            i = chosen.index(label)
+            i, own = chosen.index(label), held[held["algorithm"] == label]
+            n_points = own[x].nunique()
             # Markers stand at other places on each curve.
-            marks = {"marker": MARKERS[i % len(MARKERS)], "markevery": (5 * i % 40, 40)}
+            places = (5 * i % min(40, n_points), 40)
+            marks = {"marker": MARKERS[i % len(MARKERS)], "markevery": places}
             sns.lineplot(
-                held[held["algorithm"] == label],
+                own,
                 x=x,
                 y=value,
                 estimator=estimator,
@@ -129,7 +131,7 @@ def plot_curves(
                 label=label,
                 drawstyle="steps-post",
                 ax=axes[label],
-                **(marks if marked else {}),
+                **(marks if marked or n_points == 1 else {}),
             )
         first = axes[labels[0]]
         log_axis(first)
@@ -138,7 +140,7 @@ def plot_curves(
             if bound is not None:
                 low, high = first.get_ylim()
                 first.set_ylim(low, draw_bound(dict.fromkeys(axes.values()), bound, low, high, "y"))
-        else:
+        elif (held[value] > 0).any():
             log_axis(first, "y")
         finish(axes, title, NAMES[x], INDICATORS[value].in_words)
     return first
@@ -178,7 +180,8 @@ def progress(
     # A logarithmic axis has no 0.
     records = records.assign(**{x: np.maximum(at, at[at > 0].min(initial=at.max() or 1.0))})
     records = records.sort_values(x, kind="stable")
-    starts = records.groupby(run)[x].min().groupby("algorithm").max()
+    starts = records.groupby(run, observed=True)[x].min()
+    starts = starts.groupby("algorithm", observed=True).max()
     low, high = records[x].iloc[[0, -1]]
     grid = np.clip(np.geomspace(low, high, _N_POINTS), low, high)  # rounding may exceed the ends
     points = np.unique(np.concatenate([grid, starts]))

@@ -105,9 +105,8 @@ def final_fronts(
     point = ["reward", "survivors"]
     chosen_algorithms("plans", plans, ("algorithm", "seed", *point), None)
     points = plans[point].to_numpy(float)
-    found = {
-        key: points[rows] for key, rows in plans.groupby(["algorithm", "seed"]).indices.items()
-    }
+    of_runs = plans.groupby(["algorithm", "seed"], observed=True).indices
+    found = {key: points[rows] for key, rows in of_runs.items()}
     return {
         label: {
             seed: found.get((label, seed), np.empty((0, 2)))

@@ -20,11 +20,10 @@ def plot_ranks(
     Parameters
     ----------
     ranks
-        Rows of one indicator in a study's ranks: columns ``algorithm``, ``average_rank`` and
-        ``n_missions``.
+        Rows of one indicator in a study's ranks: columns ``algorithm`` and ``average_rank``.
     posthoc
-        Rows of the same indicator in its post-hoc tests: columns ``algorithm``, ``other``,
-        ``difference``, ``critical_difference`` and ``significant``, one row a pair.
+        Rows of the same indicator in its post-hoc tests: columns ``algorithm``, ``other`` and
+        ``significant``, one row a pair.
     palette, title, ax
         As in :func:`plot_curves`.
 
@@ -43,18 +42,16 @@ def plot_ranks(
     >>> import pandas as pd
     >>> from botohe_moo.plots import plot_ranks, save_plot
     >>> ranks = pd.DataFrame(
-    ...     {"algorithm": ["ants", "greedy"], "average_rank": [1.2, 1.8], "n_missions": 5}
+    ...     {"algorithm": ["ants", "greedy"], "average_rank": [1.2, 1.8]}
     ... )
     >>> posthoc = pd.DataFrame(
-    ...     [("ants", "greedy", -0.6, 0.9, False)],
-    ...     columns=["algorithm", "other", "difference", "critical_difference", "significant"],
+    ...     [("ants", "greedy", False)],
+    ...     columns=["algorithm", "other", "significant"],
     ... )
     >>> save_plot(plot_ranks(ranks, posthoc), "ranks.png")
     """
-    columns = ("algorithm", "average_rank", "n_missions")
-    labels = chosen_algorithms("ranks", ranks, columns, None)
-    tested = ("algorithm", "other", "difference", "critical_difference", "significant")
-    chosen_algorithms("posthoc", posthoc, tested, None)
+    labels = chosen_algorithms("ranks", ranks, ("algorithm", "average_rank"), None)
+    chosen_algorithms("posthoc", posthoc, ("algorithm", "other", "significant"), None)
     if len(labels) < 2:
         raise ValueError(f"Expected ranks of at least two algorithms, got {len(labels)}.")
     # Late, as it imports statsmodels, which no other picture needs.
@@ -62,7 +59,9 @@ def plot_ranks(
 
     average = ranks.set_index("algorithm")["average_rank"].astype(float)
     p_values = pd.DataFrame(1.0, index=labels, columns=labels)
-    for one, other in posthoc.loc[posthoc["significant"], ["algorithm", "other"]].to_numpy():
+    drawn = posthoc["algorithm"].isin(labels) & posthoc["other"].isin(labels)
+    apart = posthoc.loc[drawn & posthoc["significant"], ["algorithm", "other"]]
+    for one, other in apart.to_numpy():
         p_values.loc[one, other] = p_values.loc[other, one] = 0.0
     with theme():
         ax = ax or new_axes(8.5, 0.9 + 0.16 * len(labels))
@@ -82,6 +81,6 @@ def plot_ranks(
 
 
 def overruled(posthoc: pd.DataFrame) -> bool:
-    """Tell whether pairs that lie apart do not count, since Friedman's test finds no difference."""
+    """Return whether Friedman's test finds no difference, so that pairs apart do not count."""
     apart = posthoc["difference"].abs() > posthoc["critical_difference"] + 1e-9  # by rounding
     return bool(apart.any() and not posthoc["significant"].any())

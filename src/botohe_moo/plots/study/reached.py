@@ -110,7 +110,9 @@ def first_reached(
     wanted = np.sort(np.asarray(targets, float))
     if not len(wanted) or not np.isfinite(wanted).all():
         raise ValueError(f"Expected at least one target, all finite, got {list(targets)}.")
-    records = dict(iter(trace.sort_values(x, kind="stable").groupby(["algorithm", "seed"])))
+    records = dict(
+        iter(trace.sort_values(x, kind="stable").groupby(["algorithm", "seed"], observed=True))
+    )
     spent: dict[str, list[FloatArray]] = {label: [] for label in labels}
     for label, seed in runs.loc[runs["algorithm"].isin(labels), ["algorithm", "seed"]].to_numpy():
         run = records.get((label, seed), trace.iloc[:0])

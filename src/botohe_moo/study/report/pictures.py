@@ -37,7 +37,7 @@ def draw_figures(tables: StudyTables, folder: Path) -> dict[str, list[ReportFigu
     of_study = [_saved(folder, kind, ax, caption) for kind, ax, caption in _ranks(tables, palette)]
     of_missions = {
         label: [
-            _saved(folder, f"{kind}-{slug(label)}", ax, caption)
+            _saved(folder, f"{kind}-{slug(label)}", ax, caption, f" On {label}.")
             for kind, ax, caption in MissionPictures(tables, label, palette)
         ]
         for label in tables.mission_labels
@@ -45,10 +45,11 @@ def draw_figures(tables: StudyTables, folder: Path) -> dict[str, list[ReportFigu
     return {"": of_study, **of_missions}
 
 
-def _saved(folder: Path, name: str, ax: Axes, caption: str) -> ReportFigure:
+def _saved(folder: Path, name: str, ax: Axes, caption: str, where: str = "") -> ReportFigure:
     paths = tuple(folder / f"{name}.{end}" for end in FORMATS)
     save_plot(ax, *paths)
-    return ReportFigure(paths[0], paths, caption, caption.split(". ")[0])
+    first = caption.split(". ")[0].removesuffix(".")
+    return ReportFigure(paths[0], paths, caption, f"{first}.{where}")
 
 
 def _ranks(tables: StudyTables, palette: dict[str, Any]) -> Iterator[Picture]:
@@ -172,8 +173,8 @@ class MissionPictures:
             if INDICATORS[value].is_distance and not rows.empty:
                 caption = (
                     f"{INDICATORS[value].label}: how far fronts are from the reference front, over "
-                    "evaluations. Less is better. Lines are medians over runs, bands reach from "
-                    "their lower to their upper quartile."
+                    "evaluations. Less is better; 0 lies below the axis. Lines are medians over "
+                    "runs, bands reach from their lower to their upper quartile."
                 )
                 yield value, plot_curves(rows, value=value, **self._recorded(rows)), caption
 
