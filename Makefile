@@ -7,12 +7,13 @@ READY := $(VENV)/.ready
 READY_FOR_DOCS := $(VENV)/.ready-for-docs
 READY_FOR_DIST := $(VENV)/.ready-for-dist
 
-.PHONY: help demo test test-long check docs dist coverage compatibility mutations format bench fuzz soak smoke \
+.PHONY: help demo test test-all test-long check docs dist coverage compatibility mutations format bench fuzz soak smoke \
 	paper state-of-the-art baselines clean clean-kernels
 
 help:
 	@echo "make demo    plan the art museum and write tables and pictures to results/demo/"
-	@echo "make test    run the tests"
+	@echo "make test    the tests that find faults soon: some two minutes"
+	@echo "make test-all  all tests: with processes, Dask, a browser, LaTeX, and more examples a property"
 	@echo "make test-long  the property tests with forty times as many examples: half an hour"
 	@echo "make check   ruff (lint and format) and mypy strict"
 	@echo "make docs    the documentation, in docs/_build/html"
@@ -59,8 +60,13 @@ demo: $(READY_FOR_DEMO)
 	$(BIN)/botohe solve art_museum --evaluations 1000000 --seed 1 --out results/demo
 
 # With bytecode on disk, each of the many processes that tests start takes 0.2 s less.
+PYTEST := PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --numprocesses 2 --maxprocesses 2 --dist worksteal
+
 test: $(READY)
-	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --numprocesses 2 --maxprocesses 2 --dist worksteal
+	BOTOHE_EXAMPLES=0.1 $(PYTEST) -m "not slow"
+
+test-all: $(READY)
+	$(PYTEST)
 
 test-long: $(READY)
 	BOTOHE_EXAMPLES=20 BOTOHE_MUTATIONS=1000 $(BIN)/python -m pytest -m hypothesis --timeout 3600 \

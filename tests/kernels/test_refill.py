@@ -374,10 +374,16 @@ def test_children_are_plans_within_their_room(case, floor, budget, data):
         added += sorted(set(stops) - set(start))
     assert len(set(added)) == len(added)
     assert not set(added) & {node for stops in opened_tours for node in stops}
-    for there_was, there_is in zip(before, after, strict=True):
-        for was, now in zip(there_was, there_is, strict=True):
-            assert now <= was + 1e-9
-            assert now >= min(0.0, was) - 1e-9
+    for (danger, length), (danger_left, length_left) in zip(before, after, strict=True):
+        assert danger_left >= min(0.0, danger) - 1e-9
+        assert length_left >= min(0.0, length) - 1e-9
+        # A longer way may be less dangerous, but no way by a further stop costs less.
+        if routes.has_lengths:
+            danger, danger_left = (
+                danger + routes.per_length * length,
+                danger_left + routes.per_length * length_left,
+            )
+        assert danger_left <= danger + 1e-9
     refilled = work.refilled.tolist()
     for robot, trail in enumerate(refilled):
         nodes = nodes_of(search, trail)
