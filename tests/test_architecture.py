@@ -66,7 +66,6 @@ ROOMS = {
         "judge",
         "report",
         "planning",
-        "estimate",
         "merge",
         "runner",
     ],
