@@ -136,7 +136,7 @@ _LIBRARIES = (
     "alive_progress", "joblib", "matplotlib.backends.backend_agg", "pandas", "psutil",
     "pyarrow.csv", "pyarrow.parquet", "rich.progress", "scipy.stats", "typer", "yaml",
 )  # fmt: skip
-_OURS = ("estimate", "file.loading", "file.schema", "merge", "report.folder", "runner")
+_OURS = ("file.loading", "file.schema", "merge", "report.folder", "runner")
 
 
 def load():

@@ -4,10 +4,8 @@ from collections.abc import Callable
 from pathlib import PurePath
 from random import Random
 
-from tests.fuzz.arrays import change_npz
 from tests.fuzz.bits import change_bytes, change_words
 from tests.fuzz.cells import change_csv, change_points
-from tests.fuzz.frames import change_parquet
 from tests.fuzz.markup import change_xml
 from tests.fuzz.oracle import Files, Odd
 from tests.fuzz.trees import change_json, change_yaml
@@ -19,8 +17,6 @@ _BY_SUFFIX: dict[str, _Change] = {
     ".yaml": change_yaml,
     ".csv": change_csv,
     ".txt": change_points,
-    ".npz": change_npz,
-    ".parquet": change_parquet,
 }
 _TEXTS = (".json", ".graphml", ".yaml", ".csv", ".txt")
 _OF_BYTES = 0.3  # how often bytes change, and the file need not stay one of its format
@@ -30,7 +26,7 @@ _OF_FILES = 0.03  # how often files are exchanged, missing or something else
 def change_file(rng: Random, name: str, data: bytes) -> bytes:
     """Give a file with changes: of what it holds, of its words or of its bytes."""
     suffix = PurePath(name).suffix or ".json"  # as a hidden one is
-    if rng.random() > _OF_BYTES:
+    if suffix in _BY_SUFFIX and rng.random() > _OF_BYTES:
         return _BY_SUFFIX[suffix](rng, data)
     change = change_words if suffix in _TEXTS and rng.random() < 0.5 else change_bytes
     for _ in range(rng.choice((1, 1, 2, 4))):

@@ -1,7 +1,5 @@
 """Valid files, which the package itself has written, to be changed."""
 
-import hashlib
-import json
 import tempfile
 from dataclasses import replace
 from functools import cache
@@ -218,30 +216,11 @@ def studies() -> list[Files]:
             for mission in study.missions:
                 folder.save_bound(mission, toy_bound(mission.mission.robots), 2.0)
         make_tables(name)
-        files = read_files(Path(name), ".json", ".yaml", ".npz", ".parquet")
-        index = json.loads(Path(name, ".index.json").read_bytes())
-        # Times of these files, which are others each time.
-        timeless = {run: [size, 1, 2, *rest] for run, (size, _, _, *rest) in index.items()}
-        files[".index.json"] = json.dumps(timeless).encode()
-    # CSV files are for people, and the index only spares work: a folder is whole without them.
-    return [files]
+        # CSV files are for people: a folder is whole without them.
+        return [read_files(Path(name), ".json", ".yaml", ".npz", ".parquet")]
 
 
 @cache
 def stored_runs() -> list[Files]:
     (files,) = studies()
     return [{name: data} for name, data in files.items() if name.endswith(".npz")]
-
-
-def sealed(files: Files) -> Files:
-    """Let a manifest name the tables that are there, as one who forges them would."""
-    try:
-        manifest = json.loads(files["study.json"])
-        digests = manifest["tables"]
-        for name in digests:
-            data = files.get(f"{name}.parquet")
-            if isinstance(data, bytes):
-                digests[name] = hashlib.sha256(data).hexdigest()
-    except (KeyError, TypeError, ValueError, RecursionError, AttributeError):
-        return files
-    return {**files, "study.json": json.dumps(manifest).encode()}

@@ -185,6 +185,7 @@ def make_study(folder, missions, algorithms, records, *, control=None, bounds=()
         "seeds": sorted({r.seed for r in records}),
         "indicators": ["area", "igd_plus", "epsilon", "front_size"],
         "comparison": {"control": control, "significance": 0.05},
+        "made_from": "",
         **manifest,
     }
     tables = study_tables(missions, algorithms, records, control=control, bounds=bounds)

@@ -1,6 +1,5 @@
-"""From the files of runs to tables: what is counted, and what files of earlier versions give."""
+"""From the files of runs to tables: what is kept, and what is counted."""
 
-import io
 import json
 from dataclasses import replace
 
@@ -117,18 +116,6 @@ class TestFrontSize:
         [record] = records
         assert (len(record.plans[0]), record.front_size, record.ties) == (3, 2, 1)
 
-    def test_files_that_counted_all_plans_are_read(self, study, tmp_path):
-        run, store = study.runs()[-1], StudyFolder(tmp_path / "study")
-        with store.locked(study):
-            store.save(run, outcome_of(run, [(0.4, 0.4)], [(0.6, 0.5), (0.5, 0.6)], ties=3))
-            path = store.path / "runs" / f"{run.digest}.npz"
-            with np.load(io.BytesIO(path.read_bytes())) as file:
-                arrays = dict(file)
-            arrays["front_size"] = arrays.pop("ties") + arrays["n_points"]
-            np.savez_compressed(path, **arrays)
-            records = store.load(run).records
-        assert [(r.front_size, r.ties) for r in records] == [(1, 0), (2, 3)]
-
 
 class TestTrace:
     def test_its_last_record_is_worth_what_the_run_is(self, kept):
@@ -153,9 +140,10 @@ class TestTrace:
             store.write_study(study)
             run = study.runs()[0]
             store.save(run, outcome_of(run, [(0.4, 0.4)]))
-            tables = collect_tables(study, store)
-        assert tables["trace"]["igd_plus"].isna().all()
-        assert list(tables["trace"]["epsilon"]) == [0.0]
+            collect_tables(study, store)
+        trace = read_study(store.path).trace
+        assert trace["igd_plus"].isna().all()
+        assert list(trace["epsilon"]) == [0.0]
 
     def test_runs_without_a_front_have_no_rows(self, kept):
         nothing = kept.runs[kept.runs["status"] == "infeasible"]
@@ -205,10 +193,35 @@ class TestEntries:
             assert len(found) == len(getattr(kept, name))
 
 
-def test_what_is_kept_of_a_run_says_how_many_ties(study, tmp_path):
+def test_the_file_of_a_run_has_all_of_it(study, tmp_path):
     run, store = study.runs()[0], StudyFolder(tmp_path / "study")
+    outcome = outcome_of(run, [(0.4, 0.4)], [(0.6, 0.5), (0.5, 0.6)], ties=2)
     with store.locked(study):
-        store.save(run, outcome_of(run, [(0.5, 0.5)], ties=2))
-        with np.load(store.path / "runs" / f"{run.digest}.npz") as file:
-            assert file["ties"].tolist() == [2]
-            assert json.loads(file["header"].tobytes())["digest"] == run.digest
+        store.save(run, outcome)
+    with np.load(store.path / "runs" / f"{run.digest}.npz", allow_pickle=False) as file:
+        assert json.loads(file["header"].tobytes())["identity"] == run.identity
+    found = store.load(run)
+    assert replace(found, records=()) == replace(outcome, records=())
+    for one, other in zip(found.records, outcome.records, strict=True):
+        assert (one.evaluations, one.seconds, one.ties) == (
+            other.evaluations,
+            other.seconds,
+            other.ties,
+        )
+        assert one.objectives.tolist() == other.objectives.tolist()
+    (plans, objectives), (expected, claimed) = found.records[-1].plans, outcome.records[-1].plans
+    assert list(plans) == list(expected)
+    assert objectives.tolist() == claimed.tolist()
+
+
+def test_failures_are_kept_until_the_run_is_finished(study, tmp_path):
+    run, store = study.runs()[0], StudyFolder(tmp_path / "study")
+    done = outcome_of(run, [(0.4, 0.4)])
+    with store.locked(study):
+        store.save(run, replace(done, status="failed", error="it broke"))
+        found = store.load(run)
+        assert (found.status, found.error, found.records) == ("failed", "it broke", ())
+        assert (store.digests("runs"), store.digests("failures")) == (set(), {run.digest})
+        store.save(run, done)
+        assert store.load(run).status == "done"
+        assert (store.digests("runs"), store.digests("failures")) == ({run.digest}, set())

@@ -1,10 +1,8 @@
 """Tables whose columns depend on the study: names, types, and what they may not hold."""
 
-import pandas as pd
 import pytest
 
 from botohe_moo import load_mission
-from botohe_moo.study.file.model import StudyError
 from botohe_moo.study.judge.summary import algorithm_table, mission_table
 from botohe_moo.study.store.tables import to_arrow
 
@@ -83,16 +81,3 @@ def test_members_of_a_grid_are_a_family():
     assert list(table["family"]) == ["hills", "hills"]
     assert list(table["seed"]) == [1, 2]
     assert list(algorithms({})["family"]) == ["A0"]  # of a manifest that says nothing of it
-
-
-def test_only_what_tables_can_hold_may_be_in_them():
-    table = algorithms({"x": 1})
-    to_arrow("algorithms", table)
-    with pytest.raises(StudyError, match="Table algorithms: a column of type"):
-        to_arrow("algorithms", table.assign(x=pd.Timestamp("2026-11-22")))
-    with pytest.raises(StudyError, match="Table algorithms: expected columns"):
-        to_arrow("algorithms", table.drop(columns="name"))
-    with pytest.raises(StudyError, match="Table algorithms: expected columns"):
-        to_arrow("algorithms", pd.concat([table, table[["x"]]], axis=1))
-    with pytest.raises(StudyError, match="Table ranks: expected columns"):
-        to_arrow("ranks", pd.DataFrame(columns=["indicator", "x"]))

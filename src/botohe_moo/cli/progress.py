@@ -140,14 +140,6 @@ def showing_search(total: int) -> Iterator[Progress]:
         yield progress
 
 
-def say_faults(plan: Plan) -> None:
-    """Say which results of a study are damaged."""
-    for fault in plan.damaged.values():
-        say(f"{fault}; the run is performed again.")
-    for fault in plan.damaged_bounds.values():
-        say(f"{fault}; the bound is computed again.")
-
-
 class StudyWatcher:
     """Counts the runs and bounds of a study that end, and shows their number."""
 
@@ -160,7 +152,6 @@ class StudyWatcher:
 
     def begin(self, plan: Plan) -> None:
         """Say how many runs are finished, and how many are to go."""
-        say_faults(plan)
         self._n_runs, self._n_bounds = len(plan.missing), len(plan.unbounded)
         there = len(plan.runs) - self._n_runs
         again = f", {len(plan.failed)} of them failed before" if plan.failed else ""

@@ -13,7 +13,7 @@ from botohe_moo.cli.options import integer_option, out_option
 from botohe_moo.cli.shell import FAILED, fail, failing, say, tell
 
 if TYPE_CHECKING:
-    from botohe_moo.study.estimate import Estimate
+    from botohe_moo.study.planning import Estimate
     from botohe_moo.study.store.tables import StudyTables
 
 study_app = typer.Typer(
@@ -106,7 +106,7 @@ def run(
 
 
 def _outcome(tables: StudyTables) -> str:
-    """Give the medians as a table for each mission."""
+    """Write the medians as a table for each mission."""
     from pandas import option_context
 
     summary = tables.summary
@@ -135,11 +135,9 @@ def _outcome(tables: StudyTables) -> str:
 def plan(file: FileArgument, out: OutOption = None, workers: WorkersOption = None) -> None:
     """List the runs, those that are there, and the time for the rest."""
     with ending_on_interrupt:
-        from botohe_moo.cli.progress import say_faults, showing
-        from botohe_moo.study.estimate import estimate_times, time_left
         from botohe_moo.study.file.loading import load_study
         from botohe_moo.study.file.model import study_folder
-        from botohe_moo.study.planning import plan_study
+        from botohe_moo.study.planning import estimate_times, plan_study, time_left
         from botohe_moo.study.store.folder import StudyFolder
 
     with failing():
@@ -147,10 +145,7 @@ def plan(file: FileArgument, out: OutOption = None, workers: WorkersOption = Non
         folder = StudyFolder(study_folder(study.name, out))
         folder.check(study)
         planned = plan_study(study, folder)
-    say_faults(planned)
-    with showing("reading") as show:
-        note = "what is not compiled yet is compiled first"
-        estimates = list(estimate_times(planned, lambda trial: show(f"{trial}; {note}")))
+        estimates = estimate_times(planned, folder)
     tell(_plan_table(estimates))
     n_there, n_runs = len(planned.finished), len(planned.runs)
     tell(f"\n{n_runs} runs: {n_there} are there, {n_runs - n_there} to go, in {folder.path}")
@@ -158,15 +153,14 @@ def plan(file: FileArgument, out: OutOption = None, workers: WorkersOption = Non
     if n_bounds:
         each = _duration(study.bound_seconds)
         tell(f"{counted(n_bounds, 'bound')} to compute when the runs are done, at most {each} each")
-    waiting = [estimate for estimate in estimates if estimate.n_there < estimate.n_runs]
-    if waiting or n_bounds:
-        left = time_left(waiting, n_workers, n_bounds=n_bounds, bound_seconds=study.bound_seconds)
-        at_most = n_bounds or any(e.at_most for e in waiting)
-        about = "at most about" if at_most else "about"
+    waiting = [estimate for estimate in estimates if estimate.n_left]
+    left = time_left(waiting, n_workers, n_bounds=n_bounds, bound_seconds=study.bound_seconds)
+    if left:
+        at_most = n_bounds or any(estimate.at_most for estimate in waiting)
         unknown = any(estimate.seconds is None for estimate in waiting)
         tell(
-            f"{about} {_duration(left)} with {n_workers} at a time"
-            f"{', besides what is unknown' if unknown else ''}"
+            f"{'at most about' if at_most else 'about'} {_duration(left)} with {n_workers} at a "
+            f"time{', besides what is unknown' if unknown else ''}"
         )
 
 
@@ -184,14 +178,12 @@ def _plan_table(estimates: list[Estimate]) -> str:
 
 def _each(estimate: Estimate) -> str:
     if estimate.seconds is None:
-        return "unknown: a trial failed"
-    sign = "" if estimate.measured else "at most ~" if estimate.at_most else "~"
-    start = f" and {_duration(estimate.start_seconds)} to start" if estimate.start_seconds else ""
-    return f"{sign}{_duration(estimate.seconds)}{start}"
+        return "unknown"
+    return f"{'at most ' if estimate.at_most else ''}{_duration(estimate.seconds)}"
 
 
 def _duration(seconds: float) -> str:
-    """Give a duration in the unit that suits it."""
+    """Write a duration in the unit that suits it."""
     for unit, size in (("h", 3600.0), ("min", 60.0)):
         if seconds >= 2 * size:
             return f"{seconds / size:.1f} {unit}"
@@ -202,14 +194,13 @@ def _duration(seconds: float) -> str:
 def tables(folder: FolderArgument) -> None:
     """Make the tables of the runs that are there.
 
-    Also while a runner is at work, or after a kill. Every file of a run is read and checked. The
-    study file is not needed.
+    Also while a runner is at work, or after a kill. The study file is not needed.
     """
     with ending_on_interrupt:
         from botohe_moo.study.runner import make_tables
 
     with failing():
-        made = make_tables(folder, say=say)
+        made = make_tables(folder)
     tell(_outcome(made))
     _say_missing(made)
     tell(f"\nThe tables are in {folder}; `botohe study report {folder}` makes the report.")
@@ -224,7 +215,7 @@ def merge(
 ) -> None:
     """Make one study of the results that several machines have of it.
 
-    Every run is checked as if it had been performed here; missions, algorithms and seeds add up.
+    Their study files are the same but for the seeds, which add up.
     """
     with ending_on_interrupt:
         from botohe_moo.study.merge import merge_studies

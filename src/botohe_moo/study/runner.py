@@ -4,8 +4,9 @@ import contextlib
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Protocol
 
 from botohe_moo._base.checks import check_integer, check_number
@@ -17,9 +18,7 @@ from botohe_moo.study.run.cluster import check_address, dask_outcomes
 from botohe_moo.study.run.pool import FoundBounds, Outcomes, local_bounds, local_outcomes
 from botohe_moo.study.run.task import PATIENCE, Outcome, Record
 from botohe_moo.study.store.folder import StudyFolder
-from botohe_moo.study.store.manifest import read_manifest, restore_study
-from botohe_moo.study.store.run_files import IndexedFile
-from botohe_moo.study.store.table_files import tables_locked
+from botohe_moo.study.store.manifest import restore_study
 from botohe_moo.study.store.tables import StudyTables
 
 # Sent by batch systems and ``docker stop``, and by a terminal that is closed.
@@ -192,7 +191,7 @@ def run_study(
                     stopped=stop.pressed.is_set,
                     note=lambda task, record: watcher.record(runs[task.digest], record),
                 )
-            done = _save(outcomes, runs, folder, watcher)
+            _save(outcomes, runs, folder, watcher)
             bound_tasks = (
                 make_bound_task(mission, plan.runs, folder, study.bound_seconds)
                 for mission in plan.unbounded.values()
@@ -200,8 +199,7 @@ def run_study(
             )
             bounds = local_bounds(bound_tasks, workers=workers, stopped=stop.pressed.is_set)
             _save_bounds(bounds, plan.unbounded, folder, watcher)
-            with tables_locked(folder.path):
-                tables = refresh_tables(study, folder, {**plan.finished, **done})
+            tables = refresh_tables(study, folder)
     if stop.pressed.is_set():
         raise StudyInterrupted(stop.signal)
     return tables
@@ -209,16 +207,13 @@ def run_study(
 
 def _save(
     outcomes: Outcomes, runs: Mapping[str, Run], folder: StudyFolder, watcher: Watcher
-) -> dict[str, IndexedFile]:
-    """Save outcomes as they come; give the files of runs that did not fail."""
-    done: dict[str, IndexedFile] = {}
+) -> None:
+    """Save outcomes as they come."""
     with contextlib.closing(outcomes):
         for task, outcome in outcomes:
             run = runs[task.digest]
-            if file := folder.save(run, outcome):
-                done[run.digest] = file
+            folder.save(run, outcome)
             watcher.end(run, outcome)
-    return done
 
 
 def _save_bounds(
@@ -233,25 +228,21 @@ def _save_bounds(
             watcher.end_bound(mission, error)
 
 
-def make_tables(
-    folder: str | os.PathLike[str], *, say: Callable[[str], None] | None = None
-) -> StudyTables:
+def make_tables(folder: str | os.PathLike[str]) -> StudyTables:
     """Make the tables of a study anew, of the runs that are in its folder.
 
-    Every file of a run is read and checked. The study file is not needed, nor are the packages
-    that algorithms are from. A runner may be at work meanwhile.
+    The study file is not needed, nor are the packages that algorithms are from. A runner may be at
+    work meanwhile.
 
     Parameters
     ----------
     folder
         Folder that ``botohe study run`` has written to.
-    say
-        Is told which files are damaged; their runs are not in the tables.
 
     Raises
     ------
     StudyError
-        If the folder holds no study, or cannot be written to.
+        If the folder holds no study, or cannot be written to; or names a file that is damaged.
 
     Examples
     --------
@@ -267,13 +258,5 @@ def make_tables(
     >>> len(make_tables("results/trial").runs)
     1
     """
-    ours = StudyFolder(folder)
-    read_manifest(ours.path)  # before anything is written there
-    with tables_locked(ours.path):
-        study = restore_study(ours.path)
-        plan = plan_study(study, ours, anew=True)
-        for what, damaged in (("run", plan.damaged), ("bound", plan.damaged_bounds)):
-            for fault in damaged.values():
-                if say is not None:
-                    say(f"{fault}; the {what} is missing from the tables.")
-        return refresh_tables(study, ours, plan.finished, anew=True)
+    study = restore_study(Path(folder))
+    return refresh_tables(study, StudyFolder(folder), anew=True)

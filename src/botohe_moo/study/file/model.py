@@ -238,7 +238,6 @@ class Study:
             "indicators": list(self.file.indicators),
             "comparison": self.file.comparison.model_dump(),
             "bounds": self.file.bounds and self.file.bounds.model_dump(),
-            "tables": None,
         }
 
 

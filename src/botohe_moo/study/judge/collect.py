@@ -1,8 +1,7 @@
-"""Making a study's tables of the files of its runs."""
+"""Making the tables of a study from the files of its runs."""
 
-import contextlib
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,8 +9,9 @@ import numpy as np
 import pandas as pd
 
 from botohe_moo._base.types import FloatArray
+from botohe_moo.indicators import TIE
 from botohe_moo.search.bounds import FrontBound
-from botohe_moo.study.file.model import Run, Study
+from botohe_moo.study.file.model import Run, Study, StudyError
 from botohe_moo.study.judge.comparisons import compare_algorithms
 from botohe_moo.study.judge.ranks import compare_ranks, rank_algorithms
 from botohe_moo.study.judge.scores import reference_fronts, score_records, score_runs
@@ -24,46 +24,48 @@ from botohe_moo.study.judge.summary import (
 )
 from botohe_moo.study.run.environment import environment
 from botohe_moo.study.run.task import Outcome
-from botohe_moo.study.store.folder import DamagedError, StudyFolder, writing
+from botohe_moo.study.store.folder import StudyFolder, writing
 from botohe_moo.study.store.run_files import outcome_fields
 from botohe_moo.study.store.schemas import SCHEMAS
 from botohe_moo.study.store.tables import write_tables
 
 
-def collect_tables(study: Study, folder: StudyFolder) -> dict[str, pd.DataFrame]:
-    """Make all tables of a study, and write them to its folder.
+def collect_tables(study: Study, folder: StudyFolder, made_from: str = "") -> None:
+    """Make all tables of a study, of the runs and bounds that are there, and write them.
 
-    Runs and bounds that are not there, or whose files are damaged, are not in the tables. A
-    StudyError says that the folder cannot be written to, or names a bound that a run refutes.
+    ``made_from`` is the digest of what they are made from. A StudyError names a file that is
+    damaged, or a bound that a run refutes, or says that the folder cannot be written to.
     """
     found = _Found()
-    for run, outcome in _outcomes(study, folder):
-        found.add(run, outcome)
+    for run in study.runs():
+        if outcome := folder.load(run):
+            found.add(run, outcome)
     missions = {mission.label: mission.mission for mission in study.missions}
     manifest = study.manifest()
-    kept = folder.bounds(study)
-    bounds = {label: of_mission.bound for label, of_mission in kept.items()}
+    bounds = {
+        mission.label: kept[0]
+        for mission in (study.missions if study.file.bounds else ())
+        if (kept := folder.bound(mission))
+    }
     tables = _judged(study, found, bounds)
-    largest = tables["runs"].groupby("mission")["area"].max()
-    for label in kept.keys() & largest.keys():
-        kept[label].check(label, float(largest[label]))
+    _check_bounds(bounds, tables["runs"])
     tables["missions"] = mission_table(manifest, missions, bounds)
     tables["bounds"] = bound_table(bounds)
     tables["algorithms"] = algorithm_table(manifest)
-    ordered = {name: tables[name] for name in SCHEMAS}
     with writing(folder.path):
-        write_tables(folder.path, ordered, manifest)
-    return ordered
+        write_tables(folder.path, tables, {**manifest, "made_from": made_from})
 
 
-def _outcomes(study: Study, folder: StudyFolder) -> Iterator[tuple[Run, Outcome]]:
-    for run in study.runs():
-        outcome = None
-        # If its file is damaged or not there, the last failure counts, if there is one.
-        with contextlib.suppress(DamagedError):
-            outcome = folder.load(run)
-        if outcome := outcome or folder.failure(run.digest):
-            yield run, outcome
+def _check_bounds(bounds: Mapping[str, FrontBound], runs: pd.DataFrame) -> None:
+    """Refuse a bound below the area that a run has found: one of them has a fault."""
+    for label, bound in bounds.items():
+        area = runs.loc[runs["mission"] == label, "area"].max()
+        if area > bound.area + TIE:
+            raise StudyError(
+                f"The bound of {label} says that no front has an area above {bound.area:.6f}, but "
+                f"a run has found {area:.6f}. Remove its file from the folder bounds, and run the "
+                "study again; please report it, if it happens again."
+            )
 
 
 @dataclass

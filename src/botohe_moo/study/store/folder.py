@@ -2,228 +2,138 @@
 
 import contextlib
 import errno
-import json
 import os
-import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import filelock
 
-from botohe_moo._base.files import read_bytes, replace_file
+from botohe_moo._base.files import replace_file
 from botohe_moo.mission.formats.files import save_mission
 from botohe_moo.search.bounds import FrontBound
+from botohe_moo.study.file.digest import canonical
 from botohe_moo.study.file.model import MANIFEST, Run, Study, StudyError, StudyMission
 from botohe_moo.study.run.task import Outcome
-from botohe_moo.study.store.bound_files import KeptBound, bound_file, bound_files, read_bound
-from botohe_moo.study.store.manifest import dump_study, read_manifest
-from botohe_moo.study.store.run_files import IndexedFile, outcome_fields, pack_run, unpack_run
-from botohe_moo.study.store.run_parts import read_ending
-from botohe_moo.study.store.table_files import put_study, tables_locked
+from botohe_moo.study.store.manifest import pack_study, read_manifest
+from botohe_moo.study.store.run_files import pack_run, read_run
 
-_TEMPORARY = re.compile(r"\.[0-9a-f]{16}\.tmp$")  # as replace_file names them
+# The folders in it; tables are made of the files in the first three.
+RUNS, FAILURES, BOUNDS, MISSIONS = PARTS = ("runs", "failures", "bounds", "missions")
+_LOCK = ".lock"
+_UNFINISHED = f".{'?' * 16}.tmp"  # as replace_file names them
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-
-
-class DamagedError(Exception):
-    """The file of a run or of a bound cannot be trusted; names the file and says why."""
 
 
 class StudyFolder:
     """The folder of a study's results; it need not exist, and :meth:`locked` makes it.
 
-    ``runs/DIGEST.npz`` holds a finished run, ``failures/DIGEST.json`` the last failure of a run
-    that has never finished. Failures are not results: the run is performed again.
-    ``bounds/DIGEST-SECONDS.json`` holds the bound of a mission. What cannot be used or written to
-    is named by a StudyError.
+    ``runs/DIGEST.npz`` holds a finished run, ``failures/DIGEST.npz`` the last failure of a run
+    that has never finished: failures are not results, and the run is performed again.
+    ``bounds/DIGEST-SECONDS.json`` holds the bound of a mission, and the seconds that it was
+    allowed. What cannot be used or written to is named by a StudyError.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = Path(path)
-        self._runs = self.path / "runs"
-        self._failures = self.path / "failures"
-        self._missions = self.path / "missions"
-        self._bounds = self.path / "bounds"
-        self._lock_file = self.path / ".lock"
-        self._runner_file = self.path / ".runner"
 
     @contextlib.contextmanager
     def locked(self, study: Study) -> Iterator[None]:
         """Make the folder for a study, and keep other runners out of it."""
-        self.check(study)  # while the lock file does not mark the folder as a study's yet
-        _make_folder(self.path)
-        lock = filelock.FileLock(self._lock_file)
+        self.check(study)
+        lock = filelock.FileLock(self.path / _LOCK, blocking=False)
+        with writing(self.path):
+            self.path.mkdir(parents=True, exist_ok=True)
+            try:
+                lock.acquire()
+            except filelock.Timeout:
+                raise StudyError(
+                    f"{self.path}: another runner is at work in this folder. Wait for it, or give "
+                    "another folder by --out."
+                ) from None
         try:
-            lock.acquire(blocking=False)
-        except filelock.Timeout:
-            raise StudyError(
-                f"{self.path}: another runner is at work in this folder"
-                f"{self._holder()}. Wait for it, or give another folder by --out."
-            ) from None
-        except OSError as error:
-            raise StudyError(f"{self.path}: cannot be written to ({error.strerror}).") from None
-        try:
-            self.check(study)  # another runner may have ended in between
-            # After the lock, which marks the folder as a study's even if it holds nothing else.
-            for folder in (self._runs, self._failures, self._missions):
-                _make_folder(folder)
-            if study.file.bounds:
-                _make_folder(self._bounds)
             with writing(self.path):
-                replace_file(self._runner_file, f"{os.getpid()}\n".encode())
-            self._tidy()
+                for part in PARTS:
+                    (self.path / part).mkdir(exist_ok=True)
+                for unfinished in self.path.rglob(_UNFINISHED):  # of a runner that was killed
+                    unfinished.unlink(missing_ok=True)
             yield
         finally:
-            self._runner_file.unlink(missing_ok=True)
             lock.release()
-
-    def _holder(self) -> str:
-        try:
-            return f" (process {int(self._runner_file.read_text())})"
-        except (OSError, ValueError):
-            return ""
-
-    def _tidy(self) -> None:
-        """Remove unfinished files of a runner that was killed."""
-        with tables_locked(self.path):  # tables may be made meanwhile
-            folders = (self.path, self._runs, self._failures, self._missions, self._bounds)
-            for folder in folders:
-                for leftover in folder.glob(".*.tmp"):
-                    if _TEMPORARY.match(leftover.name):
-                        leftover.unlink(missing_ok=True)
 
     def check(self, study: Study) -> None:
         """Make sure that the folder is empty, missing, or holds this study."""
-        marks = (MANIFEST, self._lock_file.name)
-        names: list[str] = []
-        with contextlib.suppress(OSError):  # not there, or reported when it is written to
-            names = sorted(path.name for path in self.path.iterdir())
-        if names and not any(mark in names for mark in marks):
+        names = sorted(path.name for path in self.path.iterdir()) if self.path.exists() else []
+        if MANIFEST in names:
+            if (name := read_manifest(self.path)["name"]) != study.name:
+                raise StudyError(
+                    f"{self.path}: holds the study {name!r}, not {study.name!r}; give another "
+                    "folder by --out."
+                )
+        elif names and _LOCK not in names:  # which is made first
             raise StudyError(
                 f"{self.path}: expected an empty folder or that of a study, found {names[0]!r} "
                 "in it; give another folder by --out."
             )
-        try:
-            name = read_manifest(self.path)["name"]
-        except StudyError:  # there is none, or it is damaged and will be written again
-            return
-        if name != study.name:
-            raise StudyError(
-                f"{self.path}: holds the study {name!r}, not {study.name!r}; give another "
-                "folder by --out."
-            )
 
     def write_study(self, study: Study) -> None:
-        """Write the study file, the missions and the manifest; existing tables stay readable."""
+        """Write the study file, the missions and the manifest."""
         with writing(self.path):
             for mission in study.missions:
-                save_mission(mission.mission, self._missions / f"{mission.digest}.json")
+                save_mission(mission.mission, self.path / MISSIONS / f"{mission.digest}.json")
             replace_file(self.path / "study.yaml", study.text.encode())
-            with tables_locked(self.path):
-                put_study(self.path, {**study.manifest(), "kept": dump_study(study)})
+            replace_file(self.path / MANIFEST, pack_study(study))
 
-    def has_run(self, digest: str) -> bool:
-        """Tell whether there is a file of a run; it may be damaged."""
-        return self._path(digest).exists()
+    def digests(self, part: str = RUNS) -> set[str]:
+        """List the digests of all runs that are finished, or have failed."""
+        return {path.stem for path in (self.path / part).glob("*.npz")}
 
-    def check_run(self, run: Run, known: IndexedFile | None = None) -> IndexedFile | None:
-        """Make sure that a run's file is whole; None if there is no file.
-
-        The file is not read again if it is the ``known`` one.
-        """
-        try:
-            state = self._path(run.digest).stat()
-        except OSError:  # such as a link to nowhere
-            return None
-        if known is not None and known.matches(state):
-            return known
-        data, outcome = self._read(run)
-        return IndexedFile.of(state, data, outcome.seconds)
-
-    def failures(self) -> dict[str, bytes]:
-        """Read the files of the last failures, by digest of the run."""
-        found = {}
-        for path in self._failures.glob("*.json"):
-            with contextlib.suppress(OSError):
-                found[path.stem] = read_bytes(path)
-        return found
-
-    def failure(self, digest: str) -> Outcome | None:
-        """Read the last failure of a run; None if there was none, or it cannot be read."""
-        try:
-            content = json.loads(read_bytes(self._failures / f"{digest}.json"))
-            return Outcome(**read_ending(content).model_dump())
-        except (OSError, ValueError, RecursionError):
-            return None
-
-    def save(self, run: Run, outcome: Outcome) -> IndexedFile | None:
-        """Write the outcome of a run; describe its file, None for a failed run."""
-        failed = self._failures / f"{run.digest}.json"
+    def save(self, run: Run, outcome: Outcome) -> None:
+        """Write the outcome of a run; records of a failed run are not kept."""
+        failed = self._path(run, FAILURES)
         with writing(self.path):
             if outcome.status == "failed":
-                replace_file(failed, json.dumps(outcome_fields(outcome), indent=1).encode())
-                return None
-            path, data = self._path(run.digest), pack_run(run, outcome)
-            replace_file(path, data)
-            failed.unlink(missing_ok=True)
-            return IndexedFile.of(path.stat(), data, outcome.seconds)
+                replace_file(failed, pack_run(run, replace(outcome, records=())))
+            else:
+                replace_file(self._path(run, RUNS), pack_run(run, outcome))
+                failed.unlink(missing_ok=True)
 
-    def load(self, run: Run) -> Outcome:
-        """Read the outcome of a run; a DamagedError names a file that cannot be trusted."""
-        return self._read(run)[1]
-
-    def bound(self, mission: StudyMission) -> KeptBound | None:
-        """Read the bound of a mission; of several that with the most seconds, None without any.
-
-        A DamagedError names a file that cannot be trusted, if there is no other.
-        """
-        fault = None
-        for path in bound_files(self._bounds, mission):
-            try:
-                return read_bound(path, mission)
-            except (OSError, ValueError) as error:
-                said = getattr(error, "strerror", None) or str(error).removeprefix(f"{path} ")
-                fault = fault or DamagedError(f"{path}: damaged ({said.rstrip('.')})")
-        if fault:
-            raise fault
+    def load(self, run: Run) -> Outcome | None:
+        """Read the outcome of a run, or its last failure; None if there is neither."""
+        for path in (self._path(run, RUNS), self._path(run, FAILURES)):
+            if path.exists():
+                return read_run(path, run.mission.mission.robots)
         return None
 
-    def bounds(self, study: Study) -> dict[str, KeptBound]:
-        """Read all bounds that a study asks for, by label of the mission, but damaged ones."""
-        found = {}
-        for mission in study.missions if study.file.bounds else ():
-            with contextlib.suppress(DamagedError):
-                if kept := self.bound(mission):
-                    found[mission.label] = kept
-        return found
+    def _path(self, run: Run, part: str) -> Path:
+        return self.path / part / f"{run.digest}.npz"
+
+    def bound(self, mission: StudyMission) -> tuple[FrontBound, float] | None:
+        """Read the bound of a mission that was allowed the most seconds, and how many they were."""
+        found = (self.path / BOUNDS).glob(f"{mission.bound_digest}-*.json")
+        allowed = {float(path.stem.partition("-")[2]): path for path in found}
+        if not allowed:
+            return None
+        seconds = max(allowed)
+        return FrontBound.load(allowed[seconds], mission.mission), seconds
 
     def save_bound(self, mission: StudyMission, bound: FrontBound, seconds: float) -> None:
-        """Write the bound of a mission that was allowed so many seconds, in place of any other."""
-        path = bound_file(self._bounds, mission, seconds)
+        """Write the bound of a mission that was allowed that many seconds."""
+        name = f"{mission.bound_digest}-{canonical(seconds)}.json"
         with writing(self.path):
-            bound.save(path)
-            for other in bound_files(self._bounds, mission):
-                if other != path:
-                    other.unlink(missing_ok=True)
+            bound.save(self.path / BOUNDS / name)
 
-    def _read(self, run: Run) -> tuple[bytes, Outcome]:
-        path = self._path(run.digest)
-        try:
-            data = read_bytes(path)
-            return data, unpack_run(data, run)
-        except (OSError, ValueError) as error:
-            said = (getattr(error, "strerror", None) or str(error)).partition("\n")[0]
-            raise DamagedError(f"{path}: damaged ({said})") from error
-
-    def _path(self, digest: str) -> Path:
-        return self._runs / f"{digest}.npz"
-
-
-def _make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StudyError(f"{folder}: expected a folder to write to; {error.strerror}.") from None
+    def inputs(self, study: Study) -> list[tuple[str, int, int]]:
+        """List the files that a study's tables are made of, each with its size and its time."""
+        digests = {run.digest for run in study.runs()}
+        digests |= {mission.bound_digest for mission in study.missions}
+        found = []
+        for part in (RUNS, FAILURES, BOUNDS):
+            for path in (self.path / part).glob("[!.]*"):
+                if path.stem.partition("-")[0] in digests:
+                    state = path.stat()
+                    found.append((f"{part}/{path.name}", state.st_size, state.st_mtime_ns))
+        return sorted(found)
 
 
 @contextlib.contextmanager

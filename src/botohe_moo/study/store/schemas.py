@@ -21,7 +21,7 @@ def _schema(
 
 
 _RUN = (
-    ("run", TEXT, "identity of the run: digest of everything its result depends on"),
+    ("run", TEXT, "identity of the run: digest of all that its result depends on"),
     ("mission", TEXT, "label of the mission in the study file"),
     ("algorithm", TEXT, "label of the algorithm in the study file"),
     ("seed", INTEGER, "seed of the run's random numbers"),
@@ -35,7 +35,7 @@ _SECONDS = ("seconds", NUMBER, "the algorithm's own time so far, without recordi
 
 
 def _scores(ending: str, said: str) -> list[tuple[str, pa.DataType, str]]:
-    """Give a column for each indicator that a study need not have."""
+    """Return a column for each indicator that a study need not have."""
     return [
         (f"{name}{ending}", NUMBER, f"{said} {known.in_words}; missing where it is not computed")
         for name, known in INDICATORS.items()
@@ -98,7 +98,7 @@ _TABLES: dict[str, pa.Schema | Callable[[], pa.Schema]] = {
         *_RUN,
         ("status", TEXT, "done, infeasible, timeout or failed"),
         ("stopped_by", TEXT, "evaluations, seconds, itself, limit (killed) or error"),
-        ("began", TEXT, "when, as 2026-11-22T04:30:12Z; missing for runs of earlier versions"),
+        ("began", TEXT, "when, as 2026-11-22T04:30:12Z; missing where it never did"),
         ("evaluations", INTEGER, "trail plans evaluated"),
         ("seconds", NUMBER, "the algorithm's own time, without recording and indicators"),
         ("recording_seconds", NUMBER, "time spent on recording fronts"),

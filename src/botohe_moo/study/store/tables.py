@@ -1,6 +1,5 @@
 """The tables of a study: their columns, how they are written, and how they are read again."""
 
-import dataclasses
 import io
 import json
 import os
@@ -14,18 +13,19 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from botohe_moo._base.files import read_bytes, replace_file
+from botohe_moo.mission.formats.files import read_mission
 from botohe_moo.mission.model import Mission
 from botohe_moo.study.file.model import StudyError
-from botohe_moo.study.store.manifest import read_manifest, saved_mission, tabled_manifest
+from botohe_moo.study.store.manifest import read_manifest
 from botohe_moo.study.store.schemas import SCHEMAS
-from botohe_moo.study.store.table_checks import FURTHER_TYPES, label_fault, schema_fault
-from botohe_moo.study.store.table_files import AGAIN, put_tables, read_file
 from botohe_moo.trails import TrailPlan
 
-# These are written as CSV, too.
-_LARGE = ("trace", "fronts", "plans", "references", "bounds")
+_LARGE = ("trace", "fronts", "plans", "references", "bounds")  # all others are CSV files, too
 _LONG = 200  # characters of a reason
-SMALL = tuple(name for name in SCHEMAS if name not in _LARGE)
+# Keys of the metadata of Parquet files: the digest of what the tables were made from, which is that
+# of all tables of a moment; and in one of them the manifest of the study.
+_MADE_FROM, _MANIFEST = b"made_from", b"study"
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +149,7 @@ class StudyTables:
         return self.missions.loc[missing, "mission"].tolist()
 
     def mission(self, label: str) -> Mission:
-        """Give a mission by its label.
+        """Return a mission by its label.
 
         Parameters
         ----------
@@ -160,12 +160,12 @@ class StudyTables:
         ------
         KeyError
             If there is no such mission.
-        StudyError
-            If its file is not the mission that was planned for any more.
+        OSError, MissionError
+            If its file cannot be read, or is not that of a mission.
         """
         if label not in self._missions:
             entry = self.manifest["missions"][label]
-            self._missions[label] = saved_mission(self.folder / entry["file"], entry["digest"])
+            self._missions[label] = read_mission(self.folder / entry["file"])
         return self._missions[label]
 
     @cached_property
@@ -174,7 +174,7 @@ class StudyTables:
         return {}
 
     def plan(self, run: str, plan_id: int) -> TrailPlan:
-        """Give a plan of a final front, to be evaluated again or drawn.
+        """Return a plan of a final front, to be evaluated again or drawn.
 
         Parameters
         ----------
@@ -199,44 +199,41 @@ class StudyTables:
 
 
 def _label(value: Any) -> Any:
-    """Give a node label as missions have it: JSON knows no tuples."""
+    """Return a node label as missions have it: JSON knows no tuples."""
     return tuple(map(_label, value)) if isinstance(value, list) else value
 
 
 def to_arrow(name: str, frame: pd.DataFrame) -> pa.Table:
-    """Check a table's columns and types; those that depend on the study may have several types."""
+    """Convert a table; an error says which column is missing, or not of its schema's type."""
     schema = SCHEMAS[name]
-    columns = list(frame.columns)
-    n_further = len(columns) - len(schema) if schema.metadata else 0
-    if columns[: len(columns) - n_further] != schema.names or len(set(columns)) < len(columns):
-        raise StudyError(f"Table {name}: expected columns {schema.names}, got {columns}.")
-    try:
-        for field in pa.Schema.from_pandas(frame.iloc[:, len(schema) :], preserve_index=False):
-            schema = schema.append(pa.field(field.name, FURTHER_TYPES[field.type]))
-        table = pa.Table.from_pandas(frame, schema=schema, preserve_index=False, safe=True)
-    except KeyError as error:
-        raise StudyError(f"Table {name}: a column of type {error.args[0]}.") from error
-    except (pa.ArrowInvalid, pa.ArrowTypeError, TypeError, ValueError) as error:
-        raise StudyError(f"Table {name}: {error}") from error
-    for field in schema:
-        if not field.nullable and table.column(field.name).null_count:
-            raise StudyError(f"Table {name}: expected values in all rows of column {field.name}.")
-    return table
+    if schema.metadata:  # it may have further columns
+        own = frame.drop(columns=schema.names)
+        schema = pa.schema([*schema, *pa.Schema.from_pandas(own, preserve_index=False)])
+    return pa.Table.from_pandas(frame, schema, preserve_index=False)
 
 
 def write_tables(
     folder: Path, tables: Mapping[str, pd.DataFrame], manifest: Mapping[str, Any]
 ) -> None:
-    """Check tables; write them as Parquet, the small ones as CSV, too, and their manifest."""
-    checked = {name: to_arrow(name, frame) for name, frame in tables.items()}
+    """Write tables as Parquet, and the small ones as CSV, too.
+
+    All are made before the first one replaces an earlier one. Their metadata hold ``made_from`` of
+    the manifest, so that a reader notices tables of several moments, as a kill may leave them.
+    """
     files = {}
-    for name, table in checked.items():
+    for name, frame in tables.items():
+        table = to_arrow(name, frame)
+        own = {_MADE_FROM: manifest["made_from"]}
+        if name == "runs":
+            own[_MANIFEST] = json.dumps(manifest)
+        table = table.replace_schema_metadata({**table.schema.metadata, **own})
         buffer = io.BytesIO()
         pq.write_table(table, buffer, compression="zstd")
         files[f"{name}.parquet"] = buffer.getvalue()
-        if name in SMALL:
-            files[f"{name}.csv"] = tables[name].to_csv(index=False, lineterminator="\n").encode()
-    put_tables(folder, files, manifest)
+        if name not in _LARGE:
+            files[f"{name}.csv"] = frame.to_csv(index=False, lineterminator="\n").encode()
+    for file, data in files.items():
+        replace_file(folder / file, data)
 
 
 def read_study(folder: str | os.PathLike[str]) -> StudyTables:
@@ -267,39 +264,29 @@ def read_study(folder: str | os.PathLike[str]) -> StudyTables:
     [['greedy', 'done']]
     """
     folder = Path(folder)
-    manifest = read_manifest(folder)
-    names = [field.name for field in dataclasses.fields(StudyTables)][2:]
-    while True:
-        tabled = tabled_manifest(manifest)
-        if tabled is None or not tabled["tables"].keys() >= set(names):
-            raise StudyError(
-                f"{folder}: its tables are not made yet: a runner is at work, or was killed. "
-                f"`botohe study tables {folder}` makes them of the runs that are there."
-            )
+    again = f"`botohe study tables {folder}` makes the tables of the runs that are there."
+    tables, moments, manifest = {}, set(), b""
+    for name in SCHEMAS:
+        path = folder / f"{name}.parquet"
         try:
-            tables = {name: _read_table(folder, name, tabled) for name in names}
-        except StudyError:
-            latest = read_manifest(folder)
-            if latest == manifest:
-                raise
-            manifest = latest  # they have been replaced meanwhile
-        else:
-            return StudyTables(folder, tabled, **tables)
+            table = _read_parquet(path)
+            metadata = table.schema.metadata
+            moments.add(metadata[_MADE_FROM])
+            manifest = metadata.get(_MANIFEST, manifest)
+            tables[name] = table.to_pandas(use_threads=False)
+        except FileNotFoundError:
+            read_manifest(folder)  # which says if there is no study
+            raise StudyError(f"{path}: there is no such table yet. {again}") from None
+        except (OSError, ValueError, LookupError, pa.ArrowException) as error:
+            said = f"{error}".partition("\n")[0][:_LONG]
+            raise StudyError(f"{path}: cannot be read ({said}). {again}") from error
+    if len(moments) > 1:
+        raise StudyError(f"{folder}: its tables are of several moments. {again}")
+    return StudyTables(folder, json.loads(manifest), **tables)
 
 
-def _read_table(folder: Path, name: str, manifest: Mapping[str, Any]) -> pd.DataFrame:
-    data = read_file(folder, f"{name}.parquet", manifest["tables"])
-    path = folder / f"{name}.parquet"
-    try:
-        # Threads of Arrow's may still hold the file when Python ends, and abort it (apache/arrow
-        # issues 34314 and 50482); a reader of memory needs none.
-        read = pq.read_table(pa.BufferReader(data), use_threads=False, pre_buffer=False)
-        read.validate(full=True)
-        fault = schema_fault(name, read)
-        table: pd.DataFrame = read.to_pandas(use_threads=False)
-    except Exception as error:  # pandas and pyarrow declare none
-        said = str(error).partition("\n")[0][:_LONG]
-        raise StudyError(f"{path}: cannot be read ({said}); {AGAIN}.") from error
-    if fault := fault or label_fault(name, table, manifest):
-        raise StudyError(f"{path}: expected {fault}; {AGAIN}.")
-    return table
+def _read_parquet(path: Path) -> pa.Table:
+    # Threads of Arrow's may still hold a file when Python ends, and abort it (apache/arrow issues
+    # 34314 and 50482); a reader of memory needs none.
+    data = pa.BufferReader(read_bytes(path))
+    return pq.read_table(data, use_threads=False, pre_buffer=False)
