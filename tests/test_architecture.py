@@ -184,9 +184,7 @@ SHARED_GENERATOR = re.compile(
     r"(np|numpy)\.random\.(?!(default_rng|BitGenerator|Generator|PCG64|SeedSequence)\b)"
 )
 UNSAFE_MODULES = {"cloudpickle", "dill", "marshal", "pickle", "runpy", "shelve"}
-UNSAFE_YAML = re.compile(
-    r"yaml\.(?!((Marked)?YAMLError|SafeDumper|SafeLoader|nodes|safe_dump|safe_load)\b)"
-)
+UNSAFE_YAML = re.compile(r"yaml(\.|$)|ruamel\.yaml\.(.*\.)?(Unsafe)?(Constructor|Loader)$")
 UNSAFE_JOBLIB = re.compile(r"joblib\.(?!(Parallel|delayed)\b)")  # its files are pickles
 UNSAFE_BUILTINS = {"__import__", "compile", "eval", "exec"}
 UNSAFE_METHODS = {"read_pickle", "to_pickle"}
@@ -643,7 +641,7 @@ class TestForbidden:
             "def f():\n import dill",
             "yaml.load(text, yaml.Loader)",
             "from yaml import full_load",
-            "yaml.unsafe_load(text)",
+            "from ruamel.yaml.constructor import Constructor",
             "eval(text)",
             "exec(text)",
             "np.load(path, allow_pickle=True)",
@@ -657,7 +655,7 @@ class TestForbidden:
     @pytest.mark.parametrize(
         "line",
         [
-            "yaml.safe_load(text)",
+            "from ruamel.yaml.constructor import SafeConstructor",
             "json.load(file)",
             "re.compile(x)",
             "model.eval()",

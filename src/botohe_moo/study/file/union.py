@@ -10,10 +10,9 @@ from pydantic import BaseModel
 from botohe_moo._base.checks import quoted
 from botohe_moo.mission.formats.files import SUFFIXES
 from botohe_moo.study.file.checking import MAX_RUNS
-from botohe_moo.study.file.config import AlgorithmEntry, Budget, MissionEntry, Seeds
+from botohe_moo.study.file.config import AlgorithmEntry, Budget, MissionEntry, Seeds, StudyFile
 from botohe_moo.study.file.document import Document
 from botohe_moo.study.file.model import Study, StudyAlgorithm, StudyError, StudyMission
-from botohe_moo.study.file.shape import file_faults
 
 Member = TypeVar("Member", StudyMission, StudyAlgorithm)
 Entry = TypeVar("Entry", MissionEntry, AlgorithmEntry)
@@ -64,14 +63,13 @@ def unite_studies(paths: Sequence[Path], studies: Sequence[Study]) -> Study:
 
 def _check_size(text: str, n_runs: int) -> None:
     """Refuse a study that is too large for a study file: it could not be read again."""
-    document = Document.parse(text)
-    faults = [fault.message for fault in document.faults] or [
-        f"{place[0] if place else 'it'}: {said}" for place, said in file_faults(document.content)
-    ]
+    try:
+        StudyFile.model_validate(Document(text).content)
+    except ValueError as error:
+        raise StudyError(f"The studies together are too large for one: {error}") from error
     if n_runs > MAX_RUNS:
-        faults.append(f"expected at most {MAX_RUNS:,} runs, found {n_runs:,}.")
-    if faults:
-        raise StudyError(f"The studies together are too large for one: {faults[0]}")
+        said = f"expected at most {MAX_RUNS:,} runs, found {n_runs:,}."
+        raise StudyError(f"The studies together are too large for one: {said}")
 
 
 def _members(

@@ -96,7 +96,7 @@ def restore_study(folder: Path) -> Study:
                 raise ValueError(f"kept.missions: expected a digest, got {quoted(digest)}")
             mission = saved_mission(folder / "missions" / f"{digest}.json", digest)
             missions.append(_MISSION.validate_python({**entry, "mission": mission}))
-        file = StudyFile.model_validate(Document.parse(dump.text).content)
+        file = StudyFile.model_validate(Document(dump.text).content)
     except StudyError:
         raise
     except (ValueError, TypeError, KeyError, RecursionError) as error:
