@@ -134,7 +134,7 @@ def start_server():
 
 _LIBRARIES = (
     "alive_progress", "joblib", "matplotlib.backends.backend_agg", "pandas", "psutil",
-    "pyarrow.csv", "pyarrow.parquet", "rich.progress", "scipy.stats", "typer", "yaml",
+    "pyarrow.csv", "pyarrow.parquet", "rich.progress", "ruamel.yaml", "scipy.stats", "typer",
 )  # fmt: skip
 _OURS = ("file.loading", "file.schema", "merge", "report.folder", "runner")
 

@@ -34,7 +34,7 @@ FILES = ["front.csv", "front.png", "mission.json", "mission.png", "plans.json"]
 # Runs command lines, each in a process of its own that is forked where everything is imported
 # already: a start costs seconds, a fork none. Code, if any, runs before the command.
 SERVER = """
-import gc, json, os, pydantic, signal, sys, tempfile, traceback, yaml
+import gc, json, os, pydantic, ruamel.yaml, signal, sys, tempfile, traceback
 signal.signal(signal.SIGINT, signal.default_int_handler)  # shells may start us with it ignored
 os.environ.pop("COLUMNS", None)  # which pytest's readline sets for those that it starts
 import botohe_moo.cli, botohe_moo.solving
@@ -825,7 +825,6 @@ class TestBadOptions:
             (["-p", "n ants=3"], ["Expected a parameter as NAME=VALUE, got 'n ants=3'."]),
             (["-p", "n_ants=1", "-p", "n_ants=1"], ["each parameter once, got 'n_ants' twice"]),
             (["-p", "n_ants=[1"], ["a number, true, false or text for 'n_ants', got '[1'"]),
-            (["-p", "n_ants=2026-13-32"], ["for 'n_ants', got '2026-13-32'"]),
             (["-p", f"n_ants={'[' * 5000}"], ["for 'n_ants', got '[[["]),
         ],
     )
@@ -1704,7 +1703,7 @@ class TestHelp:
         assert done.returncode == 0
         loaded = set(done.stderr.split())
         assert {"typer", "botohe_moo"} <= loaded
-        slow = {"numpy", "numba", "pandas", "pymoo", "matplotlib", "networkx", "yaml"}
+        slow = {"numpy", "numba", "pandas", "pymoo", "matplotlib", "networkx", "ruamel"}
         assert not loaded & slow
 
 

@@ -6,13 +6,14 @@ import os
 import subprocess
 import sys
 import textwrap
+import warnings
 from importlib import metadata
 from pathlib import Path
 
 import jsonschema
 import numpy as np
 import pytest
-import yaml
+from ruamel.yaml import YAML
 
 from botohe_moo import Mission, load_mission, save_mission
 from botohe_moo.algorithms import algorithm_names
@@ -69,8 +70,9 @@ class TestGrid:
             "parameters": {"pop_size": 20},
             "grid": {"repair": ["truncate", "penalty"], "prob_mutation": [0.5, 1]},
         }
-        study = load_study(changed(algorithms={"N": entry}))
-        assert {a.label: dict(a.parameters) for a in study.algorithms} == {
+        study = load_study(changed(algorithms={"N": entry, "ants": "botohe_moo:BOACO"}))
+        *variants, ants = study.algorithms
+        assert {a.label: dict(a.parameters) for a in variants} == {
             f"N (repair={repair}, prob_mutation={prob})": {
                 "pop_size": 20,
                 "repair": repair,
@@ -79,49 +81,25 @@ class TestGrid:
             for repair in ("truncate", "penalty")
             for prob in (0.5, 1)
         }
+        assert {a.family for a in variants} == {"N"}
+        assert (ants.family, ants.grid) == ("ants", {})
+        manifest = json.loads(json.dumps(study.manifest()))["algorithms"]
+        last = manifest["N (repair=penalty, prob_mutation=1)"]
+        assert last["family"] == "N"
+        assert last["grid"] == {"repair": "penalty", "prob_mutation": 1}
+        assert (last["name"], last["package"]) == ("nsga2", "botohe-moo")
+        assert last["effective"].items() > last["parameters"].items() > last["grid"].items()
+        ants = manifest["ants"]
+        assert (ants["algorithm"], ants["name"]) == ("botohe_moo:BOACO", "bo-aco")
+        assert ants["effective"].items() >= {"n_ants": 100, "n_threads": 1}.items()
 
     def test_generators_expand_over_seeds(self):
         entry = {"mission": "terrain", "parameters": {"nodes": 20}, "grid": {"seed": [1, 2]}}
         study = load_study(changed(missions={"hills": entry}))
         assert [m.label for m in study.missions] == ["hills (seed=1)", "hills (seed=2)"]
         assert study.missions[1].mission == load_mission("terrain", nodes=20, seed=2)
-
-    def test_members_say_which_entry_they_are_from(self):
-        study = load_study(
-            changed(
-                missions={
-                    "toy": "toy",
-                    "hills": {
-                        "mission": "terrain",
-                        "parameters": {"nodes": 20},
-                        "grid": {"seed": [1, 2]},
-                    },
-                },
-                algorithms={
-                    "N": {
-                        "algorithm": "nsga2",
-                        "parameters": {"pop_size": 20},
-                        "grid": {"prob_mutation": [0.5, 1]},
-                    },
-                    "ants": "botohe_moo:BOACO",
-                },
-            )
-        )
-        expected = [("toy", {}), ("hills", {"seed": 1}), ("hills", {"seed": 2})]
-        assert [(m.family, m.grid) for m in study.missions] == expected
-        expected = [("N", {"prob_mutation": 0.5}), ("N", {"prob_mutation": 1}), ("ants", {})]
-        assert [(a.family, a.grid) for a in study.algorithms] == expected
-        manifest = json.loads(json.dumps(study.manifest()))
-        mission = manifest["missions"]["hills (seed=2)"]
-        assert (mission["family"], mission["grid"]) == ("hills", {"seed": 2})
-        nsga2 = manifest["algorithms"]["N (prob_mutation=1)"]
-        assert (nsga2["family"], nsga2["grid"]) == ("N", {"prob_mutation": 1})
-        assert (nsga2["name"], nsga2["package"]) == ("nsga2", "botohe-moo")
-        assert nsga2["parameters"] == {"pop_size": 20, "prob_mutation": 1}
-        assert nsga2["effective"].items() > nsga2["parameters"].items()
-        ants = manifest["algorithms"]["ants"]
-        assert (ants["algorithm"], ants["name"]) == ("botohe_moo:BOACO", "bo-aco")
-        assert ants["effective"].items() >= {"n_ants": 100, "n_threads": 1}.items()
+        second = study.manifest()["missions"]["hills (seed=2)"]
+        assert (second["family"], second["grid"]) == ("hills", {"seed": 2})
 
     def test_files_are_beside_the_study(self, tmp_path):
         (tmp_path / "sites").mkdir()
@@ -172,12 +150,7 @@ class TestGrid:
         }
         entry["parameters"]["lengths_from_pos"] = True
         [said] = lines(changed(missions={"x": entry}))
-        assert "lengths_from_pos stands in the mission's own keys." in said
-
-    @pytest.mark.parametrize("wrong", [-1, "none", True, float("inf"), float("nan"), [1]])
-    def test_what_is_no_travel_budget(self, wrong):
-        entry = {"mission": "toy", "max_length": wrong}
-        assert "max_length" in lines(changed(missions={"x": entry}))[0]
+        assert "expected each parameter once; 'lengths_from_pos' is there 2 times." in said
 
     @pytest.mark.parametrize(
         ("seeds", "expected"),
@@ -271,10 +244,6 @@ class TestIdentity:
         )
         assert not set(before) & set(digests(GOOD))
 
-    def test_more_seeds_and_algorithms_leave_the_others(self):
-        more = changed(algorithms=["random", "bo-aco"], seeds=5)
-        assert set(digests(GOOD)) < set(digests(more))
-
     def test_it_is_the_same_in_another_process(self):
         code = (
             "from botohe_moo.study.file.loading import load_study\n"
@@ -287,12 +256,8 @@ class TestIdentity:
         "algorithm",
         [
             {"algorithm": "bo-aco", "parameters": {"n_ants": 100, "evaporation": 0.04}},
-            {"algorithm": "bo-aco", "parameters": {"exploration": 0, "initial_pheromone": 1}},
-            {"algorithm": "bo-aco", "parameters": {"n_threads": 2}},
             {"algorithm": "bo-aco", "grid": {"n_threads": [3]}},
-            "botohe_moo.algorithms.bo_aco:BOACO",
             "botohe_moo.algorithms.bo_aco.BOACO",
-            "botohe_moo:BOACO",
             {"algorithm": "botohe_moo.algorithms:BOACO", "parameters": {"n_ants": 100}},
         ],
     )
@@ -455,7 +420,7 @@ algorithms:
     parameters:
       pop_sise: 3
       pop_size: 1.5
-  Z: {algorithm: bo-aco, grid: {n_ants: [10, 0, 10]}, parameters: {evaporation: 2.0}}
+  Z: {algorithm: bo-aco, grid: {n_ants: [10, 0]}, parameters: {evaporation: 2.0}}
   W: {algorithm: bo-aco, parameter: {}}
   V: {algorithm: nsga2, parameters: {repair: best, sampling: [1]}}
 budget: {evaluations: 1e5, second: 3}
@@ -466,7 +431,7 @@ indicators: [area, igd]
         )
         found = lines(path)
         expected = [
-            (1, "name: Expected name of letters"),
+            (1, "name: String should match pattern"),
             (2, "titel: there is no key 'titel'; known are title,"),
             (4, "'art_museun': there is no such mission; known are art_museum,"),
             (7, "nodes: Expected nodes to be an integer >= 2, got '50'"),
@@ -478,15 +443,14 @@ indicators: [area, igd]
             (17, "there is no parameter 'pop_sise'; known are pop_size,"),
             (18, "Expected pop_size to be an integer in [2, 1000000], got 1.5"),
             (19, "Expected n_ants in [1, 1000000], got 0"),
-            (19, "grid.n_ants: expected different values"),
             (19, "Expected evaporation in (0, 1), got 2.0"),
             (20, "there is no key 'parameter'; known are parameters,"),
             (21, "repair"),
             (22, "Expected evaluations to be an integer, got 100000.0"),
             (22, "there is no key 'second'; known are seconds,"),
-            (23, "expected each seed once, got 1 twice"),
+            (23, "expected each seed once; 1 is there 2 times"),
             (24, "Expected significance < 1"),
-            (25, "indicators[1]"),
+            (25, "indicators.1: Expected an indicator among"),
         ]
         for line, said in expected:
             assert any(entry.startswith(f"{path}:{line}: ") and said in entry for entry in found), (
@@ -499,58 +463,37 @@ indicators: [area, igd]
         ("changes", "said"),
         [
             ({"name": None}, "name: expected the key 'name', which is missing."),
-            ({"missions": {}}, "missions"),
-            ({"missions": [1]}, "missions"),
-            ({"algorithms": []}, "algorithms"),
-            ({"algorithms": {"a": 3}}, "algorithms.a"),
-            ({"algorithms": {"a": {"algorithm": ""}}}, "algorithms.a.algorithm"),
-            ({"budget": {}}, "expected evaluations or seconds"),
-            ({"budget": None}, "missions.toy: expected a budget"),
-            ({"budget": {"evaluations": 0}}, "Expected evaluations >= 1, got 0."),
-            ({"budget": {"evaluations": True}}, "to be an integer, got True"),
-            ({"budget": {"seconds": 0}}, "seconds"),
-            ({"budget": {"seconds": float("inf")}}, "seconds"),
-            ({"seeds": 0}, "seeds: Expected seeds >= 1, got 0."),
+            ({"name": 2026}, "name: Expected name to be a text, got 2026."),
+            ({"missions": [1]}, "missions: Expected missions to be a mapping, got [1]."),
+            ({"algorithms": []}, "algorithms: Dictionary should have at least 1 item"),
+            (
+                {"algorithms": {"a": None}},
+                "algorithms.a: expected a name, or a mapping with algorithm: NAME, got None.",
+            ),
+            ({"budget": {}}, "budget: expected evaluations or seconds, or both, found neither."),
+            ({"budget": None}, "budget: expected a budget, as the mission 'toy' has none"),
+            ({"budget": {"evaluations": True}}, "to be an integer, got True."),
+            ({"budget": {"seconds": math.nan}}, "budget.seconds: Expected seconds"),
+            ({"budget": {"seconds": math.inf}}, "budget.seconds: Expected seconds"),
             ({"seeds": "3"}, "seeds: Expected seeds to be an integer, got '3'."),
-            ({"seeds": []}, "seeds: Expected seeds not to be empty, got []."),
             ({"seeds": [-1]}, "seeds.0: Expected seeds[0] >= 0, got -1."),
             ({"seeds": {"values": [-1]}}, "seeds.values.0: Expected values[0] >= 0, got -1."),
-            ({"seeds": {"count": 1, "values": [1]}}, "either count or values"),
-            ({"recording": {"start": 0.5}}, "start"),
-            ({"indicators": []}, "indicators"),
-            ({"bounds": 300}, "bounds: Expected bounds to be a mapping, got 300."),
-            ({"bounds": {}}, "bounds.seconds: expected the key 'seconds', which is missing."),
-            ({"bounds": {"seconds": 0}}, "bounds.seconds: Expected seconds > 0, got 0"),
-            ({"bounds": {"seconds": "9"}}, "to be a number, got '9'."),
-            ({"bounds": {"seconds": float("nan")}}, "bounds.seconds: "),
-            ({"bounds": {"second": 9}}, "there is no key 'second'; known are seconds."),
-            ({"bound": {"seconds": 9}}, "there is no key 'bound'; known are bounds,"),
-            ({"indicators": ["area", "area"]}, "expected each once, got 'area' 2 times"),
-            (
-                {"algorithms": ["random", "random"]},
-                "expected each of algorithms once, got 'random' 2 times",
-            ),
+            ({"seeds": {"count": 1, "values": [1]}}, "expected either count or values, found both"),
+            ({"bounds": {"second": 9, "seconds": 1}}, "no key 'second'; known are seconds."),
+            ({"indicators": ["area", "area"]}, "expected each indicator once; 'area' is there 2"),
+            ({"algorithms": ["random", "random"]}, "expected each name once; 'random' is there 2"),
             ({"algorithms": {"_a": "random"}}, "does not begin with _"),
             ({"algorithms": {"a\x1bb": "random"}}, "printable"),
+            ({"missions": {" a": "toy"}}, "without spaces around it, got ' a'"),
             (
                 {"missions": {"m": {"mission": "tests.study.algorithms_made:changing_mission"}}},
                 "gives another mission each time",
             ),
-            ({"comparison": {"control": "ant"}}, "there is no algorithm 'ant'"),
+            ({"missions": {"m": {"mission": "toy", "max_length": -1}}}, ">= 0 or 'unlimited', got"),
             ({"missions": {"t": {"mission": "toy", "parameters": {"x": 1}}}}, "parameter 'x'"),
             (
                 {"missions": {"a": {"mission": "toy", "parameters": {"name_or_path": "x"}}}},
-                "name_or_path stands in the mission's own keys",
-            ),
-            (
-                {"missions": {"a": {"mission": "toy", "robots": 1, "grid": {"robots": [2]}}}},
-                "robots stands in the mission's own keys",
-            ),
-            ({"missions": {" a": "toy"}}, "without spaces around it, got ' a'"),
-            ({"algorithms": {"a\nb": "random"}}, "in one line"),
-            (
-                {"algorithms": {"a": {"algorithm": "bo-aco", "grid": {"n_ants": []}}}},
-                "n_ants",
+                "expected each parameter once; 'name_or_path' is there 2 times.",
             ),
             (
                 {
@@ -562,11 +505,15 @@ indicators: [area, igd]
                         }
                     }
                 },
-                "stands in parameters, too",
+                "algorithms.a: expected each parameter once; 'n_ants' is there 2 times.",
             ),
             (
-                {"algorithms": {"a": {"algorithm": "bo-aco", "parameters": {"sampling": [1]}}}},
-                "sampling",
+                {"algorithms": {"a": {"algorithm": "bo-aco", "grid": {"n_ants": [5, 5]}}}},
+                "algorithms.a: 'a (n_ants=5)' is the same as 'a (n_ants=5)'.",
+            ),
+            (
+                {"comparison": {"control": "ant"}},
+                "no algorithm 'ant' in this study; its labels are",
             ),
             (
                 {
@@ -575,26 +522,19 @@ indicators: [area, igd]
                         "a": {"algorithm": "bo-aco", "grid": {"n_ants": list(range(1, 21))}}
                     },
                 },
-                "at most 250,000 runs, found 2,000,000.",
+                "seeds: expected at most 250,000 runs, found 2,000,000.",
             ),
         ],
     )
     def test_each_is_named(self, changes, said):
-        found = lines(changed(**changes))
-        assert any(said in line for line in found), found
-        assert len(found) <= 2
-
-    def test_bounds_without_seconds(self):
-        [said] = lines({**GOOD, "bounds": None})
-        assert said == 'bounds: "bounds:" has no value: expected seconds.'
+        [line] = lines(changed(**changes))  # nothing that follows from it is reported beside it
+        assert said in line
 
     @pytest.mark.parametrize(
         ("one", "other", "why"),
         [
             ("bo-aco", "bo-aco", ""),
             ("bo-aco", "botohe_moo:BOACO", ALIKE),
-            ("bo-aco", {"algorithm": "bo-aco", "parameters": {"n_ants": 100}}, ALIKE),
-            ("bo-aco", {"algorithm": "bo-aco", "parameters": {"n_threads": 2}}, ALIKE),
             ({"algorithm": "bo-aco", "grid": {"n_ants": [5, 100]}}, "bo-aco", ALIKE),
         ],
     )
@@ -614,32 +554,23 @@ indicators: [area, igd]
         assert f"register it as entry point of 'botohe_moo.{kind}s'" in line
         assert not (tmp_path / "harm").exists()
 
-    def test_missions_that_differ_in_what_no_run_heeds(self):
-        budget = {"evaluations": 100}
-        other = {"mission": "toy", "budget": {**budget, "seconds": 3}}
-        load_study(changed(missions={"a": "toy", "b": other}))
-        other["budget"] = {**budget, "grace_seconds": 3}
-        [line] = lines(changed(missions={"a": "toy", "b": other}))
-        assert line == "missions.b: 'b' is the same as 'a'."
-
     def test_threads_may_be_compared_at_equal_seconds(self):
         grid = {"algorithm": "bo-aco", "grid": {"n_threads": [1, 2]}}
         study = load_study(changed(budget={"seconds": 1}, algorithms={"a": grid}))
         assert len({run.digest for run in study.runs()}) == len(study.runs()) == 4
 
-    @pytest.mark.parametrize("text", ["", "- a\n", "3\n", "just text\n"])
-    def test_what_is_no_mapping(self, tmp_path, text):
+    @pytest.mark.parametrize(
+        ("text", "said"),
+        [
+            ("", "1: Expected the study to be a mapping, got None."),
+            ("- a\n", "1: Expected the study to be a mapping, got ['a']."),
+            ("name: x\nmissions: [\n", "3: not valid YAML: while parsing a flow node (line 3)"),
+            ("name: x\nmissions: &m [*m]\n", " Expected what a study file can hold: Circular"),
+        ],
+    )
+    def test_what_is_no_study(self, tmp_path, text, said):
         [line] = lines(written(tmp_path, text))
-        assert "expected a mapping with the keys of a study" in line
-
-    def test_broken_yaml(self, tmp_path):
-        [line] = lines(written(tmp_path, "name: x\nmissions: [\n"))
-        assert line.startswith(f"{tmp_path / 'study.yaml'}:3: not valid YAML")
-
-    def test_keys_that_stand_twice_beside_other_faults(self, tmp_path):
-        text = "name: x\nname: y\nmissions: [toy]\nalgorithms: [bo-aco]\nseeds: 0\n"
-        found = lines(written(tmp_path, text))
-        assert [line.partition("study.yaml:")[2][0] for line in found] == ["2", "3", "5"]
+        assert line.startswith(f"{tmp_path / 'study.yaml'}:{said}")
 
     def test_files_that_are_not_there_or_no_text(self, tmp_path):
         (tmp_path / "trials.yaml").write_text("")
@@ -649,7 +580,7 @@ indicators: [area, igd]
         [line] = lines(tmp_path)
         assert "cannot be read" in line
         (tmp_path / "latin.yaml").write_bytes(b"name: caf\xe9\n")
-        assert "UTF-8" in lines(tmp_path / "latin.yaml")[0]
+        assert "utf-8" in lines(tmp_path / "latin.yaml")[0]
 
     def test_pipes_are_not_waited_for(self, tmp_path):
         path = tmp_path / "study.yaml"
@@ -662,16 +593,21 @@ indicators: [area, igd]
         found = lines(written(tmp_path, json.dumps(changed(missions=["bad.json"]))))
         assert all("bad.json" in line for line in found)
 
-    @pytest.mark.parametrize("content", [{("a", "b"): 1}, {"x": object()}, {"x": {1, 2}}])
+    @pytest.mark.parametrize("content", [{("a", "b"): 1}, {"x": object()}])
     def test_mappings_that_no_file_can_hold(self, content):
         [line] = lines(content)
         assert "what a study file can hold" in line
 
-    def test_a_mapping_that_holds_itself(self):
-        content = changed()
-        content["missions"] = content
-        [line] = lines(content)
-        assert "what a study file can hold" in line
+    def test_a_record_beyond_every_budget_is_noticed(self, tmp_path):
+        text = json.dumps(changed(recording={"at": [50, 100, 1_000]}), indent=1)
+        path = written(tmp_path, text)
+        line = text.splitlines().index("   1000") + 1
+        said = "no run makes 1,000 evaluations: the largest budget is 100."
+        with pytest.warns(UserWarning, match=rf"^.*study\.yaml:{line}: recording\.at\.2: {said}$"):
+            load_study(path)
+        written(tmp_path, json.dumps(changed(recording={"at": [100]})))
+        with warnings.catch_warnings(action="error"):
+            load_study(path)
 
     def test_a_mission_function_that_raises(self, monkeypatch):
         def broken(*_, **__):
@@ -684,60 +620,26 @@ indicators: [area, igd]
     def test_a_misspelt_keyword_is_blamed_on_the_class_that_was_given_it(self, local, tmp_path):
         local(
             """
-            from pymoo.algorithms.moo.nsga2 import NSGA2
             from botohe_moo import BOACO
-            from botohe_moo.algorithms import ArchiveAlgorithm, PlanNSGA2, PopulationAlgorithm
+            from botohe_moo.algorithms import ArchiveAlgorithm
 
-            def passing(base, *arguments, **keywords):
-                class Passing(base):
-                    def __init__(self, **options):
-                        super().__init__(*arguments, **keywords, **options)
-                return Passing
+            class Fast(BOACO):
+                def __init__(self):
+                    super().__init__(evaporatoin=0.2)
 
             class Bare(ArchiveAlgorithm):
                 def __init__(self):
                     super().__init__()
 
-            class Pymoo(PopulationAlgorithm, NSGA2):
-                pass
-
-            A = passing(BOACO, evaporatoin=0.2)
-            B = passing(A)
-            C = passing(PlanNSGA2, pop_sise=20)
-            D = passing(Pymoo, prob_crosover=0.2)
-            E = passing(Pymoo, {"pop_sise": 20})
-            F = passing(ArchiveAlgorithm, max_tie=3)
-            G = passing(Bare, max_ties=3)
-            H = passing(ArchiveAlgorithm, terminatoin=3)
-
-            class I(BOACO):
-                def __init__(self, *, ants=3):
-                    super().__init__(ants=ants)
-
-            class J(BOACO):
-                def __init__(self, *, strength=3):
-                    super().__init__(strenght=strength)
+            class Tied(Bare):
+                def __init__(self):
+                    super().__init__(max_ties=3)
             """
         )
-        algorithms = "".join(f"  {label}: mine:{label}\n" for label in "ABCDEFGHIJ")
-        more = "name: x\nmissions: [toy]\nbudget: {evaluations: 9}\nseeds: 1\n"
-        path = written(tmp_path, f"{more}algorithms:\n{algorithms}")
-        refused = "{} has no parameter '{}'; known are {}".format
-        assert [line.partition(", ")[0] for line in lines(path)] == [
-            f"{path}:{number}: algorithms.{label}.algorithm: 'mine:{label}': {said}"
-            for number, label, said in [
-                (6, "A", refused("BOACO", "evaporatoin", "evaporation")),
-                (7, "B", refused("BOACO", "evaporatoin", "evaporation")),
-                (8, "C", refused("PlanNSGA2", "pop_sise", "pop_size")),
-                (9, "D", refused("PopulationAlgorithm", "prob_crosover", "prob_crossover")),
-                (10, "E", refused("NSGA2", "pop_sise", "pop_size")),
-                (11, "F", refused("ArchiveAlgorithm", "max_tie", "max_ties")),
-                (12, "G", "Bare.__init__() got an unexpected keyword argument 'max_ties'"),
-                (13, "H", refused("ArchiveAlgorithm", "terminatoin", "termination")),
-                (14, "I", refused("BOACO", "ants", "n_ants")),
-                (15, "J", refused("BOACO", "strenght", "termination")),
-            ]
-        ]
+        text = json.dumps(changed(algorithms={"a": "mine:Fast", "b": "mine:Tied"}))
+        fast, tied = lines(written(tmp_path, text))
+        assert "'mine:Fast': BOACO has no parameter 'evaporatoin'; known are evaporation," in fast
+        assert "Bare.__init__() got an unexpected keyword argument 'max_ties'" in tied
 
 
 class TestSchema:
@@ -750,14 +652,14 @@ class TestSchema:
     @pytest.mark.parametrize("path", EXPERIMENTS, ids=lambda path: path.stem)
     def test_the_studies_keep_to_it(self, path):
         # What the schema has to allow: shorthands of missions, algorithms and seeds.
-        jsonschema.validate(yaml.safe_load(path.read_text()), json.loads(study_schema()))
+        content = YAML(typ="safe", pure=True).load(path)
+        jsonschema.validate(content, json.loads(study_schema()))
 
     @pytest.mark.parametrize(
         "changes",
         [
             {"seeds": [3, 4], "missions": ["toy"], "algorithms": {"a": {"algorithm": "nsga2"}}},
             {"seeds": {"count": 3, "seed": 1}},
-            {"algorithms": {"a": {"algorithm": "bo-aco", "parameters": {"evaporation": 0.5}}}},
             {"algorithms": {"a": {"algorithm": "bo-aco", "grid": {"exchange_every": [1, None]}}}},
             {"algorithms": {"a": {"algorithm": "my:Own", "parameters": {"evaporation": 2}}}},
             {"missions": {"a": {"mission": "terrain", "grid": {"nodes": [2, 3], "robots": [1]}}}},
@@ -774,9 +676,6 @@ class TestSchema:
             {"titel": "x"},
             {"missions": {"a": 3}},
             {"algorithms": {"a": {"algorithm": "x", "parameter": {}}}},
-            {"budget": {"evaluations": 0}},
-            {"bounds": {"seconds": 0}},
-            {"bounds": {}},
             {"indicators": ["igd"]},
             {"algorithms": {"a": {"algorithm": "bo-aco", "parameters": {"evaporation": 1}}}},
             {"algorithms": {"a": {"algorithm": "bo-aco", "parameters": {"evaporatio": 0.5}}}},
@@ -810,15 +709,6 @@ def test_their_published_results_can_be_made_again(path):
         assert tracked.stdout.strip() == "study.json"
     StudyFolder(folder).check(study)
     assert list(read_manifest(folder)["algorithms"]) == [a.label for a in study.algorithms]
-
-
-def test_there_are_studies():
-    assert {path.stem for path in EXPERIMENTS} >= {
-        "smoke",
-        "paper",
-        "baselines",
-        "state-of-the-art",
-    }
 
 
 def test_the_baselines_leave_no_algorithm_out():

@@ -43,7 +43,7 @@ def fault_messages(name: str, value: Any, errors: Iterable[Error], bounds: str =
     """
     found: dict[tuple[Any, ...], list[Error]] = {}
     for error in errors:
-        found.setdefault(_way_into(value, error["loc"]), []).append(error)
+        found.setdefault(way_into(value, error["loc"]), []).append(error)
     # Of a union, the branch that got furthest is the one that was meant.
     depth = max(map(len, found), default=0)
     messages = []
@@ -54,7 +54,7 @@ def fault_messages(name: str, value: Any, errors: Iterable[Error], bounds: str =
     return messages
 
 
-def _way_into(value: Any, location: Sequence[Any]) -> tuple[Any, ...]:
+def way_into(value: Any, location: Sequence[Any]) -> tuple[Any, ...]:
     """Leave out of a location what names types rather than parts of the value."""
     way = []
     for key in location:

@@ -122,11 +122,11 @@ def _value(name: str, text: str) -> Any:
     for number in (int, float):
         with suppress(ValueError):
             return number(text)
-    import yaml
+    from botohe_moo.study.file.document import Document, DocumentError
 
     try:
-        return yaml.safe_load(text)
-    except (yaml.YAMLError, ValueError, RecursionError):  # ValueError: the date 2026-13-32
+        return Document(text).content
+    except DocumentError:
         raise ValueError(
             f"Expected a number, true, false or text for {name!r}, got {text!r}."
         ) from None

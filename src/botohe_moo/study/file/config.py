@@ -1,7 +1,7 @@
 """The study file: what may stand in it, as pydantic models."""
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Sequence
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
@@ -11,11 +11,12 @@ from pydantic import (
     ConfigDict,
     Field,
     StringConstraints,
+    ValidationInfo,
+    field_validator,
     model_validator,
 )
-from pydantic_core import PydanticCustomError
 
-from botohe_moo._base.checks import quoted
+from botohe_moo._base.checks import check_choice, quoted
 from botohe_moo.indicators import INDICATORS
 
 MAX_EVALUATIONS = 10**12
@@ -23,69 +24,62 @@ MAX_SEED = 2**32 - 1
 MAX_SEEDS = 100_000
 
 
-def _label(value: str) -> str:
-    """Refuse what files, figures and LaTeX cannot show; matplotlib hides what begins with _."""
-    if not value.isprintable() or value.startswith("_"):
-        raise ValueError(
-            "expected a label of printable characters that does not begin with _, "
-            f"got {quoted(value)}"
-        )
+def _text(value: str) -> str:
+    """Refuse what a line of a figure or of a table cannot show."""
+    if not value.isprintable() or value != value.strip():
+        expected = "one line of printable characters without spaces around it"
+        raise ValueError(f"expected {expected}, got {quoted(value)}")
     return value
 
 
-def _different(values: list[str], of: str = "") -> list[str]:
+def _label(value: str) -> str:
+    """Refuse what the legends of matplotlib hide."""
+    if value.startswith("_"):
+        raise ValueError(f"expected a label that does not begin with _, got {quoted(value)}")
+    return value
+
+
+def _check_different(what: str, values: Sequence[Any]) -> None:
     value, count = Counter(values).most_common(1)[0] if values else ("", 1)
     if count > 1:
-        raise ValueError(f"expected each{of} once, got {quoted(value)} {count} times")
+        raise ValueError(f"expected each {what} once; {quoted(value)} is there {count} times")
+
+
+def _indicator(value: str) -> str:
+    check_choice("an indicator", value, INDICATORS)
+    return value
+
+
+def _different_indicators(values: list[str]) -> list[str]:
+    _check_different("indicator", values)
     return values
 
 
-def _printable(value: str) -> str:
-    """Refuse what pages and LaTeX cannot show."""
-    if not all(character.isprintable() or character in "\n\t" for character in value):
-        raise ValueError(f"expected a text of printable characters, got {quoted(value)}")
-    return value
-
-
-def _indicator(value: Any) -> Any:
-    """Refuse what is not among the indicators there are now, as a Literal would."""
-    if not isinstance(value, str) or value not in INDICATORS:
-        *first, last = map(repr, INDICATORS)
-        said = {"expected": f"{', '.join(first)} or {last}", "found": quoted(value)}
-        raise PydanticCustomError("literal_error", "Input should be {expected}, got {found}", said)
-    return value
-
-
 def _list_indicators(schema: dict[str, Any]) -> None:
+    """State in the JSON Schema which indicators are registered."""
     schema["enum"] = [*INDICATORS]
 
 
-def _default_indicators(schema: dict[str, Any]) -> None:
-    schema |= {"uniqueItems": True, "default": [*INDICATORS]}
+def labelled(value: Any) -> Any:
+    """Return entries under labels, where a list of names is given instead."""
+    if isinstance(value, list) and all(isinstance(name, str) for name in value):
+        _check_different("name", value)
+        return {name: name for name in value}
+    return value
 
 
 IndicatorName = Annotated[
-    str, BeforeValidator(_indicator), Field(json_schema_extra=_list_indicators)
+    str, AfterValidator(_indicator), Field(json_schema_extra=_list_indicators)
 ]
-NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9._-]*$"
-Text = Annotated[str, StringConstraints(min_length=1, max_length=200, pattern=r"^\S(.*\S)?$")]
+Text = Annotated[str, StringConstraints(min_length=1, max_length=200), AfterValidator(_text)]
 Label = Annotated[Text, AfterValidator(_label)]
-Name = Annotated[str, StringConstraints(max_length=100, pattern=NAME_PATTERN)]
+Name = Annotated[str, StringConstraints(max_length=100, pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
+Names = Annotated[list[str], Field(min_length=1)]
 Count = Annotated[int, Field(ge=1, le=MAX_EVALUATIONS)]
+Seconds = Annotated[float, Field(gt=0, le=1e9)]
 Length = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Seed = Annotated[int, Field(ge=0, le=MAX_SEED)]
 Values = Annotated[list[Any], Field(min_length=1)]
-
-
-def _shorthand(*schemas: dict[str, Any]) -> Callable[[dict[str, Any]], None]:
-    """State in the JSON Schema that something shorter may stand for the mapping."""
-
-    def add(schema: dict[str, Any]) -> None:
-        whole = dict(schema)
-        schema.clear()
-        schema.update(anyOf=[*schemas, whole])
-
-    return add
 
 
 class _Entry(BaseModel):
@@ -101,9 +95,9 @@ class Budget(_Entry):
 
     evaluations: Count | None = None
     """Trail plans to evaluate; no run evaluates more."""
-    seconds: Annotated[float, Field(gt=0, le=1e9, allow_inf_nan=False)] | None = None
+    seconds: Seconds | None = None
     """The algorithm's own time, without recording. The iteration in which it is up is the last."""
-    grace_seconds: Annotated[float, Field(ge=0, le=1e9, allow_inf_nan=False)] = 10.0
+    grace_seconds: Annotated[float, Field(ge=0, le=1e9)] = 10.0
     """How long after the time is up a run is killed that does not come to the end of an
     iteration."""
 
@@ -114,18 +108,21 @@ class Budget(_Entry):
         return self
 
 
-class _NamedEntry(_Entry):
-    """A mapping that its first value, a name, may stand for."""
+def _named(key: str, model: type[_Entry]) -> BeforeValidator:
+    """Let a name represent the mapping that has nothing but the name."""
 
-    model_config = ConfigDict(json_schema_extra=_shorthand({"type": "string"}))
+    def from_name(value: Any) -> Any:
+        if isinstance(value, str):
+            return {key: value}
+        if not isinstance(value, dict | model):
+            expected = f"a name, or a mapping with {key}: NAME"
+            raise ValueError(f"expected {expected}, got {quoted(value)}")
+        return value
 
-    @model_validator(mode="before")
-    @classmethod
-    def _from_name(cls, value: Any) -> Any:
-        return {next(iter(cls.model_fields)): value} if isinstance(value, str) else value
+    return BeforeValidator(from_name, json_schema_input_type=str | model)
 
 
-class MissionEntry(_NamedEntry):
+class MissionEntry(_Entry):
     """One mission, or several by a grid."""
 
     mission: Text
@@ -146,8 +143,20 @@ class MissionEntry(_NamedEntry):
     budget: Budget | None = None
     """Budget of the runs on this mission; default: the study's."""
 
+    @property
+    def own_parameters(self) -> dict[str, Any]:
+        """Parameters that every mission takes, which are keys of the entry."""
+        given = {"robots": self.robots, "lengths_from_pos": self.lengths_from_pos}
+        return {name: value for name, value in given.items() if value}
 
-class AlgorithmEntry(_NamedEntry):
+    @model_validator(mode="after")
+    def _says_once(self) -> Self:
+        own = ["name_or_path", *self.own_parameters]
+        _check_different("parameter", [*own, *self.parameters, *self.grid])
+        return self
+
+
+class AlgorithmEntry(_Entry):
     """One algorithm with parameters, or several by a grid."""
 
     algorithm: Text
@@ -157,16 +166,18 @@ class AlgorithmEntry(_NamedEntry):
     grid: dict[str, Values] = {}
     """Parameters with several values each; every combination is an algorithm."""
 
+    @model_validator(mode="after")
+    def _says_once(self) -> Self:
+        _check_different("parameter", [*self.parameters, *self.grid])
+        return self
+
+
+Mission = Annotated[MissionEntry, _named("mission", MissionEntry)]
+Algorithm = Annotated[AlgorithmEntry, _named("algorithm", AlgorithmEntry)]
+
 
 class Seeds(_Entry):
     """The seeds of the repetitions: how many, or which."""
-
-    model_config = ConfigDict(
-        json_schema_extra=_shorthand(
-            {"type": "integer", "minimum": 1},
-            {"type": "array", "items": {"type": "integer", "minimum": 0}, "minItems": 1},
-        )
-    )
 
     count: Annotated[int, Field(ge=1, le=MAX_SEEDS)] | None = None
     """How many repetitions."""
@@ -176,13 +187,6 @@ class Seeds(_Entry):
     values: Annotated[list[Seed], Field(min_length=1, max_length=MAX_SEEDS)] | None = None
     """The seeds themselves, instead of a count."""
 
-    @model_validator(mode="before")
-    @classmethod
-    def _from_short(cls, value: Any) -> Any:
-        if isinstance(value, list):
-            return {"values": value}
-        return value if isinstance(value, dict) or value is None else {"count": value}
-
     @model_validator(mode="after")
     def _says_which(self) -> Self:
         if (self.count is None) == (self.values is None):
@@ -190,10 +194,14 @@ class Seeds(_Entry):
             raise ValueError(f"expected either count or values, found {found}")
         if self.values is not None and self.seed is not None:
             raise ValueError("expected no seed beside values, which are the seeds themselves")
-        if self.values is not None and len(set(self.values)) < len(self.values):
-            twice = min(seed for seed, count in Counter(self.values).items() if count > 1)
-            raise ValueError(f"expected each seed once, got {twice} twice")
+        _check_different("seed", self.values or ())
         return self
+
+
+def _seeds(value: Any) -> Any:
+    if isinstance(value, list):
+        return {"values": value}
+    return value if isinstance(value, dict | Seeds) or value is None else {"count": value}
 
 
 class Recording(_Entry):
@@ -219,14 +227,8 @@ class Comparison(_Entry):
 class Bounds(_Entry):
     """A bound on the front of each mission: how far the fronts found are from the best there is."""
 
-    seconds: Annotated[float, Field(gt=0, le=1e9, allow_inf_nan=False)]
+    seconds: Seconds
     """Time for the bound of a mission, when its runs are done."""
-
-
-def _given_bounds(value: Any) -> Any:
-    if value is None:
-        raise ValueError('"bounds:" has no value: expected seconds')
-    return value
 
 
 class StudyFile(_Entry):
@@ -234,45 +236,61 @@ class StudyFile(_Entry):
 
     name: Name
     """Short name: letters, digits, dots, dashes, underscores. Also the name of the folder."""
-    title: Annotated[Text, AfterValidator(_printable)] | None = None
+    title: Text | None = None
     """What the study is, in a line."""
-    description: Annotated[str, AfterValidator(_printable)] | None = None
+    description: str | None = None
     """What the study is for."""
-    missions: Annotated[dict[Label, MissionEntry], Field(min_length=1)]
+    missions: Annotated[
+        dict[Label, Mission],
+        Field(min_length=1),
+        BeforeValidator(labelled, json_schema_input_type=dict[str, Mission] | Names),
+    ]
     """Missions under labels of your own; or a list of names and files, which are the labels."""
-    algorithms: Annotated[dict[Label, AlgorithmEntry], Field(min_length=1)]
+    algorithms: Annotated[
+        dict[Label, Algorithm],
+        Field(min_length=1),
+        BeforeValidator(labelled, json_schema_input_type=dict[str, Algorithm] | Names),
+    ]
     """Algorithms under labels of your own; or a list of names, which are the labels."""
     problem: Text | None = None
     """Objectives of your own: module:Class, derived from BOTOHE; default: E[R] and E[S]."""
-    budget: Budget | None = None
+    budget: Annotated[Budget | None, Field(validate_default=True)] = None
     """What each run may spend; a mission may have its own."""
-    seeds: Seeds
+    seeds: Annotated[
+        Seeds,
+        BeforeValidator(
+            _seeds, json_schema_input_type=Seeds | Annotated[int, Field(ge=1)] | list[Seed]
+        ),
+    ]
     """A count, or a list of seeds."""
     recording: Recording = Recording()
     """When fronts are recorded."""
     indicators: Annotated[
         list[IndicatorName],
-        Field(
-            default_factory=lambda: [*INDICATORS],
-            min_length=1,
-            json_schema_extra=_default_indicators,
-        ),
-        AfterValidator(_different),
+        Field(default_factory=lambda: [*INDICATORS], min_length=1),
+        AfterValidator(_different_indicators),
     ]
     """What fronts are judged by."""
     comparison: Comparison = Comparison()
     """The control algorithm, if any, and the significance level."""
-    bounds: Annotated[Bounds | None, BeforeValidator(_given_bounds)] = None
+    bounds: Bounds | None = None
     """Bounds to be proved on the missions' fronts; default: none. No run depends on them."""
 
-    @model_validator(mode="before")
+    @field_validator("budget")
     @classmethod
-    def _label_lists(cls, value: Any) -> Any:
-        if not isinstance(value, dict):
-            return value
-        listed = {}
-        for key in ("missions", "algorithms"):
-            names = value.get(key)
-            if isinstance(names, list) and all(isinstance(name, str) for name in names):
-                listed[key] = {name: name for name in _different(names, f" of {key}")}
-        return {**value, **listed}
+    def _is_for_all(cls, budget: Budget | None, info: ValidationInfo) -> Budget | None:
+        missions = info.data.get("missions", {})
+        without = [label for label, entry in missions.items() if entry.budget is None]
+        if budget is None and without:
+            raise ValueError(
+                f"expected a budget, as the mission {without[0]!r} has none of its own"
+            )
+        return budget
+
+    @field_validator("bounds")
+    @classmethod
+    def _is_of_expectations(cls, bounds: Bounds | None, info: ValidationInfo) -> Bounds | None:
+        if bounds and (problem := info.data.get("problem")):
+            said = f"not of the objectives of {problem!r}"
+            raise ValueError(f"bounds are proved of E[R] and E[S], {said}")
+        return bounds

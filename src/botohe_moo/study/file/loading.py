@@ -10,14 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from botohe_moo._base.checks import nearest_first
+from botohe_moo._base.checks import nearest_first, quoted
 from botohe_moo._base.files import read_bytes
 from botohe_moo.study.file.checking import CheckedContent
-from botohe_moo.study.file.document import Document, Fault
+from botohe_moo.study.file.document import Document, DocumentError
+from botohe_moo.study.file.faults import Fault, Place
 from botohe_moo.study.file.model import MANIFEST, Study, StudyError, study_folder
-from botohe_moo.study.file.shape import MAX_FAULTS, Place, printable
-
-_MAX_BYTES = 1_000_000
 
 
 def load_study(
@@ -56,77 +54,74 @@ def load_study(
     >>> len(study.runs())
     10
     """
+    path, document = Path(), None
     if isinstance(source, Mapping):
         content = _as_json(source)
-        checked = CheckedContent(content, Path(), _missing_packages(content, out))
-        faults = [f"{_dotted(at)}{said}" for at, said in checked.faults]
-        notices = [f"{_dotted(at)}{said}" for at, said in checked.notices]
-        text = json.dumps(content, indent=1) + "\n"  # JSON is YAML, too
+        text = json.dumps(content, indent=1, ensure_ascii=False) + "\n"  # JSON is YAML, too
     else:
         path = Path(source)
         text = _text(path)
-        document = Document.parse(text)
-        found, content = list(document.faults), document.content
-        checked = CheckedContent(content, path.parent, _missing_packages(content, out))
-        if content is not None or not found:  # else there is nothing to check
-            found += _with_lines(document, checked.faults)
-        faults = [f"{path}:{fault.line}: {fault.message}" for fault in sorted(set(found))]
-        notices = [f"{path}:{f.line}: {f.message}" for f in _with_lines(document, checked.notices)]
-    if faults:
-        more = [f"These are the first {MAX_FAULTS} faults."] if len(faults) >= MAX_FAULTS else []
-        raise StudyError("\n".join([*faults[:MAX_FAULTS], *more]))
-    for notice in notices:
+        try:
+            document = Document(text)
+        except DocumentError as error:
+            raise StudyError(f"{path}:{error}") from None
+        content = _as_json(document.content, f"{path}: ")
+    checked = CheckedContent(content, path.parent, _missing_packages(content, out))
+    if checked.faults:
+        raise StudyError("\n".join(_lines(checked.faults, path, document)))
+    for notice in _lines(checked.notices, path, document):
         warnings.warn(notice, stacklevel=2)
     return checked.study(text)
 
 
-def _with_lines(document: Document, said: Iterable[tuple[Place, str]]) -> list[Fault]:
-    return [Fault(document.line(at), f"{_dotted(at)}{what}") for at, what in said]
+def _lines(found: Iterable[Fault], path: Path, document: Document | None) -> list[str]:
+    """Return faults as lines of text, in the order of their lines in the file, if it is one."""
+    numbered: dict[tuple[int, str], None] = {}
+    for place, said in found:
+        line = document.line(place) if document else 0
+        numbered[line, " ".join(f"{_dotted(place)}{said}".split())] = None
+    ordered = sorted(numbered, key=lambda entry: entry[0])
+    return [f"{path}:{line}: {said}" if document else said for line, said in ordered]
 
 
-def _as_json(source: Mapping[str, Any]) -> Any:
-    """Convert a mapping to the values that a file would have."""
+def _dotted(place: Place) -> str:
+    steps = (str(step) for step in place)
+    return f"{'.'.join(step if step.isprintable() else repr(step) for step in steps)}: " * bool(
+        place
+    )
+
+
+def _as_json(content: Any, where: str = "") -> Any:
+    """Return content with the values that JSON has: mappings, lists, texts, numbers, flags."""
     try:
-        return json.loads(json.dumps(source, default=_no_json))
-    except StudyError:
-        raise
+        return json.loads(json.dumps(content, default=_plain))
     except (TypeError, RecursionError, ValueError) as error:  # such as one that contains itself
-        raise StudyError(f"Expected what a study file can hold: {error}.") from None
+        raise StudyError(f"{where}Expected what a study file can hold: {error}.") from None
 
 
-def _no_json(value: Any) -> Any:
+def _plain(value: Any) -> Any:
     if isinstance(value, Mapping):
         return dict(value)
     if isinstance(value, np.generic):
         return value.item()
-    raise StudyError(f"Expected what a study file can hold, got {value!r}.")
+    raise TypeError(f"got {quoted(value)}")
 
 
 def _text(path: Path) -> str:
     try:
-        size = path.stat().st_size
-        read = b"" if size > _MAX_BYTES else read_bytes(path)
+        return read_bytes(path).decode("utf-8-sig")
     except FileNotFoundError:
         among = sorted(p.name for p in path.parent.glob("[!.]*.y*ml"))
         near = f"; beside it are {', '.join(nearest_first(path.name, among))}" if among else ""
         raise StudyError(f"{path}: there is no such file{near}.") from None
     except OSError as error:
         raise StudyError(f"{path}: cannot be read ({error.strerror}).") from None
-    except ValueError as error:  # a name with a NUL
-        raise StudyError(f"{str(path)!r}: cannot be read ({error}).") from None
-    if size > _MAX_BYTES:
-        limit, found = f"{_MAX_BYTES / 1e6:g} MB", f"{size / 1e6:.1f} MB"
-        raise StudyError(f"{path}: expected a study file of at most {limit}, found {found}.")
-    try:
-        return read.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise StudyError(
-            f"{path}: expected UTF-8 text, found other bytes from {error.start} on."
-        ) from None
+    except ValueError as error:  # such as text that is not UTF-8
+        raise StudyError(f"{path}: cannot be read ({error}).") from None
 
 
 def _missing_packages(content: Any, out: str | os.PathLike[str] | None) -> dict[str, str]:
-    """Name the packages, not installed any more, of what earlier results name as theirs."""
+    """Return the packages, not installed any more, of what earlier results name as theirs."""
     name = content.get("name") if isinstance(content, dict) else None
     try:
         manifest = json.loads(read_bytes(study_folder(name, out) / MANIFEST))
@@ -145,7 +140,3 @@ def _missing_packages(content: Any, out: str | os.PathLike[str] | None) -> dict[
     # There is none, or it is not a study's.
     except (OSError, ValueError, RecursionError, KeyError, TypeError, AttributeError):
         return {}
-
-
-def _dotted(path: tuple[int | str, ...]) -> str:
-    return f"{'.'.join(map(printable, path))}: " if path else ""

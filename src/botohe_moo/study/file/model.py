@@ -25,11 +25,12 @@ class StudyError(ValueError):
     Examples
     --------
     >>> from botohe_moo.study import StudyError, load_study
+    >>> trial = {"name": "trial", "missions": ["toy"], "algorithms": ["greedy"], "seeds": 3}
     >>> try:
-    ...     load_study({"name": "trial", "missions": ["toy"], "algorithms": ["greedy"]})
+    ...     load_study({**trial, "budget": {"evaluations": 0}})
     ... except StudyError as error:
-    ...     print(str(error).splitlines()[0])
-    seeds: expected the key 'seeds', which is missing.
+    ...     print(error)
+    budget.evaluations: Expected evaluations >= 1, got 0.
     """
 
 

@@ -16,22 +16,15 @@ from botohe_moo.study.file.config import StudyFile
 
 
 def study_schema() -> str:
-    """Give the JSON Schema of study files, for editors that check while one types."""
+    """Return the JSON Schema of study files, for editors that check while one types."""
     schema = StudyFile.model_json_schema()
-    rules = {
-        "AlgorithmEntry": _rules(
-            "algorithm", algorithm_names(), algorithm_origin, algorithm_parameters
-        ),
-        "MissionEntry": _rules("mission", mission_names(), mission_origin, mission_parameters),
-    }
-    for entry, found in rules.items():
-        schema["$defs"][entry]["anyOf"][-1]["allOf"] = found
-    names = {"type": "array", "items": {"type": "string"}, "minItems": 1}
-    for key in ("missions", "algorithms"):
-        whole = schema["properties"][key]
-        about = {"description": whole.pop("description"), "title": whole.pop("title")}
-        schema["properties"][key] = {**about, "anyOf": [names, whole]}
     schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
+    schema["$defs"]["AlgorithmEntry"]["allOf"] = _rules(
+        "algorithm", algorithm_names(), algorithm_origin, algorithm_parameters
+    )
+    schema["$defs"]["MissionEntry"]["allOf"] = _rules(
+        "mission", mission_names(), mission_origin, mission_parameters, COMMON
+    )
     return json.dumps(schema, indent=1) + "\n"
 
 
@@ -40,14 +33,15 @@ def _rules(
     names: Iterable[str],
     origin_of: Callable[[str], Mapping[str, str | None]],
     parameters_of: Callable[[str], Iterable[Parameter]],
+    also: Iterable[str] = (),
 ) -> list[dict[str, Any]]:
-    """Give a rule for each built-in algorithm or mission: parameters, types and ranges."""
-    also: dict[str, Any] = {name: {} for name in COMMON} if key == "mission" else {}
+    """Return a rule for each built-in algorithm or mission: parameters, types and ranges."""
     rules = []
     for name in names:
         if origin_of(name)["package"] != "botohe-moo":
             continue
-        single = {p.name: _described(p) for p in parameters_of(name) if p.plain} | also
+        single = {p.name: _described(p) for p in parameters_of(name) if p.plain}
+        single |= {name: {} for name in also}
         several = {name: {"items": schema} for name, schema in single.items()}
         given = {
             "parameters": {"properties": single, "additionalProperties": False},
