@@ -17,7 +17,6 @@ from botohe_moo import (
     Exact,
     Greedy,
     TooLargeError,
-    TrailPlan,
     area_indicator,
     exact_front,
     load_mission,
@@ -52,7 +51,7 @@ class TestContract:
         assert list(result.X[:, 0]) == front
         assert np.array_equal(-result.F, mission.evaluate(front))
         assert not result.algorithm.has_next()
-        home = TrailPlan([[mission.arrays.base]] * 2)
+        home = mission.stay_home()
         assert result.algorithm.evaluator.n_eval == len({*front, home})
         assert result.algorithm.n_gen > 5
 

@@ -322,6 +322,10 @@ class TestEquality:
 
 
 class TestPlan:
+    def test_everybody_may_stay_home(self, mission):
+        assert mission.labels(mission.stay_home()) == (("dock",), ("dock",))
+        assert mission.evaluate([mission.stay_home()]).tolist() == [[1, 2]]
+
     def test_labels_come_back(self, mission):
         trails = [["dock", "reef", ("buoy", 2), "reef", "dock"], ("dock",)]
         plan = mission.plan(trails)

@@ -211,7 +211,7 @@ class Short(PlanMutation, PlanSampling):
         return plans.take(np.arange(len(plans) - 1))
 
     def _sample(self, problem, n_samples, rng):
-        return problem.mission.batch([problem.mission.plan([[1], [1]])] * (n_samples - 1))
+        return problem.mission.batch([problem.mission.stay_home()] * (n_samples - 1))
 
 
 def test_operators_of_ones_own_that_lose_plans_are_named(toy):

@@ -247,7 +247,7 @@ def one_robot(subject: Subject) -> None:
     expect(any(found.objectives[:, 0] > 0.0), "a single robot collects nothing")
 
 
-@rule("Let robots stay at base, also all of them: `TrailPlan([[base]] * robots)`.")
+@rule("Let robots stay at base, also all of them: `mission.stay_home()`.")
 def staying_home(subject: Subject) -> None:
     """Where leaving gains nothing, the result is to stay home."""
     mission = places.nothing_to_gain()
