@@ -11,17 +11,8 @@ from pymoo.core.problem import Problem
 from pymoo.optimize import minimize
 from pymoo.termination import get_termination
 
-from botohe_moo import (
-    BOACO,
-    BOTOHE,
-    Exact,
-    Greedy,
-    TooLargeError,
-    area_indicator,
-    exact_front,
-    load_mission,
-    make_algorithm,
-)
+from botohe_moo import BOACO, BOTOHE, Exact, Greedy, area_indicator, load_mission, make_algorithm
+from botohe_moo.search.exact import TooLargeError, exact_front
 from tests.examples import examples
 from tests.strategies import small_missions
 

@@ -15,13 +15,13 @@ from botohe_moo import (
     BOTOHE,
     Mission,
     ParetoLocalSearch,
-    PlanError,
     TrailPlan,
     area_indicator,
-    exact_front,
     load_mission,
 )
+from botohe_moo.mission import PlanError
 from botohe_moo.operators import RandomTrailSampling
+from botohe_moo.search.exact import exact_front
 from botohe_moo.search.local_search import MOVES
 
 

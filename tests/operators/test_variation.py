@@ -6,7 +6,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from botohe_moo import BOTOHE, PlanBatch, TrailPlan, area_indicator, load_mission
+from botohe_moo import BOTOHE, TrailPlan, area_indicator, load_mission
 from botohe_moo.operators import (
     CornerSampling,
     GuidedTrailSampling,
@@ -21,6 +21,7 @@ from botohe_moo.operators import (
     TrailExchange,
     TrailSplice,
 )
+from botohe_moo.trails import PlanBatch
 
 N = 6_000
 
