@@ -7,7 +7,7 @@ READY := $(VENV)/.ready
 READY_FOR_DOCS := $(VENV)/.ready-for-docs
 READY_FOR_DIST := $(VENV)/.ready-for-dist
 
-.PHONY: help demo test test-all test-long check docs dist coverage compatibility mutations format bench fuzz soak smoke \
+.PHONY: help demo test test-all test-long check docs dist coverage compatibility mutations format bench soak smoke \
 	paper state-of-the-art baselines clean clean-kernels
 
 help:
@@ -22,7 +22,6 @@ help:
 	@echo "make compatibility  the tests with the oldest and the newest libraries, on each Python that is here"
 	@echo "make mutations  does make test notice a changed operator, in a hundred places?"
 	@echo "make bench   the numbers this project claims"
-	@echo "make fuzz    120 000 files that were changed at random, to everything that reads files: a quarter of an hour"
 	@echo "make soak    a study of many small runs for an hour: memory has to stay flat"
 	@echo "make smoke   a study of seconds, with its report"
 	@echo "make paper   the paper's study, with its report, beside what was published"
@@ -96,7 +95,7 @@ coverage: $(READY)
 	$(BIN)/python -m coverage erase
 	NUMBA_DISABLE_JIT=1 $(BIN)/python -m coverage run -m pytest -m "not compiled_only" $(COVERED_UNCOMPILED) \
 		--numprocesses 2 --maxprocesses 2 --dist worksteal
-	$(BIN)/python -m coverage run -m pytest --ignore tests/fuzz --numprocesses 2 --maxprocesses 2 --dist worksteal
+	$(BIN)/python -m coverage run -m pytest --numprocesses 2 --maxprocesses 2 --dist worksteal
 	$(BIN)/python -m coverage combine --quiet
 	$(BIN)/python -m coverage report
 
@@ -112,9 +111,6 @@ format: $(READY)
 
 bench: $(READY)
 	$(BIN)/python -m benchmarks
-
-fuzz: $(READY)
-	$(BIN)/python -m tests.fuzz
 
 soak: $(READY)
 	$(BIN)/python -m benchmarks.soak

@@ -1223,11 +1223,10 @@ class TestChoose:
 
     def test_folders_and_files(self, refused, botohe, solved, tmp_path):
         message = refused("choose", "nowhere")
-        assert message.startswith("botohe: nowhere: expected a folder with front.csv")
-        assert "found: there is no such folder" in message
+        assert message.startswith("botohe: nowhere/mission.json: there is no such file")
         folder = tmp_path / "copy"
         folder.mkdir()
-        for name in ("front.csv", "plans.json", "mission.json"):
+        for name in ("plans.json", "mission.json"):
             (folder / name).write_bytes((solved[1] / name).read_bytes())
         assert botohe("choose", "copy").status == 0
         text = (folder / "mission.json").read_text()
@@ -1484,10 +1483,10 @@ class TestExplore:
         assert message in refused("explore", solved[1], *args)
 
     def test_bad_folders(self, refused, solved, tmp_path):
-        assert "nowhere: expected a folder with front.csv" in refused("explore", "nowhere")
+        assert "nowhere/mission.json: there is no such file" in refused("explore", "nowhere")
         folder = tmp_path / "copy"
         folder.mkdir()
-        for name in ("front.csv", "plans.json", "mission.json"):
+        for name in ("plans.json", "mission.json"):
             (folder / name).write_bytes((solved[1] / name).read_bytes())
         text = (folder / "mission.json").read_text()
         (folder / "mission.json").write_text(text.replace("0.729", "0.728", 1))
@@ -1500,7 +1499,7 @@ class TestExplore:
 
     def test_bad_positions(self, refused, solved, tmp_path):
         (tmp_path / "copy").mkdir()
-        for name in ("front.csv", "plans.json", "mission.json"):
+        for name in ("plans.json", "mission.json"):
             text = (solved[1] / name).read_text()
             (tmp_path / "copy" / name).write_text(re.sub(r'"pos": \[.*?]', '"pos": "up"', text))
         expected = "botohe: copy/mission.json: Node 1: expected pos [x, y], two finite numbers, got"
@@ -1568,7 +1567,11 @@ class TestImport:
     @pytest.mark.parametrize(
         ("file", "damage", "words"),
         [
-            ("nodes.csv", ("7;0;6;0", "7;0,5;6;0"), ["nodes.csv, row 8, column 'reward'", "'0,5'"]),
+            (
+                "nodes.csv",
+                ("7;0;6;0", "7;0,5;6;0"),
+                ["nodes.csv, row 8: expected reward >= 0", "'0,5'"],
+            ),
             (
                 "nodes.csv",
                 ("Reward", "Price"),
@@ -1577,13 +1580,13 @@ class TestImport:
             (
                 "arcs.csv",
                 ("7,8,", "7,88,"),
-                ["arcs.csv, row 14, column 'head'", "'88', which no"],
+                ["arcs.csv, row 14: arc '7' -> '88'", "no node '88'"],
             ),
             ("arcs.csv", ("7,8,", "7,8,0,"), ["arcs.csv: row 14: expected 3 cells", "found 4"]),
-            ("arcs.csv", ("Tail", "\0Tail"), ["arcs.csv: expected a column 'tail'"]),
+            ("arcs.csv", ("Tail", "\0Tail"), ["arcs.csv: expected one column 'tail'"]),
             ("arcs.csv", None, ["arcs.csv: there is no such file"]),
-            ("nodes.csv", (";Y", ""), ["nodes.csv: expected 3 cells, as", "found 4 in all others"]),
-            ("nodes.csv", ("X;Y", "X;Z"), ["nodes.csv: expected both columns 'x' and 'y'"]),
+            ("nodes.csv", (";Y", ""), ["nodes.csv has", "row 2: expected 3 cells, as"]),
+            ("nodes.csv", ("X;Y", "X;Z"), ["nodes.csv, row 2: expected both x and y"]),
             ("nodes.csv", ("X;Y", "Pos;Z"), ["nodes.csv: Node '1': expected pos [x, y]"]),
         ],
     )

@@ -145,18 +145,11 @@ class TestSearch:
         assert found[0].objectives.tobytes() == solution.objectives.tobytes()
         assert signal.getsignal(signal.SIGINT) is handler
 
-    def test_nothing_is_printed_where_there_is_no_terminal(self, toy, capfd, monkeypatch):
-        monkeypatch.setenv("FORCE_COLOR", "1")
-        solve(toy, BOACO(), evaluations=100)
-        assert capfd.readouterr() == ("", "")
-
     @pytest.mark.parametrize(
         ("options", "message"),
         [
             ({"evaluations": 0}, r"Expected evaluations >= 1, got 0\."),
-            ({"evaluations": 2.5}, r"Expected evaluations to be an integer >= 1, got 2\.5\."),
             ({"seed": -1}, r"Expected seed >= 0, got -1\."),
-            ({"seed": "x"}, r"Expected seed to be an integer >= 0, got 'x'\."),
         ],
     )
     def test_bad_options(self, toy, options, message):
@@ -212,27 +205,10 @@ class TestSearch:
             solve(toy, BOACO(), n_ants=3)
 
     def test_what_is_of_another_type(self, toy):
-        with pytest.raises(TypeError, match=r"mission: expected a Mission, .* got DiGraph"):
+        with pytest.raises(ValueError, match=r"; Mission\(graph, base=.* makes one of a graph"):
             solve(toy.graph)
         with pytest.raises(TypeError, match=r"algorithm: .*, got the class BOACO: call it"):
             solve(toy, BOACO)
-        with pytest.raises(TypeError, match=r"algorithm: expected a name .*, got NoneType"):
-            solve(toy, None)
-        with pytest.raises(TypeError, match=r"^progress: expected a function, got True"):
-            solve(toy, progress=True)
-        with pytest.raises(TypeError, match=r"^stop: expected a threading.Event, got True"):
-            solve(toy, stop=True)
-
-    @pytest.mark.parametrize(
-        ("given", "meant"), [("n_eval", "evaluations"), ("seeds", "seed"), ("verbose", "progress")]
-    )
-    def test_what_pymoo_calls_otherwise_is_told(self, toy, given, meant):
-        with pytest.raises(ValueError, match=rf"no parameter {given!r}.* Did you mean {meant} of "):
-            solve(toy, **{given: 3})
-
-    def test_it_is_shown_on_a_line(self, toy):
-        found = repr(solve(toy, "greedy", evaluations=10))
-        assert found.startswith("<Solution of 'toy' by greedy, seed 1: 4 plans, area 0.")
 
     def test_progress(self, toy):
         shown = []
@@ -402,10 +378,6 @@ class TestDescription:
         assert len(everything.splitlines()) > 1001
         assert everything.endswith("1,001 plans on the front")
 
-    def test_of_equal_plans(self, toy):
-        text = solution_of(toy, [[[1], [1]]] * 2).describe()
-        assert text.splitlines()[1].split() == ["0", "0.0000", "2.0000", "-"]
-
 
 class TestJson:
     def test_of_a_front(self, toy, solution):
@@ -504,13 +476,6 @@ class TestWriting:
         assert names_in(tmp_path) == names
         with pytest.raises(ValueError, match=r"mission\.json: there is no such file"):
             read_solution(tmp_path)
-
-    def test_tables_are_there_before_pictures_are_drawn(self, solution, tmp_path):
-        seen = []
-        (tmp_path / "front.png").write_text("of an earlier search")
-        solution.write(tmp_path, before_pictures=lambda: seen.extend(names_in(tmp_path)))
-        assert seen == ["front.csv", "mission.json", "plans.json"]
-        assert names_in(tmp_path) == FILES
 
     def test_what_cannot_be_written_leaves_all_as_it_was(self, solution, tmp_path, monkeypatch):
         monkeypatch.setattr(Solution, "to_json", lambda self: 1 / 0)
@@ -642,38 +607,11 @@ class TestReading:
         path.write_text(json.dumps(content))
         assert read_solution(tmp_path).plans == solution.plans
 
-    def test_another_mission_is_refused(self, toy, solution, tmp_path):
-        solution._write_tables(tmp_path)
-        with pytest.raises(ValueError, match=r"^mission 'toy': expected the mission that the plan"):
-            read_solution(tmp_path, mission=toy.with_robots(3))
-
-    @pytest.mark.parametrize("with_mission", [False, True])
-    @pytest.mark.parametrize(
-        ("name", "found"),
-        [
-            ("nowhere", "there is no such folder"),
-            ("a file", "Not a directory"),
-            ("nul\0", "embedded null (byte|character)"),
-            ("a folder", "none of these files"),
-        ],
-    )
-    def test_what_holds_no_solution_is_named(self, toy, tmp_path, name, found, with_mission):
-        (tmp_path / "a file").write_text("{}")
-        (tmp_path / "a folder").mkdir()
-        (tmp_path / "a folder" / "runs.csv").write_text("")
-        expected = "expected a folder with front.csv, plans.json, mission.json"
-        with pytest.raises(ValueError, match=f"{expected}, as .*, found: .*{found}") as caught:
-            read_solution(tmp_path / name, mission=toy if with_mission else None)
-        assert str(caught.value).startswith(f"{tmp_path / name}: expected")
-        assert not isinstance(caught.value, MissionError)
-
     @pytest.mark.parametrize(
         ("name", "damage", "fault"),
         [
             ("plans.json", "{", r"line 1, column 2: expected JSON"),
             ("plans.json", "[]", r"plans\.json: Expected its content to be a mapping, got \[\]"),
-            ("plans.json", "[" * 100_000, r"nested too deeply"),
-            ("plans.json", "[1" + "0" * 6_000 + "]", r"plans\.json: .* thousands of digits"),
             ("plans.json", b"\xff", r"expected text in UTF-8"),
             ("plans.json", None, r"there is no such file"),
             (
@@ -685,16 +623,6 @@ class TestReading:
                 "plans.json",
                 ('"seed": 3', '"sea": 3'),
                 r"Expected its content to have 'seed', got {",
-            ),
-            (
-                "plans.json",
-                ('"mission_digest": ', '"digest": '),
-                r"Expected its content to have 'mission_digest', got {",
-            ),
-            (
-                "plans.json",
-                ('"interrupted": false', '"interrupted": 0'),
-                r"Expected interrupted to be true or false, got 0",
             ),
             (
                 "plans.json",
@@ -718,18 +646,6 @@ class TestReading:
                 "mission.json",
                 ('"survival": ', '"survival": 7, "x": '),
                 r"survival in \(0, 1\], got 7",
-            ),
-            ("front.csv", None, r"there is no such file"),
-            (
-                "front.csv",
-                "plan_id,reward,survivors\n",
-                r"expected \d+ lines, for the \d+ plans? of .*plans\.json, got 1",
-            ),
-            ("front.csv", ("reward", "price"), r"line 1: expected 'plan_id,reward,survivors'"),
-            (
-                "front.csv",
-                ("\n0,", "\n0,1"),
-                r"line 2: expected '0,.*' as in plans\.json, got '0,1",
             ),
         ],
     )
@@ -769,12 +685,6 @@ class TestFolders:
         (tmp_path / "front.csv").touch()
         check_folder(tmp_path)
         assert names_in(tmp_path) == ["front.csv"]
-
-    def test_a_relative_one(self, tmp_path, monkeypatch):
-        monkeypatch.chdir(tmp_path)
-        check_folder(Path("some/where"))
-        check_folder(Path())
-        assert names_in(tmp_path) == []
 
     @pytest.mark.parametrize(
         ("name", "reason"),

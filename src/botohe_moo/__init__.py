@@ -35,19 +35,4 @@ if TYPE_CHECKING:
     from botohe_moo.solving import solve as solve
     from botohe_moo.trails import TrailPlan as TrailPlan
 
-# Names that were here once and now belong to the modules that have them.
-_MOVED = {
-    ".mission": ("PlanError", "read_mission"),
-    ".outcomes": (
-        "Distribution",
-        "Outcomes",
-        "reward_distribution",
-        "simulate",
-        "survivors_distribution",
-    ),
-    ".problem": ("FrontOutput",),
-    ".search.exact": ("TooLargeError", "exact_front"),
-    ".search.sequential": ("plan_sequentially",),
-    ".trails": ("PlanBatch",),
-}
-__getattr__, __dir__, __all__ = lazy_names(__name__, _MOVED)
+__getattr__, __dir__, __all__ = lazy_names(__name__)

@@ -11,7 +11,7 @@ import moocore
 import numpy as np
 from pymoo.core.algorithm import Algorithm
 
-from botohe_moo._base.checks import check_integer, quoted
+from botohe_moo._base.checks import check_integer
 from botohe_moo._base.interrupts import hold_interrupt
 from botohe_moo._base.types import FloatArray
 from botohe_moo.algorithms.registry import make_algorithm
@@ -24,18 +24,8 @@ from botohe_moo.trails import TrailPlan
 
 __all__ = ["RefusalError", "solve"]
 
-# What pymoo's users call the parameters of ``solve``.
-_INSTEAD = {
-    "n_eval": "evaluations",
-    "evaluation": "evaluations",
-    "termination": "evaluations",
-    "seeds": "seed",
-    "random_state": "seed",
-    "callback": "progress",
-    "verbose": "progress",
-}
 Progress = Callable[[int, Callable[[], float]], None]
-"""Takes the evaluations so far, and a function that gives the area of what was found."""
+"""Takes the evaluations so far, and a function that computes the area of what was found."""
 
 
 class RefusalError(ValueError):
@@ -97,7 +87,7 @@ def solve(
     Raises
     ------
     TypeError
-        If ``mission``, ``algorithm``, ``progress`` or ``stop`` is of another type.
+        If ``algorithm`` is of another type.
     MissionError
         If there is no such mission, or it is not valid.
     ValueError
@@ -116,31 +106,16 @@ def solve(
     ((1,), (1,))
     """
     source: dict[str, Any] = {}
-    if not isinstance(mission, Mission | str | os.PathLike):
-        raise TypeError(
-            f"mission: expected a Mission, such as Mission(graph, base=..., robots=...), or a name "
-            f"or path, got {type(mission).__name__}."
-        )
     if not isinstance(algorithm, str | Algorithm):
         made = isinstance(algorithm, type) and issubclass(algorithm, Algorithm)
         got = f"the class {algorithm.__name__}: call it" if made else type(algorithm).__name__
         raise TypeError(f"algorithm: expected a name or an algorithm of pymoo's, got {got}.")
-    if not (progress is None or callable(progress)):
-        raise TypeError(f"progress: expected a function, got {quoted(progress)}.")
-    if not (stop is None or hasattr(stop, "is_set")):
-        raise TypeError(f"stop: expected a threading.Event, got {quoted(stop)}.")
     if not isinstance(mission, Mission):
-        source = {"name_or_path": os.fspath(mission)}
-        mission = load_mission(mission)
+        path, mission = mission, load_mission(mission)
+        source = {"name_or_path": os.fspath(path)}
     name = algorithm if isinstance(algorithm, str) else None
     if isinstance(algorithm, str):
-        try:
-            algorithm = make_algorithm(algorithm, **parameters)
-        except ValueError as error:
-            instead = [f"{_INSTEAD[given]} of solve" for given in parameters if given in _INSTEAD]
-            if not instead:
-                raise
-            raise ValueError(f"{error} Did you mean {' and '.join(instead)}?") from error
+        algorithm = make_algorithm(algorithm, **parameters)
     elif parameters:
         raise ValueError(
             f"Expected parameters only for an algorithm that is given by its name, got "

@@ -20,8 +20,9 @@ from pymoo.termination.default import DefaultMultiObjectiveTermination
 from pymoo.termination.max_eval import MaximumFunctionCallTermination
 from pymoo.termination.max_gen import MaximumGenerationTermination
 
-from botohe_moo import BOTOHE, Mission, area_indicator, exact_front, load_mission, make_algorithm
+from botohe_moo import BOTOHE, Mission, area_indicator, load_mission, make_algorithm
 from botohe_moo.algorithms.registry import algorithm_parameters
+from botohe_moo.search.exact import exact_front
 from tests.examples import examples
 from tests.strategies import lengths, small_missions
 from tests.twins import all_objectives, within

@@ -11,18 +11,8 @@ from pymoo.core.problem import Problem
 from pymoo.optimize import minimize
 from pymoo.termination import get_termination
 
-from botohe_moo import (
-    BOACO,
-    BOTOHE,
-    Exact,
-    Greedy,
-    TooLargeError,
-    TrailPlan,
-    area_indicator,
-    exact_front,
-    load_mission,
-    make_algorithm,
-)
+from botohe_moo import BOACO, BOTOHE, Exact, Greedy, area_indicator, load_mission, make_algorithm
+from botohe_moo.search.exact import TooLargeError, exact_front
 from tests.examples import examples
 from tests.strategies import small_missions
 
@@ -52,7 +42,7 @@ class TestContract:
         assert list(result.X[:, 0]) == front
         assert np.array_equal(-result.F, mission.evaluate(front))
         assert not result.algorithm.has_next()
-        home = TrailPlan([[mission.arrays.base]] * 2)
+        home = mission.stay_home()
         assert result.algorithm.evaluator.n_eval == len({*front, home})
         assert result.algorithm.n_gen > 5
 

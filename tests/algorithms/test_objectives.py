@@ -123,9 +123,8 @@ def test_three_objectives_that_are_no_numbers_are_refused():
 def test_algorithms_of_other_people_honour_them_unless_they_say_otherwise():
     class Home(ArchiveAlgorithm):
         def _advance(self, **_):
-            base = self.problem.mission.base
-            home = [[base]] * self.problem.mission.robots
-            self._take_in(self.problem.mission.batch([self.problem.mission.plan(home)]))
+            mission = self.problem.mission
+            self._take_in(mission.batch([mission.stay_home()]))
 
     class InKernel(Home):
         evaluates_in_kernels = True

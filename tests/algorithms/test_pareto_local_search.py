@@ -15,13 +15,13 @@ from botohe_moo import (
     BOTOHE,
     Mission,
     ParetoLocalSearch,
-    PlanError,
     TrailPlan,
     area_indicator,
-    exact_front,
     load_mission,
 )
+from botohe_moo.mission import PlanError
 from botohe_moo.operators import RandomTrailSampling
+from botohe_moo.search.exact import exact_front
 from botohe_moo.search.local_search import MOVES
 
 
@@ -447,12 +447,12 @@ class TestErrors:
 
     def test_plans_given_are_checked(self, museum):
         base = museum.arrays.base
-        good = TrailPlan([[base]] * museum.robots)
+        good = museum.stay_home()
         bad = TrailPlan([[base], [base, base], *[[base]] * (museum.robots - 2)])
         with pytest.raises(PlanError, match="Plan 1, robot 1, position 1: arc"):
             solve(museum, 100, sampling=[good, bad])
         with pytest.raises(PlanError, match=f"{museum.robots} robots"):
-            solve(museum, 100, sampling=[TrailPlan([[base]] * (museum.robots + 1))])
+            solve(museum, 100, sampling=[museum.with_robots(museum.robots + 1).stay_home()])
 
     @pytest.mark.parametrize("method", ["evaluate_batch", "constrain_batch"])
     def test_problems_with_an_evaluation_of_their_own(self, museum, method):

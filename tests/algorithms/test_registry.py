@@ -479,14 +479,14 @@ class TestCheck:
         assert found.startswith(message)
 
     def test_python_objects_are_for_python(self):
-        plan = load_mission("toy").plan([[1], [1]])
+        plan = load_mission("toy").stay_home()
         assert algorithm_faults("bo-aco", {"sampling": [plan]}) == []
         expected = "sampling can be given from Python only, as Iterable[TrailPlan] | "
         [(name, message)] = algorithm_faults("bo-aco", {"sampling": [plan]}, plain=True)
         assert (name, message[: len(expected)]) == ("sampling", expected)
 
     def test_plans_to_start_from_are_not_used_up(self):
-        plan = load_mission("toy").plan([[1], [1]])
+        plan = load_mission("toy").stay_home()
         assert make_algorithm("bo-aco", sampling=(plan for _ in range(3))).sampling == [plan] * 3
 
     def test_by_a_model(self, install):

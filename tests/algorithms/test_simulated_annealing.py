@@ -14,17 +14,11 @@ from pymoo.optimize import minimize
 from pymoo.termination import get_termination
 from pymoo.termination.collection import TerminationCollection
 
-from botohe_moo import (
-    BOTOHE,
-    Mission,
-    RandomTrails,
-    area_indicator,
-    exact_front,
-    load_mission,
-)
+from botohe_moo import BOTOHE, Mission, RandomTrails, area_indicator, load_mission
 from botohe_moo.algorithms.simulated_annealing import SimulatedAnnealing
 from botohe_moo.kernels.plans import moves
 from botohe_moo.search.annealing import Annealing
+from botohe_moo.search.exact import exact_front
 from tests.examples import examples
 from tests.strategies import missions
 

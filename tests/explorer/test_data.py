@@ -248,7 +248,7 @@ class TestSites:
 
     def data(self, graph):
         mission = Mission(graph)
-        return page_data(solution_of(mission, [mission.plan([[mission.base]])]))
+        return page_data(solution_of(mission, [mission.stay_home()]))
 
     def test_names_differ(self):
         data = self.data(self.graph())
@@ -340,7 +340,7 @@ class TestBadInput:
         graph = load_mission("toy").graph.copy()
         graph.graph["title"] = "a\ud800b"
         mission = Mission(graph)
-        page = explorer_page(solution_of(mission, [mission.plan([[1], [1]])]))
+        page = explorer_page(solution_of(mission, [mission.stay_home()]))
         assert "<title>a\ufffdb: explorer</title>" in page
         page.encode()
 

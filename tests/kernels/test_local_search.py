@@ -8,13 +8,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from botohe_moo import Mission, TrailPlan, load_mission, plan_sequentially
+from botohe_moo import Mission, TrailPlan, load_mission
 from botohe_moo.kernels.fronts.ordered import best_reward
 from botohe_moo.kernels.local_search import children, routes
 from botohe_moo.kernels.local_search import search as kernels
 from botohe_moo.kernels.local_search.workspace import SearchRule
 from botohe_moo.search import local_search as search_module
 from botohe_moo.search.local_search import DEFAULT_MOVES, MOVES, LocalSearch
+from botohe_moo.search.sequential import plan_sequentially
 from botohe_moo.trails import PlanBatch
 from tests import twins
 from tests.examples import examples

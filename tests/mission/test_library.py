@@ -1,6 +1,5 @@
 import re
 import shutil
-import subprocess
 import sys
 import textwrap
 from pathlib import Path
@@ -8,8 +7,6 @@ from pathlib import Path
 import networkx as nx
 import pytest
 
-from botohe_moo._base.checks import ParameterError, nearest_first
-from botohe_moo._plugins import entry_points as _plugins
 from botohe_moo.mission import (
     Mission,
     MissionError,
@@ -85,14 +82,6 @@ def test_case_studies(name, nodes, arcs, robots, total):
     assert load_mission(name, robots=6) == mission.with_robots(6)
 
 
-@pytest.mark.parametrize("name", GENERATORS)
-def test_generators(name):
-    mission = load_mission(name, seed=3, robots=6)
-    assert mission.name == name
-    assert mission.robots == 6
-    assert mission == load_mission(name, seed=3).with_robots(6)
-
-
 def test_names():
     names = mission_names()
     assert set(names) >= {name for name, *_ in SIZES} | set(GENERATORS)
@@ -144,17 +133,6 @@ class TestRefusals:
         assert all(name in message for name in mission_names())
         assert message.endswith("mission files end in one of .json, .graphml, .txt")
 
-    def test_nothing_registered(self, monkeypatch):
-        monkeypatch.setattr(_plugins, "entry_points", lambda group: [])
-        assert mission_names() == ()
-        with pytest.raises(MissionError, match="is the package botohe-moo installed"):
-            load_mission("toy")
-
-    @pytest.mark.parametrize("name", [3, None, b"toy"])
-    def test_no_name(self, name):
-        with pytest.raises(ValueError, match="Expected the name of a mission or a path, got"):
-            load_mission(name)
-
     def test_graphs_and_tables_are_shown_the_way(self):
         with pytest.raises(ValueError, match=r"; Mission\(graph, base=.* makes one of a graph"):
             load_mission(nx.DiGraph())
@@ -179,9 +157,6 @@ class TestRefusals:
     def test_parameters(self, name, parameters, message):
         with pytest.raises(ValueError, match=message):
             load_mission(name, **parameters)
-
-    def test_nearest_first(self):
-        assert nearest_first("B", ["c", "a", "bb", "b"]) == ["b", "bb", "a", "c"]
 
 
 class TestOtherPackages:
@@ -211,19 +186,11 @@ class TestOtherPackages:
         with pytest.raises(MissionError, match=r"to give a Mission, got \{\}"):
             load_mission("nothing", robots=2)
 
-    def test_what_is_not_stated_is_not_accepted(self, install):
-        """Keywords of any name would swallow every misspelt one."""
-        install("reef-missions", REEF, nothing="nothing")
-        with pytest.raises(ParameterError, match="'nothing': there is no parameter 'depth'"):
-            load_mission("nothing", depth=3)
-
     @pytest.mark.parametrize(
         ("code", "found"),
         [
             ("raise RuntimeError('no tide')", "RuntimeError: no tide"),
-            ("{}['tide']", "KeyError: 'tide'"),
             ("raise SystemExit(3)", "SystemExit: 3"),
-            ("open('no such file')", "FileNotFoundError: "),
         ],
     )
     def test_whatever_their_functions_raise(self, install, code, found):
@@ -264,9 +231,6 @@ class TestOtherPackages:
         ("code", "found"),
         [
             ("import no_such_module", "ModuleNotFoundError: No module named 'no_such_module'"),
-            ("def (", "SyntaxError"),
-            ("1 / 0", "ZeroDivisionError"),
-            ("", "AttributeError"),
             ("raise SystemExit(3)", "SystemExit: 3"),
             (
                 "broken = 3",
@@ -287,31 +251,6 @@ class TestOtherPackages:
         with pytest.raises(MissionError) as caught:
             load_mission("broken")
         assert found in str(caught.value)
-
-    @pytest.mark.filterwarnings("error")
-    def test_broken_ones_fail_only_what_uses_them(self, install):
-        install("bad-missions", "1 / 0", broken="broken")
-        assert load_mission("toy").name == "toy"
-        with pytest.raises(MissionError, match="there is no such mission"):
-            load_mission("unknown")
-
-    def test_two_packages_claim_one_name(self, install):
-        install("reef-missions", REEF, reef="reef")
-        install("Rival_Missions", REEF, reef="shoal")
-        with pytest.warns(UserWarning, match="'reef': the packages .* both register this name"):
-            assert "reef" not in mission_names()
-        with pytest.raises(MissionError) as caught:
-            load_mission("reef", width=2)
-        assert "reef-missions" in str(caught.value)
-        assert "rival-missions" in str(caught.value)
-
-    def test_a_package_claims_one_of_ours(self, install):
-        install("reef-missions", REEF, toy="reef")
-        warning = "Mission 'toy' of package reef-missions is left out: botohe-moo has it"
-        with pytest.warns(UserWarning, match=warning):
-            assert len(load_mission("toy").nodes) == 5
-        with pytest.warns(UserWarning, match=warning):
-            assert "toy" in mission_names()
 
 
 class TestCheck:
@@ -334,13 +273,6 @@ class TestCheck:
         assert "made" not in sys.modules["reef_missions"].__dict__
         assert mission_faults("wreck", {"danger": 0.5}) == []
         assert "made" in sys.modules["reef_missions"].__dict__
-
-    def test_python_objects_are_for_python(self, install):
-        install("reef-missions", TYPED, wreck="wreck")
-        given = {"danger": 0.5, "known": [load_mission("toy")]}
-        assert mission_faults("wreck", given) == []
-        message = "known can be given from Python only, as list[Mission] | None."
-        assert mission_faults("wreck", given, plain=True) == [("known", message)]
 
     @pytest.mark.parametrize(
         ("name", "parameters", "faults"),
@@ -369,16 +301,6 @@ class TestCheck:
         assert name is None
         assert message.startswith("there is no such mission; known are terrain, ")
         assert "a package that registers it may not be installed" in message
-
-    def test_every_fault_of_a_file(self, tmp_path):
-        (tmp_path / "bad.json").write_text(
-            '{"directed": true, "multigraph": false, "graph": {"base": 1, "robots": 1},'
-            ' "nodes": [{"id": 1, "reward": -1}, {"id": 2, "reward": 1}],'
-            ' "edges": [{"source": 1, "target": 2, "survival": 2}]}'
-        )
-        faults = mission_faults(tmp_path / "bad.json")
-        assert len(faults) >= 2
-        assert {name for name, _ in faults} == {None}
 
     def test_parameters(self, install):
         install("reef-missions", TYPED, wreck="wreck")
@@ -423,8 +345,6 @@ class TestModules:
         ("path", "message"),
         [
             ("no_such_module:reef", "it cannot be imported .ModuleNotFoundError"),
-            ("math:pi", "it is not called, because nothing there says that it makes a Mission"),
-            ("numpy:pi", "it is not called, because an object of type float does not say"),
             ("networkx:path_graph", "it is not called, because the function path_graph does not"),
         ],
     )
@@ -466,20 +386,3 @@ class TestModules:
             assert "makes a Mission" in said or "is looked for in" in said
         assert sys.modules["dark_shore"].called == []
         assert load_mission("dark_shore:Island") == load_mission("dark_shore:Island.far")
-
-    def test_what_is_registered_may_be_called_by_its_path(self, install):
-        install("reef-missions", REEF, shoal="shoal")
-        assert len(load_mission("reef_missions:shoal").nodes) == 2
-        with pytest.raises(MissionError, match="it is not called, because the function lagoon"):
-            load_mission("reef_missions:lagoon")
-
-
-def test_import_looks_at_no_entry_point():
-    code = """
-        import importlib.metadata, sys
-        import networkx  # which looks at its own
-        importlib.metadata.entry_points = lambda **_: 1 / 0
-        import botohe_moo.mission
-        assert "botohe_moo.mission.generators" not in sys.modules
-    """
-    subprocess.run([sys.executable, "-c", textwrap.dedent(code)], check=True)

@@ -80,72 +80,45 @@ def test_what_tables_hold_is_what_the_mission_has(mission):
     ("nodes", "arcs", "faults"),
     [
         (
-            {"reward": [0, -1, "much"]},
-            {},
+            {"reward": [0, -1, "2,5"]},
+            {"survival": [1.2, None]},
             [
-                "nodes, row 1, column 'reward': expected a number >= 0, found -1",
-                "nodes, row 2, column 'reward': expected a number >= 0, found 'much'",
-            ],
-        ),
-        (
-            {"reward": [0, "", "2,5"]},
-            {},
-            [
-                "nodes, row 1, column 'reward': expected a number >= 0, found nothing",
-                "nodes, row 2, column 'reward': expected a number >= 0, found '2,5'; write numbers "
-                "with a point",
+                "nodes, row 1: expected reward >= 0, found -1",
+                "nodes, row 2: expected reward >= 0, found '2,5'; write numbers with a point",
+                "arcs, row 0: expected survival in (0, 1], found 1.2",
+                "arcs, row 1: expected survival, found nothing",
             ],
         ),
         (
             {"x": [0, None, "e"]},
-            {},
+            {"length": [-1, True]},
             [
-                "nodes, row 1, column 'x': expected a number, found nothing",
-                "nodes, row 2, column 'x': expected a number, found 'e'",
+                "nodes, row 1: expected both x and y or neither, found one",
+                "nodes, row 2: expected x to be a number, found 'e'",
+                "arcs, row 0: expected length >= 0, found -1",
+                "arcs, row 1: expected length >= 0, found True",
             ],
         ),
         (
             {"label": ["dock", "reef", "reef"]},
-            {"tail": ["dock", "dock"], "head": ["reef", "dock"]},
+            {"tail": ["dock", "reef"], "head": ["cavern", "dock"]},
             [
-                "nodes, row 2: node 'reef' is listed more than once, first in row 1",
-                "arcs, row 1: expected an arc between two nodes, found both ends at 'dock'",
-            ],
-        ),
-        (
-            {},
-            {"head": ["reef", "cavern"], "survival": [1.2, 0]},
-            [
-                "arcs, row 0, column 'survival': expected a number in (0, 1], found 1.2",
-                "arcs, row 1, column 'head': expected the label of a node, found 'cavern', which "
-                "no row of nodes has",
-                "arcs, row 1, column 'survival': expected a number in (0, 1], found 0.0",
+                "nodes, row 2: node 'reef' is listed more than once",
+                "arcs, row 0: arc 'dock' -> 'cavern': there is no node 'cavern'",
+                "arcs, row 0: arc 'cavern' -> 'dock': there is no node 'cavern'",
             ],
         ),
         (
             {},
             {"tail": ["dock", "reef"], "head": ["reef", "dock"]},
             [
-                "arcs, row 1: arc 'reef' -> 'dock' is there already, in row 0",
-                "arcs, row 1: arc 'dock' -> 'reef' is there already, in row 0",
-            ],
-        ),
-        (
-            {"label": ["dock", None, "cave"]},
-            {"length": [-1, True]},
-            [
-                "nodes, row 1, column 'label': expected the label of a node, found nothing",
-                "arcs, row 0, column 'head': expected the label of a node, found 'reef', which "
-                "no row of nodes has",
-                "arcs, row 0, column 'length': expected a number >= 0, found -1",
-                "arcs, row 1, column 'tail': expected the label of a node, found 'reef', which "
-                "no row of nodes has",
-                "arcs, row 1, column 'length': expected a number >= 0, found True",
+                "arcs, row 1: arc 'reef' -> 'dock' is listed more than once",
+                "arcs, row 1: arc 'dock' -> 'reef' is listed more than once",
             ],
         ),
     ],
 )
-def test_cells_are_checked(nodes, arcs, faults):
+def test_rows_are_checked(nodes, arcs, faults):
     assert faults_of(nodes, arcs) == faults
 
 
@@ -157,18 +130,6 @@ def test_nullable_types():
     )
     assert dict(mission.graph.nodes["reef"]) == {"reward": 5, "pos": [1, 1]}
     assert dict(mission.graph.nodes["cave"])["depth"] == 3
-    [fault] = faults_of({"reward": pd.array([0, None, 1], dtype="Int64")})
-    assert fault == "nodes, row 1, column 'reward': expected a number >= 0, found nothing"
-
-
-def test_cells_that_hold_arrays():
-    cells = [np.zeros(2), np.ones(2), np.ones(1)]
-    mission = made({"sizes": cells})
-    assert mission.graph.nodes["reef"]["sizes"] is cells[1]
-    faults = faults_of({"reward": cells})
-    assert faults[0].startswith("nodes, row 0, column 'reward': expected a number >= 0, found arr")
-    faults = faults_of({"label": [*NODES["label"][:2], [1]]})
-    assert "nodes, row 2, column 'label': expected the label of a node, found [1]" in faults
 
 
 def test_columns_are_checked():
@@ -176,21 +137,11 @@ def test_columns_are_checked():
     with pytest.raises(MissionError) as caught:
         mission_from_tables(nodes, arcs, base="dock", robots=1)
     assert caught.value.faults == (
-        "nodes: expected one column 'label', found 2",
-        "arcs: expected a column 'tail', found from, to",
-        "arcs: expected a column 'head', found from, to",
-        "arcs: expected a column 'survival', found from, to",
+        "nodes: expected one column 'label', found 'label, reward, x, y, Label'",
+        "arcs: expected one column 'tail', found 'from, to'",
+        "arcs: expected one column 'head', found 'from, to'",
+        "arcs: expected one column 'survival', found 'from, to'",
     )
-
-
-@pytest.mark.parametrize("axis", ["x", "y"])
-def test_one_axis_alone_is_one_fault(axis):
-    nodes = pd.DataFrame({**NODES, axis: range(3)})
-    nodes = nodes.drop(columns={"x", "y"} - {axis}, errors="ignore")
-    with pytest.raises(MissionError) as caught:
-        mission_from_tables(nodes, pd.DataFrame(ARCS), base="dock", robots=1)
-    expected = f"nodes: expected both columns 'x' and 'y' or neither, found only {axis!r}"
-    assert caught.value.faults == (expected,)
 
 
 def test_files_are_named_by_row(tmp_path):
@@ -200,10 +151,8 @@ def test_files_are_named_by_row(tmp_path):
     with pytest.raises(MissionError) as caught:
         mission_from_tables(nodes, arcs, base="dock", robots=1)
     assert caught.value.faults == (
-        f"{tmp_path}/a, b.csv, row 3, column 'x': expected a number, found 'east'",
-        f"{tmp_path}/a, b.csv, row 4: node 'reef' is listed more than once, first in row 3",
-        f"{tmp_path}/arcs.csv, row 2, column 'survival': expected a number in (0, 1], found '2'",
-        f"{tmp_path}/arcs.csv, row 3: expected an arc between two nodes, found both ends at 'reef'",
+        f"{tmp_path}/a, b.csv, row 3: expected x to be a number, found 'east'",
+        f"{tmp_path}/arcs.csv, row 2: expected survival in (0, 1], found '2'",
     )
 
 
@@ -217,19 +166,11 @@ def test_the_mission_is_checked():
         "node 'cave': has no way back to base 'dock'",
         "no arc leads back; both_ways (--both-ways) makes every row two arcs",
     ]
-    alone = {"tail": ["dock", "reef"], "head": ["reef", "dock"]}
-    assert faults_of({}, alone, both_ways=False) == [
-        "node 'cave': cannot be reached from base 'dock'",
-        "node 'cave': has no way back to base 'dock'",
-    ]
 
 
 def test_what_is_not_a_table():
     with pytest.raises(TypeError, match=r"Expected nodes to be a pandas\.DataFrame, got {"):
         mission_from_tables(NODES, pd.DataFrame(ARCS), base="dock", robots=1)
-    empty = pd.DataFrame({name: [] for name in NODES})
-    with pytest.raises(MissionError, match="base 'dock': there is no such node"):
-        mission_from_tables(empty, pd.DataFrame(ARCS)[:0], base="dock", robots=1)
 
 
 class TestReading:
@@ -244,12 +185,6 @@ class TestReading:
         assert list(table.index) == [2, 4, 6]  # as a spreadsheet counts them
         assert table.to_numpy().tolist() == [["dock", "0"], ['north "hall"', "5"], [" 7 ", "NA"]]
 
-    @pytest.mark.parametrize("sign", ["\u2028", "\v", "\f", "\x85"])
-    def test_a_cell_with_what_unicode_takes_for_the_end_of_a_line(self, tmp_path, sign):
-        path = tmp_path / "nodes.csv"
-        path.write_bytes(f"label,reward\na{sign}b,5\n".encode())
-        assert read_table(path).to_numpy().tolist() == [[f"a{sign}b", "5"]]
-
     def test_old_ends_of_lines_and_one_in_a_cell(self, tmp_path):
         path = tmp_path / "nodes.csv"
         path.write_bytes(b'label,reward\ra,1\r"b\r\nc",5\r')
@@ -260,7 +195,6 @@ class TestReading:
         [
             (None, "there is no such file"),
             (b"", "expected a first row of column names, found an empty file"),
-            (b"\n , \n", "expected a first row of column names, found an empty file"),
             (b"label,reward\na,1,5\nb\n", "row 2: expected 2 cells, as the first row has, found 3"),
             (
                 "label,reward\ncafé,1\n".encode("cp1252"),
@@ -276,14 +210,3 @@ class TestReading:
         with pytest.raises(MissionError, match=fault) as caught:
             read_table(path)
         assert str(caught.value).startswith(str(path))
-
-    def test_messages_have_a_bounded_length(self, tmp_path):
-        path = tmp_path / "nodes.csv"
-        names = ",".join(f"{'x' * 900}{i}" for i in range(900))
-        path.write_text(f"{names}\n{'1,' * 899}1\n")
-        arcs = pd.DataFrame({"tail": ["a"], "head": ["b" * 5_000], "survival": [1]})
-        nodes = pd.DataFrame({"label": ["a", "c" * 5_000, "c" * 5_000], "reward": [1, 1, 1]})
-        for table, said in ((read_table(path), "and 888 more"), (nodes, "listed more than once")):
-            with pytest.raises(MissionError, match=said) as caught:
-                mission_from_tables(table, arcs, base="a", robots=1)
-            assert max(map(len, str(caught.value).splitlines())) < 2_000

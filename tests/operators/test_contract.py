@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymoo.core.population import Population
 
-from botohe_moo import BOTOHE, PlanBatch, TrailPlan, load_mission, operators
+from botohe_moo import BOTOHE, TrailPlan, load_mission, operators
 from botohe_moo.operators import (
     CornerSampling,
     GivenSampling,
@@ -30,6 +30,7 @@ from botohe_moo.operators import (
     TrailSplice,
     TruncateRepair,
 )
+from botohe_moo.trails import PlanBatch
 from tests.examples import examples
 from tests.strategies import lengths, missions, plans
 

@@ -30,7 +30,7 @@ REEF = """
 
     class Shore(PlanSampling):
         def _sample(self, problem, n_samples, rng):
-            home = TrailPlan([[problem.mission.arrays.base]] * problem.mission.robots)
+            home = problem.mission.stay_home()
             return PlanBatch.from_plans([home] * n_samples, problem.mission.robots)
 
     class Swap(Crossover):

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from pymoo.algorithms.moo.nsga2 import NSGA2
 from pymoo.optimize import minimize
 
-from botohe_moo import BOTOHE, Mission, PlanBatch, TrailPlan, load_mission
+from botohe_moo import BOTOHE, Mission, TrailPlan, load_mission
 from botohe_moo.operators import (
     MixedCrossover,
     PenaltyOnly,
@@ -18,6 +18,7 @@ from botohe_moo.operators import (
     SafestPathRepair,
     TruncateRepair,
 )
+from botohe_moo.trails import PlanBatch
 from tests.examples import examples
 from tests.strategies import missions, missions_with_plans
 from tests.twins import Repairer

@@ -6,7 +6,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from botohe_moo import BOTOHE, PlanBatch, TrailPlan, area_indicator, load_mission
+from botohe_moo import BOTOHE, TrailPlan, area_indicator, load_mission
 from botohe_moo.operators import (
     CornerSampling,
     GuidedTrailSampling,
@@ -21,6 +21,7 @@ from botohe_moo.operators import (
     TrailExchange,
     TrailSplice,
 )
+from botohe_moo.trails import PlanBatch
 
 N = 6_000
 
@@ -211,7 +212,7 @@ class Short(PlanMutation, PlanSampling):
         return plans.take(np.arange(len(plans) - 1))
 
     def _sample(self, problem, n_samples, rng):
-        return problem.mission.batch([problem.mission.plan([[1], [1]])] * (n_samples - 1))
+        return problem.mission.batch([problem.mission.stay_home()] * (n_samples - 1))
 
 
 def test_operators_of_ones_own_that_lose_plans_are_named(toy):

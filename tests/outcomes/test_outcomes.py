@@ -632,7 +632,7 @@ def test_plans_of_other_missions_are_refused(harbour, function):
 @pytest.mark.parametrize("seed", ["x", -1, 1.5])
 def test_seeds_are_checked_also_where_nothing_is_drawn(seed):
     toy = load_mission("toy")
-    home = toy.plan([[1], [1]])
+    home = toy.stay_home()
     for outcomes in (plan_outcomes, lambda *args, **seed: simulate(*args, 3, **seed)):
         with pytest.raises(ValueError, match=r"^Expected random_state to be None, an integer >= 0"):
             outcomes(toy, home, random_state=seed)

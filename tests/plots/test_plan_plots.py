@@ -233,7 +233,7 @@ class TestPlan:
 
     def test_robots_that_all_stay_have_no_maps(self):
         mission = load("toy")
-        ax = plot_plan(mission, mission.plan([[1], [1]]))
+        ax = plot_plan(mission, mission.stay_home())
         assert maps_of(ax) == [ax]
         assert words(ax) == "all 2 robots stay at base"
         assert not drawn(ax, "trails")
@@ -249,7 +249,7 @@ class TestPlan:
         assert len(only(ax, "ways").get_offsets()) == 2
         assert "grey arrows: one way only" in words(ax)
         mission = load("toy")
-        ax = plot_plan(mission, mission.plan([[1], [1]]))
+        ax = plot_plan(mission, mission.stay_home())
         assert n_segments(ax, "both ways") == 6
         assert not drawn(ax, "ways")
 
@@ -333,11 +333,11 @@ class TestPlan:
     def test_wrong_arguments_are_named(self):
         mission = load("toy")
         with pytest.raises(TypeError, match="Expected a Mission, got 'toy'"):
-            plot_plan("toy", mission.plan([[1], [1]]))
+            plot_plan("toy", mission.stay_home())
         with pytest.raises(TypeError, match=r"expected a TrailPlan, got \[\[1\], \[1\]\]"):
             plot_plan(mission, [[1], [1]])
         with pytest.raises(PlanError, match="expected 3 trails, got 2"):
-            plot_plan(load("art_museum"), mission.plan([[1], [1]]))
+            plot_plan(load("art_museum"), mission.stay_home())
 
 
 def rooms():

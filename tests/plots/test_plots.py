@@ -404,7 +404,7 @@ def test_lanes_count_the_robots_on_an_arc():
 
 def test_robots_that_all_stay_draw_no_trail():
     mission = load("toy")
-    ax = plot_mission(mission, mission.plan([[1], [1]]))
+    ax = plot_mission(mission, mission.stay_home())
     assert not drawn(ax, "trails")
     assert [t for t in legend_texts(ax) if "stays at base" in t] == [
         "robot 0: stays at base",

@@ -10,9 +10,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from botohe_moo import BOTOHE, Mission, TooLargeError, TrailPlan, exact_front, load_mission
+from botohe_moo import BOTOHE, Mission, TrailPlan, load_mission
 from botohe_moo.algorithms.bo_aco import BOACO
-from botohe_moo.search.exact import TIME_LIMIT, FrontSearch, _compile_kernels
+from botohe_moo.search.exact import (
+    TIME_LIMIT,
+    FrontSearch,
+    TooLargeError,
+    _compile_kernels,
+    exact_front,
+)
 from tests.examples import examples
 from tests.strategies import lengths, small_missions
 from tests.twins import all_objectives, within

@@ -1,6 +1,5 @@
 """An algorithm that keeps all promises, and others of which each breaks some."""
 
-import random
 from typing import Annotated
 
 import numpy as np
@@ -48,20 +47,6 @@ class Untyped(Walks):
 
     def __init__(self, *, n=20):
         super().__init__(n=n)
-
-
-class Described(Walks):
-    """Describes a parameter that its signature hides.
-
-    Parameters
-    ----------
-    width
-        Of what it looks at.
-    """
-
-    def __init__(self, **options):
-        options.pop("width", None)
-        super().__init__(**options)
 
 
 class Teleports(Walks):
@@ -155,16 +140,6 @@ class SaysDeterministic(Walks):
     deterministic = True
 
 
-class Shared(Walks):
-    """Draws from the generators that everybody shares, set by the seed."""
-
-    def _advance(self, **_):
-        if not self.evaluator.n_eval:
-            random.seed(int(self.random_state.integers(1 << 30)))
-        self.n = 10 + random.randrange(10)
-        super()._advance()
-
-
 class Remembers(Walks):
     """Goes on where the last run of the process ended."""
 
@@ -174,15 +149,6 @@ class Remembers(Walks):
         Remembers.runs += 1
         self.n = 10 + Remembers.runs % 10
         super()._advance()
-
-
-class Meddles(Walks):
-    """Gives the mission another graph."""
-
-    def _setup(self, problem, **options):
-        super()._setup(problem, **options)
-        problem.mission.graph = problem.mission.graph.copy()
-        problem.mission.graph.graph["seen"] = True
 
 
 class Lambda(Walks):
@@ -235,16 +201,6 @@ class Pairs(Walks):
         return walks
 
 
-class Restless(Walks):
-    """Lets no robot stay at base."""
-
-    def walks(self, n):
-        free = BOTOHE(self.problem.mission, max_length=np.inf)
-        drawn = RandomTrailSampling().sample_batch(free, 10 * n, self.random_state)
-        plans = [plan for plan in drawn if min(map(len, plan.trails)) > 1]
-        return PlanBatch.from_plans(plans[:n], self.problem.mission.robots)
-
-
 class Reckless(Walks):
     """Does not look at constraints."""
 
@@ -262,14 +218,6 @@ class Idle(Walks):
     """Waits for a better time to evaluate."""
 
     def _advance(self, **_): ...
-
-
-class Endless(Walks):
-    """Does not return."""
-
-    def _advance(self, **_):
-        while True:
-            pass
 
 
 class Plain(Algorithm):

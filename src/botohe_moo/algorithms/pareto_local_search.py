@@ -165,7 +165,7 @@ class ParetoLocalSearch(ArchiveAlgorithm):
     def _initialize_advance(self, **_: Any) -> None:
         problem: BOTOHE = self.problem
         mission = problem.mission
-        plans = [*self.sampling, TrailPlan([[mission.arrays.base]] * mission.robots)]
+        plans = [*self.sampling, mission.stay_home()]
         if self.greedy_start and len(plans) < self._n_left():
             wide = len(mission.nodes) * mission.robots <= _WIDE_UP_TO
             planner = SequentialPlanner(

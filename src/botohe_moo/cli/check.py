@@ -12,7 +12,7 @@ with ending_on_interrupt:
 
     import typer
 
-    from botohe_moo.cli.options import pairs_option, read_parameters, seconds
+    from botohe_moo.cli.options import pairs_option, read_parameters
     from botohe_moo.cli.shell import FAILED, failing, tell
 
 if TYPE_CHECKING:
@@ -31,12 +31,6 @@ def check_conformance(
     parameter: Annotated[
         list[str] | None, pairs_option("--parameter", "-p", help="A parameter to check it with.")
     ] = None,
-    time_limit: Annotated[
-        float,
-        typer.Option(
-            "--time-limit", "-t", metavar="S", parser=seconds, help="Seconds that a rule may take."
-        ),
-    ] = 60.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print the results as JSON.")] = False,
 ) -> None:
     """Check that an algorithm, or a mission, fits into studies.
@@ -60,7 +54,7 @@ def check_conformance(
             raise ValueError(f"{name}: {' '.join(message for _, message in faults)}")
         check = testing.check_mission if mission else testing.check_algorithm
         with contextlib.redirect_stdout(sys.stderr):  # what an algorithm prints is not a result
-            results = check(name, parameters, time_limit=time_limit)
+            results = check(name, parameters)
     if as_json:
         import json
         from dataclasses import asdict

@@ -148,7 +148,7 @@ def import_mission(
     """Make a mission file of two tables (CSV): nodes and arcs.
 
     Labels are texts. Names of columns may be in upper or lower case; further columns become
-    attributes. Everything that is wrong is named by file, row and column.
+    attributes. What is wrong is named by file and row.
     """
     from botohe_moo.cli.checks import check_places
     from botohe_moo.mission import MissionError, mission_from_tables, save_mission

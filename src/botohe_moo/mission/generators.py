@@ -20,7 +20,6 @@ from botohe_moo._base.types import FloatArray, OffsetArray, Rng
 from botohe_moo._plugins.checks import checked
 from botohe_moo._plugins.types import Robots
 from botohe_moo.mission.formats.benchmark import near_pairs, spanning_pairs
-from botohe_moo.mission.memory import check_memory
 from botohe_moo.mission.model import Mission
 
 Nodes: TypeAlias = Annotated[int, Field(ge=2, description="Number of nodes.")]
@@ -90,14 +89,6 @@ def random(
     none of 1000 graphs is connected, ``arc_probability`` is refused.
     """
     rng = np.random.default_rng(seed)
-    check_memory(
-        "nodes",
-        nodes,
-        nodes=nodes,
-        arcs=math.ceil(1000 * arc_probability) * nodes**2 // 1000,
-        pairs=nodes**2,
-        remedy="nodes or arc_probability",
-    )
     pairs = _connected_pairs(rng, np.full((nodes, nodes), arc_probability))
     if not len(pairs):
         usual = 1.5 * math.log(nodes) / nodes
@@ -125,7 +116,6 @@ def complete(*, nodes: Nodes = 25, robots: Robots = 2, seed: Seed = 0) -> Missio
     normal(0.75, 0.2), truncated to (0, 1]; what is out of range is drawn again.
     """
     rng = np.random.default_rng(seed)
-    check_memory("nodes", nodes, nodes=nodes, arcs=nodes**2)
     pairs = np.column_stack(np.triu_indices(nodes, 1))
     title = f"Complete graph of {nodes} nodes, seed {seed}"
     return _mission(
@@ -147,7 +137,6 @@ def terrain(*, nodes: Nodes = 200, robots: Robots = 5, seed: Seed = 0) -> Missio
     waypoint nearest to the centre.
     """
     rng = np.random.default_rng(seed)
-    check_memory("nodes", nodes, nodes=nodes, arcs=36 * nodes // 5)
     positions = np.round(rng.random((nodes, 2)), 6)
     # The spanning tree's long edges are the ones that join the parts, shortest first.
     near = near_pairs(positions, _REACH / math.sqrt(nodes))

@@ -203,6 +203,18 @@ class Mission:
         self.evaluate([plan])
         return plan
 
+    def stay_home(self) -> TrailPlan:
+        """Return the plan in which every robot stays at the base.
+
+        Examples
+        --------
+        >>> from botohe_moo import load_mission
+        >>> toy = load_mission("toy")
+        >>> toy.labels(toy.stay_home())
+        ((1,), (1,))
+        """
+        return TrailPlan([[self.arrays.base]] * self.robots)
+
     def labels(self, plan: TrailPlan) -> tuple[tuple[Any, ...], ...]:
         """Return the trails of a plan as node labels, robot by robot.
 

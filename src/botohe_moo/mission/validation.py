@@ -12,7 +12,6 @@ import numpy as np
 
 from botohe_moo._base.checks import as_float, most_alike, quoted
 from botohe_moo.kernels.plans import evaluate as kernels
-from botohe_moo.mission.memory import MAX_ROBOTS, in_gib, team_bytes
 from botohe_moo.trails import PlanBatch
 
 _MAX_SHOWN = 100  # a file may have a million faults
@@ -70,12 +69,8 @@ class MissionError(ValueError):
         return type(self), (list(self.faults), self.source)
 
 
-def mission_faults(graph: Any, base: Hashable, robots: object, *, ways: bool = True) -> list[str]:
-    """List the faults of a mission; a base or team size of None was not given.
-
-    Without ``ways`` it is not checked that every node has a way from and to the base, as when arcs
-    are missing because a file could only be read in part.
-    """
+def mission_faults(graph: Any, base: Hashable, robots: object) -> list[str]:
+    """List the faults of a mission; a base or team size of None was not given."""
     if not isinstance(graph, nx.DiGraph) or graph.is_multigraph():
         return [_not_a_digraph(graph)]
     faults = []
@@ -88,14 +83,12 @@ def mission_faults(graph: Any, base: Hashable, robots: object, *, ways: bool = T
         faults.append(f"expected a finite max_length >= 0, got {quoted(budget)}")
     faults += _reward_faults(graph)
     faults += _arc_faults(graph)
-    if not faults:
-        faults += _sum_faults(graph)
     if base is None:
         faults.append("expected the label of the base, found no graph attribute 'base'")
     elif base not in graph:
         near = most_alike(str(base), map(str, graph))
         faults.append(f"base {quoted(base)}: there is no such node{near}")
-    elif ways:
+    else:
         faults += _way_faults(graph, base)
     return faults
 
@@ -107,12 +100,6 @@ def team_size_fault(robots: object) -> str | None:
             raise TypeError
     except TypeError:
         return f"expected robots to be an integer >= 1, got {quoted(robots)}"
-    if (team := index(robots)) > MAX_ROBOTS:  # type: ignore[arg-type]
-        return (
-            f"expected robots <= {MAX_ROBOTS}, of which a thousand plans take "
-            f"{in_gib(team_bytes(MAX_ROBOTS))} of memory, got {quoted(robots)}, of which they take "
-            f"about {in_gib(team_bytes(team))}; lower robots"
-        )
     return None
 
 
@@ -153,14 +140,6 @@ def _arc_faults(graph: nx.DiGraph[Any]) -> Iterator[str]:
 
 def _is_length(value: object) -> bool:
     return 0 <= as_float(value) < math.inf
-
-
-def _sum_faults(graph: nx.DiGraph[Any]) -> Iterator[str]:
-    rewards = sum(float(node["reward"]) for _, node in graph.nodes(data=True))
-    lengths = sum(float(arc.get("length", 1.0)) for _, _, arc in graph.edges(data=True))
-    for name, total in (("rewards", rewards), ("lengths", lengths)):
-        if not math.isfinite(total):
-            yield f"expected {name} with a finite sum, got an infinite one"
 
 
 def _way_faults(graph: nx.DiGraph[Any], base: Hashable) -> Iterator[str]:

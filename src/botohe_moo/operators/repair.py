@@ -113,7 +113,8 @@ class SafestPathRepair(PlanRepair):
 
     Examples
     --------
-    >>> from botohe_moo import BOTOHE, PlanBatch, TrailPlan, load_mission
+    >>> from botohe_moo import BOTOHE, TrailPlan, load_mission
+    >>> from botohe_moo.trails import PlanBatch
     >>> from botohe_moo.operators import SafestPathRepair
     >>> mission = load_mission("toy")
     >>> drafts = PlanBatch.from_plans([TrailPlan([[4], [0, 1, 0, 1]])], 2)

@@ -19,13 +19,13 @@ class PlanSampling(Sampling):
 
     Examples
     --------
-    >>> from botohe_moo import TrailPlan, solve
+    >>> from botohe_moo import solve
     >>> from botohe_moo.operators import PlanSampling
     >>> from botohe_moo.trails import PlanBatch
     >>> class AtHome(PlanSampling):
     ...     '''Everybody stays at base.'''
     ...     def _sample(self, problem, n_samples, rng):
-    ...         home = TrailPlan([[problem.mission.arrays.base]] * problem.mission.robots)
+    ...         home = problem.mission.stay_home()
     ...         return PlanBatch.from_plans([home] * n_samples, problem.mission.robots)
     >>> solve("toy", "nsga2", sampling=AtHome(), pop_size=20, evaluations=200).evaluations
     200
@@ -147,7 +147,7 @@ class CornerSampling(PlanSampling):
 
     def _sample(self, problem: BOTOHE, n_samples: int, rng: Rng) -> PlanBatch:
         mission = problem.mission
-        home = TrailPlan([[mission.arrays.base]] * mission.robots)
+        home = mission.stay_home()
         greedy = SequentialPlanner(mission, **problem.planning_limits._asdict()).plan(1.0)
         corners = PlanBatch.from_plans([home, greedy], mission.robots)
         return _filled(corners[:n_samples], self.rest, problem, n_samples, rng)

@@ -9,15 +9,13 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, NonNegativeInt, ValidationError
 
-from botohe_moo._base.checks import quoted
-from botohe_moo._base.words import counted
 from botohe_moo._plugins.messages import wrong_value
 from botohe_moo.mission.digest import numbers_digest
 from botohe_moo.mission.formats.files import file_content, read_mission
 from botohe_moo.mission.formats.nodelink import decode, read_label
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.validation import MissionError
-from botohe_moo.solution.model import COLUMNS, TABLES, Solution, as_json
+from botohe_moo.solution.model import Solution, as_json
 from botohe_moo.trails import TrailPlan
 
 _REMEDY = "Solve the mission again, or put back what was written."
@@ -53,7 +51,7 @@ def read_solution(folder: str | os.PathLike[str], *, mission: Mission | None = N
     Parameters
     ----------
     folder
-        The folder, with ``front.csv``, ``plans.json`` and ``mission.json``.
+        The folder, with ``plans.json`` and ``mission.json``.
     mission
         The mission, by default that of ``mission.json``. It has to be given if JSON cannot hold its
         labels; they are known by their ``repr`` then.
@@ -74,7 +72,6 @@ def read_solution(folder: str | os.PathLike[str], *, mission: Mission | None = N
     <Solution of 'toy' by greedy, seed 1: 4 plans, area 0.6087, 4 evaluations>
     """
     folder = Path(folder)
-    _check_folder(folder)
     try:
         return _read(folder, mission)
     except MissionError as error:
@@ -105,7 +102,7 @@ def _read(folder: Path, mission: Mission | None) -> Solution:
                 f"{path}: plan {i}: expected the objectives {found.tolist()} of its trails, got "
                 f"{said.tolist()}: the plans or the mission were changed since."
             )
-    solution = Solution(
+    return Solution(
         mission=mission,
         plans=plans,
         objectives=objectives,
@@ -113,22 +110,6 @@ def _read(folder: Path, mission: Mission | None) -> Solution:
         source=record.mission_source,
         **record.model_dump(exclude={"plans", "mission_source", "mission_digest"}),
     )
-    _check_front(folder / "front.csv", solution.rows())
-    return solution
-
-
-def _check_folder(folder: Path) -> None:
-    """Refuse what holds no file of a solution; where only some are missing, reading names one."""
-    found = "none of these files"
-    try:
-        if not {path.name for path in folder.iterdir()}.isdisjoint(TABLES):
-            return
-    except (OSError, ValueError) as error:  # ValueError: a path with a null character
-        found = getattr(error, "strerror", None) or str(error)
-        if isinstance(error, FileNotFoundError):
-            found = "there is no such folder"
-    expected = f"a folder with {', '.join(TABLES)}, as Solution.write makes it"
-    raise ValueError(f"{folder}: expected {expected}, found: {found}.")
 
 
 def _record(path: Path) -> _Record:
@@ -143,10 +124,8 @@ def _record(path: Path) -> _Record:
     except json.JSONDecodeError as error:
         where = f"line {error.lineno}, column {error.colno}"
         raise ValueError(f"{path}: {where}: expected JSON, found: {error.msg}.") from None
-    except RecursionError:
-        raise ValueError(f"{path}: expected a solution, found lists nested too deeply.") from None
-    except ValueError:  # of Python's limit on digits
-        raise ValueError(f"{path}: expected numbers, found one of thousands of digits.") from None
+    except (RecursionError, ValueError) as error:  # nested too deeply, or too many digits
+        raise ValueError(f"{path}: expected a solution, found: {error}.") from None
 
 
 def _plan(
@@ -164,22 +143,6 @@ def _plan(
         return mission.plan([[label(written) for written in trail] for trail in read.trails])
     except ValueError as error:
         raise ValueError(f"{path}: plan {number}: {error}") from None
-
-
-def _check_front(path: Path, rows: list[tuple[int, float, float]]) -> None:
-    lines = [",".join(COLUMNS), *(f"{i},{reward!r},{alive!r}" for i, reward, alive in rows)]
-    found = _text(path).splitlines()
-    if len(found) != len(lines):
-        made = f"for the {counted(len(rows), 'plan')} of {path.with_name('plans.json')}"
-        raise ValueError(
-            f"{path}: expected {counted(len(lines), 'line')}, {made}, got {len(found)}."
-        )
-    for number, (line, expected) in enumerate(zip(found, lines, strict=True), 1):
-        if line != expected:
-            raise ValueError(
-                f"{path}: line {number}: expected {expected!r} as in plans.json, got "
-                f"{quoted(line)}."
-            )
 
 
 def _text(path: Path) -> str:

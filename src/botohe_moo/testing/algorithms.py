@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-import copy
-import inspect
-
-import networkx as nx
 import numpy as np
 from pymoo.core.algorithm import Algorithm
 
 from botohe_moo._base.types import FloatArray
-from botohe_moo._plugins.docstrings import own_parameters
 from botohe_moo.algorithms.registry import accepted_by
-from botohe_moo.mission.digest import mission_digest
 from botohe_moo.problem import BOTOHE
 from botohe_moo.testing import places
 from botohe_moo.testing.rules import Rule, Subject, expect, rule
@@ -21,7 +15,6 @@ from botohe_moo.testing.watching import (
     Halved,
     Run,
     Watched,
-    leaves_shared_generators,
     missing,
     refuses,
     revived,
@@ -30,7 +23,6 @@ from botohe_moo.testing.watching import (
 
 _EVALUATIONS = 300
 _BUDGETS = (1, 7, 45, 171)
-_RETURNS_PLANS = "Put TrailPlans into X, and make them with the mission's arcs alone."
 _USE_EVALUATOR = (
     "Evaluate plans by `self.evaluator.eval(self.problem, population)` alone, which counts them."
 )
@@ -59,28 +51,18 @@ def runs_end(subject: Subject) -> None:
 @rule("State each parameter in the signature, by name, with its type and its default.")
 def parameters_stated(subject: Subject) -> None:
     """All parameters are in the signature, with their types."""
-    stated = {parameter.name: parameter for parameter in accepted_by(subject.factory).parameters}
-    untyped = [name for name, parameter in stated.items() if not parameter.annotation]
+    stated = accepted_by(subject.factory).parameters
+    untyped = [parameter.name for parameter in stated if not parameter.annotation]
     expect(not untyped, f"no type is stated of {', '.join(untyped)}")
-    known = {*stated, *inspect.signature(Algorithm).parameters, "options", "kwargs"}
-    hidden = [name for name in own_parameters(subject.factory) if name not in known]
-    expect(not hidden, f"its docstring describes {', '.join(hidden)}; the signature does not")
 
 
-@rule(_RETURNS_PLANS)
+@rule("Put TrailPlans into X, made with the mission's arcs alone, and leave F as it is evaluated.")
 def valid_plans(subject: Subject) -> None:
-    """The result holds plans that are valid on the mission."""
+    """The result holds valid plans, and the objectives that the problem computes of them."""
     for mission in (places.streets(), places.measured()):
         found = _run(subject, BOTOHE(mission))
         expect(found.plans, "its result holds no plan")
-        mission.evaluate(found.plans)  # raises a PlanError that names what is not valid
-
-
-@rule("Do not change F: the evaluator writes it as the problem computes it.")
-def objectives_of_the_problem(subject: Subject) -> None:
-    """F of the result is what the problem computes of its plans, and nothing else."""
-    mission = places.streets()
-    _expect_true_objectives(_run(subject, BOTOHE(mission)), BOTOHE(mission))
+        _expect_true_objectives(found, BOTOHE(mission))
 
 
 @rule(
@@ -88,7 +70,7 @@ def objectives_of_the_problem(subject: Subject) -> None:
     "`setup` that names the problem's class."
 )
 def own_objectives(subject: Subject) -> None:
-    """An objective of one's own, a subclass of BOTOHE, is used, or refused by name."""
+    """Another objective, by a subclass of BOTOHE, is used, or the problem is refused by name."""
     problem = Halved(places.streets())
     if not refuses(subject.make(), problem):
         _expect_true_objectives(_run(subject, problem), problem)
@@ -143,11 +125,14 @@ def true_budget(subject: Subject) -> None:
 
 
 @rule(
-    "Draw all random numbers from `self.random_state`, and depend on no time and no order of sets."
+    "Draw all random numbers from `self.random_state`, depend on no time and no order of sets, and "
+    "keep nothing in the class, the module or default arguments."
 )
 def same_seed_same_front(subject: Subject) -> None:
-    """The same seed gives the same plans in the same order."""
-    one, same = (_run(subject, BOTOHE(places.streets()), seed=5) for _ in range(2))
+    """The same seed gives the same plans in the same order, whatever ran before."""
+    one = _run(subject, BOTOHE(places.streets()), seed=5)
+    _run(subject, BOTOHE(places.one_way()), seed=7)
+    same = _run(subject, BOTOHE(places.streets()), seed=5)
     _expect_same(one, same, "two runs with the same seed differ")
 
 
@@ -167,41 +152,6 @@ def other_seed_other_front(subject: Subject) -> None:
         expect(not differs, "it says that it is deterministic, and two seeds give other plans")
     else:
         expect(differs, "two seeds give the same plans with 20, with 60 and with 200 evaluations")
-
-
-@rule(
-    "Keep nothing in the class, the module or default arguments: make it in `__init__` or `_setup`."
-)
-def runs_are_independent(subject: Subject) -> None:
-    """A run does not depend on those before it, nor on where the algorithm was set up before."""
-    problem = BOTOHE(places.streets())
-    before = _run(subject, problem)
-    _run(subject, BOTOHE(places.one_way()), seed=7)
-    _expect_same(before, _run(subject, problem), "a run after one on another mission differs")
-    algorithm = subject.make()
-    for _ in range(2):
-        again = run(copy.deepcopy(algorithm), problem, _EVALUATIONS)
-        _expect_same(before, again, "a run of a copy of the algorithm differs")
-
-
-@rule("Draw from `self.random_state`, a numpy Generator, and not from np.random or random.")
-def shared_generators_untouched(subject: Subject) -> None:
-    """The generators of numpy and Python that everybody shares stay as they are."""
-    untouched = leaves_shared_generators(lambda: _run(subject, BOTOHE(places.streets())))
-    expect(untouched, "it draws from a generator that all share")
-
-
-@rule("Copy what is to be changed: the problem and its mission belong to others, too.")
-def inputs_unchanged(subject: Subject) -> None:
-    """The problem and the mission are not changed."""
-    mission = places.measured()
-    problem = BOTOHE(mission, min_survival=0.2, max_length=8.0)
-    before = mission_digest(mission), nx.node_link_data(mission.graph), _attributes(problem)
-    before = copy.deepcopy(before)
-    _run(subject, problem)
-    after = mission_digest(mission), nx.node_link_data(mission.graph), _attributes(problem)
-    for what, old, new in zip(("mission", "graph", "problem"), before, after, strict=True):
-        expect(old == new, f"it changes the {what}")
 
 
 @rule(
@@ -247,18 +197,6 @@ def one_robot(subject: Subject) -> None:
     expect(any(found.objectives[:, 0] > 0.0), "a single robot collects nothing")
 
 
-@rule("Let robots stay at base, also all of them: `TrailPlan([[base]] * robots)`.")
-def staying_home(subject: Subject) -> None:
-    """Where leaving gains nothing, the result is to stay home."""
-    mission = places.nothing_to_gain()
-    found = _run(subject, BOTOHE(mission))
-    best = found.objectives.max(axis=0, initial=0.0)
-    expect(
-        best[1] >= mission.robots,
-        f"at best {best[1]:.6g} of {mission.robots} robots survive; staying home, all do",
-    )
-
-
 @rule("Compare CV first: `result.X` holds feasible plans alone, and is None where there are none.")
 def survival_floor(subject: Subject) -> None:
     """A survival floor is kept, also one that nothing but staying home satisfies."""
@@ -292,20 +230,15 @@ RULES: tuple[Rule, ...] = (
     runs_end,
     parameters_stated,
     valid_plans,
-    objectives_of_the_problem,
     own_objectives,
     front_of_all_evaluated,
     exact_budget,
     true_budget,
     same_seed_same_front,
     other_seed_other_front,
-    runs_are_independent,
-    shared_generators_untouched,
-    inputs_unchanged,
     resumes_when_pickled,
     one_way_mission,
     one_robot,
-    staying_home,
     survival_floor,
     travel_budget,
 )
@@ -334,7 +267,7 @@ def _expect_same(one: Run, other: Run, message: str) -> None:
 
 
 def _dominates(points: FloatArray, point: FloatArray) -> bool:
-    """Tell whether one of some points (n, 2) dominates another."""
+    """Return whether one of some points (n, 2) dominates ``point``."""
     return bool(((points >= point).all(axis=1) & (points > point).any(axis=1)).any())
 
 
@@ -343,8 +276,3 @@ def _points(points: FloatArray) -> str:
     return "".join(
         f"E[R] {reward:.6g} and E[S] {survivors:.6g}" for reward, survivors in points[:1]
     )
-
-
-def _attributes(thing: object) -> dict[str, str]:
-    """Give what an object holds, in a form that can be compared."""
-    return {name: repr(value) for name, value in vars(thing).items()}

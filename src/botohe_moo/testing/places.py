@@ -32,15 +32,6 @@ def alone() -> Mission:
     return streets().with_robots(1)
 
 
-def nothing_to_gain() -> Mission:
-    """The streets, where only the base pays: the best plan is to stay home."""
-    plain = streets()
-    graph: nx.DiGraph[Any] = nx.DiGraph(plain.graph)
-    for node in graph:
-        graph.nodes[node]["reward"] = 5.0 if node == plain.base else 0.0
-    return Mission(graph, base=plain.base, robots=2, name="nothing-to-gain")
-
-
 def measured() -> Mission:
     """The streets, with lengths."""
     plain = streets()

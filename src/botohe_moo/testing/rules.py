@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import inspect
 import os
-import signal
-import threading
 import time
 import traceback
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -39,7 +36,6 @@ class Subject:
     name: str
     factory: Callable[..., Any]  # the class or function itself
     make: Callable[..., Any]  # makes one, given keywords that replace those of the check
-    seconds: float  # that the check of a rule may take
 
 
 @dataclass(frozen=True)
@@ -126,46 +122,14 @@ def _result(each: Rule, subject: Subject) -> CheckResult:
 
 
 def fault_of(each: Rule, subject: Subject) -> str | None:
-    """Say how a rule is broken; None where it is kept."""
+    """Return how a rule is broken; None where it is kept."""
     try:
-        with _ending_after(subject.seconds):
-            each.check(subject)
-    except (BrokenRuleError, _TimeIsOverError) as error:
+        each.check(subject)
+    except BrokenRuleError as error:
         return str(error)
     except (Exception, SystemExit) as error:  # whatever another package's code may raise
         return _raised(error)
     return None
-
-
-class _TimeIsOverError(BaseException):
-    """Not an Exception, which an algorithm may catch in its loop."""
-
-
-@contextmanager
-def _ending_after(seconds: float) -> Iterator[None]:
-    """Raise a _TimeIsOverError when the time is over, and again each second after that.
-
-    Only the main thread gets alarms, where the system has them, and not while a kernel runs.
-    """
-    if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "SIGALRM"):
-        yield
-        return
-
-    def ring(*_: object) -> None:
-        raise _TimeIsOverError(f"it did not return within {seconds:g} s")
-
-    started = time.monotonic()
-    others = signal.getitimer(signal.ITIMER_REAL)[0]  # a test's own, for instance
-    handler = signal.signal(signal.SIGALRM, ring)
-    signal.setitimer(signal.ITIMER_REAL, seconds, 1.0)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, handler)
-        if others:
-            left = others - (time.monotonic() - started)
-            signal.setitimer(signal.ITIMER_REAL, max(left, 1e-3))
 
 
 def _raised(error: BaseException) -> str:
@@ -179,7 +143,7 @@ def _raised(error: BaseException) -> str:
 
 
 def name_of(factory: Any) -> str:
-    """Give the name of a function or class, for messages."""
+    """Return the name of a function or class, for messages."""
     if isinstance(factory, str):
         return factory
     named = inspect.isroutine(factory) or isinstance(factory, type)

@@ -24,7 +24,6 @@ _MOST_IDLE = 1_000
 class Run:
     """What is known of a run that ended."""
 
-    algorithm: Algorithm
     plans: list[TrailPlan]  # of its result
     objectives: FloatArray  # E[R] and E[S] of these as the algorithm says (n, 2)
     fronts: list[FloatArray]  # E[R] and E[S] after each generation
@@ -103,11 +102,11 @@ def run(
         expect(isinstance(plan, TrailPlan), f"its result holds {plan!r}, which is not a TrailPlan")
     F = np.empty((0, 2)) if result.F is None else -np.atleast_2d(result.F)
     expect(len(F) == len(plans), f"its result has {len(plans)} plans, and F of {len(F)}")
-    return Run(algorithm, plans, F, fronts, spent)
+    return Run(plans, F, fronts, spent)
 
 
 def _objectives(algorithm: Algorithm) -> FloatArray:
-    """Give E[R] and E[S] of the feasible plans of an algorithm's optimum."""
+    """Return E[R] and E[S] of the feasible plans of an algorithm's optimum."""
     optimum = algorithm.opt
     if optimum is None or len(optimum) == 0:
         return np.empty((0, 2))
@@ -116,7 +115,7 @@ def _objectives(algorithm: Algorithm) -> FloatArray:
 
 
 def refuses(algorithm: Algorithm, problem: BOTOHE) -> bool:
-    """Tell whether an algorithm says by name that it does not use a problem's own evaluation."""
+    """Return whether an algorithm refuses a problem with another evaluation by its name."""
     try:
         algorithm.setup(problem, termination=("n_eval", 1), seed=1)
     except TypeError as error:
@@ -131,34 +130,8 @@ def revived(thing: Any) -> Any:
     return pickle.loads(pickle.dumps(thing))
 
 
-def leaves_shared_generators(work: Callable[[], object]) -> bool:
-    """Tell whether work leaves the generators of numpy and Python alone that everybody shares.
-
-    They are put into a state that no seed of a run leads to, and afterwards back into their own.
-    """
-    import random
-
-    saved = random.getstate(), np.random.get_state()  # noqa: NPY002
-    try:
-        random.seed("nobody's seed")
-        np.random.seed(2**32 - 1)  # noqa: NPY002
-        before = _shared_states()
-        work()
-        return before == _shared_states()
-    finally:
-        random.setstate(saved[0])
-        np.random.set_state(saved[1])  # noqa: NPY002
-
-
-def _shared_states() -> tuple[object, ...]:
-    import random
-
-    kind, keys, *rest = np.random.get_state()  # noqa: NPY002
-    return random.getstate(), kind, np.asarray(keys).tobytes(), *rest
-
-
 def missing(points: FloatArray, front: FloatArray) -> FloatArray:
-    """Give the points (n, 2) that no point of a front is as good as, to rounding."""
+    """Return the points (n, 2) that no point of a front is as good as, to rounding."""
     if not len(front):
         return points
     near: FloatArray = 1e-12 * (1.0 + np.abs(points[:, None]))

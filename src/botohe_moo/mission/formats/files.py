@@ -5,22 +5,17 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-import networkx as nx
-
-from botohe_moo._base.checks import check_parameters
+from botohe_moo._base.checks import ParameterError, check_parameters
 from botohe_moo._base.files import read_bytes, replace_file
 from botohe_moo._plugins.stated import signature_parameters
 from botohe_moo.mission.formats.benchmark import read_benchmark
 from botohe_moo.mission.formats.graphml import read_graphml, write_graphml
 from botohe_moo.mission.formats.nodelink import mission_content, read_node_link, write_node_link
-from botohe_moo.mission.memory import MAX_FILE_BYTES, in_gib
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.mission.validation import MissionError, mission_faults
+from botohe_moo.mission.validation import MissionError
 
-# A reader takes a file's bytes and keyword-only options; it returns the graph, and the faults of
-# those parts of the file that it had to leave out.
-_Reader = Callable[..., tuple[Any, list[str]]]
-_READERS: dict[str, _Reader] = {
+# A reader takes a file's bytes and keyword-only options.
+_READERS: dict[str, Callable[..., Any]] = {
     ".json": read_node_link,
     ".graphml": read_graphml,
     ".txt": read_benchmark,
@@ -38,8 +33,6 @@ def read_mission(
     Parameters
     ----------
     path
-        At most 512 MiB.
-
         - ``.json``: networkx node-link JSON (``nx.node_link_data(graph, edges="edges")``) in UTF-8,
           with the graph attributes ``base`` and ``robots``, optionally ``name`` and ``title``, the
           node attribute ``reward`` and the arc attribute ``survival``, optionally the arc attribute
@@ -60,7 +53,7 @@ def read_mission(
     ------
     MissionError
         If there is no such file, it is not in its format, its mission is not valid, or it holds
-        something that `save_mission` could not write again; every fault is listed.
+        something that `save_mission` could not write again; names the file and what is wrong.
 
     Examples
     --------
@@ -77,17 +70,18 @@ def read_mission(
     known = [parameter.name for parameter in signature_parameters(reader)]
     check_parameters(f"Mission file {path}", options, known, also=("robots",))
     try:
-        graph: nx.DiGraph[Any]
-        graph, faults = reader(file_content(path), **options)
-        team = graph.graph.get("robots") if robots is None else robots
-        if faults:
-            faults += mission_faults(graph, graph.graph.get("base"), team, ways=False)
-            raise MissionError(faults)
-        return Mission(graph, robots=team, name=graph.graph.get("name") or _text(path.stem))
+        graph = reader(file_content(path), **options)
+        mission = Mission(graph, robots=robots, name=graph.graph.get("name") or _text(path.stem))
+        mission_content(mission)  # what cannot be saved is refused at once, not after a search
     except MissionError as error:
         raise MissionError(list(error.faults), str(path)) from None
+    except ParameterError:
+        raise
+    except ValueError as error:
+        raise MissionError(str(error).rstrip("."), str(path)) from None
     except RecursionError:
         raise MissionError("expected a mission, found lists nested too deeply", str(path)) from None
+    return mission
 
 
 def save_mission(mission: Mission, path: str | os.PathLike[str]) -> None:
@@ -142,14 +136,9 @@ def _text(stem: str) -> str:
 
 
 def file_content(path: Path) -> bytes:
-    """Read a file of at most 512 MiB; raises MissionError, which does not name the file."""
+    """Read a file; raises MissionError, which does not name the file."""
     try:
-        if (size := path.stat().st_size) > MAX_FILE_BYTES:
-            limit = in_gib(MAX_FILE_BYTES)
-            raise MissionError(f"expected a file of at most {limit}, got one of {in_gib(size)}")
         return read_bytes(path)
-    except MissionError:
-        raise
     except FileNotFoundError:
         raise MissionError("there is no such file") from None
     except IsADirectoryError:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import math
-from collections import Counter
-from collections.abc import Hashable, Iterator
+from collections.abc import Hashable, Iterable, Mapping
 from numbers import Integral, Real
 from typing import Any
 
@@ -17,38 +15,43 @@ from botohe_moo._base.checks import quoted
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.validation import MissionError
 
-_MAX_DEPTH = 50
-# Checked by the validation of the mission.
-_CHECKED = {
-    "the graph": ("base", "robots", "max_length"),
-    "node": ("reward",),
-    "arc": ("survival", "length"),
-}
+_KEYS = {"directed": bool, "multigraph": bool, "graph": dict, "nodes": list, "edges": list}
+_WORDS = {bool: "true or false", dict: "an object", list: "a list"}
+
+# Where an entry is in its file, its labels, and its attributes.
+Entry = tuple[str, tuple[Any, ...], Mapping[str, Any]]
 
 
-def read_node_link(data: bytes, /) -> tuple[nx.Graph[Any], list[str]]:
-    """Read node-link JSON in UTF-8, in which no object has a key twice; see `graph_from`."""
+def read_node_link(data: bytes, /) -> nx.Graph[Any]:
+    """Read node-link JSON in UTF-8.
+
+    networkx' own ``node_link_graph`` would add nodes that only arcs name, let the last of several
+    equal nodes or arcs win, and keep the base's label as a list. A MissionError is raised for what
+    is not node-link data, and as in `graph_of`.
+    """
     text = decode(data)
     try:
-        content = json.loads(text, object_pairs_hook=_object)
-    except MissionError:
-        raise
+        content = json.loads(text)
     except json.JSONDecodeError as error:
         where = f"line {error.lineno}, column {error.colno}"
         raise MissionError(f"{where}: expected JSON, found: {error.msg}") from None
     except ValueError as error:  # an integer of thousands of digits
         raise MissionError(f"expected JSON of numbers in range, found: {error}") from None
-    return graph_from(content)
-
-
-def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    content = dict(pairs)
-    if len(content) < len(pairs):
-        (twice, _), *_ = Counter(key for key, _ in pairs).most_common(1)
-        raise MissionError(
-            f"expected each key once in an object, found {quoted(twice)} again in {quoted(content)}"
-        )
-    return content
+    if not isinstance(content, dict):
+        raise MissionError(f"expected node-link data, a JSON object, got {quoted(content)}")
+    content = {"directed": False, "multigraph": False, "graph": {}, **content}
+    if faults := _key_faults(content):
+        raise MissionError(faults)
+    if not content["directed"] or content["multigraph"]:
+        return nx.MultiDiGraph() if content["multigraph"] else nx.Graph()  # which are refused
+    own = content["graph"]
+    nodes = [_entry(f"nodes[{i}]", entry, "id") for i, entry in enumerate(content["nodes"])]
+    arcs = [
+        _entry(f"edges[{i}]", entry, "source", "target") for i, entry in enumerate(content["edges"])
+    ]
+    if "base" in own:
+        own["base"] = read_label(own["base"])
+    return graph_of(own, nodes, arcs)
 
 
 def decode(data: bytes, remedy: str = "") -> str:
@@ -60,123 +63,70 @@ def decode(data: bytes, remedy: str = "") -> str:
         raise MissionError(f"expected text in UTF-8, found {found}{remedy}") from None
 
 
-def graph_from(content: object) -> tuple[nx.Graph[Any], list[str]]:
-    """Make a graph from node-link data.
-
-    networkx' own ``node_link_graph`` would add nodes that only arcs name, let the last of several
-    equal nodes or arcs win, and keep the base's label as a list.
-
-    Gives the graph, empty if it is not directed and simple, and the faults: nodes and arcs that had
-    to be left out, and attributes that no file can hold. A MissionError is raised if a key is
-    missing or of a wrong type.
-    """
-    if not isinstance(content, dict):
-        raise MissionError(f"expected node-link data, a JSON object, got {quoted(content)}")
-    content = {"directed": False, "multigraph": False, "graph": {}, **content}
-    if faults := _key_faults(content):
-        raise MissionError(faults)
-    if not content["directed"] or content["multigraph"]:
-        return nx.Graph() if not content["multigraph"] else nx.MultiDiGraph(), []
-    graph: nx.DiGraph[Any] = nx.DiGraph()
-    graph.graph.update(content["graph"])
-    faults += _value_faults("the graph", "the graph", content["graph"])
-    faults += [
-        f"the graph: expected {key} to be text, got {quoted(content['graph'][key])}"
-        for key in ("name", "title")
-        if isinstance(content["graph"].get(key), dict | list)
-    ]
-    if "base" in graph.graph:
-        with contextlib.suppress(ValueError):  # not a label, hence not a node either
-            graph.graph["base"] = read_label(graph.graph["base"])
-    for position, entry in enumerate(content["nodes"]):
-        faults += _add_node(graph, f"nodes[{position}]", entry)
-    for position, entry in enumerate(content["edges"]):
-        faults += _add_arc(graph, f"edges[{position}]", entry)
-    return graph, faults
-
-
 def _key_faults(content: dict[str, Any]) -> list[str]:
     faults = []
-    for key, kind, words in (
-        ("directed", bool, "true or false"),
-        ("multigraph", bool, "true or false"),
-        ("graph", dict, "an object"),
-        ("nodes", list, "a list"),
-        ("edges", list, "a list"),
-    ):
+    for key, kind in _KEYS.items():
         if key not in content:
-            hint = ""
-            if key == "edges" and "links" in content:
-                hint = ', but "links": nx.node_link_data(graph, edges="edges") writes "edges"'
-            faults.append(f'expected the key "{key}", {words}; found no such key{hint}')
+            hint = ', but "links": nx.node_link_data(graph, edges="edges") writes "edges"'
+            hint = hint if key == "edges" and "links" in content else ""
+            faults.append(f'expected the key "{key}", {_WORDS[kind]}; found no such key{hint}')
         elif not isinstance(content[key], kind):
-            faults.append(f'expected the key "{key}" to hold {words}, got {quoted(content[key])}')
+            found = quoted(content[key])
+            faults.append(f'expected the key "{key}" to hold {_WORDS[kind]}, got {found}')
     return faults
+
+
+def _entry(where: str, entry: object, *keys: str) -> Entry:
+    """Split an entry into its labels and its attributes."""
+    if not isinstance(entry, dict):
+        raise MissionError(f"{where}: expected an object, got {quoted(entry)}")
+    if missing := [key for key in keys if key not in entry]:
+        raise MissionError(f'{where}: found no key "{missing[0]}" in {quoted(entry)}')
+    try:
+        labels = tuple(read_label(entry.pop(key)) for key in keys)
+    except ValueError as error:
+        raise MissionError(f"{where}: {error}") from None
+    return where, labels, entry
 
 
 def read_label(value: object) -> Hashable:
     """Convert a JSON value to a node label; raises ValueError if it cannot be one."""
-    if value is None or isinstance(value, dict) or value != value:
+    if isinstance(value, list):
+        return tuple(None if item is None else read_label(item) for item in value)
+    if value is None or isinstance(value, dict):
         expected = "a string, a number, a boolean or a list of them"
         raise ValueError(f"expected a label, {expected}, got {quoted(value)}")
-    plain: Hashable | list[Any] = _plain(value)
-    if isinstance(plain, list):
-        return tuple(None if item is None else read_label(item) for item in plain)
-    return plain
+    return value
 
 
-def _value_faults(kind: str, owner: str, attributes: dict[str, Any]) -> Iterator[str]:
-    """List the attributes that could not be written again."""
-    for key, value in attributes.items():
-        if key not in _CHECKED[kind]:
-            try:
-                _encodable(key)
-                _plain(value)
-            except ValueError as error:
-                yield f"{owner}: attribute {quoted(key)}, {quoted(value)}: {error}"
+def graph_of(
+    own: Mapping[str, Any], nodes: Iterable[Entry], arcs: Iterable[Entry]
+) -> nx.DiGraph[Any]:
+    """Make a graph with attributes of its own, of entries for its nodes and for its arcs.
 
-
-def _add_node(graph: nx.DiGraph[Any], where: str, entry: object) -> list[str]:
-    try:
-        (label,), attributes = _labels(entry, "id")
-    except ValueError as error:
-        return [f"{where}: {error}"]
-    if label in graph:
-        return [f"node {quoted(label)}: is listed more than once, again as {where}"]
-    graph.add_node(label)
-    graph.nodes[label].update(attributes)
-    return list(_value_faults("node", f"node {quoted(label)}", attributes))
-
-
-def _add_arc(graph: nx.DiGraph[Any], where: str, entry: object) -> list[str]:
-    try:
-        (tail, head), attributes = _labels(entry, "source", "target")
-    except ValueError as error:
-        return [f"{where}: {error}"]
-    arc = f"arc {quoted(tail)} -> {quoted(head)}"
-    unknown = [label for label in dict.fromkeys((tail, head)) if label not in graph]
-    if unknown:
-        return [f"{arc}: there is no node {quoted(label)}" for label in unknown]
-    if graph.has_edge(tail, head):
-        return [f"{arc}: is listed more than once, again as {where}"]
-    graph.add_edge(tail, head)
-    graph.edges[tail, head].update(attributes)
-    return list(_value_faults("arc", arc, attributes))
-
-
-def _labels(entry: object, *keys: str) -> tuple[list[Hashable], dict[str, Any]]:
-    """Split an entry into the labels under ``keys`` and its attributes."""
-    if not isinstance(entry, dict):
-        raise ValueError(f"expected an object, got {quoted(entry)}")
-    if missing := [key for key in keys if key not in entry]:
-        raise ValueError(f'found no key "{missing[0]}" in {quoted(entry)}')
-    labels = []
-    for key in keys:
-        try:
-            labels.append(read_label(entry[key]))
-        except ValueError as error:
-            raise ValueError(f'"{key}": {error}') from None
-    return labels, {key: value for key, value in entry.items() if key not in keys}
+    A MissionError lists the nodes and arcs that are there more than once, and the arcs whose ends
+    are not among the nodes.
+    """
+    graph: nx.DiGraph[Any] = nx.DiGraph()
+    graph.graph.update(own)
+    faults = []
+    for where, (label,), attributes in nodes:
+        if label in graph:
+            faults.append(f"{where}: node {quoted(label)} is listed more than once")
+        graph.add_node(label)
+        graph.nodes[label].update(attributes)  # whose names may be those of parameters
+    for where, (tail, head), attributes in arcs:
+        arc = f"{where}: arc {quoted(tail)} -> {quoted(head)}"
+        unknown = [label for label in dict.fromkeys((tail, head)) if label not in graph]
+        faults += [f"{arc}: there is no node {quoted(label)}" for label in unknown]
+        if graph.has_edge(tail, head):
+            faults.append(f"{arc} is listed more than once")
+        if not unknown:
+            graph.add_edge(tail, head)
+            graph.edges[tail, head].update(attributes)
+    if faults:
+        raise MissionError(faults)
+    return graph
 
 
 def mission_content(mission: Mission) -> dict[str, Any]:
@@ -235,16 +185,12 @@ def _attributes(owner: str, attributes: dict[Any, Any], *reserved: str) -> dict[
     return plain
 
 
-def _plain(value: Any, depth: int = 0) -> Any:
+def _plain(value: Any) -> Any:
     """Convert ``value`` to JSON's own types; raises ValueError."""
-    if depth > _MAX_DEPTH:
-        raise ValueError(f"it is nested too deeply, more than {_MAX_DEPTH} times")
     if isinstance(value, np.generic | np.ndarray):
         value = value.tolist()
-    if value is None or isinstance(value, bool):
+    if value is None or isinstance(value, bool | str):
         return value
-    if isinstance(value, str):
-        return _encodable(value)
     if isinstance(value, Integral):
         return int(value)
     if isinstance(value, Real):
@@ -252,15 +198,7 @@ def _plain(value: Any, depth: int = 0) -> Any:
             raise ValueError("JSON has no infinite numbers and no NaN")
         return float(value)
     if isinstance(value, list | tuple):
-        return [_plain(item, depth + 1) for item in value]
+        return [_plain(item) for item in value]
     if isinstance(value, dict) and all(isinstance(key, str) for key in value):
-        return {_encodable(key): _plain(item, depth + 1) for key, item in value.items()}
+        return {key: _plain(item) for key, item in value.items()}
     raise ValueError(f"JSON has no {type(value).__name__}")
-
-
-def _encodable(text: str) -> str:
-    try:
-        text.encode()
-    except UnicodeEncodeError:
-        raise ValueError(f"{quoted(text)} is not valid Unicode text") from None
-    return text

@@ -6,25 +6,32 @@ import csv
 import io
 import math
 import os
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Callable, Hashable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import networkx as nx
 import numpy as np
 
 from botohe_moo._base.checks import as_float, check_frame, quoted
 from botohe_moo.mission.formats.files import file_content
-from botohe_moo.mission.formats.nodelink import decode
+from botohe_moo.mission.formats.nodelink import decode, graph_of
 from botohe_moo.mission.model import Mission
-from botohe_moo.mission.validation import MissionError, mission_faults
+from botohe_moo.mission.validation import MissionError
 
 if TYPE_CHECKING:
     import pandas as pd
 
-_NODES, _ARCS = ("label", "reward"), ("tail", "head", "survival")
 _SEPARATORS = ",;\t"
-_SHOWN = 12  # columns of a message
+_Numbers = dict[str, tuple[str, Callable[[float], bool]]]
+_OF_NODES: _Numbers = {
+    "reward": (">= 0", lambda number: 0 <= number < math.inf),
+    "x": ("to be a number", math.isfinite),
+    "y": ("to be a number", math.isfinite),
+}
+_OF_ARCS: _Numbers = {
+    "survival": ("in (0, 1]", lambda number: 0 < number <= 1),
+    "length": (">= 0", lambda number: 0 <= number < math.inf),
+}
 _FILE = "botohe_moo file"  # a table's attribute, by which messages name it
 
 
@@ -71,8 +78,7 @@ def mission_from_tables(
     ------
     MissionError
         If a column is missing or there twice, a cell does not hold what it should, a node or an arc
-        is there twice, or the mission is not valid. Names the table, the row by its index and the
-        column; every fault is listed.
+        is there twice, or the mission is not valid. Names the table and the row, by its index.
     TypeError
         If ``nodes`` or ``arcs`` is not a DataFrame.
 
@@ -85,23 +91,19 @@ def mission_from_tables(
     >>> mission_from_tables(nodes, arcs, base="dock", robots=2, both_ways=True)
     <Mission 'mission': 2 nodes, 2 arcs, 2 robots at base 'dock', total reward 5>
     """
-    faults: list[str] = []
-    node_rows = list(_rows("nodes", nodes, _NODES, faults))
-    arc_rows = list(_rows("arcs", arcs, _ARCS, faults))
-    if faults:
+    node_rows, faults = _rows("nodes", nodes, ("label", "reward"), _OF_NODES)
+    arc_rows, others = _rows("arcs", arcs, ("tail", "head", "survival"), _OF_ARCS)
+    if faults := faults + others:
         raise MissionError(faults)
-    graph: nx.DiGraph[Any] = nx.DiGraph(base=_stripped(base), robots=robots)
-    own = {"title": title or None, "max_length": max_length}
-    graph.graph.update((key, value) for key, value in own.items() if value is not None)
-    known: dict[Hashable, str] = {}
-    for where, row in node_rows:
-        _add_node(graph, known, where, row, faults)
-    drawn: dict[tuple[Hashable, Hashable], str] = {}
-    for where, row in arc_rows:
-        _add_arc(graph, drawn, where, row, both_ways, faults)
-    if faults:
-        faults += mission_faults(graph, graph.graph["base"], robots, ways=False)
-        raise MissionError(list(dict.fromkeys(faults)))
+    own = {"base": base.strip() if isinstance(base, str) else base, "robots": robots}
+    own |= {"title": title} if title else {}
+    own |= {} if max_length is None else {"max_length": max_length}
+    of_nodes = [(where, (row.pop("label"),), _with_pos(row)) for where, row in node_rows]
+    of_arcs = [(where, (row.pop("tail"), row.pop("head")), row) for where, row in arc_rows]
+    if both_ways:
+        back = [(where, ends[::-1], row) for where, ends, row in of_arcs]
+        of_arcs = [arc for both in zip(of_arcs, back, strict=True) for arc in both]
+    graph = graph_of(own, of_nodes, of_arcs)
     try:
         return Mission(graph, name=name)
     except MissionError as error:
@@ -133,10 +135,6 @@ def read_table(path: str | os.PathLike[str]) -> pd.DataFrame:
             for i, cells in rows.items()
             if len(cells) != len(header)
         ]
-        widths = {len(cells) for cells in rows.values()}
-        if len(faults) == len(rows) > 1 == len(widths):
-            found = f"found {widths.pop()} in all others"
-            faults = [f"expected {len(header)} cells, as the first row has, {found}"]
         if faults:
             raise MissionError(faults)
     except csv.Error as error:
@@ -149,40 +147,39 @@ def read_table(path: str | os.PathLike[str]) -> pd.DataFrame:
     return table
 
 
-_Row = dict[str, Any]
-
-
 def _rows(
-    table: str, frame: pd.DataFrame, needed: tuple[str, ...], faults: list[str]
-) -> Iterator[tuple[str, _Row]]:
-    """Give each row with the words for where it is; none if a column is missing or there twice."""
+    table: str, frame: pd.DataFrame, needed: tuple[str, ...], numbers: _Numbers
+) -> tuple[list[tuple[str, dict[str, Any]]], list[str]]:
+    """Return the filled cells of each row, with the words for where it is, and the faults."""
     check_frame(table, frame)
     table = frame.attrs.get(_FILE, table)
     names = [str(column).strip().lower() for column in frame.columns]
-    found = ", ".join(quoted(str(column))[1:-1] for column in frame.columns[:_SHOWN]) or "none"
-    found += f" and {more} more" if (more := len(names) - _SHOWN) > 0 else ""
-    wrong = [f"a column {quoted(name)}, found {found}" for name in needed if name not in names]
-    wrong += [
-        f"one column {quoted(name)}, found {names.count(name)}"
-        for name in dict.fromkeys(names)
-        if names.count(name) > 1 and name
-    ]
-    wrong += [
-        f"both columns 'x' and 'y' or neither, found only {quoted(name)}"
-        for name, other in ("xy", "yx")
-        if name in names and other not in names
-    ]
+    wrong = [name for name in needed if name not in names]
+    wrong += [name for name in dict.fromkeys(names) if name and names.count(name) > 1]
     if wrong:
-        faults += [f"{table}: expected {fault}" for fault in wrong]
-        return
+        found = quoted(", ".join(map(str, frame.columns)))
+        return [], [f"{table}: expected one column {quoted(name)}, found {found}" for name in wrong]
+    rows, faults = [], []
     columns = [[_plain(value) for value in frame.iloc[:, i]] for i in range(len(names))]
-    for index, *values in zip(frame.index, *columns, strict=True):
-        row = {name: value for name, value in zip(names, values, strict=True) if name}
-        yield f"{table}, row {index}", row
+    for index, *cells in zip(frame.index, *columns, strict=True):
+        filled = zip(names, cells, strict=True)
+        row = {key: cell for key, cell in filled if key and cell is not None}
+        where = f"{table}, row {index}"
+        faults += [f"{where}: expected {key}, found nothing" for key in needed if key not in row]
+        for key, (expected, is_valid) in numbers.items():
+            if key in row and not is_valid(number := _number(row[key])):
+                hint = "; write numbers with a point" if "," in str(row[key]) else ""
+                faults.append(f"{where}: expected {key} {expected}, found {quoted(row[key])}{hint}")
+            elif key in row:
+                row[key] = number
+        if ("x" in row) != ("y" in row):
+            faults.append(f"{where}: expected both x and y or neither, found one")
+        rows.append((where, row))
+    return rows, faults
 
 
 def _plain(value: Any) -> Any:
-    """Give text without the blanks around it, Python's own numbers, and None for nothing."""
+    """Return text without the blanks around it, Python's own numbers, and None for nothing."""
     import pandas as pd
 
     if isinstance(value, str):
@@ -192,111 +189,15 @@ def _plain(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else value
 
 
-def _stripped(label: Hashable) -> Hashable:
-    return label.strip() if isinstance(label, str) else label
-
-
-def _hashable(value: object) -> bool:
+def _number(value: Any) -> float:
+    """Convert a number or its text; NaN for anything else."""
     try:
-        hash(value)
-    except TypeError:
-        return False
-    return True
-
-
-def _add_node(
-    graph: nx.DiGraph[Any], known: dict[Hashable, str], where: str, row: _Row, faults: list[str]
-) -> None:
-    label = row.pop("label")
-    if label is None:
-        faults.append(f"{where}, column 'label': expected the label of a node, found nothing")
-        return
-    if not _hashable(label):
-        faults.append(
-            f"{where}, column 'label': expected the label of a node, found {quoted(label)}"
-        )
-        return
-    if label in known:
-        found = f"node {quoted(label)} is listed more than once, first in {known[label]}"
-        faults.append(f"{where}: {found}")
-        return
-    known[label] = _row_of(where)
-    reward = _number(row, "reward", where, _at_least_0, "a number >= 0", faults)
-    place = [row.pop(axis, None) for axis in ("x", "y")]
-    attributes: _Row = {key: value for key, value in row.items() if value is not None}
-    if place != [None, None]:
-        cells = dict(zip("xy", place, strict=True))
-        pos = [_number(cells, axis, where, math.isfinite, "a number", faults) for axis in "xy"]
-        attributes["pos"] = pos
-    graph.add_node(label, **{**attributes, "reward": reward})
-
-
-def _add_arc(
-    graph: nx.DiGraph[Any],
-    drawn: dict[tuple[Hashable, Hashable], str],
-    where: str,
-    row: _Row,
-    both_ways: bool,
-    faults: list[str],
-) -> None:
-    ends = row.pop("tail"), row.pop("head")
-    known = True
-    for column, label in zip(("tail", "head"), ends, strict=True):
-        if label not in graph:
-            found = "nothing" if label is None else f"{quoted(label)}, which no row of nodes has"
-            faults.append(
-                f"{where}, column {column!r}: expected the label of a node, found {found}"
-            )
-            known = False
-    survival = _number(row, "survival", where, _in_0_1, "a number in (0, 1]", faults)
-    if row.get("length") is not None:
-        row["length"] = _number(row, "length", where, _at_least_0, "a number >= 0", faults)
-    if known and ends[0] == ends[1]:
-        found = f"found both ends at {quoted(ends[0])}"
-        faults.append(f"{where}: expected an arc between two nodes, {found}")
-        known = False
-    if not known:
-        return
-    attributes = {key: value for key, value in row.items() if value is not None}
-    for tail, head in dict.fromkeys((ends, ends[::-1]) if both_ways else (ends,)):
-        if (tail, head) in drawn:
-            before = drawn[tail, head]
-            arc = f"arc {quoted(tail)} -> {quoted(head)}"
-            faults.append(f"{where}: {arc} is there already, in {before}")
-            continue
-        drawn[tail, head] = _row_of(where)
-        graph.add_edge(tail, head, **{**attributes, "survival": survival})
-
-
-def _row_of(where: str) -> str:
-    return f"row {where.rpartition(', row ')[2]}"
-
-
-def _in_0_1(number: float) -> bool:
-    return 0 < number <= 1
-
-
-def _at_least_0(number: float) -> bool:
-    return 0 <= number < math.inf
-
-
-def _number(
-    row: _Row,
-    column: str,
-    where: str,
-    valid: Callable[[float], bool],
-    expected: str,
-    faults: list[str],
-) -> float:
-    """Take a number out of a row; what is not one is a fault, and gives a harmless number."""
-    value = row.pop(column)
-    try:
-        number = float(value) if isinstance(value, str) else as_float(value)
+        return float(value) if isinstance(value, str) else as_float(value)
     except ValueError:
-        number = math.nan
-    if valid(number):
-        return number
-    found = "nothing" if value is None else quoted(value)
-    hint = "; write numbers with a point" if isinstance(value, str) and "," in value else ""
-    faults.append(f"{where}, column {column!r}: expected {expected}, found {found}{hint}")
-    return 1.0
+        return math.nan
+
+
+def _with_pos(row: dict[str, Any]) -> dict[str, Any]:
+    if "x" in row:
+        row["pos"] = [row.pop("x"), row.pop("y")]
+    return row

@@ -27,7 +27,7 @@ from botohe_moo.search.bounds.steps import Steps, StepSearch
 from botohe_moo.search.bounds.targets import Known, LineTargets, StepTargets
 from botohe_moo.search.exact import TooLargeError, exact_front
 from botohe_moo.search.local_search import DEFAULT_MOVES, LocalSearch
-from botohe_moo.trails import PlanBatch, TrailPlan
+from botohe_moo.trails import PlanBatch
 
 # Shares of the time: for the true front, and to find trails.
 _EXACT_SHARE, _SEARCH_SHARE = 0.2, 0.05
@@ -261,7 +261,7 @@ class Proof:
             moves=DEFAULT_MOVES,
             random_state=self._random_state,
         )
-        at_base = TrailPlan([[graph.base]] * mission.robots)
+        at_base = mission.stay_home()
         search.admit(PlanBatch.from_plans([at_base], mission.robots))
         until = time.monotonic() + _SEARCH_SHARE * self._seconds
         wanted = n = _FIRST_EVALUATIONS

@@ -1,0 +1,262 @@
+"""Files that were changed at random: they are read as something of use, or refused by name.
+
+``make test-long`` looks longer. Files of studies are damaged in ``tests/study``.
+"""
+
+import contextlib
+import copy
+import json
+import re
+import shutil
+import sys
+from pathlib import Path
+
+import networkx as nx
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from botohe_moo import Mission, load_mission, mission_from_tables, read_solution, solve
+from botohe_moo.mission import MissionError, read_mission, save_mission
+from botohe_moo.mission.digest import mission_digest
+from botohe_moo.mission.formats.tables import read_table
+from botohe_moo.search.bounds import FrontBound, bound_front
+from tests.examples import examples
+
+DATA = Path(__file__).parent / "data"
+
+# What stands between quotes, between elements, or between separators.
+VALUE = re.compile(rb'(?<=")[^"\n]+(?=")|(?<=>)[^<>\n]+(?=<)|[0-9.]+')
+TOKENS = [
+    *(b"", b"NaN", b"-Infinity", b"nan", b"1e999", b"-1", b"1" * 30, b"9" * 5000, b"\xff", b"\0"),
+    *(b"&#13;", b"&x;", b"&#xFFFE;", b"]]>", b"<!DOCTYPE a []>", b"\r", b" ", b";", b"\xc2\x85"),
+    *(b"null", b"{}", b"[", b"[" * 3000, b'"', b'"base": 1,', b"\\ud800", b"1_0", b"../../x"),
+]
+VALUES = [
+    *(None, True, 0, 2, -1, 0.5, -0.0, 1e308, 10**400, float("nan"), float("inf"), "", "a", "\0"),
+    *([], [1, 2], [[None]], [float("nan"), 0], {}, {"a": 1}, {"id": {}}, "x" * 3000),
+]
+KEYS = ["id", "source", "name", "title", "base", "robots", "pos", "x", "", "\0", "max_length"]
+
+
+class Watch:
+    """Notes what is unpickled, started or connected to while files are read."""
+
+    CALLS = ("pickle.find_class", "subprocess.Popen", "os.system", "os.exec", "socket.connect")
+
+    def __init__(self):
+        self.seen, self.on = [], False
+        sys.addaudithook(self.note)
+
+    def note(self, event, args):
+        if self.on and event in self.CALLS and not self.of_numba():
+            self.seen.append((event, args))
+
+    @staticmethod
+    def of_numba():
+        """Tell whether numba's cache of kernels is being read, which is pickled."""
+        frame = sys._getframe()
+        while frame is not None:
+            if frame.f_globals.get("__name__", "").startswith("numba."):
+                return True
+            frame = frame.f_back
+        return False
+
+    @contextlib.contextmanager
+    def over(self):
+        self.on = True
+        try:
+            yield
+        finally:
+            self.on = False
+        assert self.seen == []
+
+
+WATCH = Watch()
+
+
+@st.composite
+def changed_bytes(draw, data):
+    """Bytes with one to three stretches replaced, cut off or put elsewhere."""
+    for _ in range(draw(st.integers(1, 3))):
+        begin = draw(st.integers(0, len(data)))
+        end = min(len(data), begin + draw(st.sampled_from([0, 0, 1, 3, 20, 10**6])))
+        if (whole := list(VALUE.finditer(data))) and draw(st.booleans()):
+            begin, end = draw(st.sampled_from(whole)).span()
+        data = data[:begin] + draw(st.sampled_from(TOKENS) | st.binary(max_size=2)) + data[end:]
+    return data
+
+
+def places(value, path=()):
+    """All paths into nested lists and objects but the empty one."""
+    if isinstance(value, dict | list):
+        for key, item in value.items() if isinstance(value, dict) else enumerate(value):
+            yield (*path, key)
+            yield from places(item, (*path, key))
+
+
+@st.composite
+def changed_json(draw, data):
+    """A JSON text with one to three values set, taken out, added or repeated."""
+    content = json.loads(data)
+    for _ in range(draw(st.integers(1, 3))):
+        path = draw(st.sampled_from(list(places(content)) or [()]))
+        if not path:
+            break
+        owner = content
+        for key in path[:-1]:
+            owner = owner[key]
+        value = copy.deepcopy(draw(st.sampled_from(VALUES)))
+        change = draw(st.sampled_from(["set", "set", "delete", "add", "repeat"]))
+        if change == "set":
+            owner[path[-1]] = value
+        elif change == "delete":
+            del owner[path[-1]]
+        elif isinstance(owner, dict):
+            owner[draw(st.sampled_from(KEYS))] = value
+        else:
+            owner.insert(0, owner[-1] if change == "repeat" else value)
+    return json.dumps(content).encode()
+
+
+def changed(data, *, is_json=False):
+    return changed_bytes(data) | changed_json(data) if is_json else changed_bytes(data)
+
+
+def check_message(error, named):
+    """What is said has to be read by people, and to name the file."""
+    lines = str(error).splitlines()
+    assert str(named) in str(error)
+    assert len(lines) <= 102  # a hundred faults
+    assert max(map(len, lines)) < 2000
+
+
+def graphml():
+    graph = nx.relabel_nodes(nx.DiGraph(load_mission("toy").graph), str)
+    return b"\n".join(nx.generate_graphml(nx.DiGraph(graph)))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("damaged")
+
+
+def read_and_saved(path, data):
+    """Read a changed mission; what can be read can be saved, and comes back."""
+    path.write_bytes(data)
+    try:
+        with WATCH.over():
+            mission = read_mission(path)
+    except MissionError as error:
+        check_message(error, path)
+        return
+    for suffix in (".json", ".graphml"):
+        saved = path.with_name(f"saved{suffix}")
+        try:
+            save_mission(mission, saved)
+        except ValueError as error:
+            assert suffix == ".graphml"  # which cannot hold all that JSON can
+            check_message(error, saved)
+            continue
+        again = read_mission(saved)
+        if suffix == ".json" or isinstance(mission.base, str):
+            assert again == mission
+            assert (again.name, again.title) == (mission.name, mission.title)
+            assert mission_digest(again) == mission_digest(mission)
+
+
+@examples(300)
+@given(data=changed((DATA / "pier.json").read_bytes(), is_json=True))
+def test_node_link_json(folder, data):
+    read_and_saved(folder / "mission.json", data)
+
+
+@examples(300)
+@given(data=changed((DATA / "gephi.graphml").read_bytes()))
+def test_graphml(folder, data):
+    read_and_saved(folder / "mission.graphml", data)
+
+
+@examples(200)
+@given(data=changed((DATA / "points.txt").read_bytes()))
+def test_a_benchmark(folder, data):
+    read_and_saved(folder / "mission.txt", data)
+
+
+NODES = b"label,reward,x,y,zone\ndock,0,0,0,\nreef,5,1,0.5,north\nwreck,2.5,,,south\n"
+ARCS = b"tail,head,survival,length\ndock,reef,0.9,2\nreef,wreck,0.8,\ndock,wreck,1,3.5\n"
+
+
+@examples(200)
+@given(nodes=changed(NODES) | st.just(NODES), arcs=changed(ARCS))
+def test_tables(folder, nodes, arcs):
+    tables = []
+    for name, data in {"nodes.csv": nodes, "arcs.csv": arcs}.items():
+        path = folder / name
+        path.write_bytes(data)
+        try:
+            tables.append(read_table(path))
+        except MissionError as error:
+            check_message(error, path)
+            return
+    try:
+        mission = mission_from_tables(*tables, base="dock", robots=2, both_ways=True)
+    except MissionError as error:
+        check_message(error, "")
+    else:
+        assert isinstance(mission, Mission)
+
+
+@pytest.fixture(scope="module")
+def solved(tmp_path_factory):
+    """A solution, and the bytes of its files."""
+    folder = tmp_path_factory.mktemp("solved")
+    solution = solve("toy", "greedy", evaluations=100)
+    solution._write_tables(folder)
+    return solution, {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+
+
+@examples(200)
+@given(draw=st.data())
+def test_a_solution(folder, solved, draw):
+    solution, files = solved
+    name = draw.draw(st.sampled_from(sorted(files)))
+    data = draw.draw(changed(files[name], is_json=name.endswith(".json")))
+    place = folder / "solution"
+    shutil.rmtree(place, ignore_errors=True)
+    place.mkdir()
+    for other, whole in files.items():
+        (place / other).write_bytes(data if other == name else whole)
+    try:
+        with WATCH.over():
+            read = read_solution(place)
+    except (ValueError, OSError) as error:
+        check_message(error, place)
+    else:
+        assert read.plans == solution.plans
+        assert read.objectives == pytest.approx(solution.objectives)
+        read.describe()
+        read.choose("survivors >= 1")
+
+
+@pytest.fixture(scope="module")
+def bound(tmp_path_factory):
+    toy = load_mission("toy")
+    path = tmp_path_factory.mktemp("bound") / "bound.json"
+    bound_front(toy, time_limit=1).save(path)
+    return toy, path.read_bytes()
+
+
+@examples(200)
+@given(draw=st.data())
+def test_a_bound(folder, bound, draw):
+    toy, data = bound
+    path = folder / "bound.json"
+    path.write_bytes(draw.draw(changed(data, is_json=True)))
+    try:
+        with WATCH.over():
+            read = FrontBound.load(path, toy)
+    except (ValueError, OSError) as error:
+        check_message(error, path)
+    else:
+        assert 0 <= read.area <= 1
