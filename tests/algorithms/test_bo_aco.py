@@ -11,10 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from pymoo.core.callback import Callback
-from pymoo.core.problem import Problem
 from pymoo.optimize import minimize
-from pymoo.termination import get_termination
-from pymoo.termination.collection import TerminationCollection
 
 from botohe_moo import BOACO, BOTOHE, Mission, RandomTrails, TrailPlan, area_indicator, load_mission
 from botohe_moo.search.archive import PlanArchive
@@ -66,10 +63,7 @@ class EveryIteration(Callback):
 VARIANTS = {
     "paper": BOACO,
     "journal": BOACO.journal,
-    "no heuristic": lambda **options: BOACO(heuristic=False, **options),
-    "no pheromone": lambda **options: BOACO.journal(pheromone=False, **options),
     "per robot": lambda **options: BOACO.journal(pheromone_per_robot=True, **options),
-    "concurrent": lambda **options: BOACO.journal(allocation="concurrent", **options),
     "colonies": lambda **options: BOACO.journal(n_colonies=3, exchange_every=2, **options),
     "all of it": lambda **options: BOACO(
         allocation="concurrent",
@@ -122,26 +116,16 @@ class TestContract:
         assert areas[-1] == area_indicator(-result.F, museum)
         assert result.algorithm.evaluator.n_eval == 1200
 
-    def test_seed(self, make, museum):
-        problem = BOTOHE(museum)
-        one, same, other = (
-            minimize(problem, make(n_ants=20), ("n_gen", 15), seed=seed) for seed in (1, 1, 2)
-        )
-        assert same_result(one, same)
-        assert not same_result(one, other)
-
-    @pytest.mark.parametrize("n_threads", [2, 3])
-    def test_threads_do_not_change_results(self, make, museum, n_threads):
+    def test_threads_do_not_change_results(self, make, museum):
         problem = BOTOHE(museum)
         one = minimize(problem, make(n_ants=60), ("n_gen", 15), seed=3)
-        several = minimize(problem, make(n_ants=60, n_threads=n_threads), ("n_gen", 15), seed=3)
+        several = minimize(problem, make(n_ants=60, n_threads=3), ("n_gen", 15), seed=3)
         assert same_result(one, several)
 
-    @pytest.mark.parametrize("n_threads", [1, 2])
-    def test_pickle_in_the_middle_of_a_run(self, make, museum, n_threads):
+    def test_pickle_in_the_middle_of_a_run(self, make, museum):
         problem = BOTOHE(museum)
         whole = minimize(problem, make(n_ants=20), ("n_gen", 20), seed=5)
-        algorithm = make(n_ants=20, n_threads=n_threads)
+        algorithm = make(n_ants=20, n_threads=2)
         algorithm.setup(problem, termination=("n_gen", 20), seed=5)
         while algorithm.has_next():
             algorithm.next()
@@ -150,12 +134,6 @@ class TestContract:
         resumed = algorithm.result()
         resumed.algorithm = algorithm
         assert same_result(whole, resumed)
-
-    def test_budget_is_exact(self, make, museum):
-        problem = Watched(museum)
-        result = minimize(problem, make(n_ants=50), ("n_eval", 730), seed=1)
-        assert result.algorithm.evaluator.n_eval == 730
-        assert result.algorithm.n_gen == 16  # pymoo counts one further at the end
 
     def test_warm_start(self, make, museum):
         problem = BOTOHE(museum)
@@ -179,8 +157,8 @@ class TestContract:
 
 
 @variants
-@pytest.mark.parametrize("reward", [5e-324, 1e-300, 1e300, 1e307])
-@pytest.mark.parametrize("survival", [5e-324, 1e-200, 1.0])
+@pytest.mark.parametrize("reward", [5e-324, 1e307])
+@pytest.mark.parametrize("survival", [5e-324, 1.0])
 def test_extreme_rewards_and_survivals(make, reward, survival):
     """Weights must stay above 0 and finite: an ant that cannot draw would leave the graph."""
     graph = nx.complete_graph(5, nx.DiGraph)
@@ -191,7 +169,7 @@ def test_extreme_rewards_and_survivals(make, reward, survival):
     assert np.array_equal(-result.F, mission.evaluate(result.X))
 
 
-@pytest.mark.parametrize("epsilon", [1e-320, 1e-300, 1e300])
+@pytest.mark.parametrize("epsilon", [1e-320, 1e300])
 def test_extreme_parameters(epsilon, museum):
     algorithm = BOACO(
         reward_epsilon=epsilon,
@@ -206,16 +184,6 @@ def test_extreme_parameters(epsilon, museum):
 
 
 class TestInsidePymoo:
-    def test_verbose_output(self, museum, capsys):
-        result = minimize(BOTOHE(museum), BOACO(n_ants=10), ("n_gen", 3), seed=1, verbose=True)
-        lines = capsys.readouterr().out.splitlines()
-        assert "area" in lines[1]
-        assert "max E[R]" in lines[1]
-        n_gen, n_eval, area, reward, size = (field.strip() for field in lines[-1].split("|"))
-        assert (n_gen, n_eval, size) == ("3", "30", str(len(result.F)))
-        assert float(area) == pytest.approx(area_indicator(-result.F, museum), abs=1e-4)
-        assert float(reward) == pytest.approx(-result.F[:, 0].min(), abs=1e-4)
-
     def test_an_iteration_in_which_nobody_looks_makes_no_individuals(self, museum):
         algorithm = BOACO(n_ants=10)
         algorithm.setup(BOTOHE(museum), termination=("n_gen", 50), seed=1)
@@ -223,29 +191,6 @@ class TestInsidePymoo:
             algorithm.next()
         assert algorithm.archive._individuals == {}
         assert len(algorithm.result().F) == len(algorithm.archive) == len(algorithm.opt) > 0
-
-    def test_history(self, museum):
-        result = minimize(BOTOHE(museum), BOACO(n_ants=10), ("n_gen", 5), seed=1, save_history=True)
-        areas = [area_indicator(-entry.opt.get("F"), museum) for entry in result.history]
-        assert areas == sorted(areas)
-        assert areas[0] < areas[-1] == area_indicator(-result.F, museum)
-        assert all(entry.problem.mission is museum for entry in result.history)
-
-    def test_without_any_termination(self):
-        result = minimize(BOTOHE(load_mission("toy")), BOACO(), seed=1)
-        assert result.algorithm.evaluator.n_eval == 100_000
-
-    def test_by_time(self, museum):
-        result = minimize(BOTOHE(museum), BOACO(n_ants=10), ("time", 0.05), seed=1)
-        assert result.algorithm.evaluator.n_eval % 10 == 0
-        assert len(result.F) > 0
-
-    def test_minimize_leaves_the_given_algorithm_alone(self, museum):
-        algorithm = BOACO(n_ants=10)
-        first = minimize(BOTOHE(museum), algorithm, ("n_gen", 3), seed=1)
-        again = minimize(BOTOHE(museum), algorithm, ("n_gen", 3), seed=1)
-        assert algorithm.problem is None
-        assert same_result(first, again)
 
     def test_copies_go_their_own_ways(self, museum):
         algorithm = BOACO(n_ants=10, n_threads=2)
@@ -258,6 +203,7 @@ class TestInsidePymoo:
             algorithm.next()
         assert twin.opt.get("F").tobytes() == algorithm.opt.get("F").tobytes()
 
+    @pytest.mark.slow
     @pytest.mark.skipif(not hasattr(os, "fork"), reason="nothing forks here")
     def test_a_forked_process_has_threads_of_its_own(self, museum):
         """Whether it is forked before its first generation or later."""
@@ -301,12 +247,11 @@ class TestInsidePymoo:
         with pytest.raises(ValueError, match=r"Broken to give F of shape \(100, 2\), got \(100,\)"):
             minimize(Broken(museum), BOACO(), ("n_gen", 1))
 
-    @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-    def test_an_override_that_is_not_finite(self, museum, value):
+    def test_an_override_that_is_not_finite(self, museum):
         class Broken(BOTOHE):
             def evaluate_batch(self, batch):
                 values = super().evaluate_batch(batch)
-                values[3, 1] = value
+                values[3, 1] = np.nan
                 return values
 
         with pytest.raises(ValueError, match="Broken to give finite F, got"):
@@ -330,11 +275,6 @@ class TestInsidePymoo:
         with pytest.raises(TypeError, match="Unheard overrides _evaluate, which BOACO does not"):
             minimize(Unheard(museum), BOACO(), ("n_gen", 1))
 
-    @pytest.mark.parametrize("budget", [0, -5])
-    def test_no_budget(self, museum, budget):
-        with pytest.raises(ValueError, match=f"at least 1 evaluation, got {budget}"):
-            minimize(BOTOHE(museum), BOACO(), ("n_eval", budget))
-
     def test_equality_constraints_are_refused(self, museum):
         problem = BOTOHE(museum)
         problem.n_eq_constr = 1
@@ -342,13 +282,6 @@ class TestInsidePymoo:
             ValueError, match="without equality constraints, which BOACO would ignore"
         ):
             minimize(problem, BOACO(), ("n_gen", 1))
-
-    def test_a_budget_among_other_terminations(self, museum):
-        both = TerminationCollection(
-            get_termination("n_eval", 1000), get_termination("time", "01:00:00")
-        )
-        result = minimize(BOTOHE(museum), BOACO(n_ants=70), both, seed=1)
-        assert result.algorithm.evaluator.n_eval == 1000
 
     @pytest.mark.parametrize("per_robot", [False, True])
     def test_plans_to_start_from_deposit_in_the_first_iteration(self, museum, per_robot):
@@ -365,10 +298,6 @@ class TestInsidePymoo:
             levels = levels[levels["robot"] == 2] if per_robot else levels
             maps.append(levels.set_index(["tail", "head"])["survival"])
         assert maps[1][27, 25] > maps[0][27, 25]
-
-    def test_another_problem(self):
-        with pytest.raises(TypeError, match="Expected a BOTOHE problem, got Problem"):
-            minimize(Problem(n_var=1, n_obj=2), BOACO(), ("n_gen", 1))
 
 
 class TestPheromone:
@@ -409,10 +338,6 @@ class TestPheromone:
     def test_before_there_is_a_problem(self):
         with pytest.raises(RuntimeError, match="before the algorithm has a problem"):
             _ = BOACO().pheromone_maps
-
-    def test_no_pheromone_stays_flat(self, museum):
-        result = minimize(BOTOHE(museum), BOACO(pheromone=False), ("n_gen", 5), seed=1)
-        assert (result.algorithm.pheromone_maps[["reward", "survival"]] == 1).all(axis=None)
 
 
 class Pairs(BOTOHE):
@@ -514,18 +439,8 @@ class TestColonies:
         for colony in (0, 1):
             assert given_plans[colony, 27, 25] > without[colony, 27, 25]
 
-    def test_pheromone_maps(self, museum):
-        algorithm = BOACO.journal(n_ants=10, n_colonies=2, pheromone_per_robot=True)
-        maps = run(BOTOHE(museum), algorithm, 5).pheromone_maps
-        assert list(maps.columns) == ["colony", "robot", "tail", "head", "reward", "survival"]
-        for colony in (0, 1):
-            for robot in (0, 1, 2):
-                rows = maps[(maps["colony"] == colony) & (maps["robot"] == robot)]
-                levels = algorithm.colonies[colony].pheromone[robot]
-                assert np.array_equal(rows[["reward", "survival"]].to_numpy(), levels)
-
-    @pytest.mark.parametrize(("n_ants", "n_colonies"), [(10, 7), (8, 5), (7, 7)])
-    @pytest.mark.parametrize("budget", range(8, 15))
+    @pytest.mark.parametrize(("n_ants", "n_colonies"), [(10, 7), (7, 7)])
+    @pytest.mark.parametrize("budget", [8, 11, 14])
     def test_few_evaluations_for_many_colonies(self, museum, n_ants, n_colonies, budget):
         problem = Watched(museum)
         algorithm = BOACO(n_ants=n_ants, n_colonies=n_colonies)
@@ -543,51 +458,9 @@ class TestColonies:
             assert (problem.constrain_batch(archive.plans) <= 0).all()
 
 
-@pytest.mark.parametrize(
-    ("parameters", "message"),
-    [
-        ({"n_ants": 0}, r"Expected n_ants in \[1, 1000000\], got 0\."),
-        ({"n_ants": 10**15}, r"Expected n_ants in \[1, 1000000\], got 1000000000000000\."),
-        ({"n_threads": 10**6}, r"Expected n_threads in \[1, 1024\], got 1000000\."),
-        ({"n_ants": 2.5}, r"Expected n_ants to be an integer in \[1, 1000000\], got 2\.5\."),
-        ({"evaporation": 1.3}, r"Expected evaporation in \(0, 1\), got 1\.3\."),
-        ({"evaporation": 0}, r"Expected evaporation in \(0, 1\), got 0\."),
-        ({"evaporation": "fast"}, r"Expected evaporation to be a number in \(0, 1\), got 'fast'\."),
-        ({"evaporation": float("nan")}, r"Expected evaporation in \(0, 1\), got nan\."),
-        ({"heuristic": 1}, r"Expected heuristic to be true or false, got 1\."),
-        ({"pheromone": "no"}, r"Expected pheromone to be true or false, got 'no'\."),
-        ({"initial_pheromone": 0}, r"Expected initial_pheromone > 0 or 'bounds', got 0\."),
-        (
-            {"initial_pheromone": "max"},
-            r"Expected initial_pheromone to be a number > 0 or 'bounds', got 'max'\.",
-        ),
-        ({"reward_epsilon": 0}, r"Expected reward_epsilon > 0, got 0\."),
-        ({"survival_epsilon": -1}, r"Expected survival_epsilon > 0, got -1\."),
-        ({"unvisited_bonus": -0.1}, r"Expected unvisited_bonus >= 0, got -0\.1\."),
-        (
-            {"exploration": float("inf")},
-            r"Expected exploration to be a finite number >= 0, got inf\.",
-        ),
-        ({"pooled_deposit": None}, r"Expected pooled_deposit to be true or false, got None\."),
-        (
-            {"allocation": "parallel"},
-            r"Expected allocation to be 'sequential' or 'concurrent', got 'parallel'\.",
-        ),
-        ({"allocation": None}, "Expected allocation to be 'sequential' or 'concurrent', got None"),
-        ({"allocation": []}, r"Expected allocation to be 'sequential' or 'concurrent', got \[\]\."),
-        ({"n_colonies": 0}, r"Expected n_colonies >= 1, got 0\."),
-        ({"n_colonies": 101}, r"Expected n_colonies <= n_ants = 100, got 101\."),
-        ({"n_colonies": 3, "n_ants": 2}, r"Expected n_colonies <= n_ants = 2, got 3\."),
-        ({"exchange_every": 0}, r"Expected exchange_every >= 1, got 0\."),
-        ({"exchange_every": 1.5}, r"Expected exchange_every to be an integer >= 1, got"),
-        ({"max_ties": 0}, r"Expected max_ties in \[1, 1000000000\], got 0\."),
-        ({"n_threads": 0}, r"Expected n_threads in \[1, 1024\], got 0\."),
-    ],
-)
-@pytest.mark.parametrize("make", [BOACO, BOACO.journal], ids=["paper", "journal"])
-def test_parameters_out_of_range(make, parameters, message):
-    with pytest.raises(ValueError, match=message):
-        make(**parameters)
+def test_colonies_have_an_ant_each():
+    with pytest.raises(ValueError, match=r"Expected n_colonies <= n_ants = 2, got 3\."):
+        BOACO(n_colonies=3, n_ants=2)
 
 
 @pytest.mark.parametrize("make", [BOACO, BOACO.journal, RandomTrails])
@@ -653,35 +526,13 @@ class TestLocalSearch:
         }
         assert areas[0.3] > areas[0.0] + 0.01
 
-    @pytest.mark.parametrize("n_colonies", [1, 2, 5])
-    @pytest.mark.parametrize("budget", [1, 60, 101, 731])
+    @pytest.mark.parametrize("n_colonies", [1, 5])
+    @pytest.mark.parametrize("budget", [1, 101, 731])
     def test_budgets_are_exact(self, museum, n_colonies, budget):
         colony = BOACO.journal(n_ants=20, n_colonies=n_colonies, local_search=0.5)
         result = minimize(BOTOHE(museum), colony, ("n_eval", budget), seed=1)
         assert result.algorithm.evaluator.n_eval == budget
         assert np.array_equal(-result.F, museum.evaluate(result.X))
-
-    @pytest.mark.parametrize("n_colonies", [1, 2])
-    def test_a_pickled_run_goes_on_as_if_nothing_had_happened(self, museum, n_colonies):
-        def begun():
-            colony = BOACO.journal(n_ants=20, n_colonies=n_colonies, local_search=0.3)
-            colony.setup(BOTOHE(museum), termination=("n_gen", 12), seed=3)
-            for _ in range(5):
-                colony.next()
-            return colony
-
-        whole, resumed = begun(), pickle.loads(pickle.dumps(begun()))
-        for colony in (whole, resumed):
-            while colony.has_next():
-                colony.next()
-        assert whole.archive.objectives.tobytes() == resumed.archive.objectives.tobytes()
-        assert list(whole.archive.plans) == list(resumed.archive.plans)
-        assert whole.pheromone_maps.equals(resumed.pheromone_maps)
-
-    def test_every_robot_keeps_the_floor(self, museum):
-        problem = BOTOHE(museum, min_survival=0.7)
-        result = minimize(problem, BOACO(local_search=0.3), ("n_eval", 4_000), seed=1)
-        assert museum.robot_survival(result.X).min() >= problem.survival_floor
 
     def test_refuses_an_evaluation_that_it_would_not_see(self, museum):
         class Own(BOTOHE):
@@ -691,10 +542,3 @@ class TestLocalSearch:
         with pytest.raises(TypeError, match="Own overrides evaluate_batch"):
             minimize(Own(museum), BOACO(local_search=0.1), ("n_gen", 1))
         minimize(Own(museum), BOACO(), ("n_gen", 1))
-
-    @pytest.mark.parametrize(
-        "wrong", [{"local_search": 1.5}, {"local_search": -0.1}, {"local_search_evaluations": 0}]
-    )
-    def test_wrong_values(self, wrong):
-        with pytest.raises(ValueError, match=f"Expected {next(iter(wrong))} "):
-            BOACO(**wrong)

@@ -7,6 +7,7 @@ from pathlib import Path
 import networkx as nx
 import pytest
 
+from botohe_moo._base.checks import ParameterError, nearest_first
 from botohe_moo.mission import (
     Mission,
     MissionError,
@@ -133,6 +134,11 @@ class TestRefusals:
         assert all(name in message for name in mission_names())
         assert message.endswith("mission files end in one of .json, .graphml, .txt")
 
+    @pytest.mark.parametrize("name", [3, None, b"toy"])
+    def test_no_name(self, name):
+        with pytest.raises(ValueError, match="Expected the name of a mission or a path, got"):
+            load_mission(name)
+
     def test_graphs_and_tables_are_shown_the_way(self):
         with pytest.raises(ValueError, match=r"; Mission\(graph, base=.* makes one of a graph"):
             load_mission(nx.DiGraph())
@@ -252,6 +258,27 @@ class TestOtherPackages:
             load_mission("broken")
         assert found in str(caught.value)
 
+    @pytest.mark.filterwarnings("error")
+    def test_broken_ones_fail_only_what_uses_them(self, install):
+        install("bad-missions", "1 / 0", broken="broken")
+        assert load_mission("toy").name == "toy"
+        with pytest.raises(MissionError, match="there is no such mission"):
+            load_mission("unknown")
+
+    def test_two_packages_claim_one_name(self, install):
+        install("reef-missions", REEF, reef="reef")
+        install("Rival_Missions", REEF, reef="shoal")
+        with pytest.warns(UserWarning, match="'reef': the packages .* both register this name"):
+            assert "reef" not in mission_names()
+        with pytest.raises(MissionError) as caught:
+            load_mission("reef", width=2)
+        assert "reef-missions" in str(caught.value)
+        assert "Rival_Missions" in str(caught.value)
+
+    def test_a_package_claims_one_of_ours(self, install):
+        install("reef-missions", REEF, toy="reef")
+        assert len(load_mission("toy").nodes) == 5
+
 
 class TestCheck:
     def test_nothing_to_say(self):
@@ -273,6 +300,13 @@ class TestCheck:
         assert "made" not in sys.modules["reef_missions"].__dict__
         assert mission_faults("wreck", {"danger": 0.5}) == []
         assert "made" in sys.modules["reef_missions"].__dict__
+
+    def test_python_objects_are_for_python(self, install):
+        install("reef-missions", TYPED, wreck="wreck")
+        given = {"danger": 0.5, "known": [load_mission("toy")]}
+        assert mission_faults("wreck", given) == []
+        message = "known can be given from Python only."
+        assert mission_faults("wreck", given, plain=True) == [("known", message)]
 
     @pytest.mark.parametrize(
         ("name", "parameters", "faults"),
@@ -345,7 +379,8 @@ class TestModules:
         ("path", "message"),
         [
             ("no_such_module:reef", "it cannot be imported .ModuleNotFoundError"),
-            ("networkx:path_graph", "it is not called, because the function path_graph does not"),
+            ("numpy:pi", "it is not called, because it does not state that it makes a Mission"),
+            ("networkx:path_graph", "it is not called, because it does not state that it makes"),
         ],
     )
     def test_what_cannot_be_used(self, path, message):
@@ -386,3 +421,20 @@ class TestModules:
             assert "makes a Mission" in said or "is looked for in" in said
         assert sys.modules["dark_shore"].called == []
         assert load_mission("dark_shore:Island") == load_mission("dark_shore:Island.far")
+
+    def test_what_is_registered_may_be_called_by_its_path(self, install):
+        install("reef-missions", REEF, shoal="shoal")
+        assert len(load_mission("reef_missions:shoal").nodes) == 2
+        with pytest.raises(MissionError, match="it is not called, because it does not state"):
+            load_mission("reef_missions:lagoon")
+
+
+def test_import_looks_at_no_entry_point():
+    code = """
+        import importlib.metadata, sys
+        import networkx  # which looks at its own
+        importlib.metadata.entry_points = lambda **_: 1 / 0
+        import botohe_moo.mission
+        assert "botohe_moo.mission.generators" not in sys.modules
+    """
+    subprocess.run([sys.executable, "-c", textwrap.dedent(code)], check=True)

@@ -15,15 +15,8 @@ from pydantic import BaseModel, BeforeValidator, Field, field_validator, model_v
 
 from botohe_moo._base.checks import ParameterError
 from botohe_moo._plugins.checks import call_factory, check_values, checked, raised_fault
-from botohe_moo._plugins.messages import wrong_value
-from botohe_moo._plugins.stated import Parameter, accepted_parameters, signature_parameters
-from botohe_moo._plugins.types import (
-    SameResult,
-    is_plain,
-    plain_value,
-    range_text,
-    type_text,
-)
+from botohe_moo._plugins.stated import Parameter, accepted_parameters
+from botohe_moo._plugins.types import SameResult, plain_value, range_text, type_text
 
 
 def value_faults(name, value, hint):
@@ -48,28 +41,17 @@ class TestValues:
     @pytest.mark.parametrize(
         ("hint", "value"),
         [
-            (int, 3),
             (int, np.int64(3)),
             (int, 10**400),
             (float, 3),
-            (float, np.float32(3)),
-            (float, np.int64(3)),
             (float, Fraction(1, 2)),
-            (bool, True),
             (bool, np.True_),
-            (str, "3"),
             (int | None, None),
             (float | Literal["bounds"], "bounds"),
-            (Share, 0.5),
-            (Few, 5),
             (Mapping[str, float], {"a": 1}),
             (Sequence[int], [1, 2]),
-            (list[int], []),
-            (Rope, Rope()),
             (Rope | str, "rope"),
             (np.ndarray, np.zeros(2)),
-            (Any, object()),
-            (Iterable[int], "anything that can be iterated over is checked by whom it is for"),
             ("a name that leads nowhere", 3),
         ],
     )
@@ -80,42 +62,19 @@ class TestValues:
         ("hint", "value", "message"),
         [
             (int, "100", "Expected x to be an integer, got '100'."),
-            (int, 1.5, "Expected x to be an integer, got 1.5."),
             (int, 1.0, "Expected x to be an integer, got 1.0."),
-            (int, True, "Expected x to be an integer, got True."),
-            (int, np.True_, "Expected x to be an integer, got True."),
-            (int, None, "Expected x to be an integer, got None."),
-            (float, "1", "Expected x to be a number, got '1'."),
-            (float, True, "Expected x to be a number, got True."),
+            (int | None, np.True_, "Expected x to be an integer, got True."),
             (bool, 1, "Expected x to be true or false, got 1."),
-            (bool, "yes", "Expected x to be true or false, got 'yes'."),
-            (str, 3, "Expected x to be a text, got 3."),
-            (int | None, "x", "Expected x to be an integer, got 'x'."),
-            (Literal["a", "b"], "c", "Expected x to be 'a' or 'b', got 'c'."),
             (float | Literal["a"], "c", "Expected x to be a number or 'a', got 'c'."),
-            (Share, 1, "Expected x in (0, 1), got 1."),
             (Share, "much", "Expected x to be a number in (0, 1), got 'much'."),
-            (Few, 6, "Expected x in [1, 5], got 6."),
-            (Few, 0, "Expected x in [1, 5], got 0."),
-            (Few, True, "Expected x to be an integer in [1, 5], got True."),
             (Few | None, 0, "Expected x in [1, 5], got 0."),
             (Positive | Literal["a"], -1, "Expected x > 0 or 'a', got -1."),
-            (Annotated[int, Field(ge=2)], 1, "Expected x >= 2, got 1."),
-            (Annotated[int, Field(le=2)], 3, "Expected x <= 2, got 3."),
-            (Annotated[int, Field(lt=2)], 2, "Expected x < 2, got 2."),
-            (
-                Annotated[int, Field(multiple_of=3)],
-                4,
-                "Expected x to be a multiple of 3, got 4.",
-            ),
+            (Annotated[int, Field(multiple_of=3)], 4, "Expected x to be a multiple of 3, got 4."),
             (
                 Annotated[float, Field(allow_inf_nan=False)],
                 float("inf"),
                 "Expected x to be a finite number, got inf.",
             ),
-            (list[int], 3, "Expected x to be a list, got 3."),
-            (Mapping[str, float], 3, "Expected x to be a mapping, got 3."),
-            (Rope, "rope", "Expected x to be of type Rope, got 'rope'."),
             (Rope | str, 3, "Expected x to be of type Rope or a text, got 3."),
             (
                 dict[str, list[int]],
@@ -180,10 +139,6 @@ class TestValues:
             expected = f"Expected x {range_text(hint)}, got {value}."
             assert value_faults("x", value, hint) == ([] if inside else [expected])
 
-    def test_a_missing_part(self):
-        error = {"type": "missing", "loc": ("a", "b"), "input": {}, "msg": "Field required"}
-        assert wrong_value("x", error) == "Expected x to have 'b', got {}."
-
 
 class TestTypes:
     @pytest.mark.parametrize(
@@ -194,12 +149,6 @@ class TestTypes:
             (Few | None, "in [1, 5]"),
             (Annotated[float, Field(ge=0.5, lt=1)], "in [0.5, 1)"),
             (Annotated[Few, Field(description="How many.")], "in [1, 5]"),
-            (
-                Annotated[list[int], Field(min_length=2, max_length=4)],
-                "of length >= 2, of length <= 4",
-            ),
-            (Annotated[int, Field(gt=0, multiple_of=2)], "> 0, a multiple of 2"),
-            (Annotated[str, Field(pattern="^a")], "like ^a"),
             (Annotated[int, "of no meaning here"], ""),
         ],
     )
@@ -239,12 +188,10 @@ class TestTypes:
             (Iterable[Rope], False),
             (Mapping[str, Rope], False),
             (Callable[[int], float], False),
-            (tuple[int, int], False),  # a list of YAML is none
-            (Path, False),
         ],
     )
     def test_what_texts_can_say(self, hint, plain):
-        assert is_plain(hint) is plain
+        assert Parameter("x", hint=hint).plain is plain
 
 
 def climb(*, n: Few = 2, share: "Share", rope: "Rope | None" = None, lost: "Nowhere" = 3, **rest):  # noqa: F821
@@ -328,14 +275,14 @@ class TestAccepted:
             "As usual.",
         )
         assert (share.required, share.annotation, share.range) == (True, "float", "in (0, 1)")
-        assert (rope.plain, lost.plain, lost.hint) == (False, False, Any)
-        assert (accepted.needed, accepted.any_name, accepted.model) == (("share",), True, None)
+        assert (rope.plain, lost.plain, lost.hint) == (False, True, Any)
+        assert (accepted.any_name, accepted.model) == (True, None)
         assert accepted_parameters(climb, hidden={"n", "rope"}).names == ("share", "lost")
 
     def test_of_a_model(self):
         accepted = accepted_parameters(ByModel)
         parameters = {parameter.name: parameter for parameter in accepted.parameters}
-        assert (accepted.needed, accepted.model) == (("share",), Climb)
+        assert accepted.model is Climb
         n, share = parameters["n"], parameters["share"]
         assert (n.default, n.annotation, n.range, n.description) == (
             2,
@@ -359,7 +306,6 @@ class TestAccepted:
         assert list(parameters) == list(Climb.model_fields)
         assert (parameters["n"].default, parameters["n"].description) == (1, "How often.")
         assert parameters["share"].range == "in (0, 1)"
-        assert not parameters["path"].plain  # no model converts it on this way
         assert ByModel.short(share=0.5).values == {"n": 1, "share": 0.5}
 
     def test_of_what_is_wrapped(self):
@@ -369,7 +315,6 @@ class TestAccepted:
 
         for factory in (wrapper, functools.partial(climb, share=0.5)):
             assert accepted_parameters(factory).parameters[0].range == "in [1, 5]"
-        assert accepted_parameters(functools.partial(climb, share=0.5)).needed == ()
 
     def test_of_instances_and_of_what_does_not_tell(self):
         class Called:
@@ -377,31 +322,21 @@ class TestAccepted:
                 return x
 
         accepted = accepted_parameters(Called())
-        assert (accepted.names, accepted.ungivable, accepted.needed) == (("y",), ("x",), ("y",))
+        assert accepted.names == ("y",)
         assert accepted.parameters[0].range == "in (0, 1)"
-        assert accepted_parameters(dict).any_name
         assert accepted_parameters(dict).parameters == ()
-
-    def test_another_attribute_of_that_name(self):
-        class Other:
-            Parameters = 3
-
-            def __init__(self, depth: int = 3): ...
-
-        assert accepted_parameters(Other).names == ("depth",)
 
 
 class TestCheckValues:
     def test_all_faults_at_once(self):
         accepted = accepted_parameters(climb)
-        faults = check_values(accepted, {"m": 1, "n": 6, "rope": 3, "lost": object()}, plain=True)
-        assert [name for name, _ in faults] == ["m", "share", "n", "rope", "lost"]
-        unknown, missing, low, rope, lost = (message for _, message in faults)
+        faults = check_values(accepted, {"m": 1, "n": 6, "rope": 3}, plain=True)
+        assert [name for name, _ in faults] == ["m", "share", "n", "rope"]
+        unknown, missing, low, rope = (message for _, message in faults)
         assert unknown == "there is no parameter 'm'; known are lost, n, rope, share."
         assert missing == "missing a required parameter 'share'."
         assert low == "Expected n in [1, 5], got 6."
-        assert rope == "rope can be given from Python only, as Rope | None."
-        assert lost.startswith("lost can be given from Python only, as ")
+        assert rope == "rope can be given from Python only."
 
     def test_other_names(self):
         [(blamed, _)] = check_values(accepted_parameters(climb), {"share": 0.5, "m": 1})
@@ -435,26 +370,13 @@ class TestCheckValues:
             ("named", "Expected named to be a text, got 3."),
         ]
 
-    @pytest.mark.parametrize(
-        ("given", "message"),
-        [
-            ({"n": "3"}, "Expected n to be an integer in [1, 5], got '3'."),
-            ({"n": True}, "Expected n to be an integer in [1, 5], got True."),
-            ({"n": 3.0}, "Expected n to be an integer in [1, 5], got 3.0."),
-            ({"share": "0.5"}, "Expected share to be a number in (0, 1), got '0.5'."),
-        ],
-    )
-    def test_a_model_takes_no_text_for_a_number(self, given, message):
-        faults = check_values(accepted_parameters(ByModel), {"share": 0.5, **given})
-        assert faults == [(*given, message)]
-
     def test_a_model_refuses_what_it_does_not_state(self):
         accepted = accepted_parameters(named)
         assert check_values(accepted, {"path": "x"}) == []
         [(name, message)] = check_values(accepted, {"pat": "x"})
         assert (name, message) == ("pat", "there is no parameter 'pat'; known are path, rope.")
         [(name, message)] = check_values(accepted, {"rope": Rope()}, plain=True)
-        assert message == "rope can be given from Python only, as Rope | None."
+        assert message == "rope can be given from Python only."
 
     def test_a_model_that_breaks(self):
         class Broken(BaseModel):
@@ -510,9 +432,7 @@ class TestChecked:
         ("given", "message"),
         [
             ({"n": 6}, "Expected n in [1, 5], got 6."),
-            ({"n": True}, "Expected n to be an integer in [1, 5], got True."),
             ({"n": "3"}, "Expected n to be an integer in [1, 5], got '3'."),
-            ({"n": 3.0}, "Expected n to be an integer in [1, 5], got 3.0."),
             ({"share": float("nan")}, "Expected share in (0, 1) or 'all', got nan."),
             (
                 {"share": 1, "n": 0},
@@ -526,16 +446,9 @@ class TestChecked:
         assert str(error.value) == message
         assert error.value.parameter in given
 
-    def test_objects_are_for_the_function_to_check(self):
-        assert self.swim(rope="no rope")[3] == "no rope"
-
     def test_it_looks_like_the_function(self):
         assert self.swim.__doc__ == "Swim."
         assert accepted_parameters(self.swim).parameters[0].range == "in [1, 5]"
-
-    def test_unknown_names_are_refused_as_usual(self):
-        with pytest.raises(TypeError, match="unexpected keyword argument 'm'"):
-            self.swim(m=1)
 
 
 class TestCall:
@@ -693,34 +606,3 @@ class TestResults:
         found = plain_value(value)
         assert found == plain
         assert type(found) is type(plain)
-
-
-class TestSignatureParameters:
-    """Those that can be given by name."""
-
-    def test_keyword_and_ordinary_parameters(self):
-        def function(a, /, b, *rest, c, d=1): ...
-
-        assert names(function) == ["b", "c", "d"]
-
-    def test_none(self):
-        assert names(lambda: None) == []
-
-    def test_a_class_takes_what_its_constructor_takes(self):
-        class Thing:
-            def __init__(self, size, *, colour): ...
-
-            def paint(self, colour): ...
-
-        assert names(Thing) == ["size", "colour"]
-        assert names(Thing(1, colour=2).paint) == ["colour"]
-
-    def test_what_a_partial_has_filled_in_by_position_is_gone(self):
-        assert names(functools.partial(lambda a, b: None, 1)) == ["b"]
-
-    def test_what_does_not_tell_has_none(self):
-        assert names(type) == []
-
-
-def names(function):
-    return [parameter.name for parameter in signature_parameters(function)]

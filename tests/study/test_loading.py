@@ -385,7 +385,7 @@ class TestIdentity:
 
     def test_an_edited_local_algorithm_is_another(self, tmp_path, monkeypatch):
         module = tmp_path / "local_ants.py"
-        module.write_text("from botohe_moo import BOACO as Ants\n")
+        module.write_text("from botohe_moo import BOACO\nclass Ants(BOACO): ...\n")
         monkeypatch.syspath_prepend(tmp_path)
         source = changed(algorithms={"ants": "local_ants:Ants"})
         before = digests(source)

@@ -3,7 +3,7 @@
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext, suppress
 
 
@@ -22,52 +22,35 @@ def hold_interrupt(*, answer: str | None = None) -> Iterator[threading.Event]:
         yield pressed
         return
 
-    say_once = _Answer(answer)
-
     def note(*_: object) -> None:
         # Not the usual handler: if that ends the process at once, nothing is put in order.
         signal.signal(signal.SIGINT, signal.default_int_handler)
         pressed.set()
-        say_once()  # before what waits for the event prints something
 
     signal.signal(signal.SIGINT, note)
     try:
-        with _calling(say_once) if answer else nullcontext():
+        with _answering(answer) if answer else nullcontext():
             yield pressed
     finally:
         signal.signal(signal.SIGINT, usual)
 
 
-class _Answer:
-    """Says something on standard error, the first time it is called."""
-
-    def __init__(self, answer: str | None) -> None:
-        self._answer = answer
-        self._lock = threading.Lock()
-
-    def __call__(self) -> None:
-        with self._lock:
-            answer, self._answer = self._answer, None
-            if answer is None:
-                return
-            # Not by rich or sys.stderr, whose locks the main thread may hold; below the bar.
-            line = f"{os.linesep if os.isatty(2) else ''}botohe: {answer}{os.linesep}"
-            with suppress(OSError):
-                os.write(2, line.encode())
-
-
 @contextmanager
-def _calling(function: Callable[[], None]) -> Iterator[None]:
-    """Call a function in a thread of its own as soon as Ctrl-C is pressed.
+def _answering(answer: str) -> Iterator[None]:
+    """Answer the first Ctrl-C on standard error, in a thread of its own.
 
     Python calls handlers between two steps of the main thread, which may be inside of a kernel for
     minutes. Kernels hold no lock, though, and a signal is written to the wakeup descriptor at once.
     """
 
     def wait() -> None:
-        while came := os.read(reader, 1):
-            if came[0] == signal.SIGINT:
-                function()
+        while (came := os.read(reader, 1)) and came[0] != signal.SIGINT:
+            pass
+        if came:
+            # Not by rich or sys.stderr, whose locks the main thread may hold; below the bar.
+            line = f"{os.linesep if os.isatty(2) else ''}botohe: {answer}{os.linesep}"
+            with suppress(OSError):
+                os.write(2, line.encode())
 
     reader, writer = os.pipe()
     os.set_blocking(writer, False)

@@ -23,8 +23,6 @@ R = TypeVar("R")
 # The parameter that is wrong, None for the whole, and what is wrong with it.
 Fault: TypeAlias = tuple[str | None, str]
 
-_SCALAR_TYPES = frozenset({"int_type", "float_type", "bool_type", "string_type"})
-
 
 def checked(function: Callable[P, R]) -> Callable[P, R]:
     """Make a function or constructor check its parameters by their types, whenever it is called.
@@ -60,7 +58,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
 
 @functools.cache
 def _scalars(function: Callable[..., Any]) -> tuple[Parameter, ...]:
-    """Find, at a function's first call, what it checks by type: it would slow importing down."""
+    """List, at a function's first call, what it checks by type: it would slow importing down."""
     return tuple(p for p in signature_parameters(function) if is_scalar(p.hint))
 
 
@@ -71,7 +69,7 @@ def check_values(
     plain: bool = False,
     also: Collection[str] = (),
 ) -> list[Fault]:
-    """Say everything that is wrong with the values a factory is to be given, by name.
+    """List everything that is wrong with the values a factory is to be given, by name.
 
     With ``plain`` the values are from a text, so that they cannot be Python objects. The names in
     ``also`` are known, too; their values are not looked at.
@@ -86,17 +84,15 @@ def check_values(
 def check_keywords(given: Iterable[str], known: Collection[str], kinds: Sequence[type]) -> None:
     """Refuse keywords that are not known.
 
-    The TypeError blames the first of the classes that states the nearest name, and lists what it
-    states. A class that states the keyword itself has handed it on, and is not to blame.
+    The TypeError names the first of the classes that does not state the keyword itself, which it
+    would then have handed on, and lists what that class states.
     """
     for name in given:
         if name not in known:
             stated = {kind: {p.name for p in signature_parameters(kind)} for kind in kinds}
-            stated = {kind: names for kind, names in stated.items() if name not in names}
-            nearest = nearest_first(name, {*known}.union(*stated.values()))[0]
-            blamed = min(stated, key=lambda kind: nearest not in stated[kind])
-            among = ", ".join(nearest_first(name, {*known, *stated[blamed]}))
-            raise TypeError(f"{blamed.__name__} has no parameter {name!r}; known are {among}.")
+            refusing = next((kind for kind in kinds if name not in stated[kind]), kinds[-1])
+            among = ", ".join(nearest_first(name, {*known, *stated[refusing]}))
+            raise TypeError(f"{refusing.__name__} has no parameter {name!r}; known are {among}.")
 
 
 def call_factory(
@@ -136,8 +132,8 @@ def raised_fault(error: BaseException, names: Collection[str] | None, *, source:
 
     That is what the error holds as ``parameter``, or the name with which its message begins.
     """
-    told = isinstance(error, TypeError | ValueError)
-    message = str(error) if told else f"{type(error).__name__}: {error}"
+    expected = isinstance(error, TypeError | ValueError)
+    message = str(error) if expected else f"{type(error).__name__}: {error}"
     message = message.removeprefix(f"{source}: ")
     first = message.removeprefix("Expected ").partition(" ")[0].rstrip(":,")
     name = getattr(error, "parameter", None) or first
@@ -147,80 +143,58 @@ def raised_fault(error: BaseException, names: Collection[str] | None, *, source:
 def _checked(
     accepted: Accepted, values: Mapping[str, Any], *, plain: bool = False
 ) -> tuple[list[Fault], dict[str, Any]]:
-    """Check the values of known names; give the faults, and what the factory is to be called with.
+    """Check the values of known names; return the faults, and what the factory is called with.
 
-    Of a signature that is the values as they are: pydantic's own copies may be other objects.
+    A signature's values are handed over as they are: pydantic's own copies may be other objects.
     """
     faults: list[Fault] = [
-        (name, f"missing a required parameter {name!r}.")
-        for name in accepted.needed
-        if name not in values
+        (p.name, f"missing a required parameter {p.name!r}.")
+        for p in accepted.parameters
+        if p.required and p.name not in values
     ]
-    for name in accepted.ungivable:
-        message = f"cannot be made: it requires {name!r}, which cannot be given by name here."
-        faults.append((None, message))
-    known = [parameter for parameter in accepted.parameters if parameter.name in values]
-    checkable = {p.name: values[p.name] for p in known if p.plain or not plain}
-    for parameter in known:
-        name, value = parameter.name, values[parameter.name]
-        if name not in checkable:
-            message = f"{name} can be given from Python only, as {parameter.annotation}."
-            faults.append((name, message))
-        elif accepted.model is None and value is not parameter.default:
-            faults += [(name, message) for message in parameter.checked(value)[1]]
+    checkable = {}
+    for parameter in accepted.parameters:
+        name = parameter.name
+        if name not in values:
+            continue
+        if plain and not parameter.plain:
+            faults.append((name, f"{name} can be given from Python only."))
+            continue
+        checkable[name] = values[name]
+        if accepted.model is None and values[name] is not parameter.default:
+            faults += [(name, message) for message in parameter.checked(values[name])[1]]
     if accepted.model is None:
         return faults, dict(values)
-    found, given = _by_model(accepted.model, known, checkable)
+    found, given = _by_model(accepted, accepted.model, checkable)
     return faults + found, given
 
 
 def _by_model(
-    model: type[BaseModel], parameters: Collection[Parameter], values: Mapping[str, Any]
+    accepted: Accepted, model: type[BaseModel], values: Mapping[str, Any]
 ) -> tuple[list[Fault], dict[str, Any]]:
-    """Let a model check and convert values; it converts no number, flag or text to another."""
+    """Let a model check and convert values, by its own rules."""
     aliases = {name: field.validation_alias for name, field in model.model_fields.items()}
     keys = {name: key if isinstance(key, str) else name for name, key in aliases.items()}
-    given = {keys[name]: value for name, value in values.items()}
     try:
-        errors = _scalar_errors(model, given)
-        made = model.model_validate(given)
+        made = model.model_validate({keys[name]: value for name, value in values.items()})
     except ValidationError as error:
-        errors = {**_by_field(error), **errors}
+        errors = _by_field(error)
     except Exception as error:  # whatever a validator of another package's raises
         return [(None, f"{type(error).__name__}: {error}")], {}
-    if not errors:
+    else:
         return [], {name: getattr(made, name) for name in model.model_fields}
     faults: list[Fault] = [
-        (parameter.name, message)
-        for parameter in parameters
-        if (name := parameter.name) in values and keys[name] in errors  # else: said to be missing
+        (name, message)
+        for name, parameter in zip(accepted.names, accepted.parameters, strict=True)
+        if name in values and keys[name] in errors  # else it was said to be missing
         for message in fault_messages(name, values[name], errors[keys[name]], parameter.range)
     ]
-    faults += [(None, own_message(error)) for error in errors.get(None, ())]
-    return faults, {}
+    return [*faults, *((None, own_message(error)) for error in errors.get(None, ()))], {}
 
 
-def _scalar_errors(model: type[BaseModel], given: Mapping[str, Any]) -> dict[Any, list[Any]]:
-    """Find where a model would take a text or a flag for a number, and the like.
-
-    pydantic's strict rules find that, but also refuse what a text has no other way to say, such as
-    a path or a member of an enumeration.
-    """
-    try:
-        model.model_validate(given, strict=True)
-    except ValidationError as error:
-        return {key: found for key, found in _by_field(error).items() if all(map(_scalar, found))}
-    return {}
-
-
-def _scalar(error: Error) -> bool:
-    scalar = isinstance(error["input"], bool | int | float | str)
-    return scalar and error["type"] in _SCALAR_TYPES
-
-
-def _by_field(error: ValidationError) -> dict[Any, list[Any]]:
+def _by_field(error: ValidationError) -> dict[Any, list[Error]]:
     """Sort errors by the field they are in, None for the whole; locations then begin there."""
-    found: dict[Any, list[Any]] = {}
+    found: dict[Any, list[Error]] = {}
     for detail in error.errors(include_url=False):
         field, *rest = detail["loc"] or (None,)
         found.setdefault(field, []).append({**detail, "loc": tuple(rest)})

@@ -5,33 +5,21 @@ By its signature and docstring, or by a pydantic model: the attribute ``Paramete
 
 import functools
 import inspect
-import re
-import typing
 import warnings
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, TypeAlias
 
-from pydantic import (
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    PlainValidator,
-    PydanticUserError,
-    TypeAdapter,
-    ValidationError,
-    WrapValidator,
-)
+from pydantic import BaseModel, ConfigDict, PydanticUserError, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
 from botohe_moo._plugins.docstrings import described_parameters
 from botohe_moo._plugins.messages import fault_messages
 from botohe_moo._plugins.types import (
     changes_nothing,
-    is_plain,
-    is_scalar,
     plain_number,
     range_text,
+    resolved,
     type_text,
 )
 
@@ -39,8 +27,6 @@ Factory: TypeAlias = Callable[..., Any]
 
 _EMPTY = inspect.Parameter.empty
 _BY_KEYWORD = (inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
-# Types that only a text can be asked about, because their names lead nowhere at runtime.
-_PLAIN_WORDS = r"\b(int|float|bool|str|Any|object|Literal|Real|Integral)\b"
 
 
 @dataclass(frozen=True)
@@ -52,7 +38,6 @@ class Parameter:
     hint: Any = Any  # the type; ``Any`` where there is none, or its name leads nowhere
     annotation: str = ""  # the type as text
     description: str = ""
-    plain: bool = True  # whether numbers, flags or texts can be its value, as far as one can tell
     own: bool = True  # whether its default holds: a method with ** may give its class another
 
     @property
@@ -72,7 +57,7 @@ class Parameter:
 
     @functools.cached_property
     def adapter(self) -> TypeAdapter[Any] | None:
-        """What checks values by the type; None where pydantic cannot tell."""
+        """What checks values by the type; None where pydantic cannot."""
         try:
             return TypeAdapter(self.hint, config=ConfigDict(arbitrary_types_allowed=True))
         except PydanticUserError:  # pydantic's own models bring their configuration
@@ -80,11 +65,22 @@ class Parameter:
         except Exception:  # whatever another package's type does when it is looked at
             return None
 
+    @functools.cached_property
+    def plain(self) -> bool:
+        """Whether numbers, flags, texts, or lists and mappings of them can be its value."""
+        if self.adapter is None:
+            return False
+        try:
+            with warnings.catch_warnings(action="ignore"):  # of a union, one type is enough
+                return self.adapter.json_schema().get("type") != "null"  # which is no value
+        except PydanticUserError:  # a class that is only known by isinstance
+            return False
+
     def checked(self, value: Any) -> tuple[Any, list[str]]:
-        """Give a value as its type has it, and what keeps it from being of that type.
+        """Return a value as its type has it, and what keeps it from being of that type.
 
         pydantic's strict rules hold: "100" is not an integer, neither are 1.5 and True, but an
-        integer is a number. What pydantic cannot check is in order.
+        integer is a number. What pydantic cannot check is accepted.
         """
         if self.hint is Any or self.adapter is None:
             return value, []
@@ -103,8 +99,6 @@ class Accepted:
     """All that a factory can be given by name."""
 
     parameters: tuple[Parameter, ...]
-    needed: tuple[str, ...] = ()  # required
-    ungivable: tuple[str, ...] = ()  # required, but cannot be given by name
     any_name: bool = False  # whether it would take other names, too
     model: type[BaseModel] | None = None  # checks and converts all values; None: the signature
 
@@ -121,35 +115,20 @@ def accepted_parameters(factory: Factory, *, hidden: Collection[str] = ()) -> Ac
     states what it changes, and its class the rest. The names in ``hidden`` cannot be given, and
     neither can names that are not stated, even to a factory that takes any.
     """
-    model = _model_of(factory)
-    if model is not None:
-        parameters = tuple(_from_model(model, factory))
-        needed = tuple(parameter.name for parameter in parameters if parameter.required)
-        return Accepted(parameters, needed, model=model)
+    if model := _model_of(factory):
+        return Accepted(tuple(_from_model(model, factory)), model=model)
     signature = _signature(factory)
-    own = signature.parameters.values() if signature else ()
-    takes_any = signature is None or any(p.kind is p.VAR_KEYWORD for p in own)
-    stated = {p.name: p for p in signature_parameters(factory) if p.name not in hidden}
+    takes_any = any(p.kind is p.VAR_KEYWORD for p in signature.parameters.values())
+    stated = {p.name: p for p in signature_parameters(factory)}
     owner = getattr(factory, "__self__", None)
-    if isinstance(owner, type) and signature is not None and takes_any:
-        model = _model_of(owner)
-        for parameter in _from_model(model, owner) if model else signature_parameters(owner):
-            if parameter.name in hidden:
-                continue
+    if isinstance(owner, type) and takes_any:
+        for parameter in accepted_parameters(owner).parameters:
             known = stated.get(parameter.name) or replace(parameter, own=False)
-            # A factory often only refers to its class, which tells the meaning.
-            description = parameter.description or known.description
-            plain = known.plain if model is None else is_plain(known.hint)  # nothing converts it
-            stated[parameter.name] = replace(known, description=description, plain=plain)
-    without_default = [
-        p.name for p in own if p.default is _EMPTY and p.kind in (*_BY_KEYWORD, p.POSITIONAL_ONLY)
-    ]
-    return Accepted(
-        tuple(stated.values()),
-        needed=tuple(name for name in without_default if name in stated),
-        ungivable=tuple(name for name in without_default if name not in stated),
-        any_name=takes_any,
-    )
+            # A factory often only refers to its class, which describes the meaning.
+            described = parameter.description or known.description
+            stated[parameter.name] = replace(known, description=described)
+    given = tuple(p for name, p in stated.items() if name not in hidden)
+    return Accepted(given, any_name=takes_any)
 
 
 def _model_of(factory: Factory) -> type[BaseModel] | None:
@@ -163,88 +142,46 @@ def _from_model(model: type[BaseModel], factory: Factory) -> Iterator[Parameter]
         hint: Any = field.annotation
         for constraint in field.metadata:
             hint = Annotated[hint, constraint]
-        try:
-            default = field.get_default(call_default_factory=True)
-        except Exception:  # made of other fields' values, or by another package's code
-            default = None
         yield Parameter(
             name,
-            _EMPTY if field.is_required() else default,
+            _EMPTY if field.is_required() else field.get_default(call_default_factory=True),
             hint,
             type_text(field.annotation),
             field.description or described.get(name, ""),
-            plain=_from_text(field),
         )
 
 
-def _from_text(field: Any) -> bool:
-    """Whether a model can make a field's value of what a text holds."""
-    converters = BeforeValidator | PlainValidator | WrapValidator
-    if is_plain(field.annotation) or any(isinstance(c, converters) for c in field.metadata):
-        return True
-    try:
-        with warnings.catch_warnings(action="ignore"):
-            TypeAdapter(field.annotation).json_schema()
-    except Exception:  # of types that pydantic only tells by isinstance
-        return False
-    return True
-
-
 def signature_parameters(function: Factory) -> Iterator[Parameter]:
-    """Give the parameters of a signature that can be given by name."""
+    """Yield the parameters of a signature that can be given by name."""
     described = described_parameters(function)
-    for stated in (_signature(function) or inspect.Signature()).parameters.values():
+    scope = _scope(function)
+    for stated in _signature(function).parameters.values():
         if stated.kind not in _BY_KEYWORD:
             continue
-        hint = _hint(function, stated)
-        text = stated.annotation if stated.annotation is not _EMPTY else ""
-        if not isinstance(text, str):
-            text = inspect.formatannotation(text)
-        if "Annotated[" in repr(hint) or is_scalar(hint):
+        annotation = stated.annotation
+        hint = Any if annotation is _EMPTY else resolved(annotation, scope)
+        text = annotation if isinstance(annotation, str) else ""
+        if hint is not Any or annotation is Any:
             text = type_text(hint)
-        resolved = hint is not Any
-        plain = is_plain(hint) if resolved else not text or re.search(_PLAIN_WORDS, text)
         marks = getattr(hint, "__metadata__", ())
         said = [m.description for m in marks if isinstance(m, FieldInfo) and m.description]
         description = described.get(stated.name) or (said[0] if said else "")
-        yield Parameter(stated.name, stated.default, hint, text, description, bool(plain))
+        yield Parameter(stated.name, stated.default, hint, text, description)
 
 
-def _signature(function: Factory) -> inspect.Signature | None:
+def _signature(function: Factory) -> inspect.Signature:
     try:
         return inspect.signature(function)
-    except (TypeError, ValueError):  # some compiled callables do not tell
-        return None
+    except (TypeError, ValueError):  # some compiled callables have none
+        return inspect.Signature()
 
 
-def _hint(function: Factory, parameter: inspect.Parameter) -> Any:
-    """Resolve an annotation where it was written; ``Any`` if that cannot be done."""
-    if parameter.annotation is _EMPTY:
-        return Any
-    scope: dict[str, Any] = {}
-    for home in _homes(function):
-        if getattr(home, "__annotations__", {}).get(parameter.name) == parameter.annotation:
-            scope = home.__globals__
-            break
-
-    def holder() -> None: ...
-
-    holder.__annotations__ = {"it": parameter.annotation}
-    try:
-        return typing.get_type_hints(holder, globalns=scope, include_extras=True)["it"]
-    except Exception:  # names that are for type checkers only, and whatever else a name may do
-        return Any
-
-
-def _homes(function: Any) -> Iterator[Any]:
-    """Give the functions that parameters may come from, those that are called first."""
+def _scope(function: Any) -> Mapping[str, Any]:
+    """Return the names that a function's annotations are evaluated with."""
     while isinstance(function, functools.partial):
         function = function.func
-    function = inspect.unwrap(getattr(function, "__func__", function))
     if isinstance(function, type):
-        functions = [vars(base).get("__init__") for base in function.__mro__]
-    elif inspect.isfunction(function):
-        functions = [function]
-    else:
-        functions = [vars(base).get("__call__") for base in type(function).__mro__]
-    yield from (inspect.unwrap(f) for f in functions if inspect.isfunction(f))
+        function = function.__init__  # type: ignore[misc]
+    elif not inspect.isroutine(function):
+        function = type(function).__call__
+    return getattr(inspect.unwrap(function), "__globals__", {})

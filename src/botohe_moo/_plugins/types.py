@@ -1,10 +1,10 @@
 """What types say of values: their range, their name, and what a text file can hold."""
 
-import collections.abc
 import enum
 import os
 import types
-from collections.abc import Iterable, Mapping, Sequence
+import typing
+from collections.abc import Iterable, Mapping
 from numbers import Integral, Number, Real
 from typing import Annotated, Any, Literal, TypeAlias, Union, get_args, get_origin
 
@@ -21,22 +21,12 @@ TravelBudget: TypeAlias = Annotated[float, Field(ge=0)]  # infinite: no limit
 Robots: TypeAlias = Annotated[int, Field(ge=1, description="Team size.")]
 
 UNIONS = (Union, types.UnionType)
-# What lists and mappings of a text file can stand for.
-_LISTS = (list, Sequence, Iterable, collections.abc.Collection)
-_MAPPINGS = (dict, Mapping, collections.abc.MutableMapping)
 _SCALARS = (int, float, bool, str, type(None))
-_ABSTRACT = (object, Any, Number, Real, Integral)
 _COMPARED = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
-_OTHERS = {
-    "multiple_of": "a multiple of",
-    "min_length": "of length >=",
-    "max_length": "of length <=",
-    "pattern": "like",
-}
 
 
 class SameResult:
-    """Marks a parameter that no result depends on, only the time: a number of threads.
+    """Marks a parameter that changes no result, only the time: a number of threads.
 
     Runs of a study that differ in such parameters only are one run, where no seconds limit them.
 
@@ -48,8 +38,20 @@ class SameResult:
     """
 
 
+def resolved(annotation: Any, scope: Mapping[str, Any]) -> Any:
+    """Evaluate an annotation that may be a text; ``Any`` where its names lead nowhere."""
+
+    def holder() -> None: ...
+
+    holder.__annotations__ = {"it": annotation}
+    try:
+        return typing.get_type_hints(holder, globalns=dict(scope), include_extras=True)["it"]
+    except Exception:  # names that are for type checkers only, and whatever else a name may do
+        return Any
+
+
 def changes_nothing(hint: Any) -> bool:
-    """Whether a type is marked by :class:`SameResult`."""
+    """Return whether a type is marked by :class:`SameResult`."""
     marks = getattr(hint, "__metadata__", ())
     return any(mark is SameResult or isinstance(mark, SameResult) for mark in marks) or (
         get_origin(hint) in (Annotated, *UNIONS) and any(map(changes_nothing, get_args(hint)))
@@ -57,34 +59,39 @@ def changes_nothing(hint: Any) -> bool:
 
 
 def range_text(hint: Any) -> str:
-    """Give the range that an ``Annotated`` type states: ``in (0, 1)``, ``>= 1``; may be empty."""
+    """Return the range that an ``Annotated`` type states, such as ``in (0, 1)`` or ``>= 1``.
+
+    It is empty where the type states none.
+    """
     if get_origin(hint) in UNIONS:
         return " or ".join(filter(None, map(range_text, get_args(hint))))
     if get_origin(hint) is not Annotated:
         return ""
     inner, *metadata = get_args(hint)
-    return _constraints_text(metadata) or range_text(inner)
-
-
-def _constraints_text(metadata: Iterable[Any]) -> str:
-    """Give the range that constraints state, such as ``Ge(1)`` or a pydantic ``Field``."""
-    bounds: dict[str, str] = {}
-    for constraint in metadata:
-        parts = constraint.metadata if isinstance(constraint, FieldInfo) else [constraint]
-        for name in (*_COMPARED, *_OTHERS):
-            for bound in (getattr(part, name, None) for part in parts):
-                if bound is not None and not callable(bound) and (bound or name in _COMPARED):
-                    bounds[name] = bound_text(bound)
-    texts = []
+    bounds = _bounds(metadata)
     low = next((name for name in ("ge", "gt") if name in bounds), "")
     high = next((name for name in ("le", "lt") if name in bounds), "")
     if low and high:
         opening, closing = "[" if low == "ge" else "(", "]" if high == "le" else ")"
-        texts.append(f"in {opening}{bounds[low]}, {bounds[high]}{closing}")
-    elif name := low or high:
-        texts.append(f"{_COMPARED[name]} {bounds[name]}")
-    texts += [f"{words} {bounds[name]}" for name, words in _OTHERS.items() if name in bounds]
-    return ", ".join(texts)
+        return f"in {opening}{bounds[low]}, {bounds[high]}{closing}"
+    if name := low or high:
+        return f"{_COMPARED[name]} {bounds[name]}"
+    return range_text(inner)
+
+
+def _bounds(metadata: Iterable[Any]) -> dict[str, str]:
+    """Collect the bounds that constraints state, such as ``Ge(1)`` or a pydantic ``Field``."""
+    parts = [
+        part
+        for constraint in metadata
+        for part in (constraint.metadata if isinstance(constraint, FieldInfo) else [constraint])
+    ]
+    return {
+        name: bound_text(bound)
+        for part in parts
+        for name in _COMPARED
+        if (bound := getattr(part, name, None)) is not None
+    }
 
 
 def bound_text(bound: Any) -> str:
@@ -114,28 +121,15 @@ def type_text(hint: Any) -> str:
 
 
 def is_scalar(hint: Any) -> bool:
-    """Whether all values of this type are numbers, flags, texts or None."""
+    """Return whether all values of a type are numbers, flags, texts or None."""
     origin, args = get_origin(hint), get_args(hint)
     if origin is Annotated:
         return is_scalar(args[0])
     return all(map(is_scalar, args)) if origin in UNIONS else origin is Literal or hint in _SCALARS
 
 
-def is_plain(hint: Any) -> bool:
-    """Whether numbers, flags, texts, or lists and mappings of them can be of this type."""
-    origin, args = get_origin(hint), get_args(hint)
-    if origin is Annotated:
-        return is_plain(args[0])
-    if origin in UNIONS:
-        return any(map(is_plain, args))
-    if origin in _LISTS or origin in _MAPPINGS:
-        return all(map(is_plain, args))
-    none = hint is type(None)  # alone it tells nothing
-    return origin is Literal or (hint in (*_SCALARS, *_ABSTRACT, *_LISTS, *_MAPPINGS) and not none)
-
-
 def plain_number(value: Any) -> Any:
-    """Give numpy's numbers, and other kinds of numbers, as Python's; anything else unchanged."""
+    """Return numpy's numbers, and other kinds of numbers, as Python's; anything else unchanged."""
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, Integral):

@@ -3,14 +3,13 @@
 import functools
 import hashlib
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from botohe_moo._plugins.checks import call_factory
-from botohe_moo._plugins.entry_points import same_factory
 from botohe_moo._plugins.factories import is_path, named
 from botohe_moo._plugins.types import plain_value
 from botohe_moo.algorithms.registry import PLUGINS, accepted_by, find_algorithm
@@ -32,7 +31,7 @@ class AlgorithmIdentity:
 
 
 def algorithm_identity(name: str, parameters: Mapping[str, Any]) -> AlgorithmIdentity:
-    """Say what results of an algorithm depend on, given parameters that are known to be right.
+    """Return what results of an algorithm depend on, given parameters that are known to be right.
 
     Examples
     --------
@@ -42,9 +41,9 @@ def algorithm_identity(name: str, parameters: Mapping[str, Any]) -> AlgorithmIde
     """
     factory = find_algorithm(name)
     accepted = accepted_by(factory)
-    stated = accepted.parameters
     # Of a method that takes any keywords only itself knows which defaults its class has then.
-    defaults = {p.name: plain_value(p.default) for p in stated if p.own and not p.required}
+    stated = [p for p in accepted.parameters if p.own and not p.required]
+    defaults = {p.name: plain_value(p.default) for p in stated}
     made = call_factory(PLUGINS.source(name), factory, accepted, parameters)
     given = {key: plain_value(value) for key, value in parameters.items()}
     effective = {**_attributes(made), **defaults, **_plain(getattr(made, "settings", {})), **given}
@@ -55,27 +54,28 @@ def algorithm_identity(name: str, parameters: Mapping[str, Any]) -> AlgorithmIde
             for key, value in parameters.items()
             if key not in defaults or not _same(plain_value(value), defaults[key])
         },
-        neutral=frozenset(p.name for p in stated if p.same_result),
+        neutral=frozenset(p.name for p in accepted.parameters if p.same_result),
         effective={k: value for k, value in effective.items() if value is not NotImplemented},
     )
 
 
 def _attributes(made: Any) -> dict[str, Any]:
-    """Read what an algorithm's attributes say of the parameters of its class and of all bases.
+    """Read what an algorithm's attributes say of the parameters of its class.
 
-    So values are known that a class hands to its base's constructor.
+    And of its bases, to which a class may hand values, up to the first one of this package or
+    pymoo, which states all of its own.
     """
     values = getattr(made, "__dict__", {})
-    ours = [kind for kind in type(made).__mro__ if kind.__module__.startswith("botohe_moo.")]
-    # Our classes state all of theirs, and what pymoo's base classes have besides is derived.
-    kinds = [kind for kind in type(made).__mro__ if kind not in ours[1:]]
-    kinds = [kind for kind in kinds if not kind.__module__.startswith("pymoo.algorithms.base.")]
-    names = [name for kind in kinds[::-1] for name in accepted_by(kind).names]
-    return _plain({name: values[name] for name in names if name in values})
+    found: dict[str, Any] = {}
+    for kind in type(made).__mro__:
+        found |= {name: values[name] for name in accepted_by(kind).names if name in values}
+        if kind.__module__.partition(".")[0] in _VERSIONED:
+            break
+    return _plain(found)
 
 
 def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Give values as a text holds them; ``NotImplemented`` for objects and lists of plans."""
+    """Write values as a text holds them; ``NotImplemented`` for objects and lists of plans."""
     plain = {name: plain_value(value) for name, value in values.items()}
     return {k: NotImplemented if isinstance(v, list) else v for k, v in plain.items()}
 
@@ -92,54 +92,53 @@ def _same(value: Any, default: Any) -> bool:
 
 
 def _one_name(name: str) -> str:
-    """Give the same name for all spellings of one algorithm: of what its own package calls it.
+    """Return the same name for all spellings of one algorithm: the registered one, if it has one.
 
-    What another module only passes on keeps that module's name: it may do more.
+    Else it is ``module:Class``, where the class, function or method is defined.
     """
     if not is_path(name):
         return name
     found = named(name)
-    module = _module_of(name)
-    package = module.partition(".")[0]
-    if registered := PLUGINS.name_of(found, package):
-        return registered
-    written = name if ":" in name else f"{module}:{name.removeprefix(f'{module}.')}"
-    owner = getattr(found, "__self__", None)
-    home = owner if isinstance(owner, type) else found
-    if str(getattr(home, "__module__", "")).partition(".")[0] != package:
-        return written
-    within = getattr(home, "__qualname__", "") + (f".{found.__name__}" if home is owner else "")
-    try:
-        defined = f"{home.__module__}:{within}"
-        return defined if same_factory(named(defined), found) else written
-    except (ImportError, AttributeError, ValueError):
-        return written
+    owner = getattr(found, "__self__", None)  # of a class's method
+    module = getattr(owner if isinstance(owner, type) else found, "__module__", None)
+    within = getattr(found, "__qualname__", None)
+    if isinstance(owner, type):
+        within = f"{owner.__qualname__}.{found.__name__}"
+    path = f"{module}:{within}" if module and within else name
+    values = {entry.value: known for known, (entry, *_) in PLUGINS.claims().items()}
+    return values.get(path) or values.get(name) or path
 
 
 def algorithm_origin(
     name: str, parameters: Mapping[str, Any] | None = None, problem: str | None = None
 ) -> dict[str, str | None]:
-    """Say where an algorithm's code is from, to tell results of other code apart.
+    """Return where an algorithm's code is from, to tell results of other code apart.
 
-    Gives ``package`` and ``version`` of the distribution that registers it, or of the one that owns
-    its module; None where there is none. ``source`` is the SHA-256 of its module's file, and None
-    for modules of this package and pymoo's, which their versions identify. Other modules that it
-    imports are not looked at, but those of operators that ``parameters`` name are part of it. So
-    is that of ``problem``, ``module:Class`` of a problem of one's own, which has further keys.
+    There are ``package`` and ``version`` of the distribution that registers it, or of the one that
+    owns its module; None where there is none. ``source`` is the SHA-256 of the files that define
+    it, the operators that ``parameters`` name and ``problem``, ``module:Class`` of a problem of
+    your own, which has further keys; it is None where all of these are of this package or pymoo,
+    which their versions identify. Other modules that the files import are not looked at.
     """
     factory = find_algorithm(name)
-    name = _one_name(name)
-    if is_path(name):
-        module = _module_of(name)
-        owner = _distribution_of(module.partition(".")[0])
+    path = _one_name(name)
+    parts = [(name, factory)]
+    if is_path(path):
+        owner = _distribution_of(path.partition(":")[0])
     else:
-        entry = PLUGINS.entry(name)
-        module, owner = entry.module, entry.dist
-    origin = {
-        **_distribution(owner),
-        "source": _with_operators(_source_digest(module, factory), parameters or {}),
-    }
-    return origin if problem is None else _with_problem(origin, problem)
+        entry = PLUGINS.entry(path)
+        owner = entry.dist
+        parts = [(entry.value, factory)]
+    if any(isinstance((parameters or {}).get(kind), str | Mapping) for kind in OPERATORS):
+        from botohe_moo.operators.naming import named_operators  # loads all operators
+
+        parts += named_operators(parameters or {})
+    origin = _distribution(owner)
+    if problem is not None:
+        parts.append((problem, named(problem)))
+        theirs = _distribution(_distribution_of(problem.partition(":")[0]))
+        origin |= {"problem": problem, **{f"problem_{key}": theirs[key] for key in theirs}}
+    return {**origin, "source": _source_digest(parts)}
 
 
 def _distribution(owner: metadata.Distribution | None) -> dict[str, str | None]:
@@ -149,41 +148,10 @@ def _distribution(owner: metadata.Distribution | None) -> dict[str, str | None]:
     }
 
 
-def _with_problem(origin: dict[str, str | None], path: str) -> dict[str, str | None]:
-    """Add a problem of one's own and its package, and its file to the digest."""
-    kind = named(path)
-    module = _module_of(path)
-    owner = _distribution(_distribution_of(module.partition(".")[0]))
-    if digest := _source_digest(module, kind):
-        both = "".join([origin["source"] or "", digest])
-        origin["source"] = hashlib.sha256(both.encode()).hexdigest()
-    return {**origin, "problem": path, **{f"problem_{key}": owner[key] for key in owner}}
-
-
-def _with_operators(source: str | None, parameters: Mapping[str, Any]) -> str | None:
-    """Digest the files of operators, too, where parameters name those of other packages."""
-    if not any(isinstance(parameters.get(kind), str | Mapping) for kind in OPERATORS):
-        return source
-    from botohe_moo.operators.naming import named_operators  # loads all operators
-
-    found = sorted(named_operators(parameters).items())
-    digests = [digest for module, made in found if (digest := _source_digest(module, made))]
-    if not digests:
-        return source
-    return hashlib.sha256("".join([source or "", *digests]).encode()).hexdigest()
-
-
-def _module_of(path: str) -> str:
-    """Give the module's part of ``module:Class`` or ``module.Class``, which is imported already."""
-    module, colon, _ = path.partition(":")
-    while not colon and "." in module and module not in sys.modules:
-        module = module.rpartition(".")[0]
-    return module
-
-
 @functools.cache
-def _distribution_of(package: str) -> metadata.Distribution | None:
-    """Find the distribution that installed a top-level package; None for one only on the path."""
+def _distribution_of(module: str) -> metadata.Distribution | None:
+    """Find the distribution that installed a module; None for one that is only on the path."""
+    package = module.partition(".")[0]
     # What is installed for editing lists none of its modules, but often has its package's name.
     for owner in (*metadata.packages_distributions().get(package, ()), package):
         try:
@@ -193,14 +161,17 @@ def _distribution_of(package: str) -> metadata.Distribution | None:
     return None
 
 
-def _source_digest(module: str, factory: Any) -> str | None:
-    """Digest the file that names a factory, and the one that defines it."""
-    while isinstance(factory, functools.partial):
-        factory = factory.func
-    digest = None
-    for name in dict.fromkeys([module, getattr(factory, "__module__", None) or module]):
-        file = getattr(sys.modules.get(name), "__file__", None)
-        if name.partition(".")[0] not in _VERSIONED and file and Path(file).is_file():
-            digest = digest or hashlib.sha256()
-            digest.update(Path(file).read_bytes())
-    return digest.hexdigest() if digest else None
+def _source_digest(parts: Iterable[tuple[str, Any]]) -> str | None:
+    """Digest the files of the modules that name and that define some functions or classes."""
+    files = []
+    for path, factory in parts:
+        while isinstance(factory, functools.partial):
+            factory = factory.func
+        for module in (path.partition(":")[0], getattr(factory, "__module__", "")):
+            file = getattr(sys.modules.get(module), "__file__", None)
+            if file and module.partition(".")[0] not in _VERSIONED:
+                files.append(file)
+    digest = hashlib.sha256()
+    for file in dict.fromkeys(files):
+        digest.update(Path(file).read_bytes())
+    return digest.hexdigest() if files else None

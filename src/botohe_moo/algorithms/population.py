@@ -1,12 +1,10 @@
 """pymoo's population-based algorithms, wired with operators for trail plans and an archive."""
 
-from __future__ import annotations
-
 import copy
 import functools
 import inspect
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import Annotated, Any, TypeAlias
 
@@ -47,12 +45,6 @@ from botohe_moo.problem import FrontOutput
 from botohe_moo.trails import TrailPlan
 
 PopulationSize: TypeAlias = Annotated[int, Field(ge=2, le=1_000_000)]
-
-
-def keyword_only(function: Callable[..., Any]) -> list[inspect.Parameter]:
-    """List the parameters of a function that can only be given by name."""
-    parameters = inspect.signature(function).parameters.values()
-    return [parameter for parameter in parameters if parameter.kind is parameter.KEYWORD_ONLY]
 
 
 class PopulationAlgorithm(BudgetedAlgorithm):
@@ -129,13 +121,15 @@ class PopulationAlgorithm(BudgetedAlgorithm):
     def __init_subclass__(cls, **kwargs: Any) -> None:
         """State the operators' parameters in the signature of a class that takes any."""
         super().__init_subclass__(**kwargs)
-        if "__signature__" in vars(cls):
-            return
-        *own, last = inspect.signature(cls.__init__).parameters.values()
-        if last.kind is last.VAR_KEYWORD:
-            stated = own[1:] if cls.__init__ is not PopulationAlgorithm.__init__ else []
-            operators = keyword_only(PopulationAlgorithm.__init__)
-            cls.__signature__ = inspect.Signature([*stated, *operators, last])
+        stated = dict(inspect.signature(cls.__init__).parameters)
+        if any(parameter.kind is parameter.VAR_KEYWORD for parameter in stated.values()):
+            for name, parameter in inspect.signature(
+                PopulationAlgorithm.__init__
+            ).parameters.items():
+                if parameter.kind is parameter.KEYWORD_ONLY:
+                    stated.setdefault(name, parameter)
+        shown = [p for name, p in stated.items() if name not in ("self", "arguments")]
+        cls.__signature__ = inspect.Signature(sorted(shown, key=lambda p: p.kind))
 
     @checked
     def __init__(
@@ -189,7 +183,7 @@ class PopulationAlgorithm(BudgetedAlgorithm):
             raise ValueError(f"Expected {expected}, got {crossing.n_offsprings}.")
         if getattr(self.mating, "crossover", None) is not crossing:
             raise ValueError(f"{mine} mates in a way of its own, which trail plans do not have.")
-        self.mating.selection = _picklable(self.mating.selection)
+        self.mating.selection = _picklable(self.mating.selection, pymoos)
         if not isinstance(self.eliminate_duplicates, NoDuplicateElimination):
             self.eliminate_duplicates = PlanDuplicates()
             for part in (self.initialization, self.mating):
@@ -226,7 +220,7 @@ class PopulationAlgorithm(BudgetedAlgorithm):
         return [getattr(part, "plan_repair", None) for found in parts for part in found]
 
     def infill(self) -> Population | None:
-        """Give the plans to evaluate next, no more than the budget allows."""
+        """Return the plans to evaluate next, no more than the budget allows."""
         infills = super().infill()
         return None if infills is None else infills[: self._n_left()]
 
@@ -293,14 +287,14 @@ def _call(module: str, function: str, /, *args: Any, **kwargs: Any) -> Any:
     return getattr(sys.modules[module], function)(*args, **kwargs)
 
 
-def _picklable(selection: Any) -> Any:
-    """Give a tournament that refers to its comparison by name.
+def _picklable(selection: Any, kinds: Iterable[type]) -> Any:
+    """Return a tournament that refers to its comparison by name, in a module of the classes.
 
     pymoo decorates some of them in a way that pickle cannot follow; a run that cannot be pickled
     cannot be resumed or sent to another process.
     """
     compare = getattr(selection, "func_comp", None)
-    for module in [name for name in sys.modules if name.startswith("pymoo.algorithms.moo.")]:
+    for module in {kind.__module__ for kind in kinds}:
         for name, value in vars(sys.modules[module]).items():
             if compare is not None and value is compare:
                 selection = copy.copy(selection)
@@ -310,7 +304,7 @@ def _picklable(selection: Any) -> Any:
 
 
 def genetic_sizes(pop_size: int, n_offsprings: int | None) -> dict[str, Any]:
-    """Give the sizes that genetic algorithms of pymoo's take; each has its own other default."""
+    """Return the sizes that genetic algorithms of pymoo's take; each has its own other default."""
     return {"pop_size": pop_size} | ({"n_offsprings": n_offsprings} if n_offsprings else {})
 
 

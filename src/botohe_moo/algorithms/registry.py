@@ -2,7 +2,7 @@
 
 import functools
 import inspect
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from pymoo.core.algorithm import Algorithm
@@ -15,14 +15,6 @@ from botohe_moo._plugins.factories import declared_factory, is_path
 from botohe_moo._plugins.stated import Accepted, Parameter, accepted_parameters
 
 PLUGINS = PluginGroup("botohe_moo.algorithms", "algorithm")
-# Classes of pymoo's that loop inside of one generation, where no budget ends them.
-_ENDLESS = {
-    "pymoo.algorithms.moo.ctaea:CTAEA": (
-        "pymoo's CTAEA never ends where there are fewer plans than directions, which is what "
-        "leaving out duplicates does: its diversity archive looks for plans in as many directions "
-        "as there are plans, until it has all of them"
-    ),
-}
 # Options of a run: the caller of ``minimize`` sets them.
 _PYMOOS_OWN = frozenset(inspect.signature(Algorithm).parameters)
 
@@ -71,9 +63,9 @@ def make_algorithm(name: str, /, **parameters: Any) -> Algorithm:
 def algorithm_faults(
     name: str, parameters: Mapping[str, Any] | None = None, *, plain: bool = False
 ) -> list[Fault]:
-    """Say everything that keeps :func:`make_algorithm` from making an algorithm.
+    """List everything that keeps :func:`make_algorithm` from making an algorithm.
 
-    Gives pairs of a parameter's name, None for the whole, and what is wrong. Where all parameters
+    As pairs of a parameter's name, None for the whole, and what is wrong. Where all parameters
     are of their types, the algorithm is made, to hear what its constructor says. With ``plain``
     they are from a text file: what can only be a Python object is refused.
 
@@ -97,7 +89,7 @@ def algorithm_faults(
 
 
 def algorithm_names() -> tuple[str, ...]:
-    """Give the names that :func:`make_algorithm` knows; what cannot be loaded is warned of.
+    """Return the names that :func:`make_algorithm` knows; what cannot be loaded is warned of.
 
     Examples
     --------
@@ -114,7 +106,7 @@ def algorithm_parameters(name: str) -> tuple[Parameter, ...]:
 
 
 def describe_algorithm(name: str) -> str:
-    """Give the summary that an algorithm's docstring begins with; may be empty."""
+    """Return the summary that an algorithm's docstring begins with; may be empty."""
     return summary_of(find_algorithm(name))
 
 
@@ -126,8 +118,6 @@ def _made(
     if not isinstance(algorithm, Algorithm):
         expected = f"expected {origin} to give a pymoo Algorithm"
         raise ValueError(f"{source}: {expected}, got {quoted(algorithm)}.")
-    if reason := never_ends(type(algorithm)):
-        raise ValueError(f"{source}: cannot be used; {reason}.")
     return algorithm
 
 
@@ -138,8 +128,6 @@ def find_algorithm(name: str) -> Callable[..., Any]:
     try:
         if is_path(name):
             found = declared_factory(name, PLUGINS, Algorithm)
-            if isinstance(found, type) and (reason := never_ends(found)):
-                raise PluginError(f"cannot be used; {reason}")
             from botohe_moo.algorithms.wired import wired  # loads all operators
 
             return wired(name, found)
@@ -148,17 +136,7 @@ def find_algorithm(name: str) -> Callable[..., Any]:
         raise ValueError(f"{PLUGINS.source(name)}: {error}.") from error
 
 
-def never_ends(kind: type) -> str | None:
-    """Return why algorithms of a class, or of one derived from it, never end; None if they do."""
-    names = (f"{base.__module__}:{base.__qualname__}" for base in kind.__mro__)
-    return next((_ENDLESS[name] for name in names if name in _ENDLESS), None)
-
-
+@functools.lru_cache(maxsize=64)  # a grid asks for every combination
 def accepted_by(factory: Callable[..., Any]) -> Accepted:
     """Find out what a factory can be given: what it states, but for pymoo's own options."""
-    return _accepted(factory) if isinstance(factory, Hashable) else _accepted.__wrapped__(factory)
-
-
-@functools.lru_cache(maxsize=64)  # a grid asks for every combination
-def _accepted(factory: Callable[..., Any]) -> Accepted:
     return accepted_parameters(factory, hidden=_PYMOOS_OWN)

@@ -1,6 +1,4 @@
-"""Algorithms by their dotted path; pymoo's own classes get this package's operators."""
-
-from __future__ import annotations
+"""pymoo's population-based classes by their dotted path, with operators for trail plans."""
 
 import copy
 import functools
@@ -19,7 +17,6 @@ from botohe_moo.algorithms.population import (
     PopulationSize,
     even_weights,
     genetic_sizes,
-    keyword_only,
 )
 
 # What the wiring, or the caller of ``minimize``, gives to every class of pymoo's.
@@ -30,9 +27,13 @@ _TAKEN_CARE_OF = frozenset(
 # Objects that belong to the algorithm: passed on as pymoo has them, not for users to give.
 _INNER = frozenset({"selection", "survival"})
 
-# Classes that cannot keep what is promised of all, by the module they stand in.
+# Classes that cannot keep what is promised of all, by the module that defines them.
 _REFUSED = {
     "pymoo.algorithms.soo": "it minimises one objective",
+    "pymoo.algorithms.moo.ctaea": (
+        "it never ends where there are fewer plans than directions, which is what leaving out "
+        "duplicates does"
+    ),
     "pymoo.algorithms.moo.dnsga2": "it evaluates plans beside any budget, for problems that change",
     "pymoo.algorithms.moo.kgb": "it evaluates plans beside any budget, for problems that change",
     "pymoo.algorithms.moo.moead": "it is wired already, as 'moead'",
@@ -55,7 +56,7 @@ _DIRECTIONS = """ref_dirs
 
 
 def wired(path: str, found: Callable[..., Any]) -> Callable[..., Any]:
-    """Wire a class of pymoo's with this package's operators; give others back as they are.
+    """Wire a class of pymoo's with this package's operators; return others as they are.
 
     A ValueError is raised for a class of pymoo's that is not population-based or cannot be wired.
     """
@@ -75,62 +76,56 @@ def wired(path: str, found: Callable[..., Any]) -> Callable[..., Any]:
 @functools.cache
 def _wire(path: str, wrapped: type[GeneticAlgorithm]) -> type[PopulationAlgorithm]:
     """Derive a class from one of pymoo's, whose own parameters it states."""
-    stated = inspect.signature(wrapped).parameters
     own = {
-        name: parameter.replace(
-            kind=inspect.Parameter.KEYWORD_ONLY, annotation=_annotation(parameter)
-        )
-        for name, parameter in stated.items()
+        name: parameter
+        for name, parameter in inspect.signature(wrapped).parameters.items()
         if name not in _TAKEN_CARE_OF and parameter.kind is parameter.POSITIONAL_OR_KEYWORD
     }
     directed = "ref_dirs" in own
     if directed:
         own["ref_dirs"] = own["ref_dirs"].replace(default=None, annotation=np.ndarray | None)
 
-    @checked
-    def __init__(  # noqa: N807
-        self: PopulationAlgorithm,
-        *,
-        pop_size: PopulationSize = 100,
-        n_offsprings: Count | None = None,
-        **parameters: Any,
-    ) -> None:
-        sizes = genetic_sizes(pop_size, n_offsprings)
-        # Copies: the objects that pymoo's signatures hold remember the fronts of other runs.
-        arguments = {
-            name: copy.deepcopy(parameters.pop(name, parameter.default))
-            for name, parameter in own.items()
-            if name in parameters or parameter.default is not parameter.empty
-        }
-        if directed and arguments["ref_dirs"] is None:
-            arguments["ref_dirs"] = even_weights(sizes["pop_size"])
-        if directed:
-            del sizes["pop_size"]  # there are as many plans as directions
-        PopulationAlgorithm.__init__(self, {**arguments, **sizes}, **parameters)
+    class Wired(PopulationAlgorithm, wrapped):
+        __doc__ = _DOCSTRING.format(wrapped.__name__) + _DIRECTIONS * directed
 
-    def __reduce_ex__(self: PopulationAlgorithm, _: object) -> tuple[object, ...]:  # noqa: N807
-        return _revive, (path,), self.__dict__
+        @checked
+        def __init__(
+            self,
+            *,
+            pop_size: PopulationSize = 100,
+            n_offsprings: Count | None = None,
+            **parameters: Any,
+        ) -> None:
+            sizes = genetic_sizes(pop_size, n_offsprings)
+            # Copies: the objects that pymoo's signatures hold remember the fronts of other runs.
+            arguments = {
+                name: copy.deepcopy(parameters.pop(name, parameter.default))
+                for name, parameter in own.items()
+                if name in parameters or parameter.default is not parameter.empty
+            }
+            if directed:  # there are as many plans as directions
+                size = sizes.pop("pop_size")
+                if arguments["ref_dirs"] is None:
+                    arguments["ref_dirs"] = even_weights(size)
+            super().__init__({**arguments, **sizes}, **parameters)
 
-    shown = [parameter for name, parameter in own.items() if name not in _INNER]
-    parameters = [*keyword_only(__init__), *shown, *keyword_only(PopulationAlgorithm)]
-    return type(
-        wrapped.__name__,
-        (PopulationAlgorithm, wrapped),
-        {
-            "__init__": __init__,
-            "__reduce_ex__": __reduce_ex__,
-            "__signature__": inspect.Signature(parameters),
-            "__doc__": _DOCSTRING.format(wrapped.__name__) + _DIRECTIONS * directed,
-        },
-    )
+        def __reduce_ex__(self, _: object) -> tuple[object, ...]:
+            return _revive, (path,), self.__dict__
+
+    Wired.__name__ = Wired.__qualname__ = wrapped.__name__
+    pop_size, n_offsprings, *operators, _ = inspect.signature(Wired).parameters.values()
+    shown = [_stated(parameter) for name, parameter in own.items() if name not in _INNER]
+    Wired.__signature__ = inspect.Signature([pop_size, n_offsprings, *shown, *operators])
+    return Wired
 
 
-def _annotation(parameter: inspect.Parameter) -> Any:
-    """Give the type of a parameter; where pymoo states none, its default may show it."""
+def _stated(parameter: inspect.Parameter) -> inspect.Parameter:
+    """Return a parameter by name; where pymoo states no type, its default may show it."""
     shown = type(parameter.default)
-    if parameter.annotation is parameter.empty and shown in (int, float, bool, str):
-        return shown
-    return parameter.annotation
+    annotation = parameter.annotation
+    if annotation is parameter.empty and shown in (int, float, bool, str):
+        annotation = shown
+    return parameter.replace(kind=parameter.KEYWORD_ONLY, annotation=annotation)
 
 
 def _revive(path: str) -> PopulationAlgorithm:

@@ -6,50 +6,35 @@ answers at once.
 
 from __future__ import annotations
 
+import shlex
+import sys
 import time
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
-from botohe_moo.cli.interrupt import INTERRUPTED, ending_on_interrupt
+import typer
 
-_STARTED = time.perf_counter()
-
-with ending_on_interrupt:
-    import shlex
-    import sys
-    from contextlib import ExitStack
-    from pathlib import Path
-    from shutil import which
-    from typing import TYPE_CHECKING, Annotated, Any
-
-    import typer
-
-    from botohe_moo.cli.bound import bound_mission, certify
-    from botohe_moo.cli.check import check_conformance
-    from botohe_moo.cli.choose import ChooseOption, choose_plan, tell_choice
-    from botohe_moo.cli.describe import (
-        brief,
-        listing,
-        paragraph,
-        parameter_example,
-        parameter_text,
-    )
-    from botohe_moo.cli.explore import explore_front, write_page
-    from botohe_moo.cli.missions import missions_app
-    from botohe_moo.cli.options import (
-        EvaluationsOption,
-        MaxLengthOption,
-        MinSurvivalOption,
-        MissionArgument,
-        MissionParameterOption,
-        ParameterOption,
-        RobotsOption,
-        SeedOption,
-        mission_source,
-        out_option,
-        read_parameters,
-        seconds,
-    )
-    from botohe_moo.cli.shell import FAILED, fail, failing, run, tell
-    from botohe_moo.cli.study import study_app
+from botohe_moo.cli.bound import bound_mission, certify
+from botohe_moo.cli.check import check_conformance
+from botohe_moo.cli.choose import ChooseOption, choose_plan, tell_choice
+from botohe_moo.cli.describe import brief, listing, paragraph, parameter_example, parameter_text
+from botohe_moo.cli.explore import explore_front, write_page
+from botohe_moo.cli.missions import missions_app
+from botohe_moo.cli.options import (
+    MaxLengthOption,
+    MinSurvivalOption,
+    MissionArgument,
+    MissionParameterOption,
+    ParameterOption,
+    RobotsOption,
+    SeedOption,
+    mission_source,
+    out_option,
+    read_parameters,
+)
+from botohe_moo.cli.shell import FAILED, INTERRUPTED, fail, failing, run, tell
+from botohe_moo.cli.study import study_app
 
 if TYPE_CHECKING:
     from pymoo.core.algorithm import Algorithm
@@ -57,6 +42,7 @@ if TYPE_CHECKING:
     from botohe_moo.problem import BOTOHE
     from botohe_moo.solution import Solution
 
+_STARTED = time.perf_counter()
 _STOPPING = "stopping; what was found will be written. Press Ctrl-C again to break off."
 
 app = typer.Typer(
@@ -108,7 +94,10 @@ def solve_mission(
         str, typer.Option("--algorithm", "-a", help="One of `botohe algorithms`.")
     ] = "pareto-local-search",
     parameter: ParameterOption = None,
-    evaluations: EvaluationsOption = 100_000,
+    evaluations: Annotated[
+        int,
+        typer.Option("--evaluations", "-n", metavar="N", min=1, help="Trail plans to evaluate."),
+    ] = 100_000,
     seed: SeedOption = 1,
     robots: RobotsOption = None,
     mission_parameter: MissionParameterOption = None,
@@ -132,7 +121,7 @@ def solve_mission(
         typer.Option(
             "--certify",
             metavar="S",
-            parser=seconds,
+            min=0,
             help="Seconds to prove, as `botohe bound` does, how far the front is from the best "
             "there is. Also writes bound.json, and draws the bound in front.png.",
         ),
@@ -154,9 +143,11 @@ def solve_mission(
     """
     with failing():
         source = mission_source(mission, robots, mission_parameter)
-        parameters = read_parameters(parameter or [])
+        parameters = read_parameters(parameter)
+        from botohe_moo._base.checks import check_number
         from botohe_moo.algorithms import make_algorithm
-        from botohe_moo.cli.checks import check_places
+        from botohe_moo.algorithms.registry import algorithm_faults
+        from botohe_moo.cli.checks import check_places, refuse
         from botohe_moo.decide import parse_wishes
         from botohe_moo.mission import load_mission
         from botohe_moo.problem import BOTOHE
@@ -164,10 +155,13 @@ def solve_mission(
         loaded = load_mission(**source)
         check_places(loaded)
         wishes = parse_wishes(loaded, wish) if wish else ()
-        _check_plain(algorithm, parameters)
+        refuse(f"Algorithm {algorithm!r}", algorithm_faults(algorithm, parameters, plain=True))
         built = make_algorithm(algorithm, **parameters)
+        problem = BOTOHE(loaded, min_survival=min_survival, max_length=max_length)
+        if certify_for is not None:
+            check_number("--certify", certify_for, above=0)
     solution, folder = _search_and_write(
-        BOTOHE(loaded, min_survival=min_survival, max_length=max_length),
+        problem,
         built,
         out,
         evaluations=evaluations,
@@ -186,8 +180,9 @@ def solve_mission(
     if certify_for is not None:
         certify(solution, folder, certify_for)
     if choice is None:
-        tell(f"\n{_next(folder, loaded.robots)}")
-    if choice is not None and not choice.met:
+        where, wish_for = shlex.quote(str(folder)), f'"survivors >= {2 * loaded.robots / 3:.2g}"'
+        tell(f"\nNext:\n  botohe explore {where} --open\n  botohe choose {where} {wish_for}")
+    elif not choice.met:
         fail("no plan meets all wishes.", FAILED)
 
 
@@ -217,7 +212,7 @@ def _search_and_write(
         if not solution.plans:
             found = f"{solution.algorithm} found no plan in {solution.evaluations} evaluations"
             fail(f"{found}; nothing is written.", INTERRUPTED if stop.is_set() else FAILED)
-        with hold_interrupt() as late, failing(FAILED):
+        with failing(FAILED):
             try:
                 paths = solution.write(
                     folder, before_pictures=lambda: tell(solution.describe(all_plans=show_all))
@@ -225,30 +220,9 @@ def _search_and_write(
             except PictureError as error:
                 fail(f"{error} The tables are in {folder}.", FAILED)
     tell("\n" + "\n".join(f"wrote {path}" for path in paths))
-    if stop.is_set() or late.is_set():
+    if stop.is_set():
         raise typer.Exit(INTERRUPTED)
     return solution, folder
-
-
-def _next(folder: Path, robots: int) -> str:
-    """Return the commands that come next, as they can be copied here."""
-    started = sys.argv[0]
-    name = started if Path(started).name == "botohe" and which("botohe") is None else "botohe"
-    name, where = shlex.quote(name), shlex.quote(str(folder))
-    wish = f'"survivors >= {2 * robots / 3:.2g}"'
-    return f"Next:\n  {name} explore {where} --open\n  {name} choose {where} {wish}"
-
-
-def _check_plain(algorithm: str, parameters: dict[str, Any]) -> None:
-    """Refuse values of parameters that take Python objects, such as plans to start from."""
-    from botohe_moo.algorithms.registry import algorithm_parameters
-
-    for parameter in algorithm_parameters(algorithm):
-        if parameter.name in parameters and not parameter.plain:
-            raise ValueError(
-                f"Algorithm {algorithm!r}: {parameter.name} can be given from Python only, "
-                f"as {parameter.annotation}."
-            )
 
 
 @app.command()

@@ -2,28 +2,24 @@
 
 from __future__ import annotations
 
-from botohe_moo.cli.interrupt import INTERRUPTED, ending_on_interrupt
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
-with ending_on_interrupt:
-    import math
-    from pathlib import Path
-    from typing import TYPE_CHECKING, Annotated, Any
+import typer
 
-    import typer
-
-    from botohe_moo.cli.describe import brief
-    from botohe_moo.cli.options import (
-        MaxLengthOption,
-        MinSurvivalOption,
-        MissionArgument,
-        MissionParameterOption,
-        RobotsOption,
-        SeedOption,
-        mission_source,
-        out_option,
-        seconds,
-    )
-    from botohe_moo.cli.shell import FAILED, fail, failing, tell
+from botohe_moo.cli.describe import brief
+from botohe_moo.cli.options import (
+    MaxLengthOption,
+    MinSurvivalOption,
+    MissionArgument,
+    MissionParameterOption,
+    RobotsOption,
+    SeedOption,
+    mission_source,
+    out_option,
+)
+from botohe_moo.cli.shell import FAILED, INTERRUPTED, fail, failing, tell
 
 if TYPE_CHECKING:
     from threading import Event
@@ -50,16 +46,17 @@ def bound_mission(
     ] = None,
     time_limit: Annotated[
         float,
-        typer.Option(
-            "--time-limit", "-t", metavar="S", parser=seconds, help="Seconds that it may take."
-        ),
+        typer.Option("--time-limit", "-t", metavar="S", min=0, help="Seconds that it may take."),
     ] = 60.0,
     robots: RobotsOption = None,
     mission_parameter: MissionParameterOption = None,
     min_survival: MinSurvivalOption = 0.0,
     max_length: MaxLengthOption = None,
     seed: SeedOption = 1,
-    out: Annotated[Path | None, out_option("FILE", "Write the bound to this JSON file.")] = None,
+    out: Annotated[
+        Path | None,
+        out_option("FILE", "Write the bound to this JSON file."),
+    ] = None,
 ) -> None:
     """Prove how far a front is from the best there is.
 
@@ -73,10 +70,12 @@ def bound_mission(
     """
     with failing():
         source = mission_source(mission, robots, mission_parameter)
+        from botohe_moo._base.checks import check_number
         from botohe_moo._base.files import check_parent
         from botohe_moo._base.interrupts import hold_interrupt
         from botohe_moo.mission import load_mission
 
+        check_number("--time-limit", time_limit, above=0)
         loaded = load_mission(**source)
         floor, budget = min_survival, max_length
         solution = None
@@ -127,7 +126,7 @@ def certify(solution: Solution, folder: Path, time_limit: float) -> None:
         tell("")
         _tell_verdict(bound, solution)
         shown = solution.objectives, solution.mission
-        with hold_interrupt() as late, failing(FAILED):
+        with failing(FAILED):
             bound.save(folder / BOUND)
             tell(f"wrote {folder / BOUND}")
             try:
@@ -135,7 +134,7 @@ def certify(solution: Solution, folder: Path, time_limit: float) -> None:
             except PictureError as error:
                 fail(error, FAILED)
             tell(f"wrote {folder / FRONT_PICTURE}")
-    if stop.is_set() or late.is_set():
+    if stop.is_set():
         raise typer.Exit(INTERRUPTED)
 
 

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import sys
+from typing import TYPE_CHECKING, Annotated
 
-from botohe_moo.cli.interrupt import ending_on_interrupt
+import typer
 
-with ending_on_interrupt:
-    from typing import TYPE_CHECKING, Annotated
-
-    import typer
-
-    from botohe_moo.cli.options import pairs_option, read_parameters
-    from botohe_moo.cli.shell import FAILED, failing, tell
+from botohe_moo.cli.options import read_parameters
+from botohe_moo.cli.shell import FAILED, failing, tell
 
 if TYPE_CHECKING:
     from botohe_moo.testing import CheckResult
@@ -29,7 +25,13 @@ def check_conformance(
         typer.Option("--mission", help="Check a mission, where an algorithm has the name, too."),
     ] = False,
     parameter: Annotated[
-        list[str] | None, pairs_option("--parameter", "-p", help="A parameter to check it with.")
+        list[str] | None,
+        typer.Option(
+            "--parameter",
+            "-p",
+            metavar="NAME=VALUE",
+            help="A parameter to check it with.",
+        ),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the results as JSON.")] = False,
 ) -> None:
@@ -40,18 +42,17 @@ def check_conformance(
     The exit status is 1 if a rule is broken, 2 for bad input.
     """
     with failing():
-        parameters = read_parameters(parameter or [])
+        parameters = read_parameters(parameter)
         from botohe_moo import testing
         from botohe_moo.algorithms import registry
+        from botohe_moo.cli.checks import refuse
         from botohe_moo.mission import library
         from botohe_moo.testing.checking import kind_of
 
         mission = mission or kind_of(name) == "mission"
-        faults = (library.mission_faults if mission else registry.algorithm_faults)(
-            name, parameters, plain=True
-        )
-        if parameters and faults:
-            raise ValueError(f"{name}: {' '.join(message for _, message in faults)}")
+        find_faults = library.mission_faults if mission else registry.algorithm_faults
+        if parameters:
+            refuse(name, find_faults(name, parameters, plain=True))
         check = testing.check_mission if mission else testing.check_algorithm
         with contextlib.redirect_stdout(sys.stderr):  # what an algorithm prints is not a result
             results = check(name, parameters)

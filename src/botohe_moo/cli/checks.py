@@ -2,8 +2,10 @@
 
 import contextlib
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 
+from botohe_moo._plugins.checks import Fault
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.places import given_places
 from botohe_moo.solution.model import FILES
@@ -39,3 +41,9 @@ def check_places(mission: Mission, source: object = None) -> None:
         given_places(mission.graph)
     except ValueError as error:
         raise ValueError(f"{source or f'Mission {mission.name!r}'}: {error}") from None
+
+
+def refuse(source: str, faults: Iterable[Fault]) -> None:
+    """Raise a ValueError that names all faults of an algorithm or a mission, if there are any."""
+    if faults := list(faults):
+        raise ValueError(f"{source}: {' '.join(message for _, message in faults)}")

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from botohe_moo.cli.interrupt import ending_on_interrupt
+import shlex
+from os.path import realpath
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
-with ending_on_interrupt:
-    import shlex
-    from os.path import realpath
-    from pathlib import Path
-    from typing import TYPE_CHECKING, Annotated
+import typer
 
-    import typer
-
-    from botohe_moo.cli.describe import paragraph
-    from botohe_moo.cli.options import integer_option, out_option
-    from botohe_moo.cli.shell import FAILED, fail, failing, tell
+from botohe_moo.cli.describe import paragraph
+from botohe_moo.cli.options import out_option
+from botohe_moo.cli.shell import FAILED, fail, failing, tell
 
 if TYPE_CHECKING:
     from botohe_moo.decide import Choice
@@ -51,7 +48,7 @@ TowardOption = Annotated[
 ]
 PlanOption = Annotated[
     int | None,
-    integer_option("--plan", metavar="ID", at_least=0, help="Take this plan of front.csv."),
+    typer.Option("--plan", metavar="ID", min=0, help="Take this plan of front.csv."),
 ]
 ChooseOption = Annotated[
     list[str] | None,

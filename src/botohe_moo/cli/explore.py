@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from botohe_moo.cli.interrupt import ending_on_interrupt
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from botohe_moo.cli.choose import ChooseOption, FolderArgument
+from botohe_moo.cli.describe import paragraph
 from botohe_moo.cli.options import out_option
-
-with ending_on_interrupt:
-    from pathlib import Path
-    from typing import TYPE_CHECKING, Annotated
-
-    import typer
-
-    from botohe_moo.cli.choose import ChooseOption, FolderArgument
-    from botohe_moo.cli.describe import paragraph
-    from botohe_moo.cli.shell import failing, say, tell
+from botohe_moo.cli.shell import failing, say, tell
 
 if TYPE_CHECKING:
     from botohe_moo.decide import Choice
@@ -23,7 +20,8 @@ if TYPE_CHECKING:
 def explore_front(
     folder: FolderArgument,
     out: Annotated[
-        Path | None, out_option("FILE.html", "File to write; by default DIR/explorer.html.")
+        Path | None,
+        out_option("FILE.html", "File to write; by default DIR/explorer.html."),
     ] = None,
     wish: ChooseOption = None,
     open_page: Annotated[

@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-from botohe_moo.cli.interrupt import ending_on_interrupt
+from pathlib import Path
+from typing import Annotated
 
-with ending_on_interrupt:
-    from pathlib import Path
-    from typing import Annotated
+import typer
 
-    import typer
-
-    from botohe_moo.cli.describe import brief, describe, listing, paragraph, parameter_text
-    from botohe_moo.cli.options import (
-        MissionArgument,
-        MissionParameterOption,
-        RobotsOption,
-        integer_option,
-        length,
-        mission_source,
-        out_option,
-    )
-    from botohe_moo.cli.shell import BAD_INPUT, failing, say, tell
+from botohe_moo.cli.describe import brief, describe, listing, paragraph, parameter_text
+from botohe_moo.cli.options import (
+    MissionArgument,
+    MissionParameterOption,
+    RobotsOption,
+    mission_source,
+    out_option,
+)
+from botohe_moo.cli.shell import BAD_INPUT, failing, say, tell
 
 missions_app = typer.Typer(invoke_without_command=True)
 
@@ -121,8 +116,11 @@ def import_mission(
         ),
     ],
     base: Annotated[str, typer.Option("--base", metavar="LABEL", help="Label of the base.")],
-    robots: Annotated[int, integer_option("--robots", metavar="K", help="Number of robots.")],
-    out: Annotated[Path, out_option("FILE", "Mission file to write: .json, .graphml.")],
+    robots: Annotated[int, typer.Option("--robots", metavar="K", min=1, help="Number of robots.")],
+    out: Annotated[
+        Path,
+        out_option("FILE", "Mission file to write: .json, .graphml."),
+    ],
     both_ways: Annotated[
         bool, typer.Option("--both-ways", help="Every row of arcs is an arc in both directions.")
     ] = False,
@@ -131,7 +129,7 @@ def import_mission(
         typer.Option(
             "--max-length",
             metavar="L",
-            parser=length,
+            min=0,
             help="Travel budget of every robot, in the unit of length.",
         ),
     ] = None,

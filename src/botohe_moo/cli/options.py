@@ -2,77 +2,30 @@
 
 from collections.abc import Iterable
 from contextlib import suppress
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 
-def integer_option(*names: str, metavar: str, help: str, at_least: int = 1) -> Any:  # noqa: A002
-    """Make an option for integers whose message says what was found, unlike typer's own."""
-
-    def parse(text: str) -> int:
-        with suppress(ValueError):
-            if (number := int(text)) >= at_least:
-                return number
-        raise typer.BadParameter(f"expected an integer >= {at_least}, got {text}.")
-
-    return typer.Option(*names, metavar=metavar, parser=parse, help=help)
-
-
-def probability(text: str) -> float:
-    """Parse an option that is a probability."""
-    with suppress(ValueError):
-        if 0 <= (number := float(text)) <= 1:
-            return number
-    raise typer.BadParameter(f"expected a probability in [0, 1], got {text}.")
-
-
-def length(text: str) -> float:
-    """Parse an option that is a length; ``inf`` for no limit."""
-    with suppress(ValueError):
-        if (number := float(text)) >= 0:
-            return number
-    raise typer.BadParameter(f"expected a number >= 0, or inf for no limit, got {text}.")
-
-
-def seconds(text: str) -> float:
-    """Parse an option that is a time."""
-    with suppress(ValueError):
-        if 0 < (number := float(text)) < float("inf"):
-            return number
-    raise typer.BadParameter(f"expected a number of seconds > 0, got {text}.")
-
-
-def given_path(text: str) -> Path:
-    """Parse an option that is a path; an empty one, as of an unset variable, is refused."""
-    if not text:
-        raise typer.BadParameter("expected a path, got an empty text.")
-    return Path(text)
-
-
 def out_option(metavar: str, help: str) -> Any:  # noqa: A002
     """Make an option for what is written."""
-    return typer.Option("--out", "-o", metavar=metavar, parser=given_path, help=help)
-
-
-def pairs_option(*names: str, help: str) -> Any:  # noqa: A002
-    """Make an option for parameters, given as NAME=VALUE."""
-    return typer.Option(*names, metavar="NAME=VALUE", help=f"{help} Repeatable.")
+    return typer.Option("--out", "-o", metavar=metavar, help=help)
 
 
 MissionArgument = Annotated[
     str, typer.Argument(metavar="MISSION", help="A mission's name, or a mission file.")
 ]
 RobotsOption = Annotated[
-    int | None, integer_option("--robots", metavar="K", help="Another number of robots.")
+    int | None,
+    typer.Option("--robots", metavar="K", min=1, help="Another number of robots."),
 ]
 MinSurvivalOption = Annotated[
     float,
     typer.Option(
         "--min-survival",
         metavar="P",
-        parser=probability,
+        min=0,
+        max=1,
         help="Survival floor: every robot survives with at least this probability.",
     ),
 ]
@@ -81,34 +34,38 @@ MaxLengthOption = Annotated[
     typer.Option(
         "--max-length",
         metavar="L",
-        parser=length,
+        min=0,
         help="Travel budget: every robot's trail is at most this long, in the unit of the arcs' "
         "length; by default the mission's own, if it has one; inf for none.",
     ),
 ]
 MissionParameterOption = Annotated[
     list[str] | None,
-    pairs_option(
-        "--mission-parameter", "-m", help="A parameter of the mission, such as nodes=500 or seed=3."
+    typer.Option(
+        "--mission-parameter",
+        "-m",
+        metavar="NAME=VALUE",
+        help="A parameter of the mission, such as nodes=500 or seed=3. Repeatable.",
     ),
 ]
 ParameterOption = Annotated[
     list[str] | None,
-    pairs_option("--parameter", "-p", help="A parameter of the algorithm, such as n_ants=50."),
-]
-EvaluationsOption = Annotated[
-    int, integer_option("--evaluations", "-n", metavar="N", help="Trail plans to evaluate.")
+    typer.Option(
+        "--parameter",
+        "-p",
+        metavar="NAME=VALUE",
+        help="A parameter of the algorithm, such as n_ants=50. Repeatable.",
+    ),
 ]
 SeedOption = Annotated[
-    int,
-    integer_option("--seed", "-s", metavar="S", at_least=0, help="Seed of the random numbers."),
+    int, typer.Option("--seed", "-s", metavar="S", min=0, help="Seed of the random numbers.")
 ]
 
 
-def read_parameters(pairs: Iterable[str]) -> dict[str, Any]:
+def read_parameters(pairs: Iterable[str] | None) -> dict[str, Any]:
     """Read NAME=VALUE pairs, each name once; numbers as in Python, everything else as in YAML."""
     found: dict[str, Any] = {}
-    for pair in pairs:
+    for pair in pairs or ():
         name, equals, value = pair.partition("=")
         if not equals or not name.isidentifier():
             raise ValueError(f"Expected a parameter as NAME=VALUE, got {pair!r}.")
@@ -134,11 +91,8 @@ def _value(name: str, text: str) -> Any:
 
 def mission_source(mission: str, robots: int | None, pairs: list[str] | None) -> dict[str, Any]:
     """Collect the arguments of `load_mission`."""
-    parameters = read_parameters(pairs or [])
+    given = [*(pairs or []), *([] if robots is None else [f"robots={robots}"])]
+    parameters = read_parameters(given)
     if "name_or_path" in parameters:
         raise ValueError(f"Mission {mission!r}: there is no parameter 'name_or_path'.")
-    if robots is not None:
-        if "robots" in parameters:
-            raise ValueError("Expected each parameter once, got 'robots' twice.")
-        parameters["robots"] = robots
     return {"name_or_path": mission, **parameters}

@@ -1,6 +1,5 @@
-"""Messages and exit statuses of commands, which never end with a traceback."""
+"""Messages and exit statuses of commands."""
 
-import errno
 import gc
 import logging
 import os
@@ -9,63 +8,38 @@ import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import Any, NoReturn
+from typing import NoReturn
 
 import typer
 
-from botohe_moo.cli.interrupt import end_on_interrupt
-
 FAILED = 1
 BAD_INPUT = 2
-
-_NOBODY_READS = (errno.EPIPE, errno.EIO)  # a pipe or a terminal that is closed
-
-# The class of all usage errors; typer has no name for it that all its releases share.
-_UsageError: Any = typer.BadParameter.__mro__[1]
+INTERRUPTED = 130
 
 
-def run(app: typer.Typer) -> NoReturn:
+def run(app: typer.Typer) -> None:
     """Run a command line and end the process.
 
     The exit status is 0, or 1 where there is no result, 2 for bad input or a file that cannot be
     written, 130 after Ctrl-C.
     """
-    end_on_interrupt()
     gc.set_threshold(100_000)  # what libraries make while they load stays, a million objects
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")  # so that no character ends a run
-    warnings.showwarning = _show_warning
+    warnings.simplefilter("once", UserWarning)
+    warnings.showwarning = lambda message, *_, **__: say(message)
     os.environ["MPLBACKEND"] = "Agg"  # pictures are only written to files
     # Warnings about fonts; a missing character is seen in the picture.
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
     warnings.filterwarnings("ignore", "Glyph .* missing from")
     try:
-        status = app(standalone_mode=False)
-    except _UsageError as error:
-        message = error.format_message()
-        if message.startswith("Usage: "):  # help, for want of a command
-            tell(message)
-        else:
-            more = f" (`{error.ctx.command_path} --help` tells more.)" if error.ctx else ""
-            say(f"{message}{more}")
-        status = BAD_INPUT
+        app()
     except MemoryError as error:
         say(f"there is not enough memory. {error}")
-        status = FAILED
-    gc.freeze()  # or the interpreter, when it ends, would search every object for cycles
-    _drop_what_nobody_reads()
-    sys.exit(status)
-
-
-def _drop_what_nobody_reads() -> None:
-    """Drop output for a closed terminal or pipe, or the interpreter would end with status 120."""
-    for stream in filter(None, (sys.stdout, sys.stderr)):
-        try:
-            stream.flush()
-        except OSError as error:
-            if error.errno in _NOBODY_READS:
-                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+        sys.exit(FAILED)
+    finally:
+        gc.freeze()  # or the interpreter, when it ends, would search every object for cycles
 
 
 # What steers a terminal, but not the ends of our own lines; what ends a line for some readers only;
@@ -83,13 +57,11 @@ def harmless(message: object) -> str:
 
 
 def tell(message: object) -> None:
-    """Print something on standard output, if somebody reads it."""
+    """Print a result on standard output, as long as somebody reads it."""
     try:
         typer.echo(harmless(message))
-    except OSError as error:
-        # `| head` or a closed terminal must not lose a search.
-        if error.errno not in _NOBODY_READS:
-            raise
+    except BrokenPipeError:  # `| head` must not lose a search
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def say(message: object) -> None:
@@ -113,12 +85,3 @@ def failing(status: int = BAD_INPUT) -> Iterator[None]:
         fail(f"{error.filename}: {error.strerror}" if error.filename else error, status)
     except ValueError as error:
         fail(error, status)
-
-
-_warned: set[str] = set()
-
-
-def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
-    if str(message) not in _warned:
-        _warned.add(str(message))
-        say(message)

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from botohe_moo._base.words import counted
-from botohe_moo.cli.interrupt import ending_on_interrupt
-from botohe_moo.cli.options import integer_option, out_option
+from botohe_moo.cli.options import out_option
 from botohe_moo.cli.shell import FAILED, fail, failing, say, tell
 
 if TYPE_CHECKING:
@@ -31,19 +30,21 @@ FolderArgument = Annotated[
 OutOption = Annotated[Path | None, out_option("DIR", "Its folder; by default results/NAME.")]
 WorkersOption = Annotated[
     int | None,
-    integer_option(
+    typer.Option(
         "--workers",
         "-w",
         metavar="N",
+        min=1,
         help="Runs at a time; by default as many as there are processors.",
     ),
 ]
 
 PatienceOption = Annotated[
     int,
-    integer_option(
+    typer.Option(
         "--patience",
         metavar="SECONDS",
+        min=1,
         help="A run of another package's algorithm fails that evaluates nothing for that long, "
         "where its budget has no seconds.",
     ),
@@ -72,11 +73,10 @@ def run(
     Ctrl-C, SIGTERM and SIGHUP stop; what is done stays done, and the same command goes on from
     there.
     """
-    with ending_on_interrupt:
-        from botohe_moo.cli.progress import StudyWatcher, showing
-        from botohe_moo.study.file.loading import load_study
-        from botohe_moo.study.file.model import study_folder
-        from botohe_moo.study.runner import StudyInterrupted, run_study
+    from botohe_moo.cli.progress import StudyWatcher, showing
+    from botohe_moo.study.file.loading import load_study
+    from botohe_moo.study.file.model import study_folder
+    from botohe_moo.study.runner import StudyInterrupted, run_study
 
     with failing():
         study = load_study(file, out=out)
@@ -134,11 +134,10 @@ def _outcome(tables: StudyTables) -> str:
 @study_app.command("plan")
 def plan(file: FileArgument, out: OutOption = None, workers: WorkersOption = None) -> None:
     """List the runs, those that are there, and the time for the rest."""
-    with ending_on_interrupt:
-        from botohe_moo.study.file.loading import load_study
-        from botohe_moo.study.file.model import study_folder
-        from botohe_moo.study.planning import estimate_times, plan_study, time_left
-        from botohe_moo.study.store.folder import StudyFolder
+    from botohe_moo.study.file.loading import load_study
+    from botohe_moo.study.file.model import study_folder
+    from botohe_moo.study.planning import estimate_times, plan_study, time_left
+    from botohe_moo.study.store.folder import StudyFolder
 
     with failing():
         study = load_study(file, out=out)
@@ -196,8 +195,7 @@ def tables(folder: FolderArgument) -> None:
 
     Also while a runner is at work, or after a kill. The study file is not needed.
     """
-    with ending_on_interrupt:
-        from botohe_moo.study.runner import make_tables
+    from botohe_moo.study.runner import make_tables
 
     with failing():
         made = make_tables(folder)
@@ -217,8 +215,7 @@ def merge(
 
     Their study files are the same but for the seeds, which add up.
     """
-    with ending_on_interrupt:
-        from botohe_moo.study.merge import merge_studies
+    from botohe_moo.study.merge import merge_studies
 
     with failing():
         merged = merge_studies(folders, out)
@@ -239,10 +236,9 @@ def _say_missing(tables: StudyTables) -> None:
 @study_app.command("report")
 def report(folder: FolderArgument) -> None:
     """Make the report: a page, figures and LaTeX tables."""
-    with ending_on_interrupt:
-        from botohe_moo.cli.progress import showing
-        from botohe_moo.study.report.folder import write_report
-        from botohe_moo.study.store.tables import read_study
+    from botohe_moo.cli.progress import showing
+    from botohe_moo.study.report.folder import write_report
+    from botohe_moo.study.store.tables import read_study
 
     with failing():
         tables = read_study(folder)
@@ -256,7 +252,6 @@ def report(folder: FolderArgument) -> None:
 @study_app.command("schema")
 def schema() -> None:
     """Print the JSON Schema of study files, for editors."""
-    with ending_on_interrupt:
-        from botohe_moo.study.file.schema import study_schema
+    from botohe_moo.study.file.schema import study_schema
 
     tell(study_schema().rstrip())

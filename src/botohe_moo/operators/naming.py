@@ -1,7 +1,6 @@
 """Operators by name: those of this package, and those that other packages register."""
 
 import contextlib
-import functools
 import inspect
 import warnings
 from collections.abc import Callable, Iterator, Mapping
@@ -55,15 +54,10 @@ def find_operator(kind: str, name: Any) -> Factory:
     ParameterError says why it cannot be had.
     """
     if isinstance(name, str) and name in BUILT_IN[kind]:
-        if name in _PLUGINS.claims():
-            warnings.warn(
-                f"{_PLUGINS.source(name)} of another package is left out as a {kind}: botohe-moo "
-                "has it.",
-                stacklevel=2,
-            )
         return BUILT_IN[kind][name]
     if not isinstance(name, str) or not (is_path(name) or name in _PLUGINS.claims()):
-        raise ParameterError(_unknown(kind, name), kind)
+        known = nearest_first(str(name), {*BUILT_IN[kind], *_registered(kind)})
+        raise ParameterError(f"Expected {kind} among {', '.join(known)}, got {quoted(name)}.", kind)
     try:
         if not is_path(name):
             factory = _PLUGINS.load(name)
@@ -71,28 +65,28 @@ def find_operator(kind: str, name: Any) -> Factory:
             raise PluginError("pymoo's own operators do not work on trail plans")
         else:
             factory = declared_factory(name, _PLUGINS, KINDS[kind])
-        if other := _other_kind(kind, factory):
-            raise PluginError(f"expected {_a(kind)}, got {_a(other)}")
+        if isinstance(factory, type) and not says_it_makes(factory, KINDS[kind]):
+            raise PluginError(f"expected a class derived from pymoo's {KINDS[kind].__name__}")
     except PluginError as error:
         raise ParameterError(f"{_source(kind, name)}: {error}.", kind) from error
     return factory
 
 
-def named_operators(parameters: Mapping[str, Any]) -> dict[str, Factory]:
-    """Find what makes the operators of other packages that an algorithm's parameters name.
+def named_operators(parameters: Mapping[str, Any]) -> list[tuple[str, Factory]]:
+    """List ``module:Class`` and what it leads to, of the operators that parameters name.
 
-    Gives them by the names of their modules; what is not an operator's name is left out.
+    Without those of this package; what is not an operator's name is left out.
     """
-    found: dict[str, Factory] = {}
+    found: list[tuple[str, Factory]] = []
     for kind in KINDS.keys() & parameters.keys():
         given = parameters[kind]
         names = [given] if isinstance(given, str) else given if isinstance(given, Mapping) else ()
         for name in [name for name in names if name not in BUILT_IN[kind]]:
-            with contextlib.suppress(ParameterError, PluginError):
+            with contextlib.suppress(ParameterError):
                 factory = find_operator(kind, name)
-                path = name if is_path(name) else _PLUGINS.entry(name).module
-                found[path.partition(":")[0]] = factory
-    return found
+                path = name if is_path(name) else _PLUGINS.entry(name).value
+                found.append((path, factory))
+    return sorted(found, key=lambda pair: pair[0])
 
 
 def make_operator(kind: str, name: Any, **offered: Any) -> Any:
@@ -110,76 +104,33 @@ def make_operator(kind: str, name: Any, **offered: Any) -> Any:
 def check_operator(kind: str, name: str, made: Any, wanted: type) -> None:
     """Refuse, by a ParameterError, what is not of the class that is wanted."""
     if not isinstance(made, wanted):
-        got = f"an object of type {type(made).__qualname__}"
-        raise ParameterError(
-            f"{_source(kind, name)}: expected {_a(wanted.__name__)}, got {got}.", kind
-        )
+        expected = f"an object of type {wanted.__name__}"
+        got = type(made).__qualname__
+        raise ParameterError(f"{_source(kind, name)}: expected {expected}, got {got}.", kind)
 
 
 def _source(kind: str, name: str) -> str:
     return f"{kind.capitalize()} {quoted(name)}"
 
 
-def _a(noun: str) -> str:
-    return f"{'an' if noun[0] in 'AEIOUaeiou' else 'a'} {noun}"
-
-
-def _unknown(kind: str, name: Any) -> str:
-    """Say that there is no operator of that name, and which there are, nearest first."""
-    known = {*BUILT_IN[kind], *_registered(kind)}
-    got = quoted(name)
-    for other, built_in in BUILT_IN.items():
-        if isinstance(name, str) and name in built_in:
-            got = f"the {other} {got}"
-    among = ", ".join(nearest_first(str(name), known))
-    return f"Expected {kind} among {among}, got {got}."
-
-
 def _registered(kind: str) -> Iterator[str]:
-    """Give the names of other packages' operators that can be loaded and may be of a kind."""
+    """List the names of other packages' operators that state that they are of a kind."""
     for name in _PLUGINS.claims():
         with contextlib.suppress(PluginError), warnings.catch_warnings(action="ignore"):
-            if not _other_kind(kind, _PLUGINS.load(name)):
+            if says_it_makes(_PLUGINS.load(name), KINDS[kind]):
                 yield name
 
 
-def _other_kind(kind: str, factory: Factory) -> str | None:
-    """Give the kind, if any, that a factory says it makes; None where it may be the wanted one."""
-    if says_it_makes(factory, KINDS[kind]):
-        return None
-    said = [other for other, wanted in KINDS.items() if says_it_makes(factory, wanted)]
-    if not said and isinstance(factory, type):
-        return (
-            f"class {factory.__qualname__} that is not derived from pymoo's {KINDS[kind].__name__}"
-        )
-    return said[0] if said else None
-
-
 def _taken(factory: Factory, offered: Mapping[str, Any]) -> dict[str, Any]:
-    """Choose what a factory takes: what its signature states, or a base that ``**options`` go to.
+    """Choose what a factory takes: what its signature names, or all where it takes any name.
 
-    Of pymoo's own constructors only ``prob``: a class hands over the number of children itself.
+    Classes that are derived from pymoo's own only, which take other names for other things, are
+    given ``prob`` alone.
     """
-    while isinstance(factory, functools.partial):
-        factory = factory.func
-    if not isinstance(factory, type):
-        return _stated(factory, offered)[0]
-    taken: dict[str, Any] = {}
-    for base in factory.__mro__:
-        if "__init__" in vars(base):
-            theirs, going_on = _stated(vars(base)["__init__"], offered, closed=True)
-            pymoos = base.__module__.partition(".")[0] == "pymoo"
-            taken |= {name: v for name, v in theirs.items() if not pymoos or name == "prob"}
-            if not going_on:
-                break
-    return taken
-
-
-def _stated(
-    function: Factory, offered: Mapping[str, Any], *, closed: bool = False
-) -> tuple[dict[str, Any], bool]:
-    """Choose what a signature names, or anything if it has ``**``; and tell whether it has."""
-    parameters = inspect.signature(function).parameters
-    takes_any = any(p.kind is p.VAR_KEYWORD for p in parameters.values())
-    names = offered if takes_any and not closed else parameters
-    return {name: value for name, value in offered.items() if name in names}, takes_any
+    parameters = inspect.signature(factory).parameters
+    names = set(parameters)
+    if any(p.kind is p.VAR_KEYWORD for p in parameters.values()):
+        bases = getattr(factory, "__mro__", ())
+        pymoos = bases and not any(base.__module__.startswith("botohe_moo.") for base in bases)
+        names |= {"prob"} if pymoos else offered.keys()
+    return {name: value for name, value in offered.items() if name in names}
