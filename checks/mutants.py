@@ -121,8 +121,8 @@ MUTANTS = (
     ),
     Mutant(
         "fronts/archive",
-        "if group_best > best:",
-        "if group_best < best:",
+        "stop if most > best else first",
+        "stop if most < best else first",
         "kernels/test_archive.py::test_archive_is_the_front_of_all_it_was_shown",
     ),
     Mutant(

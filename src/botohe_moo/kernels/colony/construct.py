@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from botohe_moo._base.types import IntArray, OffsetArray, SeedArray
+from botohe_moo._base.types import IntArray, OffsetArray
 from botohe_moo.kernels.colony.weighing import (
     BLOCK,
     Ant,
@@ -12,7 +12,6 @@ from botohe_moo.kernels.colony.weighing import (
     Scratch,
     Weights,
     draw_arc,
-    new_scratch,
     tabulate_node,
     weigh,
 )
@@ -235,7 +234,7 @@ def construct(
     weights: Weights,
     rule: BuildRule,
     paths: Paths | None,
-    states: SeedArray,
+    scratch: Scratch,
     plans: Plans,
     begin: int,
     end: int,
@@ -255,7 +254,6 @@ def construct(
     Gives the ant whose plan might not have had room; ``end`` if all had.
     """
     n_robots = rule.n_robots
-    scratch = new_scratch(graph, rule, weights.log_reward.shape[0], states)
     plans.size[0] = plans.offsets[begin * n_robots] = 0
     room = n_robots * (graph.head.shape[0] + 1) * (2 if rule.concurrent else 1)
     for ant in range(begin, end):
