@@ -66,12 +66,6 @@ MUTANTS = (
         _BOUNDS + "what_lies_ahead_is_that_of_value_iteration",
     ),
     Mutant(
-        "bounds/teams",
-        "collected += reward[node] * (1.0 - missed[k, node] * misses[i, node])",
-        "collected += reward[node] * (1.0 + missed[k, node] * misses[i, node])",
-        _BOUNDS + "the_best_teams_are_found",
-    ),
-    Mutant(
         "bounds/trails",
         "while at >= 0 and stairs[at] < value:",
         "while at >= 0 and stairs[at] > value:",
@@ -97,8 +91,8 @@ MUTANTS = (
     ),
     Mutant(
         "exact/labels",
-        "if alive > reach[there] and not has(used, arc):",
-        "if alive < reach[there] and not has(used, arc):",
+        "if length + short.home[graph.head[arc]] > longest:",
+        "if length + short.home[graph.head[arc]] < longest:",
         _EXACT + "LookingAround",
     ),
     Mutant(
@@ -109,9 +103,9 @@ MUTANTS = (
     ),
     Mutant(
         "exact/teams",
-        "while stop < n_front and front.survivors[stop] <= survivors:",
-        "while stop < n_front and front.survivors[stop] >= survivors:",
-        _EXACT + "Teams::test_the_front_is_a_staircase",
+        "if bound > front.places[front.directory[at], place].survivors:",
+        "if bound < front.places[front.directory[at], place].survivors:",
+        _EXACT + "Teams::test_every_team_is_covered",
     ),
     Mutant(
         "exact/trails",
@@ -135,7 +129,7 @@ MUTANTS = (
         "graph/arcs",
         "if graph.head[middle] <= head:",
         "if graph.head[middle] >= head:",
-        _PATHS + "find_arc_among_many",
+        _PATHS + "find_arc",
     ),
     Mutant(
         "graph/graph",
