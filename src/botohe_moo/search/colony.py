@@ -19,7 +19,7 @@ from botohe_moo.kernels.colony.pheromone import (
     Pheromone,
     learn,
 )
-from botohe_moo.kernels.colony.weighing import BuildRule, Scratch, Weights, new_scratch
+from botohe_moo.kernels.colony.weighing import AntScratch, BuildRule, Weights, new_scratch
 from botohe_moo.kernels.graph.arcs import Links
 from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
 from botohe_moo.kernels.graph.homing import new_budget
@@ -106,7 +106,7 @@ class Colony:
         self._states = seed_states(random_state, n_ants)
         self._pheromone = _new_pheromone(mission, rule)
         self._weights = _new_weights(mission, rule, self._pheromone)
-        self._rooms: dict[int, tuple[Plans, Paths | None, Scratch]] = {}  # of each thread
+        self._rooms: dict[int, tuple[Plans, Paths | None, AntScratch]] = {}  # of each thread
         self._deposited_version = -1  # of the archive, when its deposit was last summed up
         self.weigh()
 

@@ -79,7 +79,8 @@ class TrailSearch:
     @property
     def survives(self) -> FloatArray:
         """Survivals of the trails that are known; descending once the search has ended."""
-        return self._trails.rows["survives"][: self.n_trails].copy()
+        survives: FloatArray = self._trails.rows["survives"][: self.n_trails].copy()
+        return survives
 
     @property
     def reached(self) -> FloatArray:

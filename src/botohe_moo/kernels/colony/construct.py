@@ -8,8 +8,8 @@ from botohe_moo._base.types import IntArray, OffsetArray
 from botohe_moo.kernels.colony.weighing import (
     BLOCK,
     Ant,
+    AntScratch,
     BuildRule,
-    Scratch,
     Weights,
     draw_arc,
     tabulate_node,
@@ -44,7 +44,7 @@ def _choose(
     graph: Graph,
     weights: Weights,
     rule: BuildRule,
-    scratch: Scratch,
+    scratch: AntScratch,
     paths: Paths | None,
     ant: Ant,
     here: int,
@@ -131,7 +131,7 @@ def _leads_home_within(
 
 
 @inlined
-def _visit(scratch: Scratch, ant: Ant, node: int, alive: float) -> None:
+def _visit(scratch: AntScratch, ant: Ant, node: int, alive: float) -> None:
     """Note that a robot has got to a node with probability ``alive``."""
     if ant.visited[node] == ant.trail:
         return
@@ -148,7 +148,7 @@ def _walk(
     graph: Graph,
     weights: Weights,
     rule: BuildRule,
-    scratch: Scratch,
+    scratch: AntScratch,
     paths: Paths | None,
     plans: Plans,
     trail: int,
@@ -195,7 +195,7 @@ def _walk(
 
 
 @inlined
-def _begin_plan(graph: Graph, rule: BuildRule, scratch: Scratch, plans: Plans, ant: int) -> None:
+def _begin_plan(graph: Graph, rule: BuildRule, scratch: AntScratch, plans: Plans, ant: int) -> None:
     """Put all robots at the base; as long as they are out, offsets count their hops."""
     for i in range(scratch.n_touched[0]):
         scratch.unreached[scratch.touched[i]] = 1.0
@@ -207,7 +207,7 @@ def _begin_plan(graph: Graph, rule: BuildRule, scratch: Scratch, plans: Plans, a
 
 @inlined
 def _end_plan(
-    plans: Plans, rule: BuildRule, scratch: Scratch, ant: int, start: int, stop: int
+    plans: Plans, rule: BuildRule, scratch: AntScratch, ant: int, start: int, stop: int
 ) -> None:
     """Add up what the offsets have counted, and put hops that mingle in the robots' order.
 
@@ -234,7 +234,7 @@ def construct(
     weights: Weights,
     rule: BuildRule,
     paths: Paths | None,
-    scratch: Scratch,
+    scratch: AntScratch,
     plans: Plans,
     begin: int,
     end: int,

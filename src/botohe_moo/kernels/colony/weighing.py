@@ -48,8 +48,8 @@ class Weights(NamedTuple):
     log_fresh: FloatArray
 
 
-class Scratch(NamedTuple):
-    """Scratch of an ant: weights in tables, and where its robots have been."""
+class AntScratch(NamedTuple):
+    """AntScratch of an ant: weights in tables, and where its robots have been."""
 
     # Weights of arcs for each ant of a block (n_maps, ``BLOCK``, n_arcs + 1): for a head already in
     # the trail, and for one that no robot reaches yet.
@@ -78,11 +78,11 @@ class Scratch(NamedTuple):
     states: SeedArray  # state of each ant's random numbers (n_ants, 2)
 
 
-def new_scratch(graph: Graph, rule: BuildRule, n_maps: int, states: SeedArray) -> Scratch:
+def new_scratch(graph: Graph, rule: BuildRule, n_maps: int, states: SeedArray) -> AntScratch:
     """Return scratch for ants that build by a rule, whose random numbers have these states."""
     n_nodes, n_arcs = graph.n_nodes, graph.n_arcs + 1
     n_rows = rule.n_robots if rule.concurrent else 1
-    scratch = Scratch(
+    scratch = AntScratch(
         seen=np.empty((n_maps, BLOCK, n_arcs)),
         fresh=np.empty((n_maps, BLOCK, n_arcs)),
         tabulated=np.empty((n_maps, n_nodes), np.int64),
@@ -119,7 +119,7 @@ class Ant(NamedTuple):
 
 @inlined
 def _tabulate_arc(
-    weights: Weights, rule: BuildRule, scratch: Scratch, block: int, which: int, arc: int
+    weights: Weights, rule: BuildRule, scratch: AntScratch, block: int, which: int, arc: int
 ) -> None:
     """Fill in the weights of an arc for every ant of a block.
 
@@ -146,7 +146,7 @@ def tabulate_node(
     graph: Graph,
     weights: Weights,
     rule: BuildRule,
-    scratch: Scratch,
+    scratch: AntScratch,
     block: int,
     which: int,
     node: int,
@@ -161,7 +161,7 @@ def tabulate_node(
 
 @inlined
 def weigh(
-    graph: Graph, weights: Weights, scratch: Scratch, ant: Ant, here: int
+    graph: Graph, weights: Weights, scratch: AntScratch, ant: Ant, here: int
 ) -> tuple[int, float, int]:
     """Sum up the weights of the arcs that a robot may take.
 

@@ -23,9 +23,9 @@ import math
 
 import numpy as np
 
-from botohe_moo._base.types import SeedArray
+from botohe_moo._base.types import RecordArray, SeedArray
 from botohe_moo.kernels.compile import helper, inlined
-from botohe_moo.kernels.exact.tables import CurrentLabel, LabelRule, LabelTable, Records
+from botohe_moo.kernels.exact.tables import CurrentLabel, LabelRule, LabelTable
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.graph.paths import ANYWHERE, search_paths
 
@@ -193,7 +193,7 @@ def _key_of(rule: LabelRule, current: CurrentLabel, node: int) -> np.uint64:
 def add_label(
     rule: LabelRule,
     labels: LabelTable,
-    progress: Records,
+    progress: RecordArray,
     current: CurrentLabel,
     parent: int,
     arc: int,

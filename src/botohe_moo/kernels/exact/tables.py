@@ -1,11 +1,10 @@
 """What the search for all trails of a mission works on: tables of labels and trails that grow."""
 
-from typing import Any, NamedTuple, TypeAlias, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from botohe_moo._base.types import FloatArray, OffsetArray, SeedArray
+from botohe_moo._base.types import FloatArray, OffsetArray, RecordArray, SeedArray
 from botohe_moo.kernels.graph.graph import Graph, Limits
 from botohe_moo.kernels.graph.paths import Paths, new_paths
 
@@ -38,7 +37,6 @@ PROGRESS = np.dtype(
         ("n_trails", np.int64),
     ]
 )
-Records: TypeAlias = NDArray[Any]
 Table = TypeVar("Table", bound=tuple[Any, ...])
 
 
@@ -59,7 +57,7 @@ class LabelRule(NamedTuple):
 class LabelTable(NamedTuple):
     """LabelTable, one a row; those at the same node with the same goals reached are chained."""
 
-    rows: Records  # as ``LABEL``
+    rows: RecordArray  # as ``LABEL``
     # Probability to have reached each goal, 0 where it has not been visited (n, n_goals).
     reached: FloatArray
     used: SeedArray  # bits of the arcs that it cannot use any more (n, n_words)
@@ -71,7 +69,7 @@ class LabelTable(NamedTuple):
 class TrailTable(NamedTuple):
     """TrailTable that no trail before them is as good as; SHELF of them lie on a shelf."""
 
-    rows: Records  # as ``TRAIL``
+    rows: RecordArray  # as ``TRAIL``
     # Probability to reach each goal; for a single robot the share of the reward (n, n_columns).
     reached: FloatArray
     # The largest of them on each shelf.

@@ -12,9 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo._base.types import FloatArray, OffsetArray, RecordArray
 from botohe_moo.kernels.compile import helper, kernel
-from botohe_moo.kernels.exact.tables import Records
 from botohe_moo.kernels.fronts.ordered import (
     OrderedFront,
     best_reward,
@@ -79,7 +78,7 @@ def new_choices(
     )
 
 
-def new_turn() -> Records:
+def new_turn() -> RecordArray:
     """Make the state of a search that has not begun."""
     turn = np.zeros(1, TURN).view(np.recarray)
     turn["robot"] = -1
@@ -181,7 +180,7 @@ def _list_choices(choices: Choices, front: OrderedFront, robot: int) -> None:
 
 @kernel
 def choose_teams(
-    choices: Choices, front: OrderedFront, turn: Records, n_looks: int, most_reward: bool
+    choices: Choices, front: OrderedFront, turn: RecordArray, n_looks: int, most_reward: bool
 ) -> int:
     """Continue the search for teams, and return after a number of looks at choices.
 

@@ -16,7 +16,7 @@ end also where a label has come to the base arc by arc, and a label goes on as l
 come there by a way that is safer than those that are known.
 """
 
-from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo._base.types import FloatArray, OffsetArray, RecordArray
 from botohe_moo.kernels.compile import helper, kernel
 from botohe_moo.kernels.exact.labels import (
     ROUNDING,
@@ -32,7 +32,6 @@ from botohe_moo.kernels.exact.tables import (
     CurrentLabel,
     LabelRule,
     LabelTable,
-    Records,
     TrailTable,
 )
 from botohe_moo.kernels.graph.graph import Graph
@@ -40,7 +39,7 @@ from botohe_moo.kernels.graph.graph import Graph
 
 @kernel
 def add_trails(
-    trails: TrailTable, progress: Records, others: TrailTable, order: OffsetArray
+    trails: TrailTable, progress: RecordArray, others: TrailTable, order: OffsetArray
 ) -> None:
     """Add other trails in an order, but for those that a known one is at least as good as."""
     for i in range(order.shape[0]):
@@ -55,7 +54,7 @@ def grow(
     rule: LabelRule,
     labels: LabelTable,
     trails: TrailTable,
-    progress: Records,
+    progress: RecordArray,
     current: CurrentLabel,
     n_looks: int,
     again: bool,
@@ -89,7 +88,7 @@ def grow(
 
 @helper
 def _begin(
-    graph: Graph, rule: LabelRule, labels: LabelTable, progress: Records, current: CurrentLabel
+    graph: Graph, rule: LabelRule, labels: LabelTable, progress: RecordArray, current: CurrentLabel
 ) -> None:
     """Put the label of a robot that has not left the base into the first row."""
     for place in range(labels.last.shape[0]):
@@ -110,7 +109,7 @@ def _is_settled(
     rule: LabelRule,
     labels: LabelTable,
     trails: TrailTable,
-    progress: Records,
+    progress: RecordArray,
     current: CurrentLabel,
     label: int,
 ) -> bool:
@@ -141,7 +140,7 @@ def _step(
     rule: LabelRule,
     labels: LabelTable,
     trails: TrailTable,
-    progress: Records,
+    progress: RecordArray,
     current: CurrentLabel,
     parent: int,
     arc: int,
@@ -241,7 +240,7 @@ def _is_covered(trails: TrailTable, n_trails: int, reached: FloatArray, survives
 @helper
 def _add_trail(
     trails: TrailTable,
-    progress: Records,
+    progress: RecordArray,
     parent: int,
     arc: int,
     reached: FloatArray,
