@@ -17,9 +17,7 @@ from botohe_moo.search import colony as colony_module
 KERNELS = {
     "construct": (colony_module, "construct"),
     "evaluate": (evaluate_module, "evaluate"),
-    "screen": (archive_module, "screen"),
-    "merge": (archive_module, "merge"),
-    "deposit": (colony_module, "deposit"),
+    "insert": (archive_module, "insert"),
     "learn": (colony_module, "learn"),
 }
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from botohe_moo.kernels.beam import search as beam
 from botohe_moo.kernels.beam.labels import larger_beam, new_beam
-from botohe_moo.kernels.beam.prospects import Rule, dangers, find_near
+from botohe_moo.kernels.beam.prospects import BeamRule, dangers, find_near
 from botohe_moo.kernels.graph.graph import Limits
 from botohe_moo.kernels.graph.homing import new_budget
 from botohe_moo.mission import Mission, load_mission
@@ -38,7 +38,7 @@ def best_trail(
     near = find_near(graph, n_near)
     danger, worth = dangers(graph, near, survival_weight), np.array(worth, np.float64)
     budget = new_budget(graph, Limits(least, longest))
-    rule = Rule(worth, danger, survival_weight, least, budget, width, max_labels)
+    rule = BeamRule(worth, danger, survival_weight, least, budget, width, max_labels)
     arcs, value, cut = beam.best_trail(graph, near, rule, new_beam(graph))
     if len(arcs):
         assert graph.tail[arcs[0]] == graph.base
@@ -398,7 +398,7 @@ def test_a_search_gets_the_room_that_it_needs():
     museum = load_mission("art_museum")
     worth, graph = museum.arrays.reward / museum.total_reward, museum.arrays
     near = find_near(graph, 64)
-    rule = Rule(worth, dangers(graph, near, 0.1), 0.1, 0.0, None, 30, beam.MAX_LABELS)
+    rule = BeamRule(worth, dangers(graph, near, 0.1), 0.1, 0.0, None, 30, beam.MAX_LABELS)
     usual, small = new_beam(graph), new_beam(graph)
     level = small.level._replace(children=small.level.children[:1])
     small = small._replace(labels=small.labels[:2], level=level)

@@ -1,6 +1,6 @@
 """Relaxed trails and exact ones, beside readable twins: dictionaries of states, and all trails."""
 
-from itertools import combinations_with_replacement, pairwise
+from itertools import pairwise
 
 import networkx as nx
 import numpy as np
@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from botohe_moo import Mission
 from botohe_moo.kernels.bounds.relaxed import best_leaving, follow, relax, shortfall
 from botohe_moo.kernels.bounds.states import find_states
-from botohe_moo.kernels.bounds.teams import Trails, find_teams, write_misses
 from botohe_moo.kernels.bounds.trails import (
     Completions,
     Stairs,
@@ -244,49 +243,6 @@ def test_stairs_are_above_all_trails(mission, memory, least, seed):
     if above > 1:
         small = new_depths(net, np.random.default_rng(seed), 1 << 8, above - 1, 6)
         assert find_trails(*given, Stairs(needed, width, least), every, small) == -1
-
-
-@examples(60)
-@given(missions(max_nodes=6), st.integers(1, 3), st.integers(0, 99))
-def test_the_best_teams_are_found(mission, n_robots, seed):
-    """Beside all combinations of some trails, with prices that leave something beside."""
-    net, _, _ = prepared(mission, 0, 0)
-    every = twins.all_trails(mission)
-    arc_of = {pair: i for i, pair in enumerate(zip(net.graph.tail, net.graph.head, strict=True))}
-    assume(every is not None)
-    rng = np.random.default_rng(seed)
-    some = [trail for trail in every if len(trail) > 1 and arc_of.keys() >= {*pairwise(trail)}]
-    assume(some)
-    some = [some[i] for i in rng.choice(len(some), min(len(some), 9), replace=False)]
-    arcs = np.zeros((len(some), net.graph.n_arcs), np.int32)
-    n_arcs = np.array([len(trail) - 1 for trail in some])
-    for row, trail in zip(arcs, some, strict=True):
-        row[: len(trail) - 1] = [arc_of[pair] for pair in pairwise(trail)]
-    nodes = np.flatnonzero(net.graph.reward > 0)
-    place = np.full(net.graph.n_nodes, -1)
-    place[nodes] = np.arange(len(nodes))
-    misses, survival = np.empty((len(some), len(nodes))), np.empty(len(some))
-    write_misses(net, arcs, n_arcs, place, misses, survival)
-    reward = net.graph.reward[nodes]
-    for trail, missed, alive in zip(some, misses, survival, strict=True):
-        reached = twins.reach_of(mission, trail)
-        assert missed == pytest.approx([1 - reached.get(int(node), 0.0) for node in nodes])
-        assert alive == pytest.approx(twins.survival_of(mission, trail))
-    teams = [list(team) for team in combinations_with_replacement(range(len(some)), n_robots)]
-    sums = np.array([survival[team].sum() for team in teams])
-    collected = np.array([reward @ (1 - misses[team].prod(axis=0)) for team in teams])
-    # What trails are worth at prices of a share of what one robot alone gives.
-    values = 0.6 * (1 - misses) @ reward
-    beside = max(0.0, float((collected - [values[team].sum() for team in teams]).max()))
-    order = np.argsort(-values, kind="stable")
-    trails = Trails(values[order], survival[order], misses[order])
-    for _ in range(4):
-        x, height = rng.uniform(0, n_robots), rng.uniform(0, reward.sum() * 1.1)
-        given = trails, reward, beside, n_robots, x, height
-        expected = max([height, *collected[sums >= x * (1 - 1e-12)]])
-        assert find_teams(*given, 1_000_000) == (True, pytest.approx(expected))
-        if n_robots > 1 and expected > height:
-            assert find_teams(*given, 1) == (False, height)
 
 
 @examples(40)

@@ -9,10 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from botohe_moo.kernels.colony.pheromone import learn
 from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
 from botohe_moo.mission import Mission, load_mission
-from botohe_moo.search.colony import NOTHING, AntThreads, Colony, ColonyRule
+from botohe_moo.search.colony import AntThreads, Colony, ColonyRule
 from tests import twins
 from tests.examples import examples
 from tests.strategies import lengths, missions
@@ -49,7 +48,7 @@ def colony(mission, *, n_ants, seed=0, n_threads=1, limits=NO_LIMITS, **changes)
 
 def lay_pheromone(ants, levels):
     ants.pheromone[...] = levels
-    learn(ants._pheromone, ants._weights, NOTHING)  # before anything has been deposited
+    ants.weigh()
 
 
 rules = st.fixed_dictionaries(

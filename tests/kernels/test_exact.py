@@ -12,6 +12,13 @@ from hypothesis import strategies as st
 from botohe_moo.kernels.compile import kernel
 from botohe_moo.kernels.exact import labels as labelling
 from botohe_moo.kernels.exact import tables, teams
+from botohe_moo.kernels.fronts.ordered import (
+    best_reward,
+    copy_front,
+    insert,
+    new_front,
+    read_front,
+)
 from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
 from botohe_moo.mission import Mission
 from botohe_moo.search.exact_trails import TrailSearch
@@ -49,8 +56,8 @@ def found_trails(search):
 
 
 @kernel
-def look_around(graph, rule, here, node):
-    labelling.look_around(graph, rule, here, node)
+def look_around(graph, rule, current, node):
+    labelling.look_around(graph, rule, current, node)
 
 
 def covers(some, others):
@@ -65,19 +72,12 @@ class TestLookingAround:
         trail = data.draw(trails(mission))
         partial = trail[: data.draw(st.integers(1, len(trail)))]
         search = search_for(mission, longest=longest)
-        arrays, here = mission.arrays, search._here
+        arrays, current = mission.arrays, search._current
         arcs = list(zip(arrays.tail.tolist(), arrays.head.tolist(), strict=True))
         used = set(pairwise(partial))
-        here.used[:], here.length[:] = 0, length_of(mission, partial)
-        for arc, ends in enumerate(arcs):
-            if ends in used:
-                labelling.put(here.used, arc)
-        again = tables.Here(*[part.copy() for part in here])
-        look_around(arrays, search.rule, here, partial[-1])
-        # Uncompiled, as trails are read.
-        labelling.look_around(arrays, search.rule, again, partial[-1])
-        assert all(map(np.array_equal, here, again))
-
+        current.used[:] = [ends in used for ends in arcs]
+        current.length[:] = length_of(mission, partial)
+        look_around(arrays, search.rule, current, partial[-1])
         left = nx.DiGraph(arc for arc in arcs if arc not in used)
         left.add_nodes_from(range(arrays.n_nodes))
         if longest < inf:
@@ -88,11 +88,11 @@ class TestLookingAround:
         costs = nx.single_source_dijkstra_path_length(left, partial[-1], weight="cost")
         for node in range(arrays.n_nodes):
             expected = np.exp(-costs[node]) if node in costs else 0.0
-            assert here.reach[node] == pytest.approx(expected, rel=1e-9)
+            assert current.reach[node] == pytest.approx(expected, rel=1e-9)
         homeward = {arrays.base, *nx.ancestors(left, arrays.base)}
         for arc, (tail, head) in enumerate(arcs):
             useful = (tail, head) in left.edges and tail in costs and head in homeward
-            assert labelling.has(here.used, arc) == (not useful)
+            assert labelling.has(current.bits, arc) == current.used[arc] == (not useful)
 
 
 def arcs_too_far(mission, left, partial, longest):
@@ -225,13 +225,6 @@ class TestTrails:
         nx.set_edge_attributes(graph, 0.5, "survival")
         found = found_trails(search_for(Mission(graph, base=0, robots=2)))
         assert found.tolist() == [[0, 0, 0, 1], [0.5, 0.25, 0.125, 0.0625]]
-
-    def test_tables_grow(self):
-        column = np.arange(4)
-        larger = tables.doubled(teams.Front(column + 0.5, column + 0.25, column[:, None]))
-        assert [len(part) for part in larger] == [8, 8, 8]
-        assert larger.reward[:4].tolist() == [0.5, 1.5, 2.5, 3.5]
-        assert tables.n_bytes(larger) == 3 * 64
 
 
 class TestChains:
@@ -370,36 +363,38 @@ class TestTeams:
         reached, survives, reward, n_robots = pool
         slack = 1e-13 * np.array([reward.sum(), n_robots])
         choices = teams.new_choices(survives, reached, reward, slack, n_robots)
-        front, turn = teams.new_front(1, n_robots), teams.new_turn()
-        while (state := teams.choose_teams(choices, front, turn, n_looks)) != teams.FINISHED:
+        front, turn, state = new_front(1, n_robots), teams.new_turn(), teams.PAUSED
+        while state != teams.FINISHED:
+            state = teams.choose_teams(choices, front, turn, n_looks, most_reward=False)
             if state == teams.FULL:
-                front = tables.doubled(front)
-        n = turn["n_front"][0]
-        found = np.column_stack([front.reward, front.survivors])[:n]
+                front = copy_front(front, read_front(front)[0], 2 * len(front.plan))
+        slots, found = read_front(front)
         every = np.array(list(every_team(*pool)))
         near = ROUNDING * np.array([reward.sum(), n_robots])
         assert (found[:, None] + near >= every).all(axis=2).any(axis=0).all()
         assert (np.diff(found[:, 0]) < 0).all()
         assert (np.diff(found[:, 1]) > 0).all()
-        for row, team in zip(found, front.team[:n], strict=True):  # the teams are what they say
+        for row, team in zip(found, front.plan[slots], strict=True):  # teams are what they say
             own = team_figures(reached[team], survives[team], reward)
             assert row == pytest.approx(own, rel=1e-9, abs=1e-12)
 
-    @examples(100)
-    @given(st.lists(st.tuples(st.integers(0, 6), st.integers(0, 6)), max_size=30))
-    def test_the_front_is_a_staircase(self, points):
-        front, n = teams.new_front(40, 1), 0
-        kept = set()
-        for i, (reward, survivors) in enumerate(points):
-            covered = any(r >= reward and s >= survivors for r, s in kept)
-            assert teams.is_covered(front, n, reward, survivors) == covered
-            if not covered:
-                kept = {(r, s) for r, s in kept if r > reward or s > survivors}
-                kept.add((reward, survivors))
-                n = teams.insert(front, n, reward, survivors, np.array([i]))
-        assert [*zip(front.reward[:n], front.survivors[:n], strict=True)] == sorted(kept)[::-1]
-        for i, row in enumerate(front.team[:n, 0]):
-            assert points[row] == (front.reward[i], front.survivors[i])
+    @examples(200)
+    @given(pools(), st.floats(0, 4), st.floats(0, 1))
+    def test_the_most_rewarding_team_that_survives_well_enough(self, pool, least, share):
+        """Beyond what a front covers that holds one reward for all, and all rewards for few."""
+        reached, survives, reward, n_robots = pool
+        least = min(least, n_robots * survives[-1])
+        height = share * reward.sum()
+        choices = teams.new_choices(survives, reached, reward, np.zeros(2), n_robots)
+        front = new_front(3, n_robots)
+        insert(front, inf, least * (1 - ROUNDING) - 1e-300)
+        insert(front, height, inf)
+        given = choices, front, teams.new_turn(), 10**6
+        assert teams.choose_teams(*given, most_reward=True) == teams.FINISHED
+        every = np.array(list(every_team(*pool)))
+        best = every[every[:, 1] >= least * (1 - 1e-11), 0].max(initial=height)
+        strict = every[every[:, 1] >= least, 0].max(initial=height)
+        assert strict * (1 - 1e-12) <= best_reward(front, inf) <= best * (1 + 1e-12)
 
     @examples(200)
     @given(pools())
@@ -407,12 +402,12 @@ class TestTeams:
         reached, survives, reward, n_robots = pool
         assume(n_robots > 1)
         choices = teams.new_choices(survives, reached, reward, np.zeros(2), n_robots)
-        teams.choose_teams(choices, teams.new_front(1, n_robots), teams.new_turn(), 0)
+        front, turn = new_front(1, n_robots), teams.new_turn()
+        teams.choose_teams(choices, front, turn, 0, most_reward=False)
         n = choices.n_hull[0]
         xs, ys = choices.hull_gain[0, :n], choices.hull_survives[0, :n]
         assert (np.diff(xs) > 0).all()
         assert (np.diff(ys) < 0).all()
         gains = reached @ reward
-        # Nothing lies above it.
-        assert (survives <= np.interp(gains, xs, ys) + 1e-9).all()
+        assert (survives <= np.interp(gains, xs, ys) + 1e-9).all()  # nothing lies above it
         assert gains.max() == pytest.approx(xs[-1])

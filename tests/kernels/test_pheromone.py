@@ -14,7 +14,6 @@ from botohe_moo.kernels.colony.pheromone import (
     Depositors,
     LearningRule,
     Pheromone,
-    deposit,
     learn,
 )
 from botohe_moo.kernels.colony.weighing import Weights
@@ -95,36 +94,36 @@ def test_learn(batch, chosen, archived, n_maps, evaporation, pooled, seed):
     iteration, archive = depositors(batch, members), depositors(archived)
     pheromone, weights = new_pheromone(levels, 0.5, -0.5)
     pheromone.deposits[:], pheromone.archive_deposits[:] = 7.0, 7.0  # of iterations before
-    deposit(LINKS, iteration, N_ROBOTS, pheromone.deposits)
-    deposit(LINKS, archive, N_ROBOTS, pheromone.archive_deposits)
-    learn(pheromone, weights, LearningRule(evaporation, pooled, len(members), len(archived)))
+    rule = LearningRule(evaporation, pooled)
+    learn(LINKS, iteration, archive, True, N_ROBOTS, rule, pheromone, weights)
     for (m, arc), levels_expected in expected.items():
         assert pheromone.levels[m, arc] == pytest.approx(levels_expected, rel=1e-12)
     assert weights.log_reward == pytest.approx(np.log(pheromone.levels[..., 0]) + 0.5)
     assert weights.log_survival == pytest.approx(np.log(pheromone.levels[..., 1]) - 0.5)
 
 
-def test_without_plans_and_evaporation_nothing_changes():
-    levels = np.random.default_rng(1).uniform(0.1, 5, (1, N_ARCS, 2))
-    pheromone, weights = new_pheromone(levels.copy())
-    pheromone.deposits[:] = 7.0
+def test_what_the_archive_deposits_is_kept_as_long_as_it_is_the_same():
+    levels, rule = (
+        np.random.default_rng(1).uniform(0.1, 5, (1, N_ARCS, 2)),
+        LearningRule(0.0, False),
+    )
     nobody = depositors([((0.0, 0.0), [[0], [0]])], np.empty(0, np.int64))
-    deposit(LINKS, nobody, N_ROBOTS, pheromone.deposits)
-    learn(pheromone, weights, LearningRule(0.0, True, 0, 0))
-    assert np.array_equal(pheromone.levels, levels)
+    archive = depositors([((2.0, 1.0), [[0], [0]])])
+    pheromone, weights = new_pheromone(levels.copy())
+    for is_new in (True, False, False):
+        learn(LINKS, nobody, archive, is_new, N_ROBOTS, rule, pheromone, weights)
+        archive = archive._replace(objectives=np.full((1, 2), 9.0))
+    assert np.array_equal(pheromone.levels[0, :-1], levels[0, :-1])
+    assert pheromone.levels[0, -1] == pytest.approx(levels[0, -1] + 3 * 2 * np.array([2.0, 1.0]))
 
 
 def test_pheromone_never_vanishes():
     """Thousands of iterations without deposit underflow to 0 otherwise, and 0 has no logarithm."""
     plans = depositors([((1.0, 1.0), [[0], [0]])])
     pheromone, weights = new_pheromone(np.full((1, N_ARCS, 2), 1e-249), -3.0, 0.5)
-    for amounts in (pheromone.deposits, pheromone.archive_deposits):
-        deposit(LINKS, plans, N_ROBOTS, amounts)
     for _ in range(10_000):
-        learn(pheromone, weights, LearningRule(0.5, False, 1, 1))
+        learn(LINKS, plans, plans, True, N_ROBOTS, LearningRule(0.5, False), pheromone, weights)
     assert (pheromone.levels[0, :-1] == LEAST).all()
     assert (pheromone.levels[0, -1] > 1).all()
     assert weights.log_reward[0, 0] == pytest.approx(math.log(LEAST) - 3)
     assert weights.log_survival[0, 0] == pytest.approx(math.log(LEAST) + 0.5)
-    last = math.log(pheromone.levels[0, -1, 1]) + 0.5
-    assert weights.log_survival[0, -1] == pytest.approx(last)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from botohe_moo._base.types import FloatArray, OffsetArray
-from botohe_moo.kernels.fronts.archive import Archive, Batch, merge, new_archive, screen
+from botohe_moo.kernels.fronts.archive import Archive, Batch, insert, new_archive
 from botohe_moo.trails import PlanBatch
 
 
@@ -55,8 +55,8 @@ class PlanArchive:
     def _absorb(self, batch: PlanBatch, objectives: FloatArray) -> tuple[OffsetArray, OffsetArray]:
         """Give the indices of the batch's own Pareto set, and of the plans that have entered."""
         new = Batch(objectives, *batch.arrays)
-        members, newcomers = screen(new, self.n_robots, self._held, self.max_ties)
-        if len(newcomers.plans):
-            self._held = merge(new, newcomers, self.n_robots, self._held, self._next_id)
-            self._next_id += len(newcomers.plans)
-        return members, newcomers.plans
+        members, entered, self._held = insert(
+            new, self.n_robots, self._held, self.max_ties, self._next_id
+        )
+        self._next_id += len(entered)
+        return members, entered

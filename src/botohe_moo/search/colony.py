@@ -17,10 +17,9 @@ from botohe_moo.kernels.colony.pheromone import (
     Depositors,
     LearningRule,
     Pheromone,
-    deposit,
     learn,
 )
-from botohe_moo.kernels.colony.weighing import BuildRule, Weights
+from botohe_moo.kernels.colony.weighing import AntScratch, BuildRule, Weights, new_scratch
 from botohe_moo.kernels.graph.arcs import Links
 from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
 from botohe_moo.kernels.graph.homing import new_budget
@@ -49,10 +48,6 @@ class ColonyRule:
     exploration: float
     pooled_deposit: bool
     allocation: Allocation = "sequential"
-
-
-NOTHING = LearningRule(evaporation=0.0, pooled=True, iteration_size=0, archive_size=0)
-"""Leaves pheromone as it is where nothing has been deposited, and only weighs arcs."""
 
 
 class AntThreads:
@@ -111,9 +106,9 @@ class Colony:
         self._states = seed_states(random_state, n_ants)
         self._pheromone = _new_pheromone(mission, rule)
         self._weights = _new_weights(mission, rule, self._pheromone)
-        self._rooms: dict[int, tuple[Plans, Paths | None]] = {}  # of each thread
+        self._rooms: dict[int, tuple[Plans, Paths | None, AntScratch]] = {}  # of each thread
         self._deposited_version = -1  # of the archive, when its deposit was last summed up
-        learn(self._pheromone, self._weights, NOTHING)
+        self.weigh()
 
     @property
     def pheromone(self) -> FloatArray:
@@ -150,11 +145,14 @@ class Colony:
         if part not in self._rooms:
             careful = not graph.balanced or limits.bind
             plans = new_plans(4096, len(self._states) * n_robots)
-            self._rooms[part] = plans, new_paths(graph) if careful else None
-        plans, paths = self._rooms[part]
+            scratch = new_scratch(graph, build, len(self.pheromone), self._states)
+            self._rooms[part] = plans, new_paths(graph) if careful else None, scratch
+        plans, paths, scratch = self._rooms[part]
+        for last in (scratch.tabulated, scratch.used, scratch.visited):
+            last.fill(-1)
         found = []
         while True:
-            done = construct(graph, self._weights, build, paths, self._states, plans, begin, end)
+            done = construct(graph, self._weights, build, paths, scratch, plans, begin, end)
             offsets = plans.offsets[begin * n_robots : done * n_robots + 1].copy()
             nodes = plans.nodes[: plans.size[0]].copy()
             found.append(PlanBatch._wrap(nodes, offsets, n_robots))
@@ -162,7 +160,7 @@ class Colony:
                 return found[0] if len(found) == 1 else PlanBatch.concatenate(found)
             begin, longest = done, 2 * n_robots * (graph.n_arcs + 1)
             plans = new_plans(longest + 2 * len(plans.nodes), len(self._states) * n_robots)
-            self._rooms[part] = plans, paths
+            self._rooms[part] = plans, paths, scratch
 
     def learn(
         self, batch: PlanBatch, objectives: FloatArray, members: OffsetArray, archive: PlanArchive
@@ -174,17 +172,26 @@ class Colony:
         """
         if not self.rule.pheromone or len(archive) == 0:
             return
-        pheromone, n_robots = self._pheromone, self.n_robots
-        plans = Depositors(objectives, members, batch.nodes, batch.offsets)
-        deposit(self._links, plans, n_robots, pheromone.deposits)
-        if archive.version != self._deposited_version:
-            held, everyone = archive.held, np.arange(len(archive))
-            plans = Depositors(held.objectives, everyone, held.nodes, held.offsets)
-            deposit(self._links, plans, n_robots, pheromone.archive_deposits)
-            self._deposited_version = archive.version
-        rule, pooled = self.rule, self.rule.pooled_deposit
-        sizes = len(members), len(archive)
-        learn(pheromone, self._weights, LearningRule(rule.evaporation, pooled, *sizes))
+        iteration = Depositors(objectives, members, *batch.arrays)
+        archived = archive.held
+        everyone = np.arange(len(archive))
+        depositors = Depositors(archived.objectives, everyone, archived.nodes, archived.offsets)
+        is_new = archive.version != self._deposited_version
+        self._deposited_version = archive.version
+        rule = LearningRule(self.rule.evaporation, self.rule.pooled_deposit)
+        self._learn(iteration, depositors, is_new, rule)
+
+    def weigh(self) -> None:
+        """Let ants weigh arcs by the pheromone as it is, before anything has been deposited."""
+        nobody, nothing = np.empty(0, np.int64), np.zeros(1, np.int64)
+        plans = Depositors(np.empty((0, 2)), nobody, np.empty(0, np.int32), nothing)
+        self._learn(plans, plans, True, LearningRule(evaporation=0.0, pooled=True))
+
+    def _learn(
+        self, iteration: Depositors, archive: Depositors, is_new: bool, rule: LearningRule
+    ) -> None:
+        sets, changed = (iteration, archive, is_new), (self._pheromone, self._weights)
+        learn(self._links, *sets, self.n_robots, rule, *changed)
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_rooms": {}}

@@ -10,6 +10,13 @@ import numpy as np
 
 from botohe_moo._base.checks import check_number
 from botohe_moo.kernels.exact import tables, teams
+from botohe_moo.kernels.fronts.ordered import (
+    best_reward,
+    copy_front,
+    insert,
+    new_front,
+    read_front,
+)
 from botohe_moo.kernels.plans.evaluate import either
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.search.exact_trails import TrailSearch
@@ -241,21 +248,20 @@ class FrontSearch:
             )
 
     def _begin_teams(self, trails: TrailSearch) -> None:
-        n_robots, reward = self.mission.robots, trails.rule.reward
+        n_robots, goal_reward = self.mission.robots, trails.rule.reward
         self._require(trails.n_trails * n_robots * 32)
         self._choices = teams.new_choices(
             trails.survives,
             trails.reached,
-            np.array([reward.sum()]) if trails.rule.single else reward,
-            _SLACK * np.array([reward.sum(), n_robots]),
+            np.array([goal_reward.sum()]) if trails.rule.single else goal_reward,
+            _SLACK * np.array([goal_reward.sum(), n_robots]),
             n_robots,
         )
         self._turn = teams.new_turn()
-        self._front, n = teams.new_front(max(_FRONT_ROWS, len(self._guides)), n_robots), 0
-        for i, figures in enumerate(self._figures(trails)):
-            if not teams.is_covered(self._front, n, *figures):
-                n = teams.insert(self._front, n, *figures, np.full(n_robots, -1 - i))
-        self._turn["n_front"] = n
+        self._front = new_front(max(_FRONT_ROWS, len(self._guides)), n_robots)
+        for i, (reward, survivors) in enumerate(self._figures(trails)):
+            if best_reward(self._front, survivors) < reward:
+                self._front.plan[insert(self._front, reward, survivors)] = -1 - i
 
     def _figures(self, trails: TrailSearch) -> list[tuple[float, float]]:
         """E[R] of the guiding plans, without that of the base, and E[S]."""
@@ -265,16 +271,19 @@ class FrontSearch:
         return [(r, sum(s for s, _ in t)) for r, t in zip(rewards, followed, strict=True)]
 
     def _advance_teams(self, trails: TrailSearch, choices: teams.Choices) -> None:
-        state = teams.choose_teams(choices, self._front, self._turn, _CHOICES_A_PORTION)
+        given = choices, self._front, self._turn
+        state = teams.choose_teams(*given, _CHOICES_A_PORTION, most_reward=False)
         if state == teams.FULL:
             self._require(2 * tables.n_bytes(self._front))
-            self._front = tables.doubled(self._front)
+            slots, _ = read_front(self._front)
+            self._front = copy_front(self._front, slots, 2 * len(slots))
         elif state == teams.FINISHED:
             self.plans = self._plans(trails)
 
     def _plans(self, trails: TrailSearch) -> PlanBatch:
         """Read the front, where points that differ by rounding only are one."""
-        rows = self._front.team[: self._turn["n_front"][0]].tolist()
+        slots, _ = read_front(self._front)
+        rows = self._front.plan[slots].tolist()
         found = [
             self._guides[-1 - row[0]] if row[0] < 0 else TrailPlan([trails.trail(t) for t in row])
             for row in rows

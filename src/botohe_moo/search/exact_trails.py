@@ -10,7 +10,7 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray
 from botohe_moo.kernels.exact import tables
-from botohe_moo.kernels.exact.labels import look_around, put
+from botohe_moo.kernels.exact.labels import has, look_around
 from botohe_moo.kernels.exact.trails import add_trails, as_column, grow
 from botohe_moo.kernels.graph.arcs import find_arc
 from botohe_moo.kernels.graph.graph import Graph, Limits
@@ -35,9 +35,8 @@ class TrailSearch:
         self.graph = graph = mission.arrays
         self.rule = rule = _rule_of(graph, mission.robots == 1, limits)
         n_goals, n_columns = len(rule.reward), 1 if rule.single else len(rule.reward)
-        n_words = graph.n_arcs // 64 + 1
-        self._here = tables.new_here(graph.n_nodes, n_goals, n_words, n_columns)
-        self._labels = tables.new_labels(_ROWS, n_goals, n_words)
+        self._current = tables.new_current(graph, n_goals, n_columns)
+        self._labels = tables.new_labels(_ROWS, n_goals, tables.n_words(graph))
         self._trails = tables.new_trails(_ROWS, n_columns)
         self._progress = np.zeros(1, tables.PROGRESS).view(np.recarray)
         self._known = [(graph.base,), *(trail for trail in known if trail != (graph.base,))]
@@ -80,7 +79,8 @@ class TrailSearch:
     @property
     def survives(self) -> FloatArray:
         """Survivals of the trails that are known; descending once the search has ended."""
-        return self._trails.rows["survives"][: self.n_trails].copy()
+        survives: FloatArray = self._trails.rows["survives"][: self.n_trails].copy()
+        return survives
 
     @property
     def reached(self) -> FloatArray:
@@ -107,11 +107,11 @@ class TrailSearch:
 
     def _grow(self, n_looks: int, again: bool) -> bool:
         known = self._labels, self._trails, self._progress
-        return grow(self.graph, self.rule, *known, self._here, n_looks, again)
+        return grow(self.graph, self.rule, *known, self._current, n_looks, again)
 
     def _tidy(self) -> None:
         """Sort the trails by descending survival, and drop those that another is as good as."""
-        n, others = self.n_trails, tables.Trails(*[column.copy() for column in self._trails])
+        n, others = self.n_trails, tables.TrailTable(*[column.copy() for column in self._trails])
         total = sum(others.reached[:n].T, np.zeros(n))
         self._progress["n_trails"] = 0
         # Of trails that survive alike, one that another is as good as comes after it.
@@ -178,16 +178,16 @@ class TrailSearch:
 
     def trail(self, row: int) -> list[int]:
         """Give a trail of the table as nodes."""
-        graph, here = self.graph, self._here
+        graph, current = self.graph, self._current
         label, arc, _ = self._trails.rows[row].tolist()
         if label < 0:
             return list(self._known[-1 - label])
-        here.used[:] = self._labels.used[label]
-        put(here.used, arc)
-        here.length[:] = self._labels.rows["length"][label] + graph.length[arc]
-        look_around(graph, self.rule, here, int(graph.head[arc]))
+        current.used[:] = [has(self._labels.used[label], i) for i in range(graph.n_arcs)]
+        current.used[arc] = 1
+        current.length[:] = self._labels.rows["length"][label] + graph.length[arc]
+        look_around(graph, self.rule, current, int(graph.head[arc]))
         home = [graph.base]
-        while (last := here.entry[home[-1]]) >= 0:
+        while (last := current.paths.entry[home[-1]]) >= 0:
             home.append(int(graph.tail[last]))
         out: list[int] = []
         while label >= 0:
@@ -206,15 +206,15 @@ class TrailSearch:
         return alive, reached
 
 
-def _rule_of(graph: Graph, single: bool, limits: Limits) -> tables.Rule:
+def _rule_of(graph: Graph, single: bool, limits: Limits) -> tables.LabelRule:
     is_goal = (graph.reward > 0) & (np.arange(graph.n_nodes) != graph.base)
     keys, budget = hash_keys(2 * graph.n_nodes), new_budget(graph, limits)
-    return tables.Rule(
+    return tables.LabelRule(
         goal=np.where(is_goal, np.cumsum(is_goal) - 1, -1),
         reward=graph.reward[is_goal],
         node_keys=keys[: graph.n_nodes].copy(),
         goal_keys=keys[graph.n_nodes :].copy(),
         single=single,
         limits=limits,
-        shortest=np.empty(0) if budget is None else budget.short.home.copy(),
+        short=graph if budget is None else budget.short,
     )

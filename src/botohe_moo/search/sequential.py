@@ -12,7 +12,7 @@ import numpy as np
 from botohe_moo._base.checks import check_integer, check_number
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.beam.labels import new_beam
-from botohe_moo.kernels.beam.prospects import Near, Rule, dangers, find_near
+from botohe_moo.kernels.beam.prospects import BeamRule, Near, dangers, find_near
 from botohe_moo.kernels.beam.search import MAX_LABELS, best_trail
 from botohe_moo.kernels.graph.homing import Budget, new_budget
 from botohe_moo.mission.model import Mission, check_mission
@@ -172,7 +172,7 @@ class SequentialPlanner:
                 break
             worth = share * unreached
             width, n_labels = self.beam_width, self._max_labels
-            rule = Rule(worth, danger, survival_weight, least, budget, width, n_labels)
+            rule = BeamRule(worth, danger, survival_weight, least, budget, width, n_labels)
             arcs, _, _ = best_trail(graph, self._near, rule, beam)
             if len(arcs) == 0:  # and nothing changes for those that come after
                 break

@@ -4,12 +4,11 @@ Walking up its parents gives the arcs that a label has used and the nodes it has
 have smaller numbers than their children.
 """
 
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from botohe_moo._base.types import FloatArray, OffsetArray, SeedArray
+from botohe_moo._base.types import FloatArray, OffsetArray, RecordArray, SeedArray
 from botohe_moo.kernels.compile import helper, inlined
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.graph.paths import Paths, new_paths
@@ -43,7 +42,6 @@ STATE = np.dtype(
         ("n_hops", np.int64),  # length of the best trail once the search has ended
     ]
 )
-Records: TypeAlias = NDArray[Any]
 
 _N_LABELS = 4096  # for which there is room at first
 
@@ -59,7 +57,7 @@ class Standing(NamedTuple):
 class Level(NamedTuple):
     """The children of one level, of which some go on."""
 
-    children: Records  # as ``LABEL``
+    children: RecordArray  # as ``LABEL``
     table: OffsetArray  # a hash table of children, −1 where a slot is empty
     # Children in order, and scratch to sort them.
     order: OffsetArray
@@ -69,8 +67,8 @@ class Level(NamedTuple):
 class Beam(NamedTuple):
     """State and scratch of a search for a trail."""
 
-    state: Records  # a ``STATE`` (1)
-    labels: Records  # all labels that went on, as ``LABEL``, level by level
+    state: RecordArray  # a ``STATE`` (1)
+    labels: RecordArray  # all labels that went on, as ``LABEL``, level by level
     level: Level
     standing: Standing
     paths: Paths
@@ -104,7 +102,7 @@ def new_beam(graph: Graph) -> Beam:
     )
 
 
-def _new_labels(n: int) -> Records:
+def _new_labels(n: int) -> RecordArray:
     return np.empty(n, LABEL).view(np.recarray)
 
 
@@ -126,7 +124,7 @@ def larger_beam(beam: Beam, n_labels: int, n_children: int) -> Beam:
 
 @helper
 def stand_at(
-    labels: Records, standing: Standing, worth: FloatArray, before: int, label: int
+    labels: RecordArray, standing: Standing, worth: FloatArray, before: int, label: int
 ) -> None:
     """Move from the label ``before`` to another one.
 

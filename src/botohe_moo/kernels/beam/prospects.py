@@ -21,13 +21,16 @@ TOLERANCE = 1e-12
 
 
 class Near(NamedTuple):
-    """For each node those others that are safest to reach, in this order."""
+    """For each node those others that are safest to reach, in this order.
+
+    Where fewer can be reached, the node itself with survival 0 is in place of the others.
+    """
 
     near: OffsetArray  # which nodes (n_nodes, n_near), n_near < n_nodes
     reach: FloatArray  # survival of the safest path to each of them (n_nodes, n_near)
 
 
-class Rule(NamedTuple):
+class BeamRule(NamedTuple):
     """What a trail is searched for; see ``best_trail``."""
 
     worth: FloatArray  # of each node to a robot that reaches it for sure, at least 0 (n_nodes)
@@ -59,10 +62,12 @@ def _write_near(graph: Graph, paths: Paths, used: OffsetArray, near: Near) -> No
 @helper
 def _search_from(graph: Graph, paths: Paths, used: OffsetArray, near: Near, source: int) -> None:
     n_near = near.near.shape[1]
-    search_paths(graph, paths, used, 1, source, ANYWHERE, n_near + 1, False)
+    n = search_paths(graph, paths, used, 1, source, ANYWHERE, n_near + 1, False)
     alive = paths.distance  # which is not needed any more
     alive[source] = 1.0
-    for i in range(n_near):
+    for i in range(n - 1, n_near):
+        near.near[source, i], near.reach[source, i] = source, 0.0
+    for i in range(n - 1):
         node = paths.order[i + 1]
         arc = paths.entry[node]
         alive[node] = alive[graph.tail[arc]] * graph.survival[arc]
@@ -70,7 +75,7 @@ def _search_from(graph: Graph, paths: Paths, used: OffsetArray, near: Near, sour
 
 
 def dangers(graph: Graph, near: Near, survival_weight: float) -> FloatArray:
-    """Give ``Rule.danger``."""
+    """Give ``BeamRule.danger``."""
     home_after = near.reach * graph.home[near.near]
     return survival_weight * (graph.home[:, None] - home_after)
 
@@ -89,7 +94,7 @@ def write_gathered(graph: Graph, worth: FloatArray, gathered: FloatArray) -> Non
 
 
 @inlined
-def judge(near: Near, rule: Rule, ahead: FloatArray, child: Any, stay: float) -> None:
+def judge(near: Near, rule: BeamRule, ahead: FloatArray, child: Any, stay: float) -> None:
     """Write ``bound`` and ``rank`` of a child of the label at hand.
 
     That is, the most that all nodes not visited could bring together, and what those near promise
@@ -115,13 +120,13 @@ def judge(near: Near, rule: Rule, ahead: FloatArray, child: Any, stay: float) ->
 
 
 @inlined
-def has_no_limits(rule: Rule) -> bool:
+def has_no_limits(rule: BeamRule) -> bool:
     """Tell whether a robot may take any way home."""
     return rule.least == 0.0 and rule.budget is None
 
 
 @inlined
-def is_hopeless(graph: Graph, rule: Rule, child: Any, stay: float, enough: float) -> bool:
+def is_hopeless(graph: Graph, rule: BeamRule, child: Any, stay: float, enough: float) -> bool:
     """Tell cheaply that a label cannot keep the limits, or cannot come to more than ``enough``."""
     if _is_too_far(rule.budget, child.node, child.length):
         return True
@@ -140,7 +145,7 @@ def _is_too_far(budget: Budget | None, node: int, length: float) -> bool:
 @helper
 def close(
     graph: Graph,
-    rule: Rule,
+    rule: BeamRule,
     standing: Standing,
     paths: Paths,
     child: Any,

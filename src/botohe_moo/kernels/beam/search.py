@@ -9,8 +9,8 @@ from botohe_moo._base.types import OffsetArray, SeedArray
 from botohe_moo.kernels.beam.labels import Beam, Level, find, larger_beam, stand_at, table_size
 from botohe_moo.kernels.beam.prospects import (
     TOLERANCE,
+    BeamRule,
     Near,
-    Rule,
     close,
     has_no_limits,
     is_hopeless,
@@ -32,7 +32,9 @@ _STARTING = 0
 _ENDED = 0
 
 
-def best_trail(graph: Graph, near: Near, rule: Rule, beam: Beam) -> tuple[OffsetArray, float, bool]:
+def best_trail(
+    graph: Graph, near: Near, rule: BeamRule, beam: Beam
+) -> tuple[OffsetArray, float, bool]:
     """Find a closed trail of the greatest value for one robot.
 
     A trail's value is Σ over the nodes it visits of worth · (probability to reach the node), and
@@ -69,7 +71,7 @@ def best_trail(graph: Graph, near: Near, rule: Rule, beam: Beam) -> tuple[Offset
 
 
 @kernel
-def _search(graph: Graph, near: Near, rule: Rule, beam: Beam) -> int:
+def _search(graph: Graph, near: Near, rule: BeamRule, beam: Beam) -> int:
     """Go on until the search has ended, or there is no room for a level of so many children."""
     state, labels, level = beam.state[0], beam.labels, beam.level
     if state.high == _STARTING:
@@ -96,7 +98,7 @@ def _search(graph: Graph, near: Near, rule: Rule, beam: Beam) -> int:
 
 
 @helper
-def _start_at_base(graph: Graph, rule: Rule, beam: Beam) -> None:
+def _start_at_base(graph: Graph, rule: BeamRule, beam: Beam) -> None:
     """Put the label of a robot that has not left the base into row 0, and stand there."""
     state, label, standing, base = beam.state[0], beam.labels[0], beam.standing, graph.base
     worth, n_nodes, left = rule.worth, rule.worth.shape[0], 0.0
@@ -116,7 +118,7 @@ def _start_at_base(graph: Graph, rule: Rule, beam: Beam) -> None:
 
 
 @helper
-def _expand(graph: Graph, near: Near, rule: Rule, beam: Beam, n_most: int) -> int:
+def _expand(graph: Graph, near: Near, rule: BeamRule, beam: Beam, n_most: int) -> int:
     """Go on by one hop from the labels of the last level; give how many children there are.
 
     A child is left out that cannot get home within the limits; that cannot beat the best trail
@@ -221,7 +223,7 @@ def _choose(level: Level, place_keys: SeedArray, n: int, n_go_on: int) -> None:
 
 
 @helper
-def _write_trail(graph: Graph, rule: Rule, beam: Beam) -> None:
+def _write_trail(graph: Graph, rule: BeamRule, beam: Beam) -> None:
     """Write the arcs of the best trail."""
     state, labels, trail, used = beam.state[0], beam.labels, beam.trail, beam.standing.used
     state.n_hops = 0

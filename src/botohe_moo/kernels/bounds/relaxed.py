@@ -28,7 +28,7 @@ class _Level(NamedTuple):
     stop: FloatArray  # of states, where no link is taken (n_states)
 
 
-class _Scratch(NamedTuple):
+class _Policy(NamedTuple):
     """A choice of a link for each state, and what is needed to follow it."""
 
     chosen: OffsetArray  # −1 to stop (n_states)
@@ -84,10 +84,10 @@ def _count_linear(prices: FloatArray) -> int:
 
 @inlined
 def _follow_choices(
-    states: States, level: _Level, cap: FloatArray, value: FloatArray, scratch: _Scratch
+    states: States, level: _Level, cap: FloatArray, value: FloatArray, policy: _Policy
 ) -> bool:
     """Value all states, each with its chosen link, −1 to stop; False where that is infinite."""
-    chosen, path, seen = scratch.chosen, scratch.path, scratch.seen
+    chosen, path, seen = policy.chosen, policy.path, policy.seen
     seen[:] = 0
     for first in range(value.shape[0]):
         n, state = 0, first
@@ -129,14 +129,14 @@ def _choose(
     cap: FloatArray,
     tolerance: float,
     value: FloatArray,
-    scratch: _Scratch,
+    policy: _Policy,
     is_forward: bool,
 ) -> bool:
     """Choose better links, and raise values; tells whether there are any.
 
     To and fro by turns, since what is raised goes on to states that come later.
     """
-    is_better, chosen, n_states = False, scratch.chosen, value.shape[0]
+    is_better, chosen, n_states = False, policy.chosen, value.shape[0]
     for i in range(n_states):
         state = i if is_forward else n_states - 1 - i
         best, most = value[state], cap[states.node[state]]
@@ -171,7 +171,7 @@ def relax(
     low, part, paid = np.empty(n_arcs, np.int64), np.empty(n_arcs), np.empty(n_arcs)
     n_links = states.arc.shape[0]
     made = _Level(np.empty(n_links), np.empty(n_links), np.empty(n_states))
-    scratch = _Scratch(
+    policy = _Policy(
         np.full(n_states, -1, np.int64), np.empty(n_states, np.int64), np.empty(n_states, np.int64)
     )
     value, most = np.zeros(n_states), np.empty(cap.shape[0])
@@ -198,10 +198,10 @@ def relax(
             made.stop[state] = min(mu * level / n_levels, most[net.graph.base]) if is_base else 0.0
         n = 0
         while True:
-            if n == _MOST_CHOICES or not _follow_choices(states, made, most, value, scratch):
+            if n == _MOST_CHOICES or not _follow_choices(states, made, most, value, policy):
                 return False
             n += 1
-            if not _choose(states, made, most, tolerance, value, scratch, n % 2 == 0):
+            if not _choose(states, made, most, tolerance, value, policy, n % 2 == 0):
                 break
         for below in range(1 if level == n_linear else level, level + 1):
             values[:, below] = value * (below / level)

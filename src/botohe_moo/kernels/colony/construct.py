@@ -4,15 +4,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from botohe_moo._base.types import IntArray, OffsetArray, SeedArray
+from botohe_moo._base.types import IntArray, OffsetArray
 from botohe_moo.kernels.colony.weighing import (
     BLOCK,
     Ant,
+    AntScratch,
     BuildRule,
-    Scratch,
     Weights,
     draw_arc,
-    new_scratch,
     tabulate_node,
     weigh,
 )
@@ -45,7 +44,7 @@ def _choose(
     graph: Graph,
     weights: Weights,
     rule: BuildRule,
-    scratch: Scratch,
+    scratch: AntScratch,
     paths: Paths | None,
     ant: Ant,
     here: int,
@@ -132,7 +131,7 @@ def _leads_home_within(
 
 
 @inlined
-def _visit(scratch: Scratch, ant: Ant, node: int, alive: float) -> None:
+def _visit(scratch: AntScratch, ant: Ant, node: int, alive: float) -> None:
     """Note that a robot has got to a node with probability ``alive``."""
     if ant.visited[node] == ant.trail:
         return
@@ -149,7 +148,7 @@ def _walk(
     graph: Graph,
     weights: Weights,
     rule: BuildRule,
-    scratch: Scratch,
+    scratch: AntScratch,
     paths: Paths | None,
     plans: Plans,
     trail: int,
@@ -196,7 +195,7 @@ def _walk(
 
 
 @inlined
-def _begin_plan(graph: Graph, rule: BuildRule, scratch: Scratch, plans: Plans, ant: int) -> None:
+def _begin_plan(graph: Graph, rule: BuildRule, scratch: AntScratch, plans: Plans, ant: int) -> None:
     """Put all robots at the base; as long as they are out, offsets count their hops."""
     for i in range(scratch.n_touched[0]):
         scratch.unreached[scratch.touched[i]] = 1.0
@@ -208,7 +207,7 @@ def _begin_plan(graph: Graph, rule: BuildRule, scratch: Scratch, plans: Plans, a
 
 @inlined
 def _end_plan(
-    plans: Plans, rule: BuildRule, scratch: Scratch, ant: int, start: int, stop: int
+    plans: Plans, rule: BuildRule, scratch: AntScratch, ant: int, start: int, stop: int
 ) -> None:
     """Add up what the offsets have counted, and put hops that mingle in the robots' order.
 
@@ -235,7 +234,7 @@ def construct(
     weights: Weights,
     rule: BuildRule,
     paths: Paths | None,
-    states: SeedArray,
+    scratch: AntScratch,
     plans: Plans,
     begin: int,
     end: int,
@@ -255,7 +254,6 @@ def construct(
     Gives the ant whose plan might not have had room; ``end`` if all had.
     """
     n_robots = rule.n_robots
-    scratch = new_scratch(graph, rule, weights.log_reward.shape[0], states)
     plans.size[0] = plans.offsets[begin * n_robots] = 0
     room = n_robots * (graph.head.shape[0] + 1) * (2 if rule.concurrent else 1)
     for ant in range(begin, end):

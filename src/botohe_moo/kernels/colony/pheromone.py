@@ -18,14 +18,12 @@ LOG_LOW, LOG_HIGH = -650.0, 250.0
 
 
 class LearningRule(NamedTuple):
-    """How pheromone changes, and by how many plans."""
+    """How pheromone changes."""
 
-    evaporation: float  # share that evaporates, in (0, 1)
+    evaporation: float  # share that evaporates, in [0, 1)
     # Whether each deposit is divided by the number of plans in both sets together, or by the size
     # of its own set.
     pooled: bool
-    iteration_size: int  # plans of the iteration's Pareto set
-    archive_size: int  # plans of the global one
 
 
 class Depositors(NamedTuple):
@@ -50,15 +48,14 @@ class Pheromone(NamedTuple):
     log_eta_survival: FloatArray
 
 
-@kernel
-def deposit(links: Links, plans: Depositors, n_robots: int, amounts: FloatArray) -> None:
-    """Set ``amounts`` to what the plans leave on each arc, in sum (n_maps, n_arcs + 1, 2).
-
-    With one map the robots share it.
-    """
-    amounts[:] = 0.0
+@helper
+def _deposit(links: Links, plans: Depositors, n_robots: int, amounts: FloatArray) -> None:
+    """Set ``amounts`` to what the plans leave on each arc, in sum (n_maps, n_arcs + 1, 2)."""
     n_maps, loop = amounts.shape[0], links.head.shape[0]
-    for m in range(len(plans.members)):
+    for m in range(n_maps):
+        for arc in range(loop + 1):
+            amounts[m, arc, 0] = amounts[m, arc, 1] = 0.0
+    for m in range(plans.members.shape[0]):
         plan = plans.members[m]
         reward, survivors = plans.objectives[plan, 0], plans.objectives[plan, 1]
         for robot in range(n_robots):
@@ -73,36 +70,41 @@ def deposit(links: Links, plans: Depositors, n_robots: int, amounts: FloatArray)
                 amounts[which, arc, 1] += survivors
 
 
-@helper
-def _weigh(pheromone: Pheromone, weights: Weights) -> None:
-    """Write log(τ_R η_R) and log(τ_S η_S), within ``LOG_LOW`` and ``LOG_HIGH``."""
-    levels = pheromone.levels
-    for m in range(levels.shape[0]):
-        for arc in range(levels.shape[1]):
-            reward = math.log(max(LEAST, levels[m, arc, 0])) + pheromone.log_eta_reward[arc]
-            alive = math.log(max(LEAST, levels[m, arc, 1])) + pheromone.log_eta_survival[arc]
-            weights.log_reward[m, arc] = min(max(reward, LOG_LOW), LOG_HIGH)
-            weights.log_survival[m, arc] = min(max(alive, LOG_LOW), LOG_HIGH)
-
-
 @kernel
-def learn(pheromone: Pheromone, weights: Weights, rule: LearningRule) -> None:
-    """Let pheromone evaporate, and add what has been deposited.
+def learn(
+    links: Links,
+    iteration: Depositors,
+    archive: Depositors,
+    is_new: bool,
+    n_robots: int,
+    rule: LearningRule,
+    pheromone: Pheromone,
+    weights: Weights,
+) -> None:
+    """Let pheromone evaporate, and the iteration's and the global Pareto set deposit.
 
-    ``weights``, what ants make of it, are written anew.
+    With one map the robots share it. What the archive deposits is summed up again only where
+    ``is_new``. ``weights`` are written anew: log(τ_R η_R) and log(τ_S η_S), within ``LOG_LOW`` and
+    ``LOG_HIGH``.
     """
     levels, deposits, archived = pheromone.levels, pheromone.deposits, pheromone.archive_deposits
-    iteration_size, archive_size = rule.iteration_size, rule.archive_size
+    _deposit(links, iteration, n_robots, deposits)
+    if is_new:
+        _deposit(links, archive, n_robots, archived)
+    n_iteration, n_archive = iteration.members.shape[0], archive.members.shape[0]
     if rule.pooled:
-        iteration_size = archive_size = iteration_size + archive_size
-    kept = 1.0 - rule.evaporation
+        n_iteration = n_archive = n_iteration + n_archive
+    kept, n_iteration, n_archive = 1.0 - rule.evaporation, max(1, n_iteration), max(1, n_archive)
     for m in range(levels.shape[0]):
         for arc in range(levels.shape[1]):
             for species in range(2):
-                levels[m, arc, species] = max(
-                    LEAST,
+                level = (
                     kept * levels[m, arc, species]
-                    + deposits[m, arc, species] / max(1, iteration_size)
-                    + archived[m, arc, species] / max(1, archive_size),
+                    + deposits[m, arc, species] / n_iteration
+                    + archived[m, arc, species] / n_archive
                 )
-    _weigh(pheromone, weights)
+                levels[m, arc, species] = max(LEAST, level)
+            reward = math.log(levels[m, arc, 0]) + pheromone.log_eta_reward[arc]
+            alive = math.log(levels[m, arc, 1]) + pheromone.log_eta_survival[arc]
+            weights.log_reward[m, arc] = min(max(reward, LOG_LOW), LOG_HIGH)
+            weights.log_survival[m, arc] = min(max(alive, LOG_LOW), LOG_HIGH)

@@ -48,8 +48,8 @@ class Weights(NamedTuple):
     log_fresh: FloatArray
 
 
-class Scratch(NamedTuple):
-    """Scratch of an ant: weights in tables, and where its robots have been."""
+class AntScratch(NamedTuple):
+    """AntScratch of an ant: weights in tables, and where its robots have been."""
 
     # Weights of arcs for each ant of a block (n_maps, ``BLOCK``, n_arcs + 1): for a head already in
     # the trail, and for one that no robot reaches yet.
@@ -78,30 +78,28 @@ class Scratch(NamedTuple):
     states: SeedArray  # state of each ant's random numbers (n_ants, 2)
 
 
-@helper(makes_arrays=True)
-def new_scratch(graph: Graph, rule: BuildRule, n_maps: int, states: SeedArray) -> Scratch:
-    """Make room for an ant, and let no node be visited."""
-    n_nodes, n_arcs = graph.reward.shape[0], graph.head.shape[0] + 1
+def new_scratch(graph: Graph, rule: BuildRule, n_maps: int, states: SeedArray) -> AntScratch:
+    """Return scratch for ants that build by a rule, whose random numbers have these states."""
+    n_nodes, n_arcs = graph.n_nodes, graph.n_arcs + 1
     n_rows = rule.n_robots if rule.concurrent else 1
-    scratch = Scratch(
-        np.empty((n_maps, BLOCK, n_arcs)),
-        np.empty((n_maps, BLOCK, n_arcs)),
-        np.empty((n_maps, n_nodes), np.int64),
-        np.empty((n_rows, n_arcs), np.int64),
-        np.empty((n_rows, n_nodes), np.int64),
-        np.empty((n_rows, n_nodes), np.int64),
-        np.empty(rule.n_robots, np.int64),
-        np.empty(rule.n_robots),
-        np.empty(rule.n_robots),
-        np.empty(n_nodes),
-        np.empty(n_nodes, np.int64),
-        np.empty(1, np.int64),
-        np.empty(n_arcs),
-        np.empty(n_arcs, np.int64),
-        states,
+    scratch = AntScratch(
+        seen=np.empty((n_maps, BLOCK, n_arcs)),
+        fresh=np.empty((n_maps, BLOCK, n_arcs)),
+        tabulated=np.empty((n_maps, n_nodes), np.int64),
+        used=np.empty((n_rows, n_arcs), np.int64),
+        visited=np.empty((n_rows, n_nodes), np.int64),
+        onward=np.empty((n_rows, n_nodes), np.int64),
+        here=np.empty(rule.n_robots, np.int64),
+        alive=np.empty(rule.n_robots),
+        length=np.empty(rule.n_robots),
+        unreached=np.ones(n_nodes),
+        touched=np.empty(n_nodes, np.int64),
+        n_touched=np.zeros(1, np.int64),
+        cumulated=np.empty(n_arcs),
+        rejected=np.empty(n_arcs, np.int64),
+        states=states,
     )
-    scratch.tabulated[:], scratch.used[:], scratch.visited[:] = -1, -1, -1
-    scratch.onward[:, graph.base], scratch.unreached[:], scratch.n_touched[:] = -1, 1.0, 0
+    scratch.onward[:, graph.base] = -1
     return scratch
 
 
@@ -121,7 +119,7 @@ class Ant(NamedTuple):
 
 @inlined
 def _tabulate_arc(
-    weights: Weights, rule: BuildRule, scratch: Scratch, block: int, which: int, arc: int
+    weights: Weights, rule: BuildRule, scratch: AntScratch, block: int, which: int, arc: int
 ) -> None:
     """Fill in the weights of an arc for every ant of a block.
 
@@ -148,7 +146,7 @@ def tabulate_node(
     graph: Graph,
     weights: Weights,
     rule: BuildRule,
-    scratch: Scratch,
+    scratch: AntScratch,
     block: int,
     which: int,
     node: int,
@@ -163,7 +161,7 @@ def tabulate_node(
 
 @inlined
 def weigh(
-    graph: Graph, weights: Weights, scratch: Scratch, ant: Ant, here: int
+    graph: Graph, weights: Weights, scratch: AntScratch, ant: Ant, here: int
 ) -> tuple[int, float, int]:
     """Sum up the weights of the arcs that a robot may take.
 

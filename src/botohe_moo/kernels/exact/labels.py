@@ -23,10 +23,11 @@ import math
 
 import numpy as np
 
-from botohe_moo._base.types import SeedArray
+from botohe_moo._base.types import RecordArray, SeedArray
 from botohe_moo.kernels.compile import helper, inlined
-from botohe_moo.kernels.exact.tables import Here, Labels, Records, Rule
+from botohe_moo.kernels.exact.tables import CurrentLabel, LabelRule, LabelTable
 from botohe_moo.kernels.graph.graph import Graph
+from botohe_moo.kernels.graph.paths import ANYWHERE, search_paths
 
 # What a limit is missed by less, when it is computed in another order, goes on.
 ROUNDING = 1e-12
@@ -45,83 +46,58 @@ def put(bits: SeedArray, i: int) -> None:
 
 
 @inlined
-def has_budget(rule: Rule) -> bool:
+def has_budget(rule: LabelRule) -> bool:
     """Tell whether there is a travel budget."""
     return rule.limits.max_length < math.inf
 
 
 @helper
-def look_around(graph: Graph, rule: Rule, here: Here, node: int) -> None:
+def look_around(graph: Graph, rule: LabelRule, current: CurrentLabel, node: int) -> None:
     """Find the safest ways from a node over arcs that can be used, and give up arcs of no use.
 
-    ``here.used`` and ``here.length`` are read; the former gets the arcs of no use. This is not
-    ``search_paths``: used arcs are bits, few nodes wait at a time, and figures are compared that
-    must be products of survivals.
+    ``current.used`` and ``current.length`` are read; the former gets the arcs of no use, and
+    ``current.bits`` all arcs that cannot be used.
     """
-    reach, entry, waiting, used = here.reach, here.entry, here.waiting, here.used
-    n_nodes, n_arcs = reach.shape[0], graph.head.shape[0]
+    reach, paths, used, n_nodes = current.reach, current.paths, current.used, graph.reward.shape[0]
     if has_budget(rule):
-        _give_up_what_is_too_far(graph, rule, here, node)
+        _give_up_what_is_too_far(graph, rule, current, node)
     for v in range(n_nodes):
-        reach[v], entry[v] = 0.0, -1
-    reach[node], waiting[0] = 1.0, node
-    n = 1
-    while n > 0:
-        first = 0  # of those that wait the safest to reach, or of equals the one that comes first
-        for i in range(1, n):
-            v, best = waiting[i], waiting[first]
-            if reach[v] > reach[best] or (reach[v] == reach[best] and v < best):
-                first = i
-        at = waiting[first]
-        n -= 1
-        waiting[first] = waiting[n]
-        for arc in range(graph.first[at], graph.first[at + 1]):
-            there = graph.head[arc]
-            alive = reach[at] * graph.survival[arc]
-            if alive > reach[there] and not has(used, arc):
-                if reach[there] == 0.0:
-                    waiting[n] = there
-                    n += 1
-                reach[there], entry[there] = alive, arc
-    _look_home(graph, rule, here)
-    for arc in range(n_arcs):
-        if reach[graph.tail[arc]] == 0.0 or here.homeward[graph.head[arc]] == 0:
-            put(used, arc)
+        reach[v] = 0.0
+    reach[node] = 1.0
+    n = search_paths(graph, paths, used, 1, node, ANYWHERE, n_nodes, False)
+    for i in range(1, n):
+        arc = paths.entry[paths.order[i]]
+        reach[paths.order[i]] = reach[graph.tail[arc]] * graph.survival[arc]
+    _look_home(graph, rule, current)
+    for word in range(current.bits.shape[0]):
+        current.bits[word] = 0
+    for arc in range(graph.head.shape[0]):
+        if reach[graph.tail[arc]] == 0.0 or current.homeward[graph.head[arc]] == 0:
+            used[arc] = 1
+        if used[arc] == 1:
+            put(current.bits, arc)
 
 
 @helper
-def _give_up_what_is_too_far(graph: Graph, rule: Rule, here: Here, node: int) -> None:
-    """Give up the arcs over which the label at hand cannot get home within the travel budget."""
-    distance, waiting, used = here.distance, here.waiting, here.used
-    longest = rule.limits.max_length * (1.0 + ROUNDING)
-    for v in range(distance.shape[0]):
-        distance[v] = math.inf
-    distance[node], waiting[0] = here.length[0], node
-    n = 1
-    while n > 0:
-        first = 0  # of those that wait the nearest
-        for i in range(1, n):
-            if distance[waiting[i]] < distance[waiting[first]]:
-                first = i
-        at = waiting[first]
-        n -= 1
-        waiting[first] = waiting[n]
-        for arc in range(graph.first[at], graph.first[at + 1]):
-            there = graph.head[arc]
-            length = distance[at] + graph.length[arc]
-            if length + rule.shortest[there] > longest:
-                put(used, arc)
-            if length < distance[there] and not has(used, arc):
-                if distance[there] == math.inf:
-                    waiting[n] = there
-                    n += 1
-                distance[there] = length
+def _give_up_what_is_too_far(
+    graph: Graph, rule: LabelRule, current: CurrentLabel, node: int
+) -> None:
+    """Give up the arcs over which the current label cannot get home within the travel budget."""
+    paths, short, n_nodes = current.paths, rule.short, graph.reward.shape[0]
+    longest = rule.limits.max_length * (1.0 + ROUNDING) - current.length[0]
+    n = search_paths(short, paths, current.used, 1, node, ANYWHERE, n_nodes, False)
+    for i in range(n):
+        tail = paths.order[i]
+        for arc in range(graph.first[tail], graph.first[tail + 1]):
+            length = paths.distance[tail] + graph.length[arc]
+            if length + short.home[graph.head[arc]] > longest:
+                current.used[arc] = 1
 
 
 @helper
-def _look_home(graph: Graph, rule: Rule, here: Here) -> None:
+def _look_home(graph: Graph, rule: LabelRule, current: CurrentLabel) -> None:
     """Find the nodes from which arcs that can be used lead home."""
-    homeward, waiting = here.homeward, here.waiting
+    homeward, waiting = current.homeward, current.paths.order
     everywhere = graph.balanced and not has_budget(rule)  # what can be reached leads home
     for v in range(homeward.shape[0]):
         homeward[v] = 1 if everywhere else 0
@@ -135,88 +111,90 @@ def _look_home(graph: Graph, rule: Rule, here: Here) -> None:
         for i in range(graph.first_entering[at], graph.first_entering[at + 1]):
             arc = graph.entering[i]
             tail = graph.tail[arc]
-            if homeward[tail] == 0 and not has(here.used, arc):
+            if homeward[tail] == 0 and current.used[arc] != 1:
                 homeward[tail], waiting[n] = 1, tail
                 n += 1
 
 
 @helper
-def look_ahead(graph: Graph, rule: Rule, here: Here, node: int, alive: float) -> float:
+def look_ahead(
+    graph: Graph, rule: LabelRule, current: CurrentLabel, node: int, alive: float
+) -> float:
     """Write ``prospect`` of a label after ``look_around``, given the probability to get there.
 
     Gives at most with what probability the robot survives if it goes on to a goal that it has not
     reached, or with a travel budget goes on to the base; −1 where it can do neither.
     """
     survives = -1.0
-    reached, prospect = here.reached, here.prospect
+    reached, prospect = current.reached, current.prospect
     for goal in range(reached.shape[0]):
         prospect[goal] = reached[goal]
     for there in range(rule.goal.shape[0]):
         goal = rule.goal[there]
-        if goal < 0 or reached[goal] > 0.0 or here.homeward[there] == 0:
+        if goal < 0 or reached[goal] > 0.0 or current.homeward[there] == 0:
             continue
-        reach = alive * here.reach[there]
+        reach = alive * current.reach[there]
         if reach > 0.0:
             prospect[goal] = reach
             survives = max(survives, reach * graph.home[there])
     if has_budget(rule) and node != graph.base:
-        survives = max(survives, alive * here.reach[graph.base])
+        survives = max(survives, alive * current.reach[graph.base])
     return survives
 
 
 @helper
 def is_needless(
-    rule: Rule, labels: Labels, here: Here, node: int, alive: float, itself: int
+    rule: LabelRule, labels: LabelTable, current: CurrentLabel, node: int, alive: float, itself: int
 ) -> bool:
     """Tell whether some known label, other than ``itself``, stands for the one at hand."""
-    key = _key_of(rule, here, node)
+    key = _key_of(rule, current, node)
     label = labels.last[np.int64(key & np.uint64(labels.last.shape[0] - 1))]
     while label >= 0:
         row = labels.rows[label]
         same = label != itself and row.key == key and row.node == node
-        same = same and not (has_budget(rule) and row.length > here.length[0])
-        if same and row.alive >= alive and _stands_for(rule, labels, label, here):
+        same = same and not (has_budget(rule) and row.length > current.length[0])
+        if same and row.alive >= alive and _stands_for(rule, labels, label, current):
             return True
         label = row.before
     return False
 
 
 @inlined
-def _stands_for(rule: Rule, labels: Labels, label: int, here: Here) -> bool:
+def _stands_for(rule: LabelRule, labels: LabelTable, label: int, current: CurrentLabel) -> bool:
     """Tell whether a label at the same node, as probably alive, makes the one at hand needless."""
-    for word in range(here.used.shape[0]):
-        if labels.used[label, word] & ~here.used[word]:
+    for word in range(current.bits.shape[0]):
+        if labels.used[label, word] & ~current.bits[word]:
             return False
     if not rule.single:
-        for goal in range(here.reached.shape[0]):
-            if labels.reached[label, goal] < here.reached[goal]:
+        for goal in range(current.reached.shape[0]):
+            if labels.reached[label, goal] < current.reached[goal]:
                 return False
         return True
     ahead = 0.0
-    for goal in range(here.reached.shape[0]):
-        known, own = labels.reached[label, goal], here.reached[goal]
+    for goal in range(current.reached.shape[0]):
+        known, own = labels.reached[label, goal], current.reached[goal]
         if known > 0.0 and own == 0.0:
-            own = here.prospect[goal]
+            own = current.prospect[goal]
         ahead += rule.reward[goal] * (known - own)
     return ahead >= 0.0
 
 
 @inlined
-def _key_of(rule: Rule, here: Here, node: int) -> np.uint64:
+def _key_of(rule: LabelRule, current: CurrentLabel, node: int) -> np.uint64:
     """Hash a node and the goals that the label at hand has reached."""
     key: np.uint64 = rule.node_keys[node]
-    for goal in range(here.reached.shape[0]):
-        if here.reached[goal] > 0.0:
+    for goal in range(current.reached.shape[0]):
+        if current.reached[goal] > 0.0:
             key ^= rule.goal_keys[goal]
     return key
 
 
 @helper
 def add_label(
-    rule: Rule,
-    labels: Labels,
-    progress: Records,
-    here: Here,
+    rule: LabelRule,
+    labels: LabelTable,
+    progress: RecordArray,
+    current: CurrentLabel,
     parent: int,
     arc: int,
     node: int,
@@ -227,11 +205,11 @@ def add_label(
     progress[0].n_labels += 1
     row = labels.rows[n]
     row.parent, row.arc, row.node, row.alive = parent, arc, node, alive
-    row.length = here.length[0]
-    row.key = _key_of(rule, here, node)
-    for goal in range(here.reached.shape[0]):
-        labels.reached[n, goal] = here.reached[goal]
-    for word in range(here.used.shape[0]):
-        labels.used[n, word] = here.used[word]
+    row.length = current.length[0]
+    row.key = _key_of(rule, current, node)
+    for goal in range(current.reached.shape[0]):
+        labels.reached[n, goal] = current.reached[goal]
+    for word in range(current.bits.shape[0]):
+        labels.used[n, word] = current.bits[word]
     place = np.int64(row.key & np.uint64(labels.last.shape[0] - 1))
     row.before, labels.last[place] = labels.last[place], n

@@ -1,12 +1,12 @@
 """What the search for all trails of a mission works on: tables of labels and trails that grow."""
 
-from typing import Any, NamedTuple, TypeAlias, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from botohe_moo._base.types import FloatArray, OffsetArray, SeedArray
-from botohe_moo.kernels.graph.graph import Limits
+from botohe_moo._base.types import FloatArray, OffsetArray, RecordArray, SeedArray
+from botohe_moo.kernels.graph.graph import Graph, Limits
+from botohe_moo.kernels.graph.paths import Paths, new_paths
 
 SHELF = 32  # trails that are looked at together
 
@@ -37,11 +37,10 @@ PROGRESS = np.dtype(
         ("n_trails", np.int64),
     ]
 )
-Records: TypeAlias = NDArray[Any]
 Table = TypeVar("Table", bound=tuple[Any, ...])
 
 
-class Rule(NamedTuple):
+class LabelRule(NamedTuple):
     """What decides about trails."""
 
     # Of each node, which goal it is, −1 for those without reward and for the base (n_nodes).
@@ -52,14 +51,13 @@ class Rule(NamedTuple):
     goal_keys: SeedArray
     single: bool  # whether the team is one robot
     limits: Limits  # survival floor and travel budget
-    # Length of the shortest way home from each node (n_nodes); empty without a travel budget.
-    shortest: FloatArray
+    short: Graph  # as ``measured_by_length`` returns it with a travel budget, else not used
 
 
-class Labels(NamedTuple):
-    """Labels, one a row; those at the same node with the same goals reached are chained."""
+class LabelTable(NamedTuple):
+    """LabelTable, one a row; those at the same node with the same goals reached are chained."""
 
-    rows: Records  # as ``LABEL``
+    rows: RecordArray  # as ``LABEL``
     # Probability to have reached each goal, 0 where it has not been visited (n, n_goals).
     reached: FloatArray
     used: SeedArray  # bits of the arcs that it cannot use any more (n, n_words)
@@ -68,10 +66,10 @@ class Labels(NamedTuple):
     last: OffsetArray
 
 
-class Trails(NamedTuple):
-    """Trails that no trail before them is as good as; SHELF of them lie on a shelf."""
+class TrailTable(NamedTuple):
+    """TrailTable that no trail before them is as good as; SHELF of them lie on a shelf."""
 
-    rows: Records  # as ``TRAIL``
+    rows: RecordArray  # as ``TRAIL``
     # Probability to reach each goal; for a single robot the share of the reward (n, n_columns).
     reached: FloatArray
     # The largest of them on each shelf.
@@ -79,54 +77,55 @@ class Trails(NamedTuple):
     shelf_reached: FloatArray
 
 
-class Here(NamedTuple):
-    """Scratch: what a label at hand may still reach."""
+class CurrentLabel(NamedTuple):
+    """Scratch: a label, and what it may still reach."""
 
-    # Survival of the safest way to each node over arcs that it can use, 0 for none, and the last
-    # arc of that way.
-    reach: FloatArray
-    entry: OffsetArray
-    homeward: OffsetArray  # whether arcs that it can use lead from each node home
-    waiting: OffsetArray  # nodes to go on from
-    # With a travel budget: how long the label is at least when it gets to each node (n_nodes).
-    distance: FloatArray
+    paths: Paths  # the safest ways from its node over arcs that it can use
+    reach: FloatArray  # survival of these, 0 where there is none (n_nodes)
+    homeward: OffsetArray  # whether arcs that it can use lead from each node home (n_nodes)
     length: FloatArray  # how long it is (1)
-    used: SeedArray  # its arcs (n_words)
+    # Whether it cannot use each arc (n_arcs), and the same as bits (n_words).
+    used: OffsetArray
+    bits: SeedArray
     # Probability to have reached each goal, and at most to reach it at all (n_goals).
     reached: FloatArray
     prospect: FloatArray
-    column: FloatArray  # one row of ``Trails.reached``
+    column: FloatArray  # one row of ``TrailTable.reached``
 
 
-def new_here(n_nodes: int, n_goals: int, n_words: int, n_columns: int) -> Here:
-    """Make room for a label at hand."""
-    return Here(
-        reach=np.zeros(n_nodes),
-        entry=np.zeros(n_nodes, np.int64),
-        homeward=np.zeros(n_nodes, np.int64),
-        waiting=np.zeros(n_nodes, np.int64),
-        distance=np.zeros(n_nodes),
+def new_current(graph: Graph, n_goals: int, n_columns: int) -> CurrentLabel:
+    """Return scratch for labels of a mission."""
+    return CurrentLabel(
+        paths=new_paths(graph),
+        reach=np.zeros(graph.n_nodes),
+        homeward=np.zeros(graph.n_nodes, np.int64),
         length=np.zeros(1),
-        used=np.zeros(n_words, np.uint64),
+        used=np.zeros(graph.n_arcs, np.int64),
+        bits=np.zeros(n_words(graph), np.uint64),
         reached=np.zeros(n_goals),
         prospect=np.zeros(n_goals),
         column=np.zeros(n_columns),
     )
 
 
-def new_labels(n: int, n_goals: int, n_words: int) -> Labels:
+def n_words(graph: Graph) -> int:
+    """Return how many words have a bit for each arc."""
+    return graph.n_arcs // 64 + 1
+
+
+def new_labels(n: int, n_goals: int, words: int) -> LabelTable:
     """Make room for ``n`` labels, a power of two."""
-    return Labels(
+    return LabelTable(
         rows=np.zeros(n, LABEL).view(np.recarray),
         reached=np.zeros((n, n_goals)),
-        used=np.zeros((n, n_words), np.uint64),
+        used=np.zeros((n, words), np.uint64),
         last=np.full(n, -1, np.int64),
     )
 
 
-def new_trails(n: int, n_columns: int) -> Trails:
+def new_trails(n: int, n_columns: int) -> TrailTable:
     """Make room for ``n`` trails, a multiple of SHELF."""
-    return Trails(
+    return TrailTable(
         rows=np.zeros(n, TRAIL).view(np.recarray),
         reached=np.zeros((n, n_columns)),
         shelf_survives=np.zeros(n // SHELF),
@@ -142,7 +141,7 @@ def doubled(table: Table) -> Table:
     return type(table)(*larger)
 
 
-def chained_again(labels: Labels, n_labels: int) -> Labels:
+def chained_again(labels: LabelTable, n_labels: int) -> LabelTable:
     """Make all chains anew, where there is room for more of them."""
     labels.last[:] = -1
     rows = labels.rows[:n_labels]

@@ -12,14 +12,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo._base.types import FloatArray, OffsetArray, RecordArray
 from botohe_moo.kernels.compile import helper, kernel
-from botohe_moo.kernels.exact.tables import Records
+from botohe_moo.kernels.fronts.ordered import (
+    OrderedFront,
+    best_reward,
+    find_place,
+    insert,
+    place_before,
+)
 
 TURN = np.dtype(
     [
         ("robot", np.int64),  # whose turn it is to choose, −1 before the first one's
-        ("n_front", np.int64),  # teams in the front
         ("n_looks", np.int64),  # how many trails have been looked at as choices
     ]
 )
@@ -50,16 +55,6 @@ class Choices(NamedTuple):
     figures: FloatArray  # for each robot E[R] and E[S] of those before it
 
 
-class Front(NamedTuple):
-    """Teams that none is better than, by descending E[R]."""
-
-    # E[R], without that of the base, and E[S].
-    reward: FloatArray
-    survivors: FloatArray
-    # The trails of each (n, n_robots); below 0 in the first column for teams known beforehand.
-    team: OffsetArray
-
-
 def new_choices(
     survives: FloatArray, reached: FloatArray, reward: FloatArray, slack: FloatArray, n_robots: int
 ) -> Choices:
@@ -83,61 +78,11 @@ def new_choices(
     )
 
 
-def new_front(n: int, n_robots: int) -> Front:
-    """Make room for a front of ``n`` teams."""
-    return Front(np.zeros(n), np.zeros(n), np.zeros((n, n_robots), np.int64))
-
-
-def new_turn() -> Records:
+def new_turn() -> RecordArray:
     """Make the state of a search that has not begun."""
     turn = np.zeros(1, TURN).view(np.recarray)
     turn["robot"] = -1
     return turn
-
-
-@helper
-def _n_as_rewarding(front: Front, n_front: int, reward: float) -> int:
-    """Count the teams of the front with at least that reward."""
-    low, high = 0, n_front
-    while low < high:
-        middle = (low + high) // 2
-        if front.reward[middle] >= reward:
-            low = middle + 1
-        else:
-            high = middle
-    return low
-
-
-@helper
-def is_covered(front: Front, n_front: int, reward: float, survivors: float) -> bool:
-    """Tell whether a team of the front is at least as good."""
-    n = _n_as_rewarding(front, n_front, reward)
-    return bool(n > 0 and front.survivors[n - 1] >= survivors)
-
-
-@helper
-def insert(front: Front, n_front: int, reward: float, survivors: float, team: OffsetArray) -> int:
-    """Take a team that is not covered into the front, and those out that it is as good as.
-
-    There must be room for it. Gives how many teams the front has then.
-    """
-    start = 0
-    while start < n_front and front.reward[start] > reward:
-        start += 1
-    stop = start
-    while stop < n_front and front.survivors[stop] <= survivors:
-        stop += 1
-    shift = start + 1 - stop
-    for i in range(n_front - stop):
-        old = n_front - 1 - i if shift > 0 else stop + i  # from the end where they move up
-        front.reward[old + shift] = front.reward[old]
-        front.survivors[old + shift] = front.survivors[old]
-        for robot in range(team.shape[0]):
-            front.team[old + shift, robot] = front.team[old, robot]
-    front.reward[start], front.survivors[start] = reward, survivors
-    for robot in range(team.shape[0]):
-        front.team[start, robot] = team[robot]
-    return n_front + shift
 
 
 @helper
@@ -163,44 +108,48 @@ def _make_hull(choices: Choices, robot: int) -> None:
 @helper
 def _is_hopeful(
     choices: Choices,
-    front: Front,
-    n_front: int,
+    front: OrderedFront,
     robot: int,
     n_more: int,
     reward: float,
     survivors: float,
 ) -> bool:
-    """Tell whether a team may get beyond the front with more robots, who choose from a hull.
+    """Whether a team may get beyond the front with more robots, who choose from a hull.
 
     ``reward`` and ``survivors`` are the team's without them, ``robot`` is whose hull it is.
     """
     reward -= choices.slack[0]
     survivors -= choices.slack[1]
     if n_more == 0:
-        return not is_covered(front, n_front, reward, survivors)
-    xs, ys, last = choices.hull_gain[robot], choices.hull_survives[robot], choices.n_hull[robot] - 1
-    most_reward, most_survivors = reward + n_more * xs[last], survivors + n_more * ys[0]
-    start = _n_as_rewarding(front, n_front, most_reward)
-    if start == 0 or most_survivors > front.survivors[n_front - 1]:
-        return True
+        return best_reward(front, survivors) < reward
+    gain, alive = choices.hull_gain[robot], choices.hull_survives[robot]
+    last = choices.n_hull[robot] - 1
+    most_reward, most_survivors = reward + n_more * gain[last], survivors + n_more * alive[0]
     # The front is a staircase: the bound gets beyond it where it gets beyond an inner corner.
-    for i in range(start - 1, n_front - 1):
-        if front.survivors[i] >= most_survivors:
+    at, place = find_place(front, most_survivors)
+    if at == front.n.blocks:
+        return True
+    right = 0
+    while True:
+        corner_reward = front.places[front.directory[at], place].reward
+        if most_reward <= corner_reward:
             return False
-        each = (front.reward[i + 1] - reward) / n_more
-        while last > 0 and xs[last - 1] >= each:
-            last -= 1
-        if last == 0 and each <= xs[0]:
+        at, place = place_before(front, at, place)
+        if at < 0:
             return True
-        share = (xs[last] - each) / (xs[last] - xs[last - 1])
-        there = ys[last] + share * (ys[last - 1] - ys[last])
-        if survivors + n_more * there > front.survivors[i]:
+        each = (corner_reward - reward) / n_more
+        while right < last and gain[right] < each:
+            right += 1
+        if right == 0:
             return True
-    return False
+        share = (gain[right] - each) / (gain[right] - gain[right - 1])
+        bound = survivors + n_more * (alive[right] + share * (alive[right - 1] - alive[right]))
+        if bound > front.places[front.directory[at], place].survivors:
+            return True
 
 
 @helper
-def _list_choices(choices: Choices, front: Front, n_front: int, robot: int) -> None:
+def _list_choices(choices: Choices, front: OrderedFront, robot: int) -> None:
     """List the trails that a robot may choose, given those before it."""
     n_robots = choices.at.shape[0]
     start, stop = 0, choices.survives.shape[0]
@@ -223,24 +172,27 @@ def _list_choices(choices: Choices, front: Front, n_front: int, robot: int) -> N
     for i in range(n):
         trail, gain = choices.listed[robot, i], choices.gain[robot, i]
         alive = survivors + choices.survives[trail]
-        if _is_hopeful(choices, front, n_front, robot, n_more, reward + gain, alive):
+        if _is_hopeful(choices, front, robot, n_more, reward + gain, alive):
             choices.listed[robot, n_kept], choices.gain[robot, n_kept] = trail, gain
             n_kept += 1
     choices.n_listed[robot] = n_kept
 
 
 @kernel
-def choose_teams(choices: Choices, front: Front, turn: Records, n_looks: int) -> int:
-    """Go on with the search for teams, and come back after so many looks at choices.
+def choose_teams(
+    choices: Choices, front: OrderedFront, turn: RecordArray, n_looks: int, most_reward: bool
+) -> int:
+    """Continue the search for teams, and return after a number of looks at choices.
 
-    Gives whether it is FINISHED, the front is FULL, or it has only PAUSED.
+    With ``most_reward`` only the most rewarding team is looked for: it is put into the front as if
+    all robots survived for sure. Returns whether the search is FINISHED, the front is FULL, or it
+    is only PAUSED.
     """
-    state, n_robots = turn[0], len(choices.at)
+    state, n_robots = turn[0], choices.at.shape[0]
     limit = state.n_looks + n_looks
-    team = np.empty(n_robots, np.int64)
     if state.robot < 0:
         state.robot = 0
-        _list_choices(choices, front, state.n_front, 0)
+        _list_choices(choices, front, 0)
     while state.n_looks < limit:
         robot = state.robot
         at = choices.at[robot]
@@ -250,14 +202,14 @@ def choose_teams(choices: Choices, front: Front, turn: Records, n_looks: int) ->
             state.robot -= 1
             choices.at[robot - 1] += 1
             continue
-        n_front, n_more = state.n_front, n_robots - robot - 1
-        if n_front == len(front.reward):
+        n_more = n_robots - robot - 1
+        if front.n.spare == 0:
             return FULL
         state.n_looks += 1
         trail = choices.listed[robot, at]
         reward = choices.figures[robot, 0] + choices.gain[robot, at]
         survivors = choices.figures[robot, 1] + choices.survives[trail]
-        if not _is_hopeful(choices, front, n_front, robot, n_more, reward, survivors):
+        if not _is_hopeful(choices, front, robot, n_more, reward, survivors):
             choices.at[robot] += 1
         elif n_more > 0:
             state.robot += 1
@@ -266,10 +218,10 @@ def choose_teams(choices: Choices, front: Front, turn: Records, n_looks: int) ->
             for goal in range(choices.left.shape[1]):
                 missed = 1.0 - choices.reached[trail, goal]
                 choices.left[robot + 1, goal] = choices.left[robot, goal] * missed
-            _list_choices(choices, front, n_front, robot + 1)
+            _list_choices(choices, front, robot + 1)
         else:
+            slot = insert(front, reward, np.inf if most_reward else survivors)
             for i in range(n_robots):
-                team[i] = choices.listed[i, choices.at[i]]
-            state.n_front = insert(front, n_front, reward, survivors, team)
+                front.plan[slot, i] = choices.listed[i, choices.at[i]]
             choices.at[robot] += 1
     return PAUSED

@@ -16,7 +16,7 @@ end also where a label has come to the base arc by arc, and a label goes on as l
 come there by a way that is safer than those that are known.
 """
 
-from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo._base.types import FloatArray, OffsetArray, RecordArray
 from botohe_moo.kernels.compile import helper, kernel
 from botohe_moo.kernels.exact.labels import (
     ROUNDING,
@@ -26,14 +26,21 @@ from botohe_moo.kernels.exact.labels import (
     is_needless,
     look_ahead,
     look_around,
-    put,
 )
-from botohe_moo.kernels.exact.tables import SHELF, Here, Labels, Records, Rule, Trails
+from botohe_moo.kernels.exact.tables import (
+    SHELF,
+    CurrentLabel,
+    LabelRule,
+    LabelTable,
+    TrailTable,
+)
 from botohe_moo.kernels.graph.graph import Graph
 
 
 @kernel
-def add_trails(trails: Trails, progress: Records, others: Trails, order: OffsetArray) -> None:
+def add_trails(
+    trails: TrailTable, progress: RecordArray, others: TrailTable, order: OffsetArray
+) -> None:
     """Add other trails in an order, but for those that a known one is at least as good as."""
     for i in range(order.shape[0]):
         row = others.rows[order[i]]
@@ -44,11 +51,11 @@ def add_trails(trails: Trails, progress: Records, others: Trails, order: OffsetA
 @kernel
 def grow(
     graph: Graph,
-    rule: Rule,
-    labels: Labels,
-    trails: Trails,
-    progress: Records,
-    here: Here,
+    rule: LabelRule,
+    labels: LabelTable,
+    trails: TrailTable,
+    progress: RecordArray,
+    current: CurrentLabel,
     n_looks: int,
     again: bool,
 ) -> bool:
@@ -60,7 +67,7 @@ def grow(
     """
     state = progress[0]
     if state.n_labels == 0:
-        _begin(graph, rule, labels, progress, here)
+        _begin(graph, rule, labels, progress, current)
     for _ in range(n_looks):
         parent = state.next
         if parent == state.n_labels:
@@ -71,127 +78,131 @@ def grow(
         if room < degree:
             return True
         state.next += 1
-        if again and _is_settled(graph, rule, labels, trails, progress, here, parent):
+        if again and _is_settled(graph, rule, labels, trails, progress, current, parent):
             continue
         for arc in range(graph.first[node], graph.first[node + 1]):
             if not has(labels.used[parent], arc):
-                _step(graph, rule, labels, trails, progress, here, parent, arc)
+                _step(graph, rule, labels, trails, progress, current, parent, arc)
     return False
 
 
 @helper
-def _begin(graph: Graph, rule: Rule, labels: Labels, progress: Records, here: Here) -> None:
+def _begin(
+    graph: Graph, rule: LabelRule, labels: LabelTable, progress: RecordArray, current: CurrentLabel
+) -> None:
     """Put the label of a robot that has not left the base into the first row."""
     for place in range(labels.last.shape[0]):
         labels.last[place] = -1
-    for word in range(here.used.shape[0]):
-        here.used[word] = 0
-    for goal in range(here.reached.shape[0]):
-        here.reached[goal] = 0.0
-    here.length[0] = 0.0
-    look_around(graph, rule, here, graph.base)
-    if look_ahead(graph, rule, here, graph.base, 1.0) > 0.0:
-        add_label(rule, labels, progress, here, -1, -1, graph.base, 1.0)
+    for arc in range(current.used.shape[0]):
+        current.used[arc] = 0
+    for goal in range(current.reached.shape[0]):
+        current.reached[goal] = 0.0
+    current.length[0] = 0.0
+    look_around(graph, rule, current, graph.base)
+    if look_ahead(graph, rule, current, graph.base, 1.0) > 0.0:
+        add_label(rule, labels, progress, current, -1, -1, graph.base, 1.0)
 
 
 @helper
 def _is_settled(
     graph: Graph,
-    rule: Rule,
-    labels: Labels,
-    trails: Trails,
-    progress: Records,
-    here: Here,
+    rule: LabelRule,
+    labels: LabelTable,
+    trails: TrailTable,
+    progress: RecordArray,
+    current: CurrentLabel,
     label: int,
 ) -> bool:
     """Tell whether a label stands for this one, or a trail is as good as all it can become."""
-    _copy(labels, label, here)
+    _copy(labels, label, current)
     row = labels.rows[label]
-    look_around(graph, rule, here, row.node)
-    survives = look_ahead(graph, rule, here, row.node, row.alive)
-    if is_needless(rule, labels, here, row.node, row.alive, label):
+    look_around(graph, rule, current, row.node)
+    survives = look_ahead(graph, rule, current, row.node, row.alive)
+    if is_needless(rule, labels, current, row.node, row.alive, label):
         return True
-    as_column(rule, here.prospect, here.column)
-    return _is_covered(trails, progress[0].n_trails, here.column, survives)
+    as_column(rule, current.prospect, current.column)
+    return _is_covered(trails, progress[0].n_trails, current.column, survives)
 
 
 @helper
-def _copy(labels: Labels, label: int, here: Here) -> None:
+def _copy(labels: LabelTable, label: int, current: CurrentLabel) -> None:
     """Take a label in hand."""
-    here.length[0] = labels.rows[label].length
-    for word in range(here.used.shape[0]):
-        here.used[word] = labels.used[label, word]
-    for goal in range(here.reached.shape[0]):
-        here.reached[goal] = labels.reached[label, goal]
+    current.length[0] = labels.rows[label].length
+    for arc in range(current.used.shape[0]):
+        current.used[arc] = has(labels.used[label], arc)
+    for goal in range(current.reached.shape[0]):
+        current.reached[goal] = labels.reached[label, goal]
 
 
 @helper
 def _step(
     graph: Graph,
-    rule: Rule,
-    labels: Labels,
-    trails: Trails,
-    progress: Records,
-    here: Here,
+    rule: LabelRule,
+    labels: LabelTable,
+    trails: TrailTable,
+    progress: RecordArray,
+    current: CurrentLabel,
     parent: int,
     arc: int,
 ) -> None:
     """Go on from a label by one arc; what is worth it becomes a label, a trail, or both."""
     node = graph.head[arc]
     alive = labels.rows[parent].alive * graph.survival[arc]
-    _copy(labels, parent, here)
-    put(here.used, arc)
-    here.length[0] += graph.length[arc]
-    look_around(graph, rule, here, node)
-    if alive * here.reach[graph.base] <= 0.0:  # a dead end, or one to any precision
+    _copy(labels, parent, current)
+    current.used[arc] = 1
+    current.length[0] += graph.length[arc]
+    look_around(graph, rule, current, node)
+    if alive * current.reach[graph.base] <= 0.0:  # a dead end, or one to any precision
         return
     goal = rule.goal[node]
-    fresh = goal >= 0 and here.reached[goal] == 0.0
+    fresh = goal >= 0 and current.reached[goal] == 0.0
     if fresh:
-        here.reached[goal] = alive
-    survives = look_ahead(graph, rule, here, node, alive)
-    if is_needless(rule, labels, here, node, alive, -1):
+        current.reached[goal] = alive
+    survives = look_ahead(graph, rule, current, node, alive)
+    if is_needless(rule, labels, current, node, alive, -1):
         return
     if fresh or (node == graph.base and has_budget(rule)):
-        home = alive * here.reach[graph.base]
-        if home >= rule.limits.min_survival and _is_short_enough(graph, rule, here):
-            _look_on_the_way_home(graph, rule, here, alive)
-            _add_trail(trails, progress, parent, arc, here.column, home)
-        look_ahead(graph, rule, here, node, alive)
+        home = alive * current.reach[graph.base]
+        if home >= rule.limits.min_survival and _is_short_enough(graph, rule, current):
+            _look_on_the_way_home(graph, rule, current, alive)
+            _add_trail(trails, progress, parent, arc, current.column, home)
+        look_ahead(graph, rule, current, node, alive)
     if survives <= 0.0 or survives < rule.limits.min_survival * (1.0 - ROUNDING):
         return
-    as_column(rule, here.prospect, here.column)
-    if not _is_covered(trails, progress[0].n_trails, here.column, survives):
-        add_label(rule, labels, progress, here, parent, arc, node, alive)
+    as_column(rule, current.prospect, current.column)
+    if not _is_covered(trails, progress[0].n_trails, current.column, survives):
+        add_label(rule, labels, progress, current, parent, arc, node, alive)
 
 
 @helper
-def _is_short_enough(graph: Graph, rule: Rule, here: Here) -> bool:
+def _is_short_enough(graph: Graph, rule: LabelRule, current: CurrentLabel) -> bool:
     """Tell whether the label at hand, gone home by the safest way, keeps the travel budget."""
-    at, length = graph.base, here.length[0]
-    while here.entry[at] >= 0:
-        length += graph.length[here.entry[at]]
-        at = graph.tail[here.entry[at]]
+    at, length = graph.base, current.length[0]
+    while current.paths.entry[at] >= 0:
+        length += graph.length[current.paths.entry[at]]
+        at = graph.tail[current.paths.entry[at]]
     return bool(length <= rule.limits.max_length)
 
 
 @helper
-def _look_on_the_way_home(graph: Graph, rule: Rule, here: Here, alive: float) -> None:
-    """Write to ``here.column`` what the trail reaches that goes home by the safest way."""
-    for goal in range(here.reached.shape[0]):
-        here.prospect[goal] = here.reached[goal]
+def _look_on_the_way_home(
+    graph: Graph, rule: LabelRule, current: CurrentLabel, alive: float
+) -> None:
+    """Write to ``current.column`` what the trail reaches that goes home by the safest way."""
+    for goal in range(current.reached.shape[0]):
+        current.prospect[goal] = current.reached[goal]
     at = graph.base
-    while here.entry[at] >= 0:
+    while current.paths.entry[at] >= 0:
         goal = rule.goal[at]
-        if goal >= 0 and here.reached[goal] == 0.0:
-            here.prospect[goal] = alive * here.reach[at]
-        at = graph.tail[here.entry[at]]
-    as_column(rule, here.prospect, here.column)
+        if goal >= 0 and current.reached[goal] == 0.0:
+            current.prospect[goal] = alive * current.reach[at]
+        at = graph.tail[current.paths.entry[at]]
+    as_column(rule, current.prospect, current.column)
 
 
 @helper
-def as_column(rule: Rule, reached: FloatArray, column: FloatArray) -> None:
-    """Write what ``Trails`` keeps of the probabilities to reach each goal."""
+def as_column(rule: LabelRule, reached: FloatArray, column: FloatArray) -> None:
+    """Write what ``TrailTable`` keeps of the probabilities to reach each goal."""
     collected = total = 0.0
     for goal in range(reached.shape[0]):
         collected += rule.reward[goal] * reached[goal]
@@ -203,7 +214,7 @@ def as_column(rule: Rule, reached: FloatArray, column: FloatArray) -> None:
 
 
 @helper
-def _is_covered(trails: Trails, n_trails: int, reached: FloatArray, survives: float) -> bool:
+def _is_covered(trails: TrailTable, n_trails: int, reached: FloatArray, survives: float) -> bool:
     """Tell whether a known trail is at least as good in everything."""
     for shelf in range((n_trails + SHELF - 1) // SHELF):
         if trails.shelf_survives[shelf] < survives:
@@ -228,7 +239,12 @@ def _is_covered(trails: Trails, n_trails: int, reached: FloatArray, survives: fl
 
 @helper
 def _add_trail(
-    trails: Trails, progress: Records, parent: int, arc: int, reached: FloatArray, survives: float
+    trails: TrailTable,
+    progress: RecordArray,
+    parent: int,
+    arc: int,
+    reached: FloatArray,
+    survives: float,
 ) -> None:
     """Put a trail into the next row, unless one that is known is at least as good.
 

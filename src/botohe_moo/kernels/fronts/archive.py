@@ -34,15 +34,8 @@ class Archive(NamedTuple):
     offsets: OffsetArray
 
 
-class Newcomers(NamedTuple):
-    """Plans that enter an archive, by descending E[R], and the hashes of their trails."""
-
-    plans: OffsetArray
-    hashes: SeedArray
-
-
 def new_archive() -> Archive:
-    """Make an archive without plans."""
+    """Return an archive without plans."""
     ids, offsets = np.empty(0, np.int64), np.zeros(1, np.int64)
     return Archive(np.empty((0, 2)), np.empty(0, np.uint64), ids, np.empty(0, np.int32), offsets)
 
@@ -61,192 +54,178 @@ def plan_hash(batch: Batch, n_robots: int, plan: int) -> np.uint64:
 
 
 @helper
-def _is_repeated(hashes: SeedArray, start: int, stop: int) -> bool:
-    """Tell whether the hash at ``stop`` is one of those from ``start`` on before it."""
-    for i in range(start, stop):  # noqa: SIM110 - any() would make a generator
-        if hashes[i] == hashes[stop]:
-            return True
-    return False
+def find_pareto_set(
+    batch: Batch, n_robots: int, members: OffsetArray, spare: OffsetArray, hashes: SeedArray
+) -> int:
+    """Find the non-dominated plans of a batch, and each repeated plan once.
 
-
-@helper(makes_arrays=True)
-def pareto_set(batch: Batch, n_robots: int) -> tuple[OffsetArray, SeedArray]:
-    """Find the non-dominated plans of a batch, repeated plans once.
-
-    Gives their indices by descending E[R], and their hashes.
+    Writes their indices by descending E[R] to ``members``, and the hashes of their trails; all
+    arrays are as long as the batch. Returns how many there are.
     """
-    objectives = batch.objectives
-    order, members = np.empty(len(objectives), np.int64), np.empty(len(objectives), np.int64)
-    for i in range(len(order)):  # np.arange takes longer to compile
-        order[i] = i
-    sort_descending(objectives[:, 0], order, members, len(order))
-    hashes = np.empty(len(order), np.uint64)
-    n = 0
+    objectives, n = batch.objectives, 0
+    n_plans = objectives.shape[0]
+    for i in range(n_plans):
+        members[i] = i
+    sort_descending(objectives[:, 0], members, spare, n_plans)
     best = -np.inf
-    at = 0
-    while at < len(order):
-        reward = objectives[order[at], 0]
-        end = at
-        group_best = -np.inf
-        while end < len(order) and objectives[order[end], 0] == reward:
-            group_best = max(group_best, objectives[order[end], 1])
-            end += 1
-        if group_best > best:
-            best = group_best
-            group = n
-            for i in range(at, end):
-                if objectives[order[i], 1] != best:
-                    continue
-                members[n], hashes[n] = order[i], plan_hash(batch, n_robots, order[i])
-                n += not _is_repeated(hashes, group, n)
-        at = max(end, at + 1)
-    return members[:n], hashes[:n]
+    first = stop = 0
+    while first < n_plans:
+        reward, most = objectives[members[first], 0], -np.inf
+        stop = first
+        while stop < n_plans and objectives[members[stop], 0] == reward:
+            most = max(most, objectives[members[stop], 1])
+            stop += 1
+        group = n
+        for i in range(first, stop if most > best else first):
+            plan = members[i]  # n <= i: what is overwritten has been looked at
+            if objectives[plan, 1] != most:
+                continue
+            hashes[n] = plan_hash(batch, n_robots, plan)
+            same = group
+            while hashes[same] != hashes[n]:
+                same += 1
+            if same == n:
+                members[n] = plan
+                n += 1
+        best = max(best, most)
+        first = max(stop, first + 1)  # a reward that is NaN equals nothing
+    return n
 
 
 @helper
-def _has_place(
-    archive: Archive, rank: int, reward: float, survivors: float, hashed: np.uint64
+def _find_newcomers(
+    batch: Batch,
+    members: OffsetArray,
+    hashes: SeedArray,
+    archive: Archive,
+    max_ties: int,
+    newcomers: OffsetArray,
 ) -> int:
-    """Tell whether an archive has a place for a plan behind the first ``rank``.
-
-    Gives how many plans it holds with the same objectives; −1 where one dominates the plan, or is
-    the same.
-    """
-    archived = archive.objectives
-    if rank == 0 or archived[rank - 1, 1] < survivors:
-        return 0
-    if archived[rank - 1, 1] > survivors or archived[rank - 1, 0] > reward:
-        return -1
-    first = rank
-    while first > 0 and archived[first - 1, 0] == reward:
-        first -= 1
-        if archive.hashes[first] == hashed:
-            return -1
-    return rank - first
-
-
-@helper(makes_arrays=True)
-def find_newcomers(
-    batch: Batch, members: OffsetArray, hashes: SeedArray, archive: Archive, max_ties: int
-) -> Newcomers:
     """Find those of a batch's Pareto set that the archive neither dominates nor holds already.
 
-    Of plans with equal objectives those that would be more than ``max_ties`` are left out.
+    Of plans with equal objectives those that would be more than ``max_ties`` are left out. Writes
+    their positions among the members, and returns how many there are.
     """
-    objectives, n_archived = batch.objectives, len(archive.ids)
-    plans, found = np.empty(len(members), np.int64), np.empty(len(members), np.uint64)
+    objectives, archived = batch.objectives, archive.objectives
     n = rank = ties = 0
-    for i in range(len(members)):
+    for i in range(members.shape[0]):
         reward, survivors = objectives[members[i], 0], objectives[members[i], 1]
         if i == 0 or reward != objectives[members[i - 1], 0]:
             ties = 0
-        while rank < n_archived and archive.objectives[rank, 0] >= reward:
+        while rank < archived.shape[0] and archived[rank, 0] >= reward:
             rank += 1
-        n_held = _has_place(archive, rank, reward, survivors, hashes[i])
-        if n_held >= 0 and n_held + ties < max_ties:
-            plans[n], found[n] = members[i], hashes[i]
+        # Before the rank are the plans with as much reward, the last of which survives best.
+        equal = rank
+        if rank > 0 and archived[rank - 1, 1] >= survivors:
+            if archived[rank - 1, 1] > survivors or archived[rank - 1, 0] > reward:
+                continue
+            while equal > 0 and archived[equal - 1, 0] == reward:
+                equal -= 1
+                if archive.hashes[equal] == hashes[i]:
+                    equal = -1
+            if equal < 0:
+                continue
+        if rank - equal + ties < max_ties:
+            newcomers[n] = i
             n += 1
             ties += 1
-    return Newcomers(plans[:n], found[:n])
-
-
-@helper(makes_arrays=True)
-def _merge_order(archived: FloatArray, objectives: FloatArray, plans: OffsetArray) -> OffsetArray:
-    """Give the order of the plans that stay and those that enter, by descending E[R].
-
-    Plan i of the archive as i, newcomer j as −1 − j.
-    """
-    n_archived, n_new = len(archived), len(plans)
-    sources = np.empty(n_archived + n_new, np.int64)
-    n = 0
-    best = -np.inf
-    i = j = 0
-    while i < n_archived or j < n_new:
-        if j == n_new or (i < n_archived and archived[i, 0] >= objectives[plans[j], 0]):
-            # Only newcomers can dominate: those of more reward are in already, those of equal
-            # reward are the next ones.
-            k = j
-            beaten = archived[i, 1] <= best
-            while k < n_new and objectives[plans[k], 0] >= archived[i, 0]:
-                beaten = beaten or objectives[plans[k], 1] > archived[i, 1]
-                k += 1
-            if not beaten:
-                sources[n] = i
-                n += 1
-            i += 1
-        else:
-            best = max(best, objectives[plans[j], 1])
-            sources[n] = -1 - j
-            n += 1
-            j += 1
-    return sources[:n]
+    return n
 
 
 @helper
-def _copy_plan(
+def _merge_order(
+    archived: FloatArray,
     objectives: FloatArray,
-    nodes: IntArray,
-    offsets: OffsetArray,
-    plan: int,
-    n_robots: int,
-    into: Archive,
-    row: int,
-) -> None:
+    members: OffsetArray,
+    newcomers: OffsetArray,
+    order: OffsetArray,
+) -> int:
+    """Write the order of the plans that stay and of the newcomers, by descending E[R].
+
+    Plan i of the archive is written as i, newcomer j as −1 − j. Returns how many plans there are.
+    """
+    n_archived, n_new = archived.shape[0], newcomers.shape[0]
+    n = i = j = as_rewarding = 0
+    while i < n_archived or j < n_new:
+        reward = objectives[members[newcomers[j]], 0] if j < n_new else -np.inf
+        if i < n_archived and archived[i, 0] >= reward:
+            while as_rewarding < n_new and (
+                objectives[members[newcomers[as_rewarding]], 0] >= archived[i, 0]
+            ):
+                as_rewarding += 1
+            # Only newcomers can dominate it; of those with as much reward the last survives best.
+            stays = True
+            if as_rewarding > 0:
+                last = members[newcomers[as_rewarding - 1]]
+                more = objectives[last, 1] - archived[i, 1]
+                stays = more < 0.0 or (more == 0.0 and objectives[last, 0] == archived[i, 0])
+            if stays:
+                order[n] = i
+                n += 1
+            i += 1
+        else:
+            order[n] = -1 - j
+            n += 1
+            j += 1
+    return n
+
+
+@helper
+def _copy_plan(batch: Batch, plan: int, n_robots: int, into: Archive, row: int) -> None:
     """Copy a plan's objectives and trails to a row, behind those of the rows before."""
-    into.objectives[row, 0], into.objectives[row, 1] = objectives[plan, 0], objectives[plan, 1]
+    offsets = batch.offsets
+    for objective in range(2):
+        into.objectives[row, objective] = batch.objectives[plan, objective]
     start, at = offsets[plan * n_robots], into.offsets[row * n_robots]
     for k in range(1, n_robots + 1):
         into.offsets[row * n_robots + k] = at + offsets[plan * n_robots + k] - start
     for i in range(offsets[(plan + 1) * n_robots] - start):
-        into.nodes[at + i] = nodes[start + i]
+        into.nodes[at + i] = batch.nodes[start + i]
 
 
 @kernel
-def merge(
-    batch: Batch, newcomers: Newcomers, n_robots: int, archive: Archive, next_id: int
-) -> Archive:
-    """Take newcomers, none of which the archive dominates, into a new archive.
+def insert(
+    batch: Batch, n_robots: int, archive: Archive, max_ties: int, next_id: int
+) -> tuple[OffsetArray, OffsetArray, Archive]:
+    """Insert the plans of a batch that an archive neither dominates nor holds.
 
-    They are numbered on from ``next_id`` in their order.
+    They are numbered on from ``next_id``. Returns the indices of the batch's Pareto set, those of
+    the plans that are inserted, both by descending E[R], and the archive with them.
     """
-    sources = _merge_order(archive.objectives, batch.objectives, newcomers.plans)
-    n = len(sources)
-    size = 0
-    for i in range(n):
-        plan = sources[i]
-        cuts = archive.offsets
-        if plan < 0:
-            plan, cuts = newcomers.plans[-1 - plan], batch.offsets
-        size += cuts[(plan + 1) * n_robots] - cuts[plan * n_robots]
+    n_plans, n_archived = batch.objectives.shape[0], archive.ids.shape[0]
+    members, found = np.empty(n_plans, np.int64), np.empty(n_plans, np.int64)
+    hashes = np.empty(n_plans, np.uint64)
+    n = find_pareto_set(batch, n_robots, members, found, hashes)
+    members = members[:n]
+    n_new = _find_newcomers(batch, members, hashes, archive, max_ties, found)
+    newcomers = found[:n_new]
+    if n_new == 0:
+        return members, newcomers, archive
+    order = np.empty(n_archived + n_new, np.int64)
+    n = _merge_order(archive.objectives, batch.objectives, members, newcomers, order)
     merged = Archive(
         np.empty((n, 2)),
         np.empty(n, np.uint64),
         np.empty(n, np.int64),
-        np.empty(size, np.int32),
+        np.empty(archive.nodes.shape[0] + batch.nodes.shape[0], np.int32),
         np.empty(n * n_robots + 1, np.int64),
     )
     merged.offsets[0] = 0
+    archived = Batch(archive.objectives, archive.nodes, archive.offsets)
     for row in range(n):
-        plan, new = sources[row], -1 - sources[row]
+        plan, new = order[row], -1 - order[row]
         if plan >= 0:
             merged.hashes[row], merged.ids[row] = archive.hashes[plan], archive.ids[plan]
-            known = archive.objectives, archive.nodes, archive.offsets
-            _copy_plan(*known, plan, n_robots, merged, row)
+            _copy_plan(archived, plan, n_robots, merged, row)
         else:
-            merged.hashes[row], merged.ids[row] = newcomers.hashes[new], next_id + new
-            known = batch.objectives, batch.nodes, batch.offsets
-            _copy_plan(*known, newcomers.plans[new], n_robots, merged, row)
-    return merged
-
-
-@kernel
-def screen(
-    batch: Batch, n_robots: int, archive: Archive, max_ties: int
-) -> tuple[OffsetArray, Newcomers]:
-    """Find a batch's Pareto set, and what of it belongs into the archive.
-
-    Gives the indices of the set, and the newcomers. Apart from ``merge``, for most iterations of a
-    long run find none, and handing an archive back to Python takes longer than screening.
-    """
-    members, hashes = pareto_set(batch, n_robots)
-    return members, find_newcomers(batch, members, hashes, archive, max_ties)
+            merged.hashes[row], merged.ids[row] = hashes[newcomers[new]], next_id + new
+            _copy_plan(batch, members[newcomers[new]], n_robots, merged, row)
+    for new in range(n_new):
+        newcomers[new] = members[newcomers[new]]
+    size = merged.offsets[n * n_robots]
+    nodes = merged.nodes[:size].copy()
+    return (
+        members,
+        newcomers,
+        Archive(merged.objectives, merged.hashes, merged.ids, nodes, merged.offsets),
+    )

@@ -133,6 +133,33 @@ def best_reward(front: OrderedFront, survivors: float) -> float:
 
 
 @inlined
+def place_before(front: OrderedFront, at: int, place: int) -> tuple[int, int]:
+    """Return the place before another one, which may be behind the last block; −1 for none."""
+    place -= 1
+    if place < 0:
+        at -= 1
+        if at >= 0:
+            place = front.size[front.directory[at]] - 1
+    return at, place
+
+
+@helper
+def insert(front: OrderedFront, reward: float, survivors: float) -> int:
+    """Insert a plan, and remove those that it dominates or equals; return its slot.
+
+    No plan of the front may dominate it.
+    """
+    while True:
+        at, place = find_place(front, survivors)
+        behind = at == front.n.blocks
+        if behind or front.places[front.directory[at], place].survivors > survivors:
+            at, place = place_before(front, at, place)
+        if at < 0 or front.places[front.directory[at], place].reward > reward:
+            return add_place(front, reward, survivors)
+        remove_place(front, at, place)
+
+
+@inlined
 def draw_place(front: OrderedFront, states: SeedArray) -> tuple[int, int]:
     """Draw a plan uniformly: blocks are drawn again by how full they are."""
     n = front.n.blocks

@@ -36,8 +36,8 @@ class Paths(NamedTuple):
     entry: OffsetArray
     order: OffsetArray  # the nodes whose safest path is known, by ascending cost (n_nodes)
     # The heap (n_arcs + 1).
-    keys: FloatArray
-    held: OffsetArray
+    heap_keys: FloatArray
+    heap_nodes: OffsetArray
     path: OffsetArray  # arcs of the path that was asked for, in order (n_nodes)
     # What is remembered of ways home; ``ways`` says how (n_nodes), (1).
     ways: RecordArray
@@ -70,25 +70,25 @@ def new_paths(graph: Graph) -> Paths:
 @helper
 def _push(paths: Paths, size: int, key: float, node: int) -> int:
     """Put a node on the heap; give the heap's new size."""
-    keys, held = paths.keys, paths.held
+    keys, nodes = paths.heap_keys, paths.heap_nodes
     at = size
     while at > 0:
         parent = (at - 1) // 2
         if keys[parent] <= key:
             break
-        keys[at], held[at] = keys[parent], held[parent]
+        keys[at], nodes[at] = keys[parent], nodes[parent]
         at = parent
-    keys[at], held[at] = key, node
+    keys[at], nodes[at] = key, node
     return size + 1
 
 
 @helper
 def _pop(paths: Paths, size: int) -> int:
     """Take the first node off the heap, which moves to the end; give the heap's new size."""
-    keys, held = paths.keys, paths.held
-    first_key, first_node = keys[0], held[0]
+    keys, nodes = paths.heap_keys, paths.heap_nodes
+    first_key, first_node = keys[0], nodes[0]
     size -= 1
-    key, node = keys[size], held[size]
+    key, node = keys[size], nodes[size]
     at = 0
     while True:
         child = 2 * at + 1
@@ -98,11 +98,11 @@ def _pop(paths: Paths, size: int) -> int:
             child += 1
         if keys[child] >= key:
             break
-        keys[at], held[at] = keys[child], held[child]
+        keys[at], nodes[at] = keys[child], nodes[child]
         at = child
     if size > 0:
-        keys[at], held[at] = key, node
-    keys[size], held[size] = first_key, first_node
+        keys[at], nodes[at] = key, node
+    keys[size], nodes[size] = first_key, first_node
     return size
 
 
@@ -131,7 +131,7 @@ def search_paths(
     n = 0
     while size > 0 and n < n_most:
         size = _pop(paths, size)
-        here, key = paths.held[size], paths.keys[size]
+        here, key = paths.heap_nodes[size], paths.heap_keys[size]
         if key > distance[here]:
             continue
         paths.order[n] = here

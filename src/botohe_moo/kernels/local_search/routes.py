@@ -113,7 +113,7 @@ def search_routes(graph: Graph, routes: Routes, goal: int) -> None:
     """Fill in a row: the safest paths to a node from those that are safest to come from."""
     paths, n_entries = routes.paths, routes.entries.shape[1]
     n = search_paths(graph, paths, routes.used, 1, goal, ANYWHERE, n_entries, True)
-    found, place = -paths.n_searches[0], paths.held
+    found, place = -paths.n_searches[0], paths.heap_nodes
     for i in range(n):
         paths.met[paths.order[i]] = found  # marks that no search leaves
     n = 0

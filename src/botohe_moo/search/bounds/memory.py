@@ -12,12 +12,14 @@ from itertools import pairwise
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
+from botohe_moo.kernels.beam.prospects import find_near
 from botohe_moo.kernels.bounds.states import NEVER, NONE, Memory, Net
 from botohe_moo.search.bounds.net import Piece, pieces_of
 
 # Ways into pieces that a node chooses from, and how many pieces up it looks for them.
 _MOST_GATES, _MOST_UP = 256, 64
-_LEAST_COST = 1e-15
+# By how much survivals of ways are raised: paths are compared by sums of rounded logarithms.
+_ABOVE = 1e-9
 
 
 class Remembered:
@@ -137,20 +139,15 @@ class Remembered:
 
 
 def _best_between(net: Net) -> FloatArray:
-    """Give the survival of the safest way from each node to each other (n_nodes, n_nodes).
+    """Return the survival of the safest way from each node to each other (n_nodes, n_nodes).
 
-    A little more than it is, never less.
+    It is a little more than that, never less.
     """
-    from scipy.sparse import csr_array
-    from scipy.sparse.csgraph import dijkstra
-
-    graph = net.graph
-    shape = (graph.n_nodes, graph.n_nodes)
-    # What costs nothing is no arc to scipy.
-    costs = csr_array((graph.cost + _LEAST_COST, graph.head, graph.first), shape=shape)
-    distance = dijkstra(costs) * (1.0 - 1e-12) - 2 * graph.n_nodes * _LEAST_COST
-    best: FloatArray = np.exp(-np.maximum(distance, 0.0))
-    return best
+    n_nodes = net.graph.n_nodes
+    near, between = find_near(net.graph, n_nodes), np.zeros((n_nodes, n_nodes))
+    np.put_along_axis(between, near.near, near.reach, axis=1)
+    np.fill_diagonal(between, 1.0)
+    return np.minimum(between * (1.0 + _ABOVE) + np.finfo(float).tiny, 1.0)
 
 
 def _gates_around(pieces: list[Piece], hanging: list[list[int]], number: int) -> list[int]:

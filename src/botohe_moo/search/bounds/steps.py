@@ -8,8 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray
-from botohe_moo.kernels.bounds.teams import Trails, find_teams, write_misses
+from botohe_moo.kernels.bounds.states import ROUNDING
 from botohe_moo.kernels.bounds.trails import Stairs
+from botohe_moo.kernels.exact.teams import FINISHED, choose_teams, new_choices, new_turn
+from botohe_moo.kernels.fronts.ordered import best_reward, insert, new_front
 from botohe_moo.search.bounds.lines import Lines
 from botohe_moo.search.bounds.pool import Pool
 from botohe_moo.search.bounds.record import Step
@@ -144,7 +146,7 @@ class Steps:
         found = self._relaxation.find_all(fine, lines, above, n_most)
         if found is None:
             return False
-        height = self._best_team(x, goal, *found, fine, beside)
+        height = self._best_team(x, goal, *found)
         if height is None:
             return False
         self._keep(x, height)
@@ -189,36 +191,39 @@ class Steps:
         return falling
 
     def _best_team(
-        self,
-        x: float,
-        goal: float,
-        arcs: OffsetArray,
-        n_arcs: OffsetArray,
-        prices: FloatArray,
-        beside: float,
+        self, x: float, goal: float, arcs: OffsetArray, n_arcs: OffsetArray
     ) -> float | None:
-        """Give what the best team of these trails collects, or the goal; None for too many."""
+        """Return what the best team of these trails collects, or the goal; None for too many.
+
+        Only teams whose survivals sum to ``x`` or more count.
+        """
         if len(n_arcs) == 0:
             return goal
-        team, net = self._lines.team, self._relaxation.net
-        row = np.full(net.graph.n_nodes, -1)
-        row[team.nodes] = np.arange(len(team.nodes))
-        misses, survival = np.empty((len(n_arcs), len(team.nodes))), np.empty(len(n_arcs))
-        write_misses(net, arcs, n_arcs, row, misses, survival)
-        levels = np.arange(prices.shape[1]) / (prices.shape[1] - 1)
-        worth = np.zeros(len(n_arcs))
-        for place, node in enumerate(team.nodes.tolist()):
-            alive = 1.0 - misses[:, place]
-            worth += np.interp(alive, net.reach[node] * levels, prices[node])
-        worth *= 1.0 + _HIGHER
-        order = np.argsort(-worth, kind="stable")
-        ended, height = find_teams(
-            Trails(worth[order], survival[order], misses[order]),
-            team.reward,
-            beside,
-            self._n_robots,
-            x,
-            goal,
-            self._rule.most_teams,
-        )
-        return height if ended else None
+        reward = self._lines.team.reward
+        survival, reached = self._figures(arcs, n_arcs)
+        order = np.argsort(-survival, kind="stable")
+        figures = survival[order], reached[order], reward
+        choices = new_choices(*figures, np.zeros(2), self._n_robots)
+        # Whatever collects no more than the goal is covered, and whatever survives too rarely.
+        front = new_front(4, self._n_robots)
+        insert(front, np.inf, x * (1.0 - ROUNDING) - _LEAST_SURVIVAL)
+        insert(front, goal, np.inf)
+        given = choices, front, new_turn()
+        ended = choose_teams(*given, self._rule.most_teams, most_reward=True) == FINISHED
+        return best_reward(front, np.inf) if ended else None
+
+    def _figures(self, arcs: OffsetArray, n_arcs: OffsetArray) -> tuple[FloatArray, FloatArray]:
+        """Return survivals of trails, and the probabilities to reach each node that pays."""
+        net, nodes = self._relaxation.net, self._lines.team.nodes
+        column = np.full(net.graph.n_nodes, len(nodes))  # the last column is for other nodes
+        column[nodes] = np.arange(len(nodes))
+        alive: FloatArray = net.graph.survival[arcs]
+        alive[np.arange(arcs.shape[1]) >= n_arcs[:, None]] = 1.0
+        np.cumprod(alive, axis=1, out=alive)
+        reached = np.zeros((len(arcs), len(nodes) + 1))
+        for step in range(int(n_arcs.max())):
+            (rows,) = np.nonzero(n_arcs > step)
+            columns = column[net.graph.head[arcs[rows, step]]]
+            # A robot is never likelier alive than before: the first visit counts.
+            reached[rows, columns] = np.maximum(reached[rows, columns], alive[rows, step])
+        return alive[:, -1].copy(), reached[:, :-1].copy()
