@@ -7,7 +7,6 @@ from pathlib import Path
 import networkx as nx
 import pytest
 
-from botohe_moo._base.checks import ParameterError, nearest_first
 from botohe_moo.mission import (
     Mission,
     MissionError,
@@ -427,14 +426,3 @@ class TestModules:
         assert len(load_mission("reef_missions:shoal").nodes) == 2
         with pytest.raises(MissionError, match="it is not called, because it does not state"):
             load_mission("reef_missions:lagoon")
-
-
-def test_import_looks_at_no_entry_point():
-    code = """
-        import importlib.metadata, sys
-        import networkx  # which looks at its own
-        importlib.metadata.entry_points = lambda **_: 1 / 0
-        import botohe_moo.mission
-        assert "botohe_moo.mission.generators" not in sys.modules
-    """
-    subprocess.run([sys.executable, "-c", textwrap.dedent(code)], check=True)
