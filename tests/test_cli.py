@@ -570,8 +570,6 @@ class TestBadMissions:
         ("given", "named"),
         [
             (["-m", "node=3"], ["'terrain': there is no parameter 'node'", "known are nodes, "]),
-            (["-m", "nodes=10000000"], ["85.7 GiB", "at most 8 GiB", "lower nodes"]),
-            (["--robots", "1000000"], ["186 GiB", "take 8 GiB of memory", "lower robots"]),
             (["-m", "nodes=many"], ["Expected nodes to be an integer >= 2, got 'many'."]),
             (["-m", "robots=3", "--robots", "3"], ["each parameter once, got 'robots' twice"]),
             (["-m", "name_or_path=toy"], ["there is no parameter 'name_or_path'"]),
