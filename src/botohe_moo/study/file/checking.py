@@ -18,8 +18,15 @@ from botohe_moo.mission.formats.nodelink import mission_content
 from botohe_moo.mission.library import load_mission, mission_faults, mission_origin
 from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE
-from botohe_moo.study.file import config
-from botohe_moo.study.file.config import AlgorithmEntry, Budget, MissionEntry, StudyFile, labelled
+from botohe_moo.study.file.config import (
+    AlgorithmEntry,
+    AlgorithmOrName,
+    Budget,
+    MissionEntry,
+    MissionOrName,
+    StudyFile,
+    labelled,
+)
 from botohe_moo.study.file.digest import canonical
 from botohe_moo.study.file.faults import Fault, Place, shape_faults
 from botohe_moo.study.file.grids import Member, members, n_members, seeds_of
@@ -29,8 +36,8 @@ from botohe_moo.study.file.problems import find_problem, problem_on, refusal, st
 MAX_RUNS = 250_000  # a study takes 200 bytes for each, and every run a file
 _MAX_LISTED = 20  # labels in a message
 _BUDGET = TypeAdapter(Budget)
-_MISSION: TypeAdapter[MissionEntry] = TypeAdapter(config.Mission)
-_ALGORITHM: TypeAdapter[AlgorithmEntry] = TypeAdapter(config.Algorithm)
+_MISSION: TypeAdapter[MissionEntry] = TypeAdapter(MissionOrName)
+_ALGORITHM: TypeAdapter[AlgorithmEntry] = TypeAdapter(AlgorithmOrName)
 
 
 class CheckedContent:
