@@ -34,29 +34,13 @@ def test_json_is_yaml(content):
     assert Document(text).content == content
 
 
-@pytest.mark.parametrize(
-    ("text", "value"),
-    [
-        ("1e-2", 0.01),
-        ("1e5", 100_000.0),
-        (".5", 0.5),
-        ("2.", 2.0),
-        ("1_000_000", 1_000_000),
-        ("010", 10),
-        ("-.inf", -math.inf),
-        ("False", False),
-        ("~", None),
-        ("", None),
-        ("on", "on"),
-        ("1:30", "1:30"),
-        ("2026-11-21", "2026-11-21"),
-        ("'1'", "1"),
-    ],
-)
-def test_values_are_those_of_yaml_1_2(text, value):
-    found = Document(f"key: {text}").content["key"]
-    assert found == value
-    assert type(found) is type(value)
+def test_values_are_those_of_yaml_1_2():
+    numbers = Document("[1e-2, 1e5, .5, 2., 1_000_000, 010, -.inf]").content
+    assert numbers == [0.01, 100_000.0, 0.5, 2.0, 1_000_000, 10, -math.inf]
+    assert [type(number) for number in numbers] == [float] * 4 + [int, int, float]
+    assert Document("[False, ~, on, 1:30, 2026-11-21, '1']").content == [
+        *(False, None, "on", "1:30", "2026-11-21", "1"),
+    ]
 
 
 def test_keys_are_texts():
@@ -82,20 +66,18 @@ def test_merged_mappings_are_overridden():
     assert Document(TEXT).content["merged"] == {"p": 1, "q": 3}
 
 
-@pytest.mark.parametrize(
-    ("path", "line"),
-    [
-        ((), 1),
-        (("list", 1), 4),
-        (("list", 1, "deep", "two"), 6),
-        (("list", 7), 2),
-        (("list", 1, "missing", "further"), 4),
-        (("merged", "q"), 10),
-        (("merged", "p"), 7),
-    ],
-)
-def test_lines_are_found(path, line):
-    assert Document(TEXT).line(path) == line
+def test_lines_are_found():
+    document = Document(TEXT)
+    for place, line in {
+        (): 1,
+        ("list", 1): 4,
+        ("list", 1, "deep", "two"): 6,
+        ("list", 7): 2,
+        ("list", 1, "missing", "further"): 4,
+        ("merged", "q"): 10,
+        ("merged", "p"): 7,
+    }.items():
+        assert document.line(place) == line, place
 
 
 @pytest.mark.parametrize(
@@ -112,7 +94,6 @@ def test_lines_are_found(path, line):
         ("a: *nowhere\n", 1, "undefined alias 'nowhere'."),
         ("a: 1\nb: !mine x\n", 2, "'!mine'"),
         ("a: 1\nb: !!python/object/apply:os.system ['true']\n", 2, "os.system'"),
-        ("a: " + "- " * 2_000, 1, "not allowed here"),
         ("- " * 2_000 + "a", 1, "maximum recursion depth"),
         ("a: !!int x", 1, "invalid literal"),
     ],

@@ -1,4 +1,4 @@
-"""Studies of objectives of one's own: ``problem: module:Class``."""
+"""Studies of objectives of your own: ``problem: module:Class``."""
 
 import json
 import pickle
@@ -161,7 +161,6 @@ class TestRefused:
             ("Three", "expected two objectives, got n_obj = 3."),
             ("Unheard", "Unheard overrides _evaluate, which studies do not call: override evalu"),
             ("Nobody", "it cannot be imported (AttributeError: "),
-            ("weakest", "expected a class derived from BOTOHE, got "),
             ("np", "expected a class derived from BOTOHE, got "),
             ("Unmakeable", "it cannot be made (TypeError: "),
         ],

@@ -18,8 +18,15 @@ from botohe_moo.mission.formats.nodelink import mission_content
 from botohe_moo.mission.library import load_mission, mission_faults, mission_origin
 from botohe_moo.mission.model import Mission
 from botohe_moo.problem import BOTOHE
-from botohe_moo.study.file import config
-from botohe_moo.study.file.config import AlgorithmEntry, Budget, MissionEntry, StudyFile, labelled
+from botohe_moo.study.file.config import (
+    AlgorithmEntry,
+    AlgorithmOrName,
+    Budget,
+    MissionEntry,
+    MissionOrName,
+    StudyFile,
+    labelled,
+)
 from botohe_moo.study.file.digest import canonical
 from botohe_moo.study.file.faults import Fault, Place, shape_faults
 from botohe_moo.study.file.grids import Member, members, n_members, seeds_of
@@ -29,14 +36,15 @@ from botohe_moo.study.file.problems import find_problem, problem_on, refusal, st
 MAX_RUNS = 250_000  # a study takes 200 bytes for each, and every run a file
 _MAX_LISTED = 20  # labels in a message
 _BUDGET = TypeAdapter(Budget)
-_MISSION: TypeAdapter[MissionEntry] = TypeAdapter(config.Mission)
-_ALGORITHM: TypeAdapter[AlgorithmEntry] = TypeAdapter(config.Algorithm)
+_MISSION: TypeAdapter[MissionEntry] = TypeAdapter(MissionOrName)
+_ALGORITHM: TypeAdapter[AlgorithmEntry] = TypeAdapter(AlgorithmOrName)
 
 
 class CheckedContent:
     """The content of a study file, checked as far as it is well-formed.
 
-    ``faults`` and ``notices`` are places and what is wrong there, or allowed but without effect.
+    ``faults`` and ``notices`` are pairs of a place and a sentence: what is wrong there, or what has
+    no effect.
     """
 
     def __init__(self, content: Any, folder: Path, packages: Mapping[str, str]) -> None:
@@ -110,21 +118,23 @@ class CheckedContent:
                 )
 
     def _load(self, source: dict[str, Any], member: Member) -> Mission | None:
-        """Make a mission; None, and a fault, where that fails."""
+        """Load a mission, or note why it cannot be loaded."""
         name = source["name_or_path"]
-        foreign = ":" in name or mission_origin(name)["package"] not in (None, "botohe-moo")
         try:
             mission = load_mission(**source)
             mission_content(mission)  # it will be saved with the study
-            if foreign and load_mission(**source) != mission:  # its function might draw at random
-                said = "gives another mission each time; it needs a seed among its parameters"
-                raise ValueError(f"{name!r} {said}.")
+            foreign = ":" in name or mission_origin(name)["package"] not in (None, "botohe-moo")
+            again = load_mission(**source) if foreign else mission
         except (Exception, SystemExit) as error:  # whatever another package's code may do
             parameters = {key: value for key, value in source.items() if key != "name_or_path"}
             found = mission_faults(name, parameters, plain=True)
             self._blame(
                 "mission", member, name, found or [(None, f"{type(error).__name__}: {error}")]
             )
+            return None
+        if again != mission:  # its function draws at random
+            said = "gives another mission each time; it needs a seed among its parameters"
+            self._add(("missions", member.family, "mission"), f"{name!r} {said}.")
             return None
         return mission
 
@@ -165,13 +175,13 @@ class CheckedContent:
                 self._add((*place, parameter), said)
 
     def _said_of(self, name: str, message: str) -> str:
-        """Say what is wrong with a whole, and which package that it was from is missing."""
+        """Add to a message which package a name was from, if that is not installed any more."""
         package = self._packages.get(name)
         missing = f" It is from the package {package}, which is not installed." if package else ""
         return f"{name!r}: {message}{missing}"
 
     def _find_problem(self, path: Any) -> str | None:
-        """Find the study's own problem, if it has one, and what bounds it states on missions."""
+        """Import the problem of the study, if it has one, and note its bounds on each mission."""
         if not isinstance(path, str):
             return None
         try:
@@ -186,7 +196,7 @@ class CheckedContent:
         return path
 
     def _check_refusals(self, path: str | None) -> None:
-        """Say which algorithms refuse the study's own problem, before anything runs."""
+        """Note which algorithms refuse the problem of the study, before anything runs."""
         if path is None or not self._missions:
             return
         for algorithm in self._algorithms:
@@ -220,7 +230,7 @@ class CheckedContent:
             )
 
     def _check_recording(self, at: Sequence[int]) -> None:
-        """Notice numbers of evaluations that no run makes."""
+        """Note numbers of evaluations that no run makes."""
         most = max(mission.budget.evaluations or math.inf for mission in self._missions)
         for position, count in enumerate(at):
             if count > most:

@@ -172,8 +172,8 @@ class AlgorithmEntry(_Entry):
         return self
 
 
-Mission = Annotated[MissionEntry, _named("mission", MissionEntry)]
-Algorithm = Annotated[AlgorithmEntry, _named("algorithm", AlgorithmEntry)]
+MissionOrName = Annotated[MissionEntry, _named("mission", MissionEntry)]
+AlgorithmOrName = Annotated[AlgorithmEntry, _named("algorithm", AlgorithmEntry)]
 
 
 class Seeds(_Entry):
@@ -241,15 +241,15 @@ class StudyFile(_Entry):
     description: str | None = None
     """What the study is for."""
     missions: Annotated[
-        dict[Label, Mission],
+        dict[Label, MissionOrName],
         Field(min_length=1),
-        BeforeValidator(labelled, json_schema_input_type=dict[str, Mission] | Names),
+        BeforeValidator(labelled, json_schema_input_type=dict[str, MissionOrName] | Names),
     ]
     """Missions under labels of your own; or a list of names and files, which are the labels."""
     algorithms: Annotated[
-        dict[Label, Algorithm],
+        dict[Label, AlgorithmOrName],
         Field(min_length=1),
-        BeforeValidator(labelled, json_schema_input_type=dict[str, Algorithm] | Names),
+        BeforeValidator(labelled, json_schema_input_type=dict[str, AlgorithmOrName] | Names),
     ]
     """Algorithms under labels of your own; or a list of names, which are the labels."""
     problem: Text | None = None

@@ -41,7 +41,7 @@ def _version(package: str) -> str:
 
 
 def installed_versions() -> dict[str, str]:
-    """Give the versions of the packages that every result depends on."""
+    """Return the versions of the packages that every result depends on."""
     return {name: _version(package) for name, package in _PACKAGES.items()}
 
 
@@ -49,16 +49,16 @@ def code_mismatch(
     versions: Mapping[str, str],
     origins: Iterable[tuple[str, Mapping[str, Any], Mapping[str, str | None]]],
 ) -> str | None:
-    """Say, after "the worker", how the code here differs from that a study was checked with.
+    """Return how this process's code differs from that of a study; None if it is the same.
 
-    ``versions`` and ``origins`` are those of the study, the latter an algorithm's name, parameters
-    and origin each; None if the code is the same.
+    ``versions`` and ``origins`` are those of the study. Each of ``origins`` is an algorithm's
+    name, its parameters and its origin. The text continues a sentence about the worker.
     """
     ours = installed_versions()
     differing = [name for name in versions if versions[name] != ours[name]]
     if differing:
-        here = " and ".join(f"{_PACKAGES[name]} {ours[name]}" for name in differing)
-        return f"has {here}, the study {' and '.join(versions[name] for name in differing)}"
+        installed = " and ".join(f"{_PACKAGES[name]} {ours[name]}" for name in differing)
+        return f"has {installed}, the study {' and '.join(versions[name] for name in differing)}"
     for algorithm, parameters, origin in origins:
         problem = origin.get("problem")
         try:

@@ -35,7 +35,7 @@ class StudyError(ValueError):
 
 
 def study_folder(name: object, out: str | os.PathLike[str] | None = None) -> Path:
-    """Give the folder of a study's results: ``out``, or ``results/NAME``."""
+    """Return the folder of a study's results: ``out``, or ``results/NAME``."""
     return Path("results") / str(name) if out is None else Path(out)
 
 
@@ -78,7 +78,7 @@ class StudyMission:
         return self.mission if self.objective_bounds is None else self.objective_bounds
 
     def decides(self) -> dict[str, Any]:
-        """Give everything that results depend on; labels are not part of it."""
+        """Return everything that results depend on; labels are not part of it."""
         # Without a budget of seconds no run is killed.
         unused = {"grace_seconds"} if self.budget.seconds is None else None
         return {**self._limited(), "budget": self.budget.model_dump(exclude=unused)}
@@ -89,7 +89,7 @@ class StudyMission:
         return hashlib.sha256(canonical(self._limited()).encode()).hexdigest()[:16]
 
     def _limited(self) -> dict[str, Any]:
-        """Give the mission and the limits of its plans."""
+        """Return the mission and the limits of its plans."""
         # Only where there is one, so that runs of earlier versions keep their names.
         limit = {} if self.max_length is None else {"max_length": float(self.max_length)}
         return {"mission": self.digest, "min_survival": float(self.min_survival), **limit}
@@ -108,7 +108,10 @@ class StudyAlgorithm:
     grid: Mapping[str, Any]  # its values of the entry's grid; empty without one
 
     def decides(self, budget: Budget) -> dict[str, Any]:
-        """Give everything that results depend on; threads matter only where seconds limit a run."""
+        """Return everything that results depend on.
+
+        Numbers of threads are part of it only where seconds limit a run.
+        """
         neutral = self.identity.neutral if budget.seconds is None else frozenset()
         return {
             "algorithm": self.identity.name,
@@ -194,7 +197,7 @@ class Study:
 
     @property
     def _problem(self) -> dict[str, Any] | None:
-        """The problem of one's own, with its package; None if objectives are E[R] and E[S]."""
+        """The study's own problem, with its package; None if objectives are E[R] and E[S]."""
         origin = self.algorithms[0].origin
         owner = {key: origin.get(f"problem_{key}") for key in ("package", "version")}
         return {"problem": self.file.problem, **owner} if self.file.problem else None

@@ -1,4 +1,4 @@
-"""Problems of one's own, which a study file names as ``module:Class``."""
+"""Problems of your own, which a study file names as ``module:Class``."""
 
 import functools
 import math
@@ -64,7 +64,7 @@ def problem_on(limited: _Limited, path: str | None) -> BOTOHE:
 
 
 def stated_bounds(limited: _Limited, path: str) -> tuple[float, float]:
-    """Give what a problem's two objectives are at most; a ValueError says what is wrong."""
+    """Return upper bounds of a problem's two objectives; a ValueError says what is wrong."""
     try:
         problem = problem_on(limited, path)
     except (Exception, SystemExit) as error:  # whatever another package's code may raise
@@ -82,7 +82,7 @@ def stated_bounds(limited: _Limited, path: str) -> tuple[float, float]:
 
 
 def refusal(problem: BOTOHE, algorithm: str, parameters: dict[str, Any]) -> str | None:
-    """Say, as ``minimize`` does, why an algorithm refuses a problem; None if it does not."""
+    """Return why an algorithm refuses a problem, in the words of ``minimize``; None if not."""
     try:
         made = make_algorithm(algorithm, **parameters)
         made.setup(problem, termination=("n_eval", 1), seed=1)
@@ -94,7 +94,7 @@ def refusal(problem: BOTOHE, algorithm: str, parameters: dict[str, Any]) -> str 
 
 
 def check_objectives(problem: BOTOHE, points: FloatArray) -> None:
-    """Raise a ValueError for points (n, 2) of plans that a problem says there cannot be."""
+    """Raise a ValueError if points (n, 2) are outside the bounds that a problem states."""
     most = np.array(problem.objective_bounds)
     outside = points[~((points >= 0) & (points <= most * (1 + _ROUNDING))).all(axis=1)]
     if len(outside):
