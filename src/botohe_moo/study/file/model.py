@@ -39,20 +39,6 @@ def study_folder(name: object, out: str | os.PathLike[str] | None = None) -> Pat
     return Path("results") / str(name) if out is None else Path(out)
 
 
-def _check_origin(origin: Mapping[str, str | None]) -> Mapping[str, str | None]:
-    if missing := {"package", "version"} - origin.keys():
-        raise ValueError(f"found no key {min(missing)!r}")
-    return origin
-
-
-def _check_source(source: Mapping[str, Any]) -> Mapping[str, Any]:
-    if "name_or_path" not in source:
-        raise ValueError("found no key 'name_or_path'")
-    return source
-
-
-Origin = Annotated[Mapping[str, str | None], AfterValidator(_check_origin)]
-Source = Annotated[Mapping[str, Any], AfterValidator(_check_source)]
 ObjectiveBounds = Annotated[tuple[float, float], AfterValidator(largest_objectives)]
 
 
@@ -62,8 +48,8 @@ class StudyMission:
 
     label: str
     mission: InstanceOf[Mission]
-    source: Source  # what load_mission made it from
-    origin: Origin  # package and version
+    source: Mapping[str, Any]  # what load_mission made it from
+    origin: Mapping[str, str | None]  # package and version
     min_survival: float
     budget: Budget
     digest: str  # of labels, arcs, survivals, rewards, base and robots
@@ -102,7 +88,7 @@ class StudyAlgorithm:
     label: str
     algorithm: str  # registered name or module:Class, as in the file
     parameters: Mapping[str, Any]  # as in the file
-    origin: Origin  # package, version and source
+    origin: Mapping[str, str | None]  # package, version and source
     identity: AlgorithmIdentity  # the part of all this that results depend on
     family: str  # label of its entry in the file
     grid: Mapping[str, Any]  # its values of the entry's grid; empty without one
