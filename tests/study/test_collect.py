@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from botohe_moo.indicators import area_indicator
 from botohe_moo.mission import Mission
 from botohe_moo.search.archive import PlanArchive
 from botohe_moo.study import read_study
@@ -151,12 +150,6 @@ class TestTrace:
         assert (nothing["area"] == 0).all()
         assert not set(nothing["run"]) & (set(kept.trace["run"]) | set(kept.plans["run"]))
 
-    def test_areas_are_those_of_the_fronts(self, kept):
-        rows = kept.trace.set_index(["run", "evaluations"])["area"]
-        for key, points in kept.fronts.groupby(["run", "evaluations"]):
-            mission = kept.mission(points["mission"].iloc[0])
-            assert rows[key] == area_indicator(points[["reward", "survivors"]], mission)
-
 
 def test_runs_say_when_they_began(kept):
     assert set(kept.runs.loc[kept.runs["status"] == "done", "began"]) == {"2026-11-22T04:30:12Z"}
@@ -185,12 +178,6 @@ class TestEntries:
         assert list(table["name"]) == ["toy", "two_communities", "two_communities"]
         assert list(table["family"]) == ["toy", "towns", "towns"]
         assert list(table["seed"].dropna()) == [1, 2]
-
-    def test_the_small_ones_are_csv_too(self, kept):
-        for name in ("algorithms", "missions", "targets", "posthoc"):
-            found = pd.read_csv(kept.folder / f"{name}.csv")
-            assert list(found) == list(getattr(kept, name))
-            assert len(found) == len(getattr(kept, name))
 
 
 def test_the_file_of_a_run_has_all_of_it(study, tmp_path):

@@ -78,10 +78,10 @@ def test_parts_of_the_same_seeds_that_were_stopped_are_one(copies):
 @pytest.mark.parametrize(
     ("other", "said"),
     [
-        ({"name": "another", "title": "Other"}, "found another name and title"),
-        ({"missions": {"toy": {"mission": "toy", "robots": 1}}}, "found another missions"),
-        ({"budget": {"evaluations": 70}}, "found another budget"),
-        ({"comparison": {"control": "greedy"}}, "found another comparison"),
+        ({"name": "another", "title": "Other"}, "name and title"),
+        ({"missions": {"toy": {"mission": "toy", "robots": 1}}}, "missions"),
+        ({"budget": {"evaluations": 70}}, "budget"),
+        ({"comparison": {"control": "greedy"}}, "comparison"),
     ],
 )
 def test_another_study_is_refused(parts, tmp_path, other, said):
@@ -94,7 +94,7 @@ def test_another_study_is_refused(parts, tmp_path, other, said):
             merge_studies(folders, out)
         assert str(caught.value) == (
             f"{tmp_path / 'other'}: not the study in {parts / 'one'}; expected the same study but "
-            f"for its seeds, {said}."
+            f"for its seeds, found differences in {said}."
         )
     assert not (tmp_path / "all").exists()
     assert len(read_study(tmp_path / "other").runs) == 2
@@ -106,7 +106,7 @@ def test_files_of_one_name_that_differ_are_refused(tmp_path, monkeypatch):
         site = f"n 3\nm 2\ntmax 10\n0 0 0\n1 0 {reward}\n0 1 5\n"
         (tmp_path / "site.txt").write_text(site)
         run_study(part([1], missions={"site": "site.txt"}), tmp_path / name)
-    with pytest.raises(StudyError, match="found other contents of its missions, or other versions"):
+    with pytest.raises(StudyError, match="in the missions that it names, or in versions"):
         merge_studies([tmp_path / "one", tmp_path / "two"], tmp_path / "all")
 
 

@@ -103,7 +103,7 @@ class TestRun:
         both = merge_studies([folder, tmp_path / "b"], tmp_path / "both")
         assert len(both.runs) == 6
         run(load_study(PLAIN), tmp_path / "c")
-        with pytest.raises(StudyError, match="found another problem"):
+        with pytest.raises(StudyError, match="found differences in problem"):
             merge_studies([folder, tmp_path / "c"], tmp_path / "none")
 
     @pytest.mark.parametrize("name", ["moead", "spea2", "sms-emoa", "random", "greedy"])

@@ -42,7 +42,7 @@ def read_bytes(path: Path) -> bytes:
 
 
 def _mode_of(path: Path) -> int | None:
-    """Give the permissions of a file; None if it is not there."""
+    """Return the permissions of a file; None if it is not there."""
     try:
         mode = path.stat().st_mode
     except FileNotFoundError:
@@ -66,8 +66,8 @@ def check_parent(path: Path) -> None:
 def replace_file(path: Path, data: bytes) -> None:
     """Write ``data`` to a file in one step: it appears complete, or stays as it was.
 
-    A symlink stays, and the file that it leads to is written, with the permissions that it had. An
-    OSError refuses devices and pipes, which would be replaced by a file.
+    A symlink stays: the file that it leads to is written, and keeps its permissions. An OSError
+    refuses devices and pipes, which would be replaced by a file.
     """
     target = Path(os.path.realpath(path))
     check_parent(target)

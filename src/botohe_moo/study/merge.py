@@ -65,7 +65,7 @@ def merge_studies(
         if differing := _difference(first, study):
             raise StudyError(
                 f"{path}: not the study in {paths[0]}; expected the same study but for its seeds, "
-                f"found {differing}."
+                f"found differences in {differing}."
             )
     study = _with_seeds(first, {seed for study in studies.values() for seed in study.seeds})
     with target.locked(study):
@@ -77,19 +77,19 @@ def merge_studies(
 
 
 def _difference(one: Study, other: Study) -> str:
-    """Say in what two studies differ besides their seeds; nothing if they do not."""
+    """Say in what two studies differ besides their seeds; an empty text if they do not."""
     stated: list[dict[str, Any]] = [
         study.file.model_dump(exclude={"seeds"}) for study in (one, other)
     ]
     names = [name for name, value in stated[0].items() if stated[1][name] != value]
     if names:
-        return f"another {' and '.join(names)}"
+        return " and ".join(names)
     # The file may name another mission of the same name, or code of another version.
     digests = [
         [run.digest for run in dataclasses.replace(study, seeds=(0,)).runs()]
         for study in (one, other)
     ]
-    return "other contents of its missions, or other versions" if digests[0] != digests[1] else ""
+    return "the missions that it names, or in versions" if digests[0] != digests[1] else ""
 
 
 def _with_seeds(study: Study, seeds: set[int]) -> Study:

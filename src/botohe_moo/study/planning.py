@@ -3,6 +3,7 @@
 import contextlib
 import functools
 import hashlib
+import json
 import math
 import statistics
 from collections.abc import Iterable, Mapping
@@ -12,7 +13,7 @@ from importlib.metadata import version
 import numpy as np
 
 from botohe_moo._base.types import FloatArray
-from botohe_moo.study.file.digest import canonical, installed_versions
+from botohe_moo.study.file.digest import installed_versions
 from botohe_moo.study.file.model import Run, Study, StudyError, StudyMission
 from botohe_moo.study.run.task import PATIENCE, BoundTask, Task
 from botohe_moo.study.store.folder import FAILURES, StudyFolder
@@ -166,7 +167,7 @@ def refresh_tables(study: Study, folder: StudyFolder, *, anew: bool = False) -> 
     With ``anew`` they are made in any case.
     """
     parts = [study.manifest(), installed_versions(), folder.inputs(study)]
-    made_from = hashlib.sha256(canonical(parts).encode()).hexdigest()
+    made_from = hashlib.sha256(json.dumps(parts).encode()).hexdigest()
     if not anew:
         with contextlib.suppress(StudyError):  # damaged, or not there
             tables = read_study(folder.path)
