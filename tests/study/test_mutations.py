@@ -1,0 +1,138 @@
+"""Study files that were changed at random, or ask for too much: read or refused.
+
+``BOTOHE_MUTATIONS=8000 pytest tests/study/test_mutations.py`` looks longer.
+"""
+
+import os
+import re
+import tracemalloc
+import warnings
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from botohe_moo.study.file.loading import load_study
+from botohe_moo.study.file.model import StudyError
+
+ROOT = Path(__file__).parents[2]
+N_EXAMPLES = int(os.environ.get("BOTOHE_MUTATIONS", "25"))
+
+GUIDE = (ROOT / "docs" / "studies.md").read_text("utf-8").split("```yaml\n")[1].split("```")[0]
+TEXTS = [path.read_text("utf-8") for path in sorted((ROOT / "experiments").glob("*.yaml"))]
+TEXTS.append(GUIDE.replace("sites/mine.json", "art_museum"))
+TEXTS.append(
+    "name: merged\nseeds: {count: 3, seed: 1}\nbudget: &b {evaluations: 100}\n"
+    "missions: {a: &m {mission: toy, budget: *b}, b: {<<: *m, min_survival: 0.5}}\n"
+    "algorithms: {A: &n {algorithm: nsga2, grid: {pop_size: [5, 10]}}, "
+    "B: {<<: [*n, {}], grid: {}}}\n"
+)
+WORD = re.compile(r"[^\s\[\]{},:#]+")
+PIECES = [
+    *("", "0", "-1", "2", "1e3", "1e999", ".inf", ".nan", "1000", "20000", "100_000", "1000000"),
+    *("4294967296", "9" * 30, "9" * 5_000, "9_" * 20_000, "true", "null", "~", "''", '""', "[]"),
+    *("{}", "*a", "*b", "*m", "&a", "<<", "<<: *m", "!x", "!!str 5", "!!int x", "!!binary eA=="),
+    *("'", '"', ":", "- ", "? ", "|", ">", "#", "%", "@", "`", "\t", "\n", "\n  ", "\n    "),
+    *("\0", "\x7f", "é", "\u2028", "😀", '"\\ud800"', '"\\UFFFFFFFF"', "x" * 3_000, "[1, 2, 3]"),
+    *("{a: 1}", "[" * 60 + "]" * 60, "{grid: {seed: [1, 2, 3]}}", "os:system", "botohe_moo:BOACO"),
+    *("pymoo.algorithms.moo.nsga3:NSGA3", "terrain", "complete", "random", "../x.json", "a:b"),
+]
+
+
+@st.composite
+def mutated(draw):
+    """A study file with a few changes: pieces put in, cut out, moved, multiplied."""
+    text = draw(st.sampled_from(TEXTS))
+    for _ in range(draw(st.integers(1, 4))):
+        way = draw(
+            st.sampled_from(["insert", "cut", "word", "word", "word", "line", "many", "move"])
+        )
+        lines = text.split("\n")
+        here = draw(st.integers(0, len(lines) - 1))
+        there = draw(st.integers(0, len(lines) - 1))
+        at = draw(st.integers(0, len(text)))
+        words = list(WORD.finditer(text))
+        if way == "insert":
+            text = text[:at] + draw(st.sampled_from(PIECES)) + text[at:]
+        elif way == "cut":
+            text = text[:at] + text[at + draw(st.sampled_from([1, 5, 30])) :]
+        elif way == "word" and words:
+            word = draw(st.sampled_from(words))
+            others = [other.group() for other in words[:40]]
+            other = draw(st.sampled_from(PIECES) | st.sampled_from(others))
+            text = text[: word.start()] + other + text[word.end() :]
+        elif way == "many":
+            lines[here:here] = [lines[here]] * draw(st.sampled_from([2, 10, 500]))
+            text = "\n".join(lines)
+        elif way == "line":
+            lines[here] = draw(st.sampled_from(["", "  ", "    "])) + lines[here].lstrip()
+            text = "\n".join(lines)
+        elif way == "move":
+            lines.insert(there, lines.pop(here))
+            text = "\n".join(lines)
+    return text
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory):
+    return tmp_path_factory.mktemp("mutated") / "study.yaml"
+
+
+def read(path, text):
+    """Read a text: a study, or the lines that say what is wrong, which one can read."""
+    path.write_text(text, encoding="utf-8")
+    try:
+        with warnings.catch_warnings(action="ignore"):
+            return load_study(path)
+    except StudyError as error:
+        lines = str(error).splitlines()
+        assert max(map(len, lines)) < 2_000
+        return lines
+
+
+@settings(max_examples=N_EXAMPLES)
+@given(text=mutated())
+def test_mutated_files_are_read_or_refused(path, text):
+    found = read(path, text)
+    if isinstance(found, list):
+        for line in found:
+            assert line.startswith((f"{path}:", "These are the first 100 faults"))
+    else:
+        assert len(found.missions) <= 1_000
+        assert len(found.algorithms) <= 1_000
+        assert len({run.digest for run in found.runs()}) <= 250_000
+
+
+HEAD = "name: x\nmissions: [toy]\nalgorithms: [random]\nbudget: {evaluations: 100}\n"
+SEEDS = f"{HEAD}seeds: 1\n"
+ALGORITHMS = "name: x\nmissions: [toy]\nbudget: {evaluations: 9}\nseeds: 1\nalgorithms: "
+GRID = ", ".join(f"p{i}: [1, 2, 3, 4, 5, 6, 7, 8, 9, 10]" for i in range(3))
+GROWING = {
+    "a long file": f"{SEEDS}title: '{'x' * 1_000_000}'\n",
+    "repeated keys": SEEDS + "key: 1\n" * 9_000,
+    "a grid": ALGORITHMS + f"{{a: {{algorithm: nsga2, grid: {{{GRID}, q: [1, 2]}}}}}}\n",
+    "a grid of many": ALGORITHMS
+    + "{a: {algorithm: nsga2, grid: {"
+    + ", ".join(f"p{i}: [1, 2]" for i in range(4_000))
+    + "}}}\n",
+    "runs": f"{HEAD}seeds: 100000\n".replace("[random]", "[random, greedy, nsga2]"),
+}
+
+
+@pytest.mark.parametrize("name", GROWING)
+def test_what_would_grow_is_refused(path, name):
+    """Each took minutes, gigabytes, or a message of megabytes."""
+    assert isinstance(read(path, GROWING[name]), list)
+
+
+@pytest.mark.slow
+def test_a_run_takes_little_memory(path):
+    path.write_text(f"{HEAD}seeds: 100000\n")
+    study = load_study(path)
+    tracemalloc.start()
+    runs = study.runs()
+    taken = tracemalloc.get_traced_memory()[0]
+    tracemalloc.stop()
+    assert len(runs) == 100_000
+    assert taken / len(runs) < 300
