@@ -168,11 +168,6 @@ def test_constraints_of_ones_own_are_kept_and_have_to_be_counted(name):
         assert result.X is None
 
 
-def test_with_drafts_constraints_stand_beside_faults():
-    algorithm = make_algorithm("nsga2", pop_size=20, repair="penalty")
-    assert minimize(Impossible(load_mission("toy")), algorithm, ("n_eval", 40), seed=1).X is None
-
-
 def test_only_batches_are_taken_in():
     class Listed(ArchiveAlgorithm):
         def _advance(self, **_):
