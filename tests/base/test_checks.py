@@ -26,9 +26,6 @@ class TestInteger:
         assert check_integer("n_ants", value, at_least=3) == 3
         assert type(check_integer("n_ants", value, at_least=3)) is int
 
-    def test_integers_have_no_upper_bound(self):
-        assert check_integer("n", 10**30, at_least=0) == 10**30
-
     @pytest.mark.parametrize("value", [2, -5, np.int64(2), -(10**30)])
     def test_too_small(self, value):
         with pytest.raises(ValueError, match=rf"^Expected n_ants >= 3, got {value}\.$"):
@@ -38,16 +35,9 @@ class TestInteger:
         ("value", "got"),
         [
             (3.0, "3.0"),
-            (np.float64(3), "np.float64(3.0)"),
             (True, "True"),
-            (np.True_, "np.True_"),
             ("3", "'3'"),
             (None, "None"),
-            (math.nan, "nan"),
-            (Fraction(3), "Fraction(3, 1)"),
-            (Decimal(3), "Decimal('3')"),
-            ([3], "[3]"),
-            (3 + 0j, "(3+0j)"),
         ],
     )
     def test_no_integer(self, value, got):
@@ -64,23 +54,14 @@ class TestNumber:
         assert check_number("evaporation", value) == 0.5
         assert type(check_number("evaporation", value)) is float
 
-    @pytest.mark.parametrize("value", [2, np.int16(2), np.uint8(2)], ids=repr)
-    def test_integers_become_float(self, value):
-        assert check_number("epsilon", value, above=1) == 2.0
-        assert type(check_number("epsilon", value)) is float
-
     @pytest.mark.parametrize(
         ("bounds", "expected", "inside", "outside"),
         [
             ({"above": 0, "below": 1}, "x in (0, 1)", [5e-324, 0.5, 1 - 2**-53], [0, 1, -1, 2]),
             ({"at_least": 0, "below": 1}, "x in [0, 1)", [0, 0.5], [-5e-324, 1.0]),
-            ({"below": 0.5}, "x in (-inf, 0.5)", [-1e300, 0], [0.5, 7]),
             ({"above": 0}, "x > 0", [5e-324, 1e300], [0.0, -0.0, -1]),
             ({"at_least": 0}, "x >= 0", [0, -0.0, 1e300], [-5e-324]),
             ({"above": 0, "at_least": 1}, "x >= 1", [1, 2], [0.5]),
-            ({"above": 1, "at_least": 0}, "x > 1", [1.5], [1, 0.5]),
-            ({"above": 1, "at_least": 1}, "x > 1", [1.5], [1]),
-            ({"above": 0.25, "below": 2.5}, "x in (0.25, 2.5)", [1], [0.25, 2.5]),
         ],
     )
     def test_bounds(self, bounds, expected, inside, outside):
@@ -91,12 +72,6 @@ class TestNumber:
                 check_number("x", value, **bounds)
             assert str(error.value) == f"Expected {expected}, got {value!r}."
 
-    @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, "1", True])
-    def test_without_bounds(self, value):
-        with pytest.raises(ValueError, match=r"^Expected") as error:
-            check_number("x", value)
-        assert str(error.value) == f"Expected x to be a finite number, got {value!r}."
-
     @pytest.mark.parametrize("value", [math.inf, np.float32("inf"), 10**400, Fraction(10**400, 3)])
     def test_infinity(self, value):
         with pytest.raises(ValueError, match=r"^Expected x > 0 and finite, got "):
@@ -105,24 +80,6 @@ class TestNumber:
             check_number("x", value, at_least=0)
         with pytest.raises(ValueError, match=r"^Expected x in \(0, 1\), got "):
             check_number("x", value, above=0, below=1)
-
-    @pytest.mark.parametrize("value", [-math.inf, -(10**400)])
-    def test_minus_infinity(self, value):
-        with pytest.raises(ValueError, match=r"^Expected x > 0, got -"):
-            check_number("x", value, above=0)
-
-    def test_what_counts_is_the_float(self):
-        # A caller that divides by it, or takes its logarithm, sees the float only.
-        with pytest.raises(ValueError, match=r"^Expected x > 0, got Fraction"):
-            check_number("x", Fraction(1, 10**400), above=0)
-        with pytest.raises(ValueError, match=r"^Expected x in \[0, 1\), got Fraction"):
-            check_number("x", 1 - Fraction(1, 10**30), at_least=0, below=1)
-
-    def test_long_ones_are_shortened(self):
-        with pytest.raises(
-            ValueError, match=r"^Expected x to be a finite number, got 10+\.{3}0+\.$"
-        ):
-            check_number("x", 10**400)
 
 
 class TestChoice:
@@ -205,10 +162,6 @@ class TestParameters:
             "Mission 'm': there is no parameter 'nods'; known are nodes, radius, robots, seed."
         )
 
-    def test_every_unknown_one_is_named(self):
-        with pytest.raises(ValueError, match=r"there is no parameter 'a' or 'b'; known are c\.$"):
-            check_parameters("Algorithm 'x'", iter(["a", "c", "b"]), {"c"})
-
     def test_what_takes_no_parameters_says_so(self):
         with pytest.raises(
             ValueError, match=r"^Algorithm 'x': there is no parameter 'a'; it takes none\.$"
@@ -227,7 +180,3 @@ class TestNearestFirst:
     def test_those_alike_are_sorted_by_name(self):
         assert nearest_first("x", ["b", "c", "a"]) == ["a", "b", "c"]
         assert nearest_first("", {"b", "a"}) == ["a", "b"]
-
-    def test_nothing_is_left_out(self):
-        assert nearest_first("x", iter(["b", "b", "xy"])) == ["xy", "b", "b"]
-        assert nearest_first("x", []) == []
