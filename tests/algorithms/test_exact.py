@@ -2,23 +2,18 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from pymoo.optimize import minimize
 
 from botohe_moo import (
     BOACO,
     BOTOHE,
     Exact,
-    Greedy,
     TooLargeError,
     TrailPlan,
     area_indicator,
     exact_front,
     load_mission,
 )
-from tests.examples import examples
-from tests.strategies import small_missions
 
 PLENTY = ("n_eval", 10**6)
 
@@ -66,17 +61,6 @@ class TestContract:
         result = minimize(BOTOHE(mission), Exact(), termination)
         assert [plan.trails for plan in result.X[:, 0]] == [((0,), (0,))]
         assert result.algorithm.evaluator.n_eval == 1
-
-    @examples(40)
-    @given(small_missions(max_trails=40), st.sampled_from([0.3, 0.81, 1.0]))
-    def test_a_survival_floor(self, case, least):
-        mission, _ = case
-        problem = BOTOHE(mission, min_survival=least)
-        result = minimize(problem, Exact(), PLENTY)
-        assert (result.G <= 0).all()
-        other = minimize(problem, Greedy(n_weights=5, beam_width=50), PLENTY)
-        near = 1e-11 * np.array([mission.total_reward, mission.robots])
-        assert (result.F[:, None] - near <= other.F).all(axis=2).any(axis=0).all()
 
 
 class TestRefusals:

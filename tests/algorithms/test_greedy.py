@@ -3,14 +3,13 @@
 import numpy as np
 import pytest
 from hypothesis import given
-from hypothesis import strategies as st
 from pymoo.optimize import minimize
 
 from botohe_moo import BOACO, BOTOHE, area_indicator, load_mission
 from botohe_moo.algorithms.greedy import Greedy
 from botohe_moo.search.sequential import MAX_BEAM_WIDTH, SequentialPlanner
 from tests.examples import examples
-from tests.strategies import missions, small_missions
+from tests.strategies import small_missions
 from tests.twins import all_objectives, worth
 
 PLENTY = ("n_eval", 10**6)
@@ -93,19 +92,6 @@ class TestContract:
 
 class TestFront:
     @examples(60)
-    @given(small_missions())
-    def test_within_the_true_front(self, case):
-        mission, trails = case
-        every = all_objectives(mission, trails)
-        result = minimize(BOTOHE(mission), Greedy(n_weights=9, beam_width=WIDE), PLENTY)
-        found = -result.F
-        assert np.array_equal(found, mission.evaluate(result.X))
-        # Every point is that of some plan, so that none dominates a point of the true front.
-        distances = np.abs(found[:, None] - every).max(axis=2).min(axis=1)
-        assert distances.max() <= 1e-9 * max(1.0, mission.total_reward)
-        assert found[:, 1].max() == mission.robots
-
-    @examples(60)
     @given(small_missions(max_robots=1, max_trails=1000))
     def test_one_robot_finds_what_is_best_for_its_weights(self, case):
         mission, trails = case
@@ -114,15 +100,6 @@ class TestFront:
         for weight in np.linspace(0, 1, 9):
             best = worth(mission, every, weight).max()
             assert worth(mission, -result.F, weight).max() == pytest.approx(best, rel=1e-9)
-
-    @examples(40)
-    @given(missions(min_nodes=1, max_nodes=9), st.integers(1, 20), st.sampled_from([0.0, 0.3, 1.0]))
-    def test_any_mission(self, mission, width, least):
-        """One-way ones, without any reward, where nothing is dangerous, of one node only."""
-        problem = BOTOHE(mission, min_survival=least)
-        result = minimize(problem, Greedy(n_weights=5, beam_width=width), PLENTY)
-        assert np.array_equal(-result.F, mission.evaluate(result.X))
-        assert mission.robot_survival(result.X).min() >= problem.survival_floor
 
     def test_partial_plans_belong_to_it(self, museum):
         base = (museum.arrays.base,)
