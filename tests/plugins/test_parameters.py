@@ -38,9 +38,8 @@ Few = Annotated[int, Field(ge=1, le=5)]
 
 
 class TestValues:
-    @pytest.mark.parametrize(
-        ("hint", "value"),
-        [
+    def test_right_ones(self):
+        for hint, value in [
             (int, np.int64(3)),
             (int, 10**400),
             (float, 3),
@@ -53,10 +52,8 @@ class TestValues:
             (Rope | str, "rope"),
             (np.ndarray, np.zeros(2)),
             ("a name that leads nowhere", 3),
-        ],
-    )
-    def test_right_ones(self, hint, value):
-        assert value_faults("x", value, hint) == []
+        ]:
+            assert value_faults("x", value, hint) == []
 
     @pytest.mark.parametrize(
         ("hint", "value", "message"),
@@ -130,23 +127,19 @@ class TestValues:
 
 
 class TestTypes:
-    @pytest.mark.parametrize(
-        ("hint", "text"),
-        [
+    def test_ranges(self):
+        for hint, text in [
             (int, ""),
             (Share, "in (0, 1)"),
             (Few | None, "in [1, 5]"),
             (Annotated[float, Field(ge=0.5, lt=1)], "in [0.5, 1)"),
             (Annotated[Few, Field(description="How many.")], "in [1, 5]"),
             (Annotated[int, "of no meaning here"], ""),
-        ],
-    )
-    def test_ranges(self, hint, text):
-        assert range_text(hint) == text
+        ]:
+            assert range_text(hint) == text
 
-    @pytest.mark.parametrize(
-        ("hint", "text"),
-        [
+    def test_texts(self):
+        for hint, text in [
             (Few, "int"),
             (Optional[Share], "float | None"),  # noqa: UP045
             (Mapping[str, Positive] | str, "Mapping[str, float] | str"),
@@ -156,14 +149,11 @@ class TestTypes:
             (Callable[[int], str], "Callable[[int], str]"),
             (Any, "Any"),
             (Rope, "Rope"),
-        ],
-    )
-    def test_texts(self, hint, text):
-        assert type_text(hint) == text
+        ]:
+            assert type_text(hint) == text
 
-    @pytest.mark.parametrize(
-        ("hint", "plain"),
-        [
+    def test_what_texts_can_say(self):
+        for hint, plain in [
             (int, True),
             (Few | None, True),
             (Any, True),
@@ -177,10 +167,8 @@ class TestTypes:
             (Iterable[Rope], False),
             (Mapping[str, Rope], False),
             (Callable[[int], float], False),
-        ],
-    )
-    def test_what_texts_can_say(self, hint, plain):
-        assert Parameter("x", hint=hint).plain is plain
+        ]:
+            assert Parameter("x", hint=hint).plain is plain
 
 
 def climb(*, n: Few = 2, share: "Share", rope: "Rope | None" = None, lost: "Nowhere" = 3, **rest):  # noqa: F821
@@ -542,9 +530,8 @@ class TestResults:
         assert found == {"a": (3, True), "b": (2, False)}
         assert all(p.own for p in accepted_parameters(Wide).parameters)
 
-    @pytest.mark.parametrize(
-        ("value", "plain"),
-        [
+    def test_plain_values(self):
+        for value, plain in [
             (None, None),
             (np.float64(0.5), 0.5),
             (np.True_, True),
@@ -558,9 +545,7 @@ class TestResults:
             ({"a": {1}}, NotImplemented),
             ({1: 2}, NotImplemented),
             (1j, NotImplemented),
-        ],
-    )
-    def test_plain_values(self, value, plain):
-        found = plain_value(value)
-        assert found == plain
-        assert type(found) is type(plain)
+        ]:
+            found = plain_value(value)
+            assert found == plain
+            assert type(found) is type(plain)
