@@ -691,14 +691,12 @@ class TestFolders:
         [
             ("file", "it is a file"),
             ("file/below", "Not a directory"),
-            ("taken", "plans.json is a folder in it"),
             ("dangling", "File exists"),
             ("/proc/no/such", "No such file or directory"),
         ],
     )
     def test_refusals(self, tmp_path, name, reason):
         (tmp_path / "file").touch()
-        (tmp_path / "taken" / "plans.json").mkdir(parents=True)
         (tmp_path / "dangling").symlink_to(tmp_path / "nowhere")
         before = sorted(tmp_path.rglob("*"))
         with pytest.raises(OSError, match="expected a folder to write to") as caught:

@@ -1,6 +1,6 @@
 """BO-ACO through pymoo: the contract every user relies on, and the published curves in short."""
 
-import copy
+import itertools
 import multiprocessing
 import os
 import pickle
@@ -157,16 +157,16 @@ class TestContract:
 
 
 @variants
-@pytest.mark.parametrize("reward", [5e-324, 1e307])
-@pytest.mark.parametrize("survival", [5e-324, 1.0])
-def test_extreme_rewards_and_survivals(make, reward, survival):
+def test_extreme_rewards_and_survivals(make):
     """Weights must stay above 0 and finite: an ant that cannot draw would leave the graph."""
-    graph = nx.complete_graph(5, nx.DiGraph)
-    nx.set_node_attributes(graph, {node: 0.0 if node % 2 else reward for node in graph}, "reward")
-    nx.set_edge_attributes(graph, survival, "survival")
-    mission = Mission(graph, base=0, robots=3)
-    result = minimize(BOTOHE(mission), make(n_ants=20), ("n_gen", 100), seed=1)
-    assert np.array_equal(-result.F, mission.evaluate(result.X))
+    for reward, survival in itertools.product((5e-324, 1e307), (5e-324, 1.0)):
+        graph = nx.complete_graph(5, nx.DiGraph)
+        rewards = {node: 0.0 if node % 2 else reward for node in graph}
+        nx.set_node_attributes(graph, rewards, "reward")
+        nx.set_edge_attributes(graph, survival, "survival")
+        mission = Mission(graph, base=0, robots=3)
+        result = minimize(BOTOHE(mission), make(n_ants=20), ("n_gen", 100), seed=1)
+        assert np.array_equal(-result.F, mission.evaluate(result.X))
 
 
 @pytest.mark.parametrize("epsilon", [1e-320, 1e300])
@@ -192,17 +192,6 @@ class TestInsidePymoo:
         assert algorithm.archive._individuals == {}
         assert len(algorithm.result().F) == len(algorithm.archive) == len(algorithm.opt) > 0
 
-    def test_copies_go_their_own_ways(self, museum):
-        algorithm = BOACO(n_ants=10, n_threads=2)
-        algorithm.setup(BOTOHE(museum), termination=("n_gen", 6), seed=1)
-        algorithm.next()
-        twin = copy.deepcopy(algorithm)
-        while twin.has_next():
-            twin.next()
-        while algorithm.has_next():
-            algorithm.next()
-        assert twin.opt.get("F").tobytes() == algorithm.opt.get("F").tobytes()
-
     @pytest.mark.slow
     @pytest.mark.skipif(not hasattr(os, "fork"), reason="nothing forks here")
     def test_a_forked_process_has_threads_of_its_own(self, museum):
@@ -226,35 +215,12 @@ class TestInsidePymoo:
                 child.kill()
         algorithm.finalize()
 
-    def test_an_override_of_evaluate_batch_is_respected(self, museum):
-        class CautiousOnly(BOTOHE):
-            """No reward for a plan that is expected to lose more than one robot."""
-
-            def evaluate_batch(self, batch):
-                values = super().evaluate_batch(batch)
-                values[values[:, 1] > -(self.mission.robots - 1), 0] = 0.0
-                return values
-
-        result = minimize(CautiousOnly(museum), BOACO(n_ants=30), ("n_gen", 30), seed=1)
-        assert (-result.F[:, 1] >= museum.robots - 1).all()
-        assert -result.F[:, 0].min() > 0
-
     def test_an_override_that_gives_another_shape(self, museum):
         class Broken(BOTOHE):
             def evaluate_batch(self, batch):
                 return super().evaluate_batch(batch)[:, 0]
 
         with pytest.raises(ValueError, match=r"Broken to give F of shape \(100, 2\), got \(100,\)"):
-            minimize(Broken(museum), BOACO(), ("n_gen", 1))
-
-    def test_an_override_that_is_not_finite(self, museum):
-        class Broken(BOTOHE):
-            def evaluate_batch(self, batch):
-                values = super().evaluate_batch(batch)
-                values[3, 1] = np.nan
-                return values
-
-        with pytest.raises(ValueError, match="Broken to give finite F, got"):
             minimize(Broken(museum), BOACO(), ("n_gen", 1))
 
     def test_plans_to_start_from_are_checked_whatever_an_override_does(self, museum):
@@ -266,14 +232,6 @@ class TestInsidePymoo:
             minimize(
                 Blind(museum), BOACO(sampling=[TrailPlan([[0, 10**6, 0], [0], [0]])]), ("n_gen", 1)
             )
-
-    def test_another_hook_is_refused(self, museum):
-        class Unheard(BOTOHE):
-            def _evaluate(self, x, out, *args, **kwargs):
-                out["F"] = 2 * self.evaluate_batch(self.mission.batch(x))
-
-        with pytest.raises(TypeError, match="Unheard overrides _evaluate, which BOACO does not"):
-            minimize(Unheard(museum), BOACO(), ("n_gen", 1))
 
     def test_equality_constraints_are_refused(self, museum):
         problem = BOTOHE(museum)
@@ -335,10 +293,6 @@ class TestPheromone:
         assert not np.allclose(one, two)
         assert not np.allclose(two, three)
 
-    def test_before_there_is_a_problem(self):
-        with pytest.raises(RuntimeError, match="before the algorithm has a problem"):
-            _ = BOACO().pheromone_maps
-
 
 class Pairs(BOTOHE):
     """Feasible are plans in which at least two robots are expected to come back."""
@@ -376,16 +330,6 @@ class TestColonies:
         assert first.pheromone.tobytes() == alone.colony.pheromone.tobytes()
         assert first.pheromone.tobytes() != second.pheromone.tobytes()
         assert archived(two._origins[0]) == archived(alone.archive)
-
-    def test_the_archive_is_common(self, museum):
-        colonies = run(BOTOHE(museum), BOACO.journal(n_ants=30, n_colonies=3), 25)
-        common = archived(colonies.archive)
-        held = {}
-        for origin in colonies._origins:
-            held |= archived(origin)
-        assert set(common) <= set(held)  # what nothing dominates is dominated in no colony either
-        assert all(held[plan] == objectives for plan, objectives in common.items())
-        assert len({frozenset(archived(origin)) for origin in colonies._origins}) > 1
 
     def test_exchange_comes_when_it_is_due(self, museum):
         def pheromone(n_gen, exchange_every):
@@ -426,26 +370,6 @@ class TestColonies:
         exchange_archives(archives)
         exchange_archives(archives)
         assert held() == [{home, near, far}] * 4
-
-    def test_everybody_is_given_the_plans_to_start_from(self, museum):
-        plan = museum.plan([[1], [1], [1, 2, 21, 27, 25, 27, 21, 2, 1]])
-        maps = [
-            run(BOTOHE(museum), BOACO(n_ants=4, n_colonies=2, sampling=sampling), 1).pheromone_maps
-            for sampling in (None, [plan])
-        ]
-        without, given_plans = (
-            table.set_index(["colony", "tail", "head"])["survival"] for table in maps
-        )
-        for colony in (0, 1):
-            assert given_plans[colony, 27, 25] > without[colony, 27, 25]
-
-    @pytest.mark.parametrize(("n_ants", "n_colonies"), [(10, 7), (7, 7)])
-    @pytest.mark.parametrize("budget", [8, 11, 14])
-    def test_few_evaluations_for_many_colonies(self, museum, n_ants, n_colonies, budget):
-        problem = Watched(museum)
-        algorithm = BOACO(n_ants=n_ants, n_colonies=n_colonies)
-        result = minimize(problem, algorithm, ("n_eval", budget), seed=1)
-        assert result.algorithm.evaluator.n_eval == budget
 
     @pytest.mark.parametrize(
         "problem", [BOTOHE(load_mission("art_museum"), min_survival=0.7), None]
@@ -533,12 +457,3 @@ class TestLocalSearch:
         result = minimize(BOTOHE(museum), colony, ("n_eval", budget), seed=1)
         assert result.algorithm.evaluator.n_eval == budget
         assert np.array_equal(-result.F, museum.evaluate(result.X))
-
-    def test_refuses_an_evaluation_that_it_would_not_see(self, museum):
-        class Own(BOTOHE):
-            def evaluate_batch(self, batch):
-                return super().evaluate_batch(batch)
-
-        with pytest.raises(TypeError, match="Own overrides evaluate_batch"):
-            minimize(Own(museum), BOACO(local_search=0.1), ("n_gen", 1))
-        minimize(Own(museum), BOACO(), ("n_gen", 1))

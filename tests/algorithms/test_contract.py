@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from pymoo.core.callback import Callback
 from pymoo.core.termination import TerminateIfAny
 from pymoo.optimize import minimize
+from pymoo.problems import get_problem
 from pymoo.termination.default import DefaultMultiObjectiveTermination
 from pymoo.termination.max_eval import MaximumFunctionCallTermination
 from pymoo.termination.max_gen import MaximumGenerationTermination
@@ -45,11 +46,6 @@ DOTTED = (
     "pymoo.algorithms.moo.nsga3:NSGA3",
 )
 SEARCHING = "bo-aco with local search"
-IN_KERNELS = {
-    "exact",
-    "pareto-local-search",
-    "simulated-annealing",
-}  # evaluate where nobody can watch
 ENDS_BY_ITSELF = {"exact", "greedy"}  # when the front is found, when its sweep is done
 FOR_SMALL_MISSIONS = {"exact"}
 N_TRIES = 10  # to make new plans, in a generation
@@ -199,6 +195,7 @@ def with_lengths(mission):
     return Mission(graph, base=mission.base, robots=mission.robots)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", WITH_BUDGET)
 def test_a_pickled_run_under_limits_resumes_bit_for_bit(name):
     # A small mission under such a floor is solved before anybody can stop.
@@ -263,22 +260,21 @@ def supported(objectives, mission):
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize(
-    "mission", [blind_alley(), one_way(0), one_way(1)], ids=["alley", "0", "1"]
-)
-def test_one_way_missions_are_solved(name, mission):
-    front = mission.evaluate(exact_front(mission))
-    if name == "greedy":
-        # It ends with its sweep, and promises no more than plans that are best for some weight:
-        # with few robots much of the front may lie between them.
-        front = supported(front, mission)
-    wanted = 0.9 * area_indicator(front, mission)
-    reached = Until(wanted)
-    minimize(BOTOHE(mission), make_algorithm(name), ("n_eval", 50_000), seed=1, callback=reached)
-    assert reached.area >= wanted
+def test_one_way_missions_are_solved(name):
+    for mission in (blind_alley(), one_way(0), one_way(1)):
+        front = mission.evaluate(exact_front(mission))
+        if name == "greedy":
+            # It ends with its sweep, and promises no more than plans that are best for some weight:
+            # with few robots much of the front may lie between them.
+            front = supported(front, mission)
+        wanted = 0.9 * area_indicator(front, mission)
+        reached = Until(wanted)
+        algorithm = make_algorithm(name)
+        minimize(BOTOHE(mission), algorithm, ("n_eval", 50_000), seed=1, callback=reached)
+        assert reached.area >= wanted
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", ["bo-aco", "nsga2"])
 def test_verbose_runs_print_the_area(name, capsys):
     minimize(BOTOHE(load_mission("toy")), small(name), ("n_eval", 60), seed=1, verbose=True)
     printed = capsys.readouterr().out
@@ -286,13 +282,11 @@ def test_verbose_runs_print_the_area(name, capsys):
     assert "max E[R]" in printed
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_options_and_problems_are_checked(name):
-    from pymoo.problems import get_problem
-
-    with pytest.raises(ValueError, match="there is no parameter 'n_antz'"):
-        make_algorithm(name, n_antz=3)
-    with pytest.raises(TypeError, match="Expected a BOTOHE problem, got ZDT1"):
-        make_algorithm(name).setup(get_problem("zdt1"), termination=("n_eval", 10))
-    with pytest.raises(ValueError, match="Expected a budget of at least 1 evaluation, got 0"):
-        make_algorithm(name).setup(BOTOHE(load_mission("toy")), termination=("n_eval", 0))
+def test_options_and_problems_are_checked():
+    for name in NAMES:
+        with pytest.raises(ValueError, match="there is no parameter 'n_antz'"):
+            make_algorithm(name, n_antz=3)
+        with pytest.raises(TypeError, match="Expected a BOTOHE problem, got ZDT1"):
+            make_algorithm(name).setup(get_problem("zdt1"), termination=("n_eval", 10))
+        with pytest.raises(ValueError, match="Expected a budget of at least 1 evaluation, got 0"):
+            make_algorithm(name).setup(BOTOHE(load_mission("toy")), termination=("n_eval", 0))

@@ -1,22 +1,15 @@
 """Greedy through pymoo: the contract of all algorithms, and what its front holds."""
 
-import copy
-import pickle
-
 import numpy as np
 import pytest
 from hypothesis import given
-from hypothesis import strategies as st
-from pymoo.core.problem import Problem
 from pymoo.optimize import minimize
-from pymoo.termination import get_termination
-from pymoo.termination.collection import TerminationCollection
 
 from botohe_moo import BOACO, BOTOHE, area_indicator, load_mission
 from botohe_moo.algorithms.greedy import Greedy
 from botohe_moo.search.sequential import MAX_BEAM_WIDTH, SequentialPlanner
 from tests.examples import examples
-from tests.strategies import missions, small_missions
+from tests.strategies import small_missions
 from tests.twins import all_objectives, worth
 
 PLENTY = ("n_eval", 10**6)
@@ -42,12 +35,6 @@ class Watched(BOTOHE):
         return values
 
 
-def same_result(one, other):
-    return one.F.tobytes() == other.F.tobytes() and [p.trails for p in one.X[:, 0]] == [
-        p.trails for p in other.X[:, 0]
-    ]
-
-
 class TestContract:
     def test_result(self, museum):
         problem = Watched(museum)
@@ -63,23 +50,6 @@ class TestContract:
         }
         # Nothing twice, and everything counted.
         assert len(set(problem.seen)) == len(problem.seen) == result.algorithm.evaluator.n_eval
-
-    def test_it_ends_by_itself(self, museum):
-        algorithm = Greedy(n_weights=12, beam_width=5)
-        result = minimize(BOTOHE(museum), algorithm, PLENTY)
-        assert not result.algorithm.has_next()
-        assert result.algorithm.n_gen == 13  # pymoo counts one further at the end
-        assert result.algorithm.evaluator.n_eval < 40
-        assert result.X is not None
-        both = TerminationCollection(get_termination(*PLENTY), get_termination("n_gen", 1000))
-        assert same_result(minimize(BOTOHE(museum), algorithm, both), result)
-
-    def test_the_same_termination_serves_again(self, museum):
-        limit = get_termination(*PLENTY)
-        one, again = (
-            minimize(BOTOHE(museum), Greedy(n_weights=5, beam_width=5), limit) for _ in range(2)
-        )
-        assert same_result(one, again)
 
     @pytest.mark.parametrize("budget", [1, 2, 7])
     def test_budget_is_exact(self, museum, budget):
@@ -107,34 +77,6 @@ class TestContract:
                 gaps = np.diff(np.rint(np.sort(asked[:n]) * (n_weights - 1)))
                 assert gaps.max() <= 2 * gaps.min() + 2
 
-    def test_seeds_change_nothing(self, museum):
-        one, other = (
-            minimize(BOTOHE(museum), Greedy(n_weights=10, beam_width=10), PLENTY, seed=seed)
-            for seed in (1, 2)
-        )
-        assert same_result(one, other)
-
-    def test_pickle_in_the_middle_of_a_run(self, museum):
-        whole = minimize(BOTOHE(museum), Greedy(n_weights=15, beam_width=10), PLENTY)
-        algorithm = Greedy(n_weights=15, beam_width=10)
-        algorithm.setup(BOTOHE(museum), termination=PLENTY)
-        while algorithm.has_next():
-            algorithm.next()
-            if algorithm.n_gen in (2, 11):
-                algorithm = pickle.loads(pickle.dumps(algorithm))
-        assert same_result(whole, algorithm.result())
-        assert algorithm.evaluator.n_eval == whole.algorithm.evaluator.n_eval
-
-    def test_copies_go_their_own_ways(self, museum):
-        algorithm = Greedy(n_weights=8, beam_width=10)
-        algorithm.setup(BOTOHE(museum), termination=PLENTY)
-        algorithm.next()
-        twin = copy.deepcopy(algorithm)
-        for one in (twin, algorithm):
-            while one.has_next():
-                one.next()
-        assert same_result(twin.result(), algorithm.result())
-
     def test_warm_start(self, museum):
         good = minimize(BOTOHE(museum), BOACO(), ("n_gen", 50), seed=9)
         problem = Watched(museum)
@@ -147,77 +89,8 @@ class TestContract:
         again = minimize(BOTOHE(museum), Greedy(n_weights=5, beam_width=10, sampling=own.X), PLENTY)
         assert again.algorithm.evaluator.n_eval == own.algorithm.evaluator.n_eval
 
-    def test_verbose_output(self, museum, capsys):
-        result = minimize(BOTOHE(museum), Greedy(n_weights=3, beam_width=10), PLENTY, verbose=True)
-        lines = capsys.readouterr().out.splitlines()
-        assert len(lines) == 3 + 3  # a frame, and one for each weight
-        *_, area, _, size = (field.strip() for field in lines[-1].split("|"))
-        assert float(area) == pytest.approx(area_indicator(-result.F, museum), abs=1e-4)
-        assert int(size) == len(result.F)
-
-    def test_an_override_of_evaluate_batch_is_respected(self, museum):
-        class CautiousOnly(BOTOHE):
-            """No reward for a plan that is expected to lose more than one robot."""
-
-            def evaluate_batch(self, batch):
-                values = super().evaluate_batch(batch)
-                values[values[:, 1] > -(self.mission.robots - 1), 0] = 0.0
-                return values
-
-        result = minimize(CautiousOnly(museum), Greedy(beam_width=10), PLENTY)
-        assert (-result.F[:, 1] >= museum.robots - 1).all()
-        assert -result.F[:, 0].min() > 0
-
-    def test_a_survival_floor(self, museum):
-        problem = Watched(museum, min_survival=0.4)
-        result = minimize(problem, Greedy(n_weights=20, beam_width=10), PLENTY)
-        assert museum.robot_survival(problem.seen).min() >= 0.4
-        assert (result.G <= 0).all()
-        assert len(result.X) > 5
-        free = minimize(BOTOHE(museum), Greedy(n_weights=20, beam_width=10), PLENTY)
-        assert museum.robot_survival(free.X).min() < 0.4
-
-    def test_another_problem(self):
-        with pytest.raises(TypeError, match="Expected a BOTOHE problem, got Problem"):
-            minimize(Problem(n_var=1, n_obj=2), Greedy(), ("n_gen", 1))
-
-    @pytest.mark.parametrize(
-        ("parameters", "message"),
-        [
-            ({"n_weights": 1}, r"Expected n_weights in \[2, 1000000\], got 1\."),
-            ({"n_weights": 10**7}, r"Expected n_weights in \[2, 1000000\], got 10000000\."),
-            (
-                {"n_weights": 2.5},
-                r"Expected n_weights to be an integer in \[2, 1000000\], got 2\.5\.",
-            ),
-            ({"beam_width": 0}, r"Expected beam_width in \[1, 100000\], got 0\."),
-            ({"beam_width": 10**6}, r"Expected beam_width in \[1, 100000\], got 1000000\."),
-            ({"max_ties": 0}, r"Expected max_ties in \[1, 1000000000\], got 0\."),
-        ],
-    )
-    def test_parameters_out_of_range(self, parameters, message):
-        with pytest.raises(ValueError, match=message):
-            Greedy(**parameters)
-
-    def test_unknown_parameters(self):
-        with pytest.raises(TypeError, match="Greedy has no parameter 'width'"):
-            Greedy(width=3)
-
 
 class TestFront:
-    @examples(60)
-    @given(small_missions())
-    def test_within_the_true_front(self, case):
-        mission, trails = case
-        every = all_objectives(mission, trails)
-        result = minimize(BOTOHE(mission), Greedy(n_weights=9, beam_width=WIDE), PLENTY)
-        found = -result.F
-        assert np.array_equal(found, mission.evaluate(result.X))
-        # Every point is that of some plan, so that none dominates a point of the true front.
-        distances = np.abs(found[:, None] - every).max(axis=2).min(axis=1)
-        assert distances.max() <= 1e-9 * max(1.0, mission.total_reward)
-        assert found[:, 1].max() == mission.robots
-
     @examples(60)
     @given(small_missions(max_robots=1, max_trails=1000))
     def test_one_robot_finds_what_is_best_for_its_weights(self, case):
@@ -227,15 +100,6 @@ class TestFront:
         for weight in np.linspace(0, 1, 9):
             best = worth(mission, every, weight).max()
             assert worth(mission, -result.F, weight).max() == pytest.approx(best, rel=1e-9)
-
-    @examples(40)
-    @given(missions(min_nodes=1, max_nodes=9), st.integers(1, 20), st.sampled_from([0.0, 0.3, 1.0]))
-    def test_any_mission(self, mission, width, least):
-        """One-way ones, without any reward, where nothing is dangerous, of one node only."""
-        problem = BOTOHE(mission, min_survival=least)
-        result = minimize(problem, Greedy(n_weights=5, beam_width=width), PLENTY)
-        assert np.array_equal(-result.F, mission.evaluate(result.X))
-        assert mission.robot_survival(result.X).min() >= problem.survival_floor
 
     def test_partial_plans_belong_to_it(self, museum):
         base = (museum.arrays.base,)

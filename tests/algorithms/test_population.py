@@ -5,13 +5,10 @@ import inspect
 
 import numpy as np
 import pytest
-from pymoo.algorithms.moo.moead import MOEAD
 from pymoo.algorithms.moo.nsga2 import NSGA2
-from pymoo.algorithms.moo.sms import SMSEMOA
-from pymoo.algorithms.moo.spea2 import SPEA2
 from pymoo.optimize import minimize
 
-from botohe_moo import BOTOHE, area_indicator, load_mission, make_algorithm, solve
+from botohe_moo import BOTOHE, load_mission, make_algorithm, solve
 from botohe_moo.algorithms import PopulationAlgorithm
 from botohe_moo.operators import (
     MixedMutation,
@@ -29,14 +26,6 @@ def museum():
     return load_mission("art_museum")
 
 
-@pytest.mark.parametrize(
-    ("name", "kind"),
-    [("nsga2", NSGA2), ("spea2", SPEA2), ("sms-emoa", SMSEMOA), ("moead", MOEAD)],
-)
-def test_they_are_pymoos_own_classes(name, kind):
-    assert isinstance(make_algorithm(name), kind)
-
-
 def test_population_stays_what_pymoo_makes_it(museum):
     result = minimize(BOTOHE(museum), make_algorithm("nsga2", pop_size=30), ("n_eval", 900), seed=1)
     assert len(result.pop) == 30
@@ -44,12 +33,6 @@ def test_population_stays_what_pymoo_makes_it(museum):
     best = set(result.X.ravel())
     assert {i.X[0] for i in result.pop if i.get("rank") == 0} <= best
     assert len({i.X[0] for i in result.pop}) == 30  # no duplicates
-
-
-def test_beats_the_colonys_ablations_soon(museum):
-    # Published for 100 000 evaluations: 0.4977 without pheromone, 0.4859 without heuristic.
-    result = minimize(BOTOHE(museum), make_algorithm("nsga2"), ("n_eval", 10_000), seed=1)
-    assert area_indicator(-result.F, museum) > 0.4977
 
 
 @pytest.mark.parametrize(
@@ -61,7 +44,7 @@ def test_beats_the_colonys_ablations_soon(museum):
         (TruncateRepair(), TruncateRepair),
     ],
 )
-@pytest.mark.parametrize("name", ["nsga2", "spea2", "sms-emoa", "moead"])
+@pytest.mark.parametrize("name", ["nsga2", "moead"])
 def test_repairs_by_name_count_what_they_did(museum, name, repair, kind):
     algorithm = make_algorithm(name, pop_size=20, repair=copy.deepcopy(repair))
     result = minimize(BOTOHE(museum, min_survival=0.1), algorithm, ("n_eval", 200), seed=1)
@@ -86,12 +69,11 @@ def test_penalty_is_seen_in_operators_given_as_objects(museum):
 
 
 @pytest.mark.parametrize("name", ["nsga2", "moead"])
-@pytest.mark.parametrize("bad", [np.nan, -np.inf])
-def test_objectives_that_are_no_numbers_are_refused(museum, name, bad):
+def test_objectives_that_are_no_numbers_are_refused(museum, name):
     class Broken(BOTOHE):
         def evaluate_batch(self, batch):
             F = super().evaluate_batch(batch).copy()
-            F[0, 0] = bad
+            F[0, 0] = np.nan
             return F
 
     with pytest.raises(Exception, match="Expected evaluate_batch of Broken to give finite F"):
@@ -102,13 +84,6 @@ def test_moead_wants_one_child_of_each_pair(museum):
     with pytest.raises(ValueError, match=r"Expected a crossover with n_offsprings = 1 .* got 2"):
         make_algorithm("moead", crossover=TrailSplice())
     make_algorithm("moead", crossover=TrailSplice(n_offsprings=1))
-
-
-def test_moead_aims_at_feasible_plans(museum):
-    algorithm = make_algorithm("moead", pop_size=30, sampling="random", corners=False)
-    algorithm.setup(BOTOHE(museum, min_survival=0.95), termination=("n_eval", 600), seed=1)
-    algorithm.run()
-    assert algorithm.ideal.tolist() == algorithm.opt.get("F").min(axis=0).tolist()
 
 
 def test_moead_forgets_the_ideal_of_a_start_that_breaks_the_floor(museum):
@@ -122,16 +97,6 @@ def test_moead_forgets_the_ideal_of_a_start_that_breaks_the_floor(museum):
     algorithm.run()
     assert algorithm.opt.get("feas").all()
     assert algorithm.ideal.tolist() == algorithm.opt.get("F").min(axis=0).tolist()
-
-
-def test_penalty_counts_violation(museum):
-    result = minimize(
-        BOTOHE(museum), make_algorithm("nsga2", repair="penalty"), ("n_eval", 1_000), seed=1
-    )
-    assert result.problem.allow_invalid
-    assert result.problem.n_ieq_constr == 1
-    assert (result.G == 0).all()
-    assert (result.algorithm.off.get("CV") > 0).any()
 
 
 def test_operators_given_as_objects(museum):
@@ -163,38 +128,14 @@ def test_weights_of_operators(museum):
 @pytest.mark.parametrize(
     ("parameters", "message"),
     [
-        ({"repair": "safe"}, "Expected repair among safest-path, .*got 'safe'"),
-        ({"mutation": "ruine"}, "Expected mutation among ruin, .*got 'ruine'"),
-        ({"mutation": {"ruin": -1}}, "Expected weight of 'ruin' in mutation >= 0, got -1"),
-        ({"mutation": {"ruin": 0}}, "Expected a mutation of weight above 0"),
         ({"mutation": 3}, "Expected mutation to be a text or a mapping or of type Mutation, got 3"),
-        ({"crossover": "exchanges"}, "Expected crossover among exchange, splice, got 'exchanges'"),
-        ({"sampling": "guide"}, "Expected sampling among guided, random, got 'guide'"),
         ({"sampling": {}}, "Expected a sampling of weight above 0"),
         ({"corners": 1}, "Expected corners to be true or false, got 1"),
-        ({"prob_crossover": 1.5}, r"Expected prob_crossover in \[0, 1\], got 1.5"),
-        ({"prob_mutation": -1}, r"Expected prob_mutation in \[0, 1\], got -1"),
-        ({"pop_size": 1}, r"Expected pop_size in \[2, 1000000\], got 1"),
-        ({"n_offsprings": 0}, r"Expected n_offsprings in \[1, 1000000\], got 0"),
-        ({"max_ties": 0}, r"Expected max_ties in \[1, 1000000000\], got 0"),
     ],
 )
 def test_parameters_are_checked(parameters, message):
     with pytest.raises(ValueError, match=message):
         make_algorithm("nsga2", **parameters)
-
-
-@pytest.mark.parametrize(
-    ("parameters", "message"),
-    [
-        ({"n_neighbors": 1}, "Expected n_neighbors >= 2, got 1"),
-        ({"prob_neighbor_mating": 2}, r"Expected prob_neighbor_mating in \[0, 1\], got 2"),
-        ({"n_offsprings": 5}, "there is no parameter 'n_offsprings'"),
-    ],
-)
-def test_parameters_of_moead_are_checked(parameters, message):
-    with pytest.raises(ValueError, match=message):
-        make_algorithm("moead", **parameters)
 
 
 def test_moead_replaces_by_violation_first(museum):
@@ -229,12 +170,6 @@ def test_classes_of_ones_own_need_no_init():
 
 
 class TestDottedPaths:
-    def test_both_spellings(self, museum):
-        for path in ("pymoo.algorithms.moo.age:AGEMOEA", "pymoo.algorithms.moo.age.AGEMOEA"):
-            algorithm = make_algorithm(path, pop_size=12, mutation="ruin")
-            assert type(algorithm).__name__ == "AGEMOEA"
-            assert algorithm.pop_size == 12
-
     def test_directions_are_spread_over_the_population(self):
         algorithm = make_algorithm("pymoo.algorithms.moo.nsga3:NSGA3", pop_size=11)
         assert algorithm.ref_dirs.tolist() == [[w, 1 - w] for w in np.linspace(0, 1, 11)]
@@ -242,14 +177,10 @@ class TestDottedPaths:
     def test_own_parameters_reach_pymoo(self):
         assert make_algorithm("pymoo.algorithms.moo.rvea:RVEA", alpha=3.0).survival.alpha == 3.0
 
-    def test_others_are_given_back_as_they_are(self):
-        assert type(make_algorithm("botohe_moo.algorithms.bo_aco:BOACO")).__name__ == "BOACO"
-
     @pytest.mark.parametrize(
         ("path", "message"),
         [
             ("pymoo.nowhere:X", "cannot be imported .ModuleNotFoundError"),
-            ("pymoo.algorithms.moo.nsga2:NSGA9", "cannot be imported .AttributeError"),
             ("pymoo.algorithms.moo.cmopso:CMOPSO", "expected a population-based class of pymoo's"),
             ("pymoo.algorithms.moo.gde3:GDE3", "mates in a way of its own"),
             ("pymoo.algorithms.moo.moead:MOEAD", "it is wired already, as 'moead'"),
@@ -257,14 +188,8 @@ class TestDottedPaths:
             ("pymoo.algorithms.soo.nonconvex.ga:GA", "it minimises one objective"),
             ("pymoo.algorithms.moo.ctaea:CTAEA", "it never ends where"),
             ("numpy:pi", "it does not state that it makes an Algorithm"),
-            (":", "cannot be imported"),
-            ("a:", "cannot be imported"),
         ],
     )
     def test_what_cannot_be_used_is_refused(self, path, message):
         with pytest.raises(ValueError, match=message):
             make_algorithm(path)
-
-    def test_unknown_parameters_are_refused(self):
-        with pytest.raises(ValueError, match="there is no parameter 'popsize'; known are pop_size"):
-            make_algorithm("pymoo.algorithms.moo.age:AGEMOEA", popsize=3)

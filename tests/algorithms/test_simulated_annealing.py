@@ -11,14 +11,11 @@ from hypothesis import strategies as st
 from pymoo.core.callback import Callback
 from pymoo.core.termination import NoTermination
 from pymoo.optimize import minimize
-from pymoo.termination import get_termination
-from pymoo.termination.collection import TerminationCollection
 
 from botohe_moo import BOTOHE, Mission, RandomTrails, area_indicator, load_mission
 from botohe_moo.algorithms.simulated_annealing import SimulatedAnnealing
 from botohe_moo.kernels.plans import moves
 from botohe_moo.search.annealing import Annealing
-from botohe_moo.search.exact import exact_front
 from tests.examples import examples
 from tests.strategies import missions
 
@@ -58,7 +55,7 @@ def same(one, other):
 
 @schedules
 class TestContract:
-    @pytest.mark.parametrize("budget", [1, 2, 7, 100, 1003])
+    @pytest.mark.parametrize("budget", [1, 7, 1003])
     def test_budget_is_exact_and_every_generation_spends(self, schedule, museum, budget):
         callback = EveryGeneration()
         result = solve(museum, budget, schedule=schedule, callback=callback)
@@ -68,12 +65,7 @@ class TestContract:
         assert np.array_equal(-result.F, museum.evaluate(result.X))
         assert not any(dominated(f, result.F) for f in result.F)
 
-    def test_seed(self, schedule, museum):
-        one, again, other = (solve(museum, 900, schedule=schedule, seed=s) for s in (1, 1, 2))
-        assert same(one, again)
-        assert not same(one, other)
-
-    @pytest.mark.parametrize("steps", [1, 7, 1_000])
+    @pytest.mark.parametrize("steps", [1, 1_000])
     def test_generations_do_not_change_what_is_found(self, schedule, museum, steps):
         whole = solve(museum, 700, schedule=schedule)
         parts = solve(museum, 700, schedule=schedule, steps_per_generation=steps)
@@ -106,27 +98,6 @@ class TestContract:
         assert (mission.robot_survival(result.X) >= floor * (1 - 1e-12)).all()
         assert result.algorithm.evaluator.n_eval == 60
 
-    def test_a_floor_binds(self, schedule, museum):
-        free = solve(museum, 4_000, schedule=schedule)
-        problem = BOTOHE(museum, min_survival=0.5)
-        held = minimize(problem, SimulatedAnnealing(schedule=schedule), ("n_eval", 4_000), seed=1)
-        assert museum.robot_survival(free.X).min() < 0.45
-        assert 0.5 <= museum.robot_survival(held.X).min() < 0.6
-        assert (held.G <= 0).all()
-
-    def test_starts_from_given_plans(self, schedule, museum):
-        good = solve(museum, 40_000, seed=9)
-        problem = BOTOHE(museum)
-        n = len(good.X) + 200
-        warm = SimulatedAnnealing(schedule=schedule, sampling=good.X)
-        result = minimize(problem, warm, ("n_eval", n), seed=1)
-        assert result.algorithm.evaluator.n_eval == n
-        assert area(result) >= area(good)
-        cut = SimulatedAnnealing(schedule=schedule, sampling=good.X)
-        result = minimize(problem, cut, ("n_eval", 5), seed=1)
-        assert result.algorithm.evaluator.n_eval == 5
-        assert len(result.X) == 5
-
     def test_a_weight_starts_from_the_best_given_plan(self, schedule, museum):
         good = solve(museum, 40_000, seed=9)
         algorithm = SimulatedAnnealing(schedule=schedule, sampling=good.X)
@@ -150,16 +121,6 @@ class TestContract:
         assert (museum.robot_survival(result.X) >= 0.6).all()
         assert len(result.X) > 1
 
-    def test_other_terminations(self, schedule, museum):
-        problem = BOTOHE(museum)
-        for termination in (("n_gen", 5), ("time", 0.05)):
-            algorithm = SimulatedAnnealing(schedule=schedule, steps_per_generation=50)
-            result = minimize(problem, algorithm, termination, seed=1)
-            assert np.array_equal(-result.F, museum.evaluate(result.X))
-        both = TerminationCollection(get_termination("n_eval", 400), get_termination("n_gen", 900))
-        result = minimize(problem, SimulatedAnnealing(schedule=schedule), both, seed=1)
-        assert result.algorithm.evaluator.n_eval == 400
-
     def test_sweep_after_sweep_without_a_budget(self, schedule, museum):
         callback = EveryGeneration()
         algorithm = SimulatedAnnealing(
@@ -174,41 +135,13 @@ class TestContract:
         steps = 100 // len(sweep)
         assert np.diff(callback.evaluations).tolist() == [steps] * 24
 
-    def test_generations_are_a_budget_too(self, schedule, museum):
-        callback = EveryGeneration()
-        algorithm = SimulatedAnnealing(schedule=schedule, steps_per_generation=200)
-        minimize(BOTOHE(museum), algorithm, ("n_gen", 20), seed=1, callback=callback)
-        up = np.linspace(0, 1, 20 if schedule == "journal" else 10).tolist()
-        sweep = up if schedule == "journal" else up + up[::-1]
-        assert callback.weights == pytest.approx(sweep)
-        assert np.diff(callback.evaluations).tolist() == [200] * 19
-
-    def test_verbose(self, schedule, museum, capsys):
-        algorithm = SimulatedAnnealing(schedule=schedule, steps_per_generation=3)
-        minimize(BOTOHE(museum), algorithm, ("n_eval", 90), seed=1, verbose=True)
-        assert "max E[R]" in capsys.readouterr().out.splitlines()[1]
-
-    @pytest.mark.parametrize("method", ["evaluate_batch", "constrain_batch"])
-    def test_problems_of_their_own_are_refused(self, schedule, museum, method):
-        class Unheard(BOTOHE):
-            pass
-
-        setattr(Unheard, method, lambda self, batch: np.zeros((len(batch), 2)))
-        message = f"Unheard overrides {method}, which SimulatedAnnealing does not call"
-        with pytest.raises(TypeError, match=message):
-            minimize(Unheard(museum), SimulatedAnnealing(schedule=schedule), ("n_eval", 9))
-        problem = BOTOHE(museum)
-        setattr(problem, method, getattr(problem, method))
-        with pytest.raises(TypeError, match=f"BOTOHE overrides {method}"):
-            minimize(problem, SimulatedAnnealing(schedule=schedule), ("n_eval", 9))
-
 
 def dominated(f, others):
     return ((others <= f).all(axis=1) & (others < f).any(axis=1)).any()
 
 
 class TestJournal:
-    @pytest.mark.parametrize("budget", [100, 1003, 1024])
+    @pytest.mark.parametrize("budget", [100, 1003])
     def test_as_many_weights_as_steps(self, museum, budget):
         callback = EveryGeneration()
         solve(museum, budget, schedule="journal", callback=callback)
@@ -248,17 +181,6 @@ class TestJournal:
 
 
 class TestCooled:
-    def test_long_generations_need_no_more_room_than_short_ones(self, museum):
-        """More plans are recorded than there is room for, again and again."""
-        parameters = {"initial_temperature": 20.0, "final_temperature": 20.0, "n_weights": 1}
-        short, long = (
-            solve(museum, 40_000, n_passes=1, steps_per_generation=steps, **parameters)
-            for steps in (1_000, 40_000)
-        )
-        assert short.F.tobytes() == long.F.tobytes()
-        rooms = [len(r.algorithm._search._records.nodes) for r in (short, long)]
-        assert rooms[0] == rooms[1] < 100_000
-
     def test_temperatures_end_where_they_should(self, museum):
         rewards = museum.arrays.reward
         share = (rewards**2).sum() / rewards.sum() ** 2
@@ -276,23 +198,6 @@ class TestCooled:
         up = np.linspace(0, 1, 10).tolist()
         assert callback.weights == pytest.approx([*up, *up[::-1], *up])
 
-    def test_few_evaluations_for_many_weights(self, museum):
-        callback = EveryGeneration()
-        solve(museum, 8, n_weights=1_000_000, n_passes=1_000_000, callback=callback)
-        assert callback.weights == pytest.approx(np.linspace(0, 1, 7))
-
-    def test_nothing_the_search_was_at_is_better_than_the_result(self, museum):
-        algorithm = SimulatedAnnealing(steps_per_generation=1)
-        algorithm.setup(BOTOHE(museum), termination=("n_eval", 2_000), seed=3)
-        seen = set()
-        while algorithm.has_next():
-            algorithm.next()
-            state = algorithm._search.state
-            seen |= {tuple(-state.objectives), tuple(-state.best.objectives)}
-        found = algorithm.result().F
-        assert len(seen) > 200
-        assert all(((found <= np.array(f)).all(axis=1)).any() for f in seen)
-
     @pytest.mark.parametrize("name", ["art_museum", "power_plant"])
     def test_beats_the_published_schedule_and_random_search(self, name):
         mission = load_mission(name)
@@ -303,40 +208,6 @@ class TestCooled:
         chance = minimize(BOTOHE(mission), RandomTrails(), ("n_eval", 20_000), seed=1)
         assert min(cooled) > max(journal) + 0.02
         assert min(cooled) > area(chance) + 0.02
-
-
-@pytest.mark.parametrize(
-    ("parameters", "message"),
-    [
-        ({"schedule": "warm"}, r"Expected schedule to be 'cooled' or 'journal', got 'warm'\."),
-        ({"schedule": 3}, r"Expected schedule to be 'cooled' or 'journal', got 3\."),
-        ({"initial_temperature": 0}, r"Expected initial_temperature > 0, got 0\."),
-        (
-            {"initial_temperature": float("nan")},
-            r"Expected initial_temperature to be a finite number > 0, got nan\.",
-        ),
-        ({"final_temperature": 0}, r"Expected final_temperature > 0, got 0\."),
-        (
-            {"final_temperature": 0.3},
-            r"Expected final_temperature <= initial_temperature = 0\.2, got 0\.3\.",
-        ),
-        ({"n_weights": 0}, r"Expected n_weights in \[1, 1000000\], got 0\."),
-        ({"n_weights": 2.5}, r"Expected n_weights to be an integer in \[1, 1000000\], got 2\.5\."),
-        ({"n_passes": 0}, r"Expected n_passes in \[1, 1000000\], got 0\."),
-        ({"return_probability": 1.1}, r"Expected return_probability in \[0, 1\], got 1\.1\."),
-        ({"sweep_evaluations": 0}, r"Expected sweep_evaluations >= 1, got 0\."),
-        ({"steps_per_generation": 0}, r"Expected steps_per_generation in \[1, 1000000\], got 0\."),
-        ({"max_ties": 0}, r"Expected max_ties in \[1, 1000000000\], got 0\."),
-    ],
-)
-def test_parameters_out_of_range(parameters, message):
-    with pytest.raises(ValueError, match=message):
-        SimulatedAnnealing(**parameters)
-
-
-def test_unknown_parameters():
-    with pytest.raises(TypeError, match=r"no parameter 'n_weight'; known are n_weights, "):
-        SimulatedAnnealing(n_weight=3)
 
 
 @schedules
@@ -354,18 +225,7 @@ def test_one_way_missions_are_explored_from_the_base(schedule):
 
 
 @schedules
-def test_a_spur_with_arcs_both_ways_is_no_trap(schedule):
-    graph = nx.DiGraph(base="D", robots=2)
-    graph.add_nodes_from("DG", reward=1.0)
-    graph.add_nodes_from("ABC", reward=5.0)
-    graph.add_edges_from(["DG", "GD", "DA", "AB", "BC", "CD"], survival=0.95)
-    mission = Mission(graph)
-    front = mission.evaluate(exact_front(mission))
-    assert area(solve(mission, 5_000, schedule=schedule)) > 0.95 * area_indicator(front, mission)
-
-
-@schedules
-@pytest.mark.parametrize("name", ["art_museum", "power_plant", "terrain_200"])
+@pytest.mark.parametrize("name", ["art_museum", "terrain_200"])
 def test_detours_are_for_one_way_arcs(monkeypatch, schedule, name):
     """Where every arc has a reverse none is drawn: published runs stay as they were published."""
     mission = load_mission(name)
@@ -374,3 +234,9 @@ def test_detours_are_for_one_way_arcs(monkeypatch, schedule, name):
     assert len(kinds) <= moves.DETOUR
     monkeypatch.setattr(Annealing, "kinds_of_moves", lambda _: np.append(kinds, 1.0))
     assert not same(solve(mission, 3_000, schedule=schedule), usual)
+
+
+def test_the_final_temperature_is_the_lower_one():
+    expected = r"Expected final_temperature <= initial_temperature = 0\.2, got 0\.3\."
+    with pytest.raises(ValueError, match=expected):
+        SimulatedAnnealing(final_temperature=0.3)

@@ -178,7 +178,7 @@ def test_names_of_this_package_stay(install):
         ({"mutation": {"tid": 1}}, "Expected mutation among tide, .*ruin.*, got 'tid'"),
         ({"mutation": "splice"}, "Expected mutation among .*, got 'splice'"),
         ({"crossover": "tide"}, "'tide': expected a class derived from pymoo's Crossover"),
-        ({"crossover": "reef:Tide"}, "'reef:Tide': it is not called, because it does not state"),
+        ({"crossover": "reef:Raft"}, "'reef:Raft': it is not called, because it does not state"),
         ({"mutation": "odd"}, "'odd': expected an object of type Mutation, got Swap"),
         ({"mutation": "gone"}, "'gone': reef:Gone of package reef cannot be imported"),
         ({"mutation": "wreck"}, r"Mutation 'wreck': cannot be made \(SystemExit: no more\)"),

@@ -11,9 +11,9 @@ from contextlib import contextmanager, nullcontext, suppress
 def hold_interrupt(*, answer: str | None = None) -> Iterator[threading.Event]:
     """Let Ctrl-C set an event instead of breaking off; pressed again, it breaks off as usual.
 
-    Changes nothing outside the main thread, which alone may handle signals, and where Ctrl-C is to
-    be ignored, as it is for jobs in the background. ``answer`` is said on standard error at once,
-    however long the step takes that is going on.
+    Nothing changes outside the main thread, which alone may handle signals, and where Ctrl-C is
+    ignored, as for jobs in the background. ``answer`` is printed on standard error at once, however
+    long the current step takes.
     """
     pressed = threading.Event()
     usual = signal.getsignal(signal.SIGINT)

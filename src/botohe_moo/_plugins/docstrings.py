@@ -8,14 +8,14 @@ from typing import Any
 
 
 def _docstring_of(function: Callable[..., Any]) -> str:
-    """Give the docstring of a function or class, also of one with some arguments fixed."""
+    """Return the docstring of a function or class, also of one with some arguments fixed."""
     # A partial would answer with what partials are.
     documented = function.func if isinstance(function, functools.partial) else function
     return inspect.getdoc(documented) or ""
 
 
 def summary_of(function: Callable[..., Any]) -> str:
-    """Give the paragraph that a docstring begins with, in one line; may be empty."""
+    """Return the paragraph that a docstring begins with, in one line; may be empty."""
     return " ".join(_docstring_of(function).partition("\n\n")[0].split())
 
 

@@ -37,7 +37,7 @@ _NUMBERS = frozenset({"int_type", "float_type", "finite_number"})
 
 
 def fault_messages(name: str, value: Any, errors: Iterable[Error], bounds: str = "") -> list[str]:
-    """Say what is wrong with a value that is called ``name``, a message for each of its parts.
+    """Describe what is wrong with a value that is called ``name``, a message for each of its parts.
 
     ``bounds`` is the range that it has to be in, as :func:`range_text` gives it.
     """
@@ -67,12 +67,12 @@ def way_into(value: Any, location: Sequence[Any]) -> tuple[Any, ...]:
 
 
 def own_message(error: Error) -> str:
-    """Give what a validator raised, or else what pydantic says."""
+    """Return what a validator raised, or else what pydantic says."""
     return str((error.get("ctx") or {}).get("error", error["msg"]))
 
 
 def wrong_value(name: str, *errors: Error, bounds: str = "") -> str:
-    """Say in a sentence what is wrong with one value, given an error for each type it may have."""
+    """Describe what is wrong with one value, given an error for each type that it may have."""
     got = f"got {quoted(errors[0]['input'])}."
     kinds = [_ALIKE.get(error["type"], error["type"]) for error in errors]
     ranged = sum(kind in _BOUNDS or kind in _NUMBERS for kind in kinds) == 1  # else: whose range?

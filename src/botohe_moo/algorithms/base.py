@@ -223,7 +223,7 @@ class ArchiveAlgorithm(BudgetedAlgorithm):
 
 
 def settings_of(algorithm: Algorithm, kind: type[Any]) -> dict[str, Any]:
-    """Give the parameters of an algorithm that are fields of a dataclass, by their name."""
+    """Return the parameters of an algorithm that are fields of a dataclass, by their name."""
     names = [field.name for field in fields(kind)]
     return {name: getattr(algorithm, name) for name in names if hasattr(algorithm, name)}
 
@@ -267,12 +267,12 @@ def check_n_objectives(algorithm: Algorithm, problem: BOTOHE, n: int | None) -> 
 
 
 def budget(termination: Termination) -> float:
-    """Give the evaluations that a termination allows."""
+    """Return the evaluations that a termination allows."""
     return _limit(termination, MaximumFunctionCallTermination, "n_max_evals")
 
 
 def generation_limit(termination: Termination) -> float:
-    """Give the generations that a termination allows."""
+    """Return the generations that a termination allows."""
     return _limit(termination, MaximumGenerationTermination, "n_max_gen")
 
 

@@ -104,7 +104,7 @@ class BOACO(ArchiveAlgorithm):
     ----------
     archive : PlanArchive
         All non-dominated plans found so far (``plans``, ``objectives``). Their pymoo population
-        (``pop`` and ``opt``) is made when it is asked for.
+        (``pop`` and ``opt``) is made when it is read.
     colonies : list of Colony
         The colonies, as soon as there is a problem; ``colony`` is the first of them.
 
@@ -199,7 +199,7 @@ class BOACO(ArchiveAlgorithm):
         pooled_deposit: bool = False,
         **parameters: Any,
     ) -> Self:
-        """Give the colony with which the paper's journal version made its published curves.
+        """Return the colony with which the paper's journal version made its published curves.
 
         Parameters
         ----------
@@ -223,7 +223,7 @@ class BOACO(ArchiveAlgorithm):
 
     @property
     def pheromone_maps(self) -> pd.DataFrame:
-        """The pheromone on each arc now; a RuntimeError is raised before there is a problem.
+        """The current pheromone on each arc; a RuntimeError is raised before there is a problem.
 
         One row an arc, with the columns ``tail`` and ``head`` (node labels; the base's self-loop
         has the base as both), ``reward`` and ``survival`` (the two pheromones), and before them

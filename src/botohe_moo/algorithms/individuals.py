@@ -53,11 +53,11 @@ class PopulationArchive(PlanArchive):
         return members
 
     def add(self, infills: Population) -> Self:  # noqa: ARG002
-        """Give the archive back: pymoo calls this at the end of an iteration, when all is known."""
+        """Return the archive itself: pymoo calls this after an iteration."""
         return self
 
     def population(self) -> Population:
-        """Give the plans as pymoo knows them: individuals are made once for every plan."""
+        """Return the plans as pymoo knows them: individuals are made once for every plan."""
         if self._population is None:
             known, plans = self._individuals, self.plans
             constraints = [None] * len(plans) if not self._constrain else self._constrain(plans)
@@ -108,11 +108,11 @@ class ManyObjectiveArchive:
         self._held = candidates[rank < self.max_ties]
 
     def add(self, infills: Population) -> Self:  # noqa: ARG002
-        """Give the archive back, as :meth:`PopulationArchive.add` does."""
+        """Return the archive itself, as :meth:`PopulationArchive.add` does."""
         return self
 
     def population(self) -> Population:
-        """Give the plans as pymoo knows them."""
+        """Return the plans as pymoo knows them."""
         return self._held
 
 

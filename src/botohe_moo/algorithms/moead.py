@@ -106,7 +106,7 @@ class PlanMOEAD(PopulationAlgorithm, ParallelMOEAD):
         self.pop = best[values.argmin(axis=0)]
 
     def infill(self) -> Population | None:
-        """Give the plans to evaluate next, no more than the budget allows."""
+        """Return the plans to evaluate next, no more than the budget allows."""
         infills = super().infill()
         if infills is not None and self.indices is not None:
             self.indices = self.indices[: len(infills)]

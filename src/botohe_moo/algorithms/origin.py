@@ -82,13 +82,7 @@ def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
 
 def _same(value: Any, default: Any) -> bool:
     """Compare plain values: 1 is 1.0, but no flag is a number."""
-    if isinstance(value, list) and isinstance(default, list):
-        return len(value) == len(default) and all(map(_same, value, default))
-    if isinstance(value, dict) and isinstance(default, dict):
-        return value.keys() == default.keys() and all(_same(value[k], default[k]) for k in value)
-    if default is NotImplemented or isinstance(value, bool) != isinstance(default, bool):
-        return False
-    return bool(value == default)
+    return isinstance(value, bool) == isinstance(default, bool) and bool(value == default)
 
 
 def _one_name(name: str) -> str:

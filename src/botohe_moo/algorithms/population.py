@@ -95,7 +95,7 @@ class PopulationAlgorithm(BudgetedAlgorithm):
     settings : dict
         The operators and their probabilities as they were given.
     repair : PlanRepair
-        The repair of the operators that were given by name; ``repair.counts`` tells what it did.
+        The repair of the operators that were given by name; ``repair.counts`` says what it did.
 
     Examples
     --------

@@ -176,7 +176,7 @@ def _read_front(folder: Path, mission: Mission) -> Solution:
 def _limits_of(
     solution: Solution, folder: Path, min_survival: float, max_length: float | None
 ) -> tuple[float, float]:
-    """Give the limits of a front, or raise a ValueError where stricter ones are given."""
+    """Return the limits of a front, or raise a ValueError where stricter ones are given."""
     budget = _budget_of(solution)
     for name, given, kept in (
         ("--min-survival", -min_survival, -solution.min_survival),
@@ -195,7 +195,7 @@ def _budget_of(solution: Solution) -> float:
 
 
 def verdict(bound: FrontBound, solution: Solution | None) -> str:
-    """Say in a sentence how good a front is; without one, what no front exceeds."""
+    """Describe in a sentence how good a front is, or without one, what no front exceeds."""
     took = f"proved in {bound.seconds:.0f} s" if bound.seconds >= 1 else "proved at once"
     most = f"no plans whatsoever reach more than {bound.area:.4f}"
     if solution is None:

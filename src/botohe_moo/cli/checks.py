@@ -8,9 +8,6 @@ from pathlib import Path
 from botohe_moo._plugins.checks import Fault
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.places import given_places
-from botohe_moo.solution.model import FILES
-
-_OF_STUDIES = ("study.json", "study.yaml")
 
 
 def check_folder(folder: Path) -> None:
@@ -20,14 +17,8 @@ def check_folder(folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".botohe-", dir=folder):
             pass
-        for name in FILES:
-            if (folder / name).is_dir():
-                raise IsADirectoryError(f"{name} is a folder in it")
-        for name in _OF_STUDIES:
-            if (folder / name).exists():
-                raise FileExistsError(f"it holds a study, as {name} says")
     except OSError as error:
-        reason = "it is a file" if folder.is_file() else error.strerror or error
+        reason = "it is a file" if folder.is_file() else error.strerror
         raise OSError(f"{folder}: expected a folder to write to; {reason}.") from None
     finally:
         for path in missing:
@@ -36,7 +27,7 @@ def check_folder(folder: Path) -> None:
 
 
 def check_places(mission: Mission, source: object = None) -> None:
-    """Raise a ValueError that names the file, if any, and a node whose ``pos`` is wrong."""
+    """Raise a ValueError that names a node whose ``pos`` is wrong, and the file or mission."""
     try:
         given_places(mission.graph)
     except ValueError as error:

@@ -98,7 +98,7 @@ def choose_plan(
         from botohe_moo.solution import read_solution
 
         asked = {"wishes": bool(wish), "--toward": toward is not None, "--plan": plan is not None}
-        _check_options(asked, most, toward, out)
+        _check_options(asked, most, out)
         if out is not None:
             check_plan_file(out, also=_PICTURES)
             check_parent(out)
@@ -148,23 +148,14 @@ def _write(mission: Mission, plan: TrailPlan, path: Path) -> None:
     tell(f"wrote {path}")
 
 
-def _check_options(
-    asked: dict[str, bool], most: str | None, toward: tuple[float, float] | None, out: Path | None
-) -> None:
-    from botohe_moo._base.checks import check_choice, check_number
-    from botohe_moo.decide.wishes import QUANTITIES
-
+def _check_options(asked: dict[str, bool], most: str | None, out: Path | None) -> None:
     given = [name for name, there in asked.items() if there]
     if len(given) > 1:
         raise ValueError(f"Expected only one of {', '.join(asked)}; got {' and '.join(given)}.")
     if most is not None and not asked["wishes"]:
         raise ValueError("Expected wishes with --most, got none.")
-    if most is not None:
-        check_choice("--most", most, QUANTITIES)
     if out is not None and not given:
         raise ValueError("Expected wishes, --toward or --plan with --out, got none of them.")
-    for name, value in zip(("REWARD", "SURVIVORS"), toward or (), strict=False):
-        check_number(f"{name} of --toward", value, at_least=0)
 
 
 def tell_choice(mission: Mission, choice: Choice, folder: Path) -> None:

@@ -22,7 +22,7 @@ _MAX_WIDTH = 100
 
 
 def brief(mission: Mission, max_length: float | None) -> str:
-    """Give a mission's size and the travel budget in a line."""
+    """Return a mission's size and the travel budget in a line."""
     limit = "" if max_length is None else f", travel budget {max_length:g}"
     return (
         f"{len(mission.nodes)} nodes, {mission.arrays.n_arcs} arcs, {_team(mission)}, "
@@ -31,7 +31,7 @@ def brief(mission: Mission, max_length: float | None) -> str:
 
 
 def describe(mission: Mission) -> str:
-    """Say what a mission is like, a line for each of its traits."""
+    """Describe a mission, a line for each of its traits."""
     arrays = mission.arrays
     lines = [
         f"{mission.name}: {mission.title}",
@@ -54,7 +54,7 @@ def _team(mission: Mission) -> str:
 
 
 def parameter_text(parameter: Parameter) -> str:
-    """Give a parameter's name, default, type, range and meaning, as the command line has them."""
+    """Return a parameter's name, default, type, range and meaning, as the command line has them."""
     kind = re.sub(r"Literal\[([^]]*)\]", r"\1", parameter.annotation).replace(" | ", " or ")
     kind = ", ".join(filter(None, (kind, parameter.range)))
     kind = f"  ({kind})" if kind else ""
@@ -70,7 +70,7 @@ def parameter_text(parameter: Parameter) -> str:
 
 
 def parameter_example(parameter: Parameter) -> str:
-    """Give a parameter as one writes it on the command line."""
+    """Return a parameter as it is written on the command line."""
     return f"{parameter.name}={'VALUE' if parameter.required else _default(parameter)}"
 
 
@@ -84,7 +84,7 @@ def _default(parameter: Parameter) -> str:
 
 
 def listing(entries: Iterable[tuple[str, str]]) -> str:
-    """Lay out names and what they stand for in two columns."""
+    """Lay out names and their descriptions in two columns."""
     entries = list(entries)
     widest = max((len(name) for name, _ in entries), default=0)
     return "\n".join(

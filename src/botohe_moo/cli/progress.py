@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from botohe_moo.study.run.task import Outcome, Record
 
 _COMPILING = "compiling for this machine, once: about 15 s, longer if it is busy"
-_LONGEST = 100 * 86_400  # seconds; more is not told as what is left
+_LONGEST = 100 * 86_400  # seconds; a longer time left is not shown
 _SECONDS_BETWEEN_LINES = 6.0
 
 
@@ -35,12 +35,12 @@ Show = Callable[..., None]
 
 @contextmanager
 def showing(words: str, *, every: float = _SECONDS_BETWEEN_LINES) -> Iterator[Show]:
-    """Show words until what is yielded shows others: beside a bar, or in a line now and then.
+    """Show words, beside a bar or in lines, until the function that is yielded shows others.
 
-    A bar without a total moves to and fro. Lines are for where standard error is no terminal: what
-    is shown is said every few seconds. Meanwhile kernels may be compiled, which is shown, too.
+    A bar without a total moves to and fro. Where standard error is not a terminal, the words are
+    printed every few seconds. It is also shown when kernels are being compiled.
     """
-    latest, told = words, False
+    latest, noted = words, False
     # rich would also take FORCE_COLOR, which many set for logs, for a terminal.
     is_terminal = sys.stderr is not None and sys.stderr.isatty()
     with _bar() if is_terminal else _lines(every) as put:
@@ -51,10 +51,10 @@ def showing(words: str, *, every: float = _SECONDS_BETWEEN_LINES) -> Iterator[Sh
             put(words, done, total)
 
         def note(compiling: bool) -> None:
-            nonlocal told
-            if not told:
+            nonlocal noted
+            if not noted:
                 say(f"{_COMPILING}.")
-                told = True
+                noted = True
             put("compiling" if compiling else latest, 0.0, None)
 
         show(words)
@@ -69,7 +69,7 @@ def _bar() -> Iterator[Show]:
     from rich.text import Text
 
     class Time(progress.ProgressColumn):
-        """The time that is left where it can be told, else the time until now."""
+        """The time that is left, or the time that has passed where that is not known."""
 
         def render(self, task: Task) -> Text:
             left = task.time_remaining
@@ -132,9 +132,9 @@ def showing_search(total: int) -> Iterator[Progress]:
 
         def progress(evaluations: int, area: Callable[[], float]) -> None:
             nonlocal shown_at
-            now = time.perf_counter()
-            if now - shown_at >= _SECONDS_BETWEEN_UPDATES or evaluations >= total:
-                shown_at = now
+            elapsed = time.perf_counter() - shown_at
+            if elapsed >= _SECONDS_BETWEEN_UPDATES or evaluations >= total:
+                shown_at = time.perf_counter()
                 show(f"{evaluations:,} evaluations  area {area():.4f}", evaluations, total)
 
         yield progress
@@ -151,7 +151,7 @@ class StudyWatcher:
         self._n_bounded = self._n_bounds = 0
 
     def begin(self, plan: Plan) -> None:
-        """Say how many runs are finished, and how many are to go."""
+        """Print how many runs are finished, and how many are left."""
         self._n_runs, self._n_bounds = len(plan.missing), len(plan.unbounded)
         there = len(plan.runs) - self._n_runs
         again = f", {len(plan.failed)} of them failed before" if plan.failed else ""

@@ -106,7 +106,7 @@ def run(
 
 
 def _outcome(tables: StudyTables) -> str:
-    """Write the medians as a table for each mission."""
+    """Return the medians as a table for each mission."""
     from pandas import option_context
 
     summary = tables.summary
@@ -182,7 +182,7 @@ def _each(estimate: Estimate) -> str:
 
 
 def _duration(seconds: float) -> str:
-    """Write a duration in the unit that suits it."""
+    """Return a duration in the unit that suits it."""
     for unit, size in (("h", 3600.0), ("min", 60.0)):
         if seconds >= 2 * size:
             return f"{seconds / size:.1f} {unit}"

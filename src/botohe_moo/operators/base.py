@@ -12,7 +12,7 @@ Part = TypeVar("Part")
 
 
 def check_part(name: str, part: Part | None, kind: type[Part], default: type[Part]) -> Part:
-    """Give a part of an operator, by default a new one; a TypeError if it is of another kind."""
+    """Return a part of an operator, by default a new one; a TypeError if it is of another kind."""
     if part is not None and not isinstance(part, kind):
         raise TypeError(f"Expected {name} to be a {kind.__name__}, got {part!r}.")
     return default() if part is None else part

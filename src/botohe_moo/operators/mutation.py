@@ -58,7 +58,7 @@ class PlanMutation(Mutation):
         self.plan_repair = check_part("repair", repair, PlanRepair, SafestPathRepair)
 
     def mutate_batch(self, mission: Mission, plans: PlanBatch, random_state: Rng) -> PlanBatch:
-        """Change every plan of a batch; gives a new batch in the same order.
+        """Change every plan of a batch; return a new batch in the same order.
 
         Parameters
         ----------

@@ -77,7 +77,7 @@ class PlanRepair(Repair):
         self.counts = RepairCounts()
 
     def repair_batch(self, mission: Mission, drafts: PlanBatch) -> PlanBatch:
-        """Repair many plans; gives valid ones in the same order.
+        """Repair many plans; return valid ones in the same order.
 
         Parameters
         ----------

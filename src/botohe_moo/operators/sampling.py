@@ -32,7 +32,7 @@ class PlanSampling(Sampling):
     """
 
     def sample_batch(self, problem: BOTOHE, n_samples: int, random_state: Rng) -> PlanBatch:
-        """Give plans to start from.
+        """Return plans to start from.
 
         Parameters
         ----------
@@ -163,7 +163,7 @@ def _filled(
 
 
 class GivenSampling(PlanSampling):
-    """Given plans, and others where they are too few.
+    """Plans that are given, and others where they are too few.
 
     All of them are used, also where fewer are wanted or they do not keep the limits.
 
