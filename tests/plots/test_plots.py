@@ -188,42 +188,6 @@ def test_museum_labels_lie_in_their_nodes_and_apart(tmp_path):
         assert box.width < 2 * radius
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "apart"), [("art_museum", 1), ("power_plant", 1), ("terrain_200", 0.7)]
-)
-def test_nodes_do_not_overlap(tmp_path, name, apart):
-    ax = plot_mission(load(name))
-    rendered(ax, tmp_path / "mission.png")
-    places = ax.transData.transform(node_positions(load(name)))
-    distances = np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1))
-    nearest = (distances + np.diag(np.full(len(places), np.inf))).min(axis=1)
-    diameter = math.sqrt(only(ax, "nodes").get_sizes()[0]) * ax.figure.dpi / 72
-    # Some of the terrain's waypoints are neighbours by a hair's breadth.
-    assert apart <= (nearest > diameter).mean()
-    assert diameter > 7 * ax.figure.dpi / 72
-
-
-def test_nodes_that_are_all_at_one_place_get_a_layout():
-    graph = load("toy").graph.copy()
-    for node in graph:
-        graph.nodes[node]["pos"] = [3, 3]
-    places = node_positions(Mission(graph))
-    assert len(np.unique(places.round(6), axis=0)) == len(graph)
-
-
-def test_long_names_stand_beside_their_nodes():
-    mission = lagoon()
-    names = {node: f"the {node} of the lagoon" for node in mission.nodes}
-    graph = nx.relabel_nodes(mission.graph, names)
-    ax = plot_mission(Mission(graph, base=names["dock"], robots=1))
-    assert "are made up: the mission has no positions" in unbroken(words(ax))
-    boxes = {text.get_text(): Text.get_window_extent(text) for text in node_texts(ax)}
-    assert set(boxes) == set(names.values())
-    places = ax.transData.transform(node_positions(mission))
-    assert not any(box.contains(*place) for box in boxes.values() for place in places)
-
-
 def test_names_of_nodes_stand_where_there_is_room():
     def named(n):
         places = [[math.cos(6 * i / n), math.sin(6 * i / n)] for i in range(n)]
@@ -253,20 +217,6 @@ def test_nodes_are_darker_for_more_reward_and_hollow_for_none():
     assert sorted(by_reward, key=max, reverse=True) == by_reward
 
 
-def test_arcs_are_darker_for_more_danger():
-    mission = load("art_museum")
-    lines = only(plot_mission(mission), "lines")
-    shades = luminance(lines.get_colors())
-    arrays = mission.arrays
-    survival = arrays.survival[arrays.tail < arrays.head]
-    assert len(np.unique(survival)) == 4
-    for a, b in combinations(range(len(shades)), 2):
-        assert np.sign(shades[a] - shades[b]) == np.sign(survival[a] - survival[b])
-    stairs = lines.get_segments()[int(np.argmin(shades))]
-    xy = dict(zip(mission.nodes, node_positions(mission), strict=True))
-    assert np.allclose(stairs[[0, -1]], [xy[2], xy[21]])
-
-
 def test_unequal_and_one_way_arcs_are_arrows_bowed_to_their_right():
     mission = lagoon()
     ax = plot_mission(mission)
@@ -280,16 +230,6 @@ def test_unequal_and_one_way_arcs_are_arrows_bowed_to_their_right():
         along, out = xy[head] - xy[tail], arrow[len(arrow) // 2] - (xy[head] + xy[tail]) / 2
         assert along[0] * out[1] - along[1] * out[0] < 0
         assert 0.03 < np.hypot(*out) / np.hypot(*along) < 0.12
-
-
-def test_single_node(tmp_path):
-    ax = plot_mission(alone())
-    assert len(only(ax, "nodes").get_offsets()) == 0
-    assert len(only(ax, "base").get_offsets()) == 1
-    assert bar_labels(ax) == ["reward"]
-    assert [t.get_text() for t in node_texts(ax)] == ["dock"]
-    assert (rendered(ax, tmp_path / "alone.png") < 0.9).any()
-    assert bar_labels(plot_mission(alone(reward=0.0))) == []
 
 
 def test_nodes_lie_where_their_pos_says():
@@ -362,17 +302,6 @@ def test_passages_of_one_arc_lie_side_by_side():
     # 1 -> 3 runs down to the right, so its right-hand side is below the line through both nodes.
     for k, sign in [(0, -1), (3, 1), (4, -1), (7, 1)]:
         assert np.sign(middles[k] @ [1, 1] - 0.5) == sign
-
-
-def test_trails_follow_bowed_arcs():
-    mission = lagoon()
-    trail = ["dock", "reef", "cave", "atoll", "dock"]
-    ax = plot_mission(mission, mission.plan([trail, ["dock"]]))
-    arrows = only(ax, "arrows").get_segments()
-    first, *rest = only(ax, "trails").get_segments()
-    assert not any(np.allclose(first, arrow) for arrow in arrows)
-    for segment in rest:
-        assert any(np.allclose(segment, arrow) for arrow in arrows)
 
 
 def test_lanes_count_the_robots_on_an_arc():
@@ -540,21 +469,6 @@ def test_what_a_bound_leaves_open_is_shaded_and_told(tmp_path):
     assert (rendered(ax, tmp_path / "open.png") != rendered(plain, tmp_path / "plain.png")).any()
 
 
-def test_a_bound_that_does_not_fit_is_refused():
-    toy, figures = load("toy"), plt.get_fignums()
-    bound = bound_front(toy)
-    with pytest.raises(TypeError, match=r"^Expected bound to be a FrontBound, got \[\[9, 2\]\]\.$"):
-        plot_front([[1, 1]], toy, bound=[[9, 2]])
-    with pytest.raises(TypeError, match=r"^Expected a Mission, got 'toy'"):
-        plot_front([[1, 1]], "toy", bound=bound)
-    expected = (
-        "a bound of the mission 'made' with 1 robot, got one of another mission, 'toy' with 2"
-    )
-    with pytest.raises(ValueError, match=expected):
-        plot_front([[1, 1]], alone(), bound=bound)
-    assert plt.get_fignums() == figures
-
-
 # Pheromone
 
 
@@ -580,13 +494,6 @@ def test_pheromone_widens_and_darkens_arcs(tmp_path):
     assert ax.child_axes[0].get_ylim() == (0, 73)
     assert bar_labels(ax) == [r"pheromone $\tau_R$"]
     assert (rendered(ax, tmp_path / "pheromone.png") < 0.9).any()
-
-
-def test_pheromone_for_survival_is_the_other_column():
-    mission = load("toy")
-    ax = plot_pheromone(mission, pheromone_of(mission), kind="survival")
-    assert len(set(only(ax, "arrows").get_linewidths())) == 1
-    assert bar_labels(ax) == [r"pheromone $\tau_S$"]
 
 
 @pytest.mark.parametrize(

@@ -30,7 +30,6 @@ from botohe_moo.plots import (
 from botohe_moo.plots.draw.algorithms import log_axis, plain_number
 from botohe_moo.plots.study.attainment import attainment_difference, attainment_surface
 from botohe_moo.plots.study.curves import progress
-from botohe_moo.plots.study.fronts import median_run
 from botohe_moo.plots.study.ranks import overruled
 from botohe_moo.plots.study.reached import first_reached
 from tests.examples import examples
@@ -143,21 +142,6 @@ class TestTheme:
 
 
 class TestProgress:
-    def test_records_hold_until_the_next_one(self):
-        held = progress(trace_of(TWO))
-        a = held[held["algorithm"] == "A"]
-        assert a["evaluations"].min() == 20  # where both runs have a record
-        assert a["evaluations"].max() == 100
-        first = a[(a["seed"] == 1) & (a["evaluations"] < 100)]
-        assert set(first["area"]) == {0.2}
-        assert set(a.loc[a["evaluations"] == 100, "area"]) == {0.4, 0.5}
-
-    def test_a_run_that_ended_keeps_its_area(self):
-        held = progress(trace_of(TWO))
-        b = held[held["algorithm"] == "B"]
-        assert b["evaluations"].agg(["min", "max"]).tolist() == [10, 100]
-        assert set(b["area"]) == {0.6}
-
     def test_rows_without_a_value_do_not_count(self):
         trace = trace_of(TWO).assign(igd_plus=[0.4, 0.2, 0.5, 0.3, 0.1, np.nan])
         assert set(progress(trace, value="igd_plus")["algorithm"]) == {"A"}
@@ -246,12 +230,6 @@ class TestPlotCurves:
         assert 0.2 < low < 0.27
         assert 0.52 < high < 0.55
 
-    def test_curves_of_one_colour_differ_in_their_dashes(self):
-        runs = {(f"a{i}", 1): [(1, 0.1 * i), (50, 0.11 * i)] for i in range(11)}
-        lines = plot_curves(trace_of(runs)).lines
-        assert len({line.get_color() for line in lines}) == 10
-        assert len({(line.get_color(), line.get_linestyle()) for line in lines}) == 11
-
     def test_a_curve_of_one_point_is_marked(self):
         runs = {("A", 1): [(1, 0.1), (50, 0.5)], ("late", 1): [(50, 0.4)]}
         late = lines_of(plot_curves(trace_of(runs)))["late"]
@@ -259,19 +237,11 @@ class TestPlotCurves:
         assert late.get_marker() != "None"
         assert late.get_markevery()[0] == 0
 
-    def test_distances_that_are_all_zero_are_drawn(self):
-        trace = trace_of(TWO).assign(igd_plus=0.0)
-        assert plot_curves(trace, value="igd_plus").get_yscale() == "linear"
-
     def test_labels_are_not_mathematics(self, tmp_path):
         label = r"$\frac{$ <b>&_^"
         ax = plot_curves(trace_of({(label, 1): [(1, 0.1)]}), title="$x")
         save_figure(ax.figure, tmp_path / "a.png")
         assert legend_texts(ax) == [label]
-
-    def test_given_axes_are_used(self):
-        _, ax = plt.subplots()
-        assert plot_curves(trace_of(TWO), ax=ax) is ax
 
 
 class TestLogAxis:
@@ -392,14 +362,6 @@ class TestPlotFronts:
         assert line == [[0, 3], [2, 3], [2, 1], [5, 1], [5, 0]]
         assert legend_texts(ax)[-1] == name
 
-    @pytest.mark.parametrize(
-        ("areas", "seed"), [([0.5], 1), ([0.1, 0.3], 1), ([0.3, 0.1, 0.2], 3), ([0.2, 0.2], 1)]
-    )
-    def test_of_the_middle_two_the_lower(self, areas, seed):
-        runs = pd.DataFrame({"seed": range(1, len(areas) + 1), "area": areas})
-        assert median_run(runs) == seed
-        assert median_run(runs.iloc[::-1]) == seed
-
 
 # Attainment
 
@@ -478,13 +440,6 @@ class TestDifference:
             assert len(found) <= 1
             assert sum(found) == pytest.approx(expected)
 
-    def test_of_one_and_two_runs(self):
-        rectangles, difference = attainment_difference(
-            as_fronts([[(2, 1)]]), as_fronts([[(1, 1)], []])
-        )
-        found = dict(zip(map(tuple, rectangles.tolist()), difference.tolist(), strict=True))
-        assert found == {(0, 0, 1, 1): 0.5, (1, 0, 2, 1): 1.0}
-
     def test_of_numbers_of_runs_without_a_small_common_multiple(self):
         mine = [[(2, 2)]] * 11 + [[]] * 3  # 14 runs
         theirs = [[(2, 2)]] * 5 + [[(1, 1)]] * 8  # 13 runs: 182 is their least common multiple
@@ -510,13 +465,6 @@ class TestDifference:
 
 
 class TestReached:
-    def test_what_pairs_took(self):
-        # A, 1 reaches 0.2 at 10 and 0.4 at 100; A, 2 reaches 0.1 at 20, 0.3 at 50, 0.5 at 100.
-        spent = first_reached(trace_of(TWO), runs_of([*TWO, ("C", 1)]), [0.1, 0.2, 0.3, 0.5])
-        assert spent["A"].tolist() == [10, 10, 100, np.inf, 20, 50, 50, 100]
-        assert spent["B"].tolist() == [10] * 4
-        assert spent["C"].tolist() == [np.inf] * 4
-
     @given(
         st.dictionaries(
             st.tuples(st.sampled_from("AB"), st.integers(1, 4)),
@@ -593,13 +541,6 @@ class TestRanks:
         assert overruled(posthoc)
         assert self.bars(plot_ranks(self.table(self.RANKS), posthoc)) == [(1.2, 3.9)]
 
-    def test_names_stand_apart(self):
-        ranks = {f"BO-ACO (n_ants={i}, evaporation=0.0{i}, q=1)": 1.0 + i * 0.9 for i in range(14)}
-        ax = plot_ranks(self.table(ranks), posthoc_of(ranks, 2.0), title="A study")
-        ax.figure.canvas.draw()
-        boxes = [text.get_window_extent() for text in [*ax.texts, ax.title]]
-        assert not any(one.overlaps(other) for one, other in combinations(boxes[:-1], 2))
-
 
 class TestHeat:
     MEDIANS = pd.DataFrame(
@@ -663,15 +604,6 @@ class TestPanels:
         ax.figure.canvas.draw()
         assert ax.get_legend().get_window_extent().x0 >= ax.get_window_extent().x1
         assert ax.get_title(loc="left") == "A site"
-
-    @pytest.mark.slow
-    @pytest.mark.filterwarnings("error:constrained_layout not applied")
-    def test_long_names_have_room(self, kind):
-        ax = PICTURES[kind]([f"{i} {'x' * 150}" for i in "abc"])
-        ax.figure.canvas.draw()
-        names = [text.get_window_extent() for text in ax.get_legend().get_texts()]
-        assert not any(one.overlaps(other) for one, other in combinations(names, 2))
-        assert all(name.x1 <= ax.figure.bbox.x1 for name in names)
 
     @pytest.mark.slow
     def test_texts_of_panels_are_apart_and_whole(self, kind):
