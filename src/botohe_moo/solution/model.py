@@ -157,7 +157,7 @@ class Solution:
         return marking.knees(self.mission, self.objectives)
 
     def exchange_rate(self, index: int, *, window: float = 0.25) -> marking.ExchangeRate:
-        """Say what 0.1 survivors cost in reward at a plan.
+        """Compute what 0.1 survivors cost in reward at a plan.
 
         Parameters
         ----------
