@@ -96,7 +96,6 @@ class TestImmutability:
         assert mission.graph.nodes["reef"]["reward"] == 5
         assert mission.graph.edges["dock", "reef"]["survival"] == 0.9
 
-    @pytest.mark.parametrize("pickled", [False, True])
     @pytest.mark.parametrize(
         "change",
         [
@@ -105,13 +104,14 @@ class TestImmutability:
             lambda graph: nx.set_edge_attributes(graph, 0.5, "survival"),
         ],
     )
-    def test_attributes_cannot_be_changed(self, mission, change, pickled):
-        if pickled:
-            mission = pickle.loads(pickle.dumps(mission))
+    def test_attributes_cannot_be_changed(self, mission, change):
         before = nx.node_link_data(mission.graph, edges="edges")
-        with pytest.raises(TypeError, match=r"cannot be changed: change mission\.graph\.copy()"):
-            change(mission.graph)
-        assert nx.node_link_data(mission.graph, edges="edges") == before
+        for frozen in (mission, pickle.loads(pickle.dumps(mission))):
+            with pytest.raises(
+                TypeError, match=r"cannot be changed: change mission\.graph\.copy()"
+            ):
+                change(frozen.graph)
+            assert nx.node_link_data(frozen.graph, edges="edges") == before
         copied = mission.graph.copy()
         change(copied)
         assert nx.node_link_data(copied, edges="edges") != before
