@@ -99,7 +99,7 @@ def pair(base, other, **attributes):
 
 class TestSearch:
     def test_front(self, toy, solution):
-        front = solution.front
+        front = solution.table
         assert isinstance(front, pd.DataFrame)
         assert list(front.columns) == ["plan_id", "reward", "survivors"]
         assert list(front["plan_id"]) == list(range(len(solution.plans)))
@@ -258,7 +258,7 @@ class TestWhatOtherAlgorithmsFind:
         assert found.plans == ()
         assert found.objectives.shape == (0, 2)
         assert found.area == 0
-        assert len(found.front) == 0
+        assert len(found.table) == 0
         assert found.describe().startswith("no plans\n")
         assert json.loads(found.to_json())["plans"] == []
         assert sorted(path.name for path in found.write(tmp_path)) == FILES
@@ -388,7 +388,7 @@ class TestWriting:
         with (folder / "front.csv").open(newline="") as file:
             names, *rows = csv.reader(file)
         assert names == ["plan_id", "reward", "survivors"]
-        assert [[float(value) for value in row] for row in rows] == solution.front.values.tolist()
+        assert [[float(value) for value in row] for row in rows] == solution.table.values.tolist()
         assert (folder / "plans.json").read_text() == solution.to_json()
         for picture in ("front.png", "mission.png"):
             assert (folder / picture).read_bytes().startswith(b"\x89PNG")
