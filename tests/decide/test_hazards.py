@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 from botohe_moo import Mission
 from botohe_moo.decide import after_losses, hazards, robustness
-from botohe_moo.mission import PlanError
 from tests.decide.made import MISSION, NAMES, PLANS, star, trips
 from tests.decide.test_choosing import fronts
 
@@ -88,46 +87,16 @@ class TestRobustness:
         assert logs.mean() == pytest.approx(0, abs=0.12)
         assert logs.std() == pytest.approx(0.5, abs=0.08)
 
-    def test_the_seed_decides(self):
-        first, again, other = (
-            robustness(MISSION, PLANS, spread=0.3, n_scenarios=5, seed=seed) for seed in (1, 1, 2)
-        )
-        pd.testing.assert_frame_equal(first, again)
-        assert not first.equals(other)
-        wider = robustness(MISSION, PLANS, spread=0.3, n_scenarios=50)
-        assert (wider["reward_low"] <= first["reward_low"]).all()
-
-    def test_one_plan_and_no_scenario(self):
-        table = robustness(MISSION, [PLANS[0]], factors=())
-        assert table["reward_low"][0] == table["reward_high"][0] == pytest.approx(3.8)
-        assert table["reward_regret"][0] == table["survivors_regret"][0] == 0
-
     @pytest.mark.parametrize(
         ("options", "fault"),
         [
             ({"factors": [1, 0]}, r"^Expected each of factors > 0, got 0\.$"),
-            ({"factors": ["2"]}, r"^Expected each of factors > 0, got '2'\.$"),
             ({"spread": -0.1}, r"^Expected spread >= 0, got -0\.1\.$"),
-            ({"n_scenarios": 0}, r"^Expected n_scenarios >= 1, got 0\.$"),
-            ({"seed": -1}, r"^Expected seed >= 0, got -1\.$"),
         ],
     )
     def test_bad_options(self, options, fault):
         with pytest.raises(ValueError, match=fault):
             robustness(MISSION, PLANS, **options)
-
-    def test_bad_plans(self):
-        with pytest.raises(ValueError, match="Expected at least one plan"):
-            robustness(MISSION, [])
-        with pytest.raises(PlanError, match="expected 3 trails"):
-            robustness(MISSION.with_robots(3), PLANS)
-
-
-@pytest.mark.parametrize("factors", [2, "2", None])
-def test_factors_that_are_no_sequence(factors):
-    expected = rf"^Expected factors to be a sequence of numbers, got {factors!r}\."
-    with pytest.raises(ValueError, match=expected):
-        robustness(MISSION, PLANS, factors=factors)
 
 
 class TestAfterLosses:
@@ -164,7 +133,7 @@ class TestAfterLosses:
 
     @pytest.mark.parametrize(
         ("alpha", "fault"),
-        [(-1, "Expected alpha >= 0"), (3, "Expected alpha <= 2"), (0.5, "alpha to be an integer")],
+        [(3, "Expected alpha <= 2")],
     )
     def test_bad_numbers(self, alpha, fault):
         with pytest.raises(ValueError, match=fault):
@@ -177,23 +146,3 @@ class TestAfterLosses:
         )
         with pytest.raises(ValueError, match=expected):
             after_losses(mission, [trips(mission, "a")], 5)
-
-    def test_too_many_subsets_for_all_plans(self, monkeypatch):
-        monkeypatch.setattr(hazards, "_MAX_CASES", 11)
-        expected = (
-            "^Expected at most 11 subsets of robots for all plans together, got 12, 2 for each of "
-            "6 plans; give fewer plans, or lower alpha"
-        )
-        with pytest.raises(ValueError, match=expected):
-            after_losses(MISSION, PLANS, 1)
-
-    def test_many_subsets_are_looked_at(self):
-        mission = star(robots=20)
-        plan = trips(mission, *"abc" * 6)
-        table = after_losses(mission, [plan] * 5, 7)  # 77 520 subsets for each plan
-        # Without the six robots to a nearly 4 are lost, more than by any others.
-        assert set(range(0, 18, 3)) < set(table["lost"][0])
-
-    def test_bad_plans(self):
-        with pytest.raises(ValueError, match="Expected at least one plan"):
-            after_losses(MISSION, [])

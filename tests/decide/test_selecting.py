@@ -12,7 +12,6 @@ from botohe_moo import TrailPlan
 from botohe_moo.decide import representatives
 from botohe_moo.decide.fronts import front_rows
 from botohe_moo.decide.selecting import arc_counts, distances
-from botohe_moo.mission import PlanError
 from botohe_moo.trails import PlanBatch
 from tests.decide.made import MISSION, NAMES, PLANS, star, trips
 from tests.decide.test_choosing import fronts
@@ -81,12 +80,6 @@ def test_dominated_plans_are_selected_only_if_the_front_has_too_few():
     assert len(representatives(MISSION, PLANS, 6)) == 6
 
 
-def test_a_front_on_the_spot():
-    mission = star({"a": (1, 1.0), "b": (1, 1.0)})
-    plans = [trips(mission, *names) for names in ("a", "a", "b")]
-    assert representatives(mission, plans, 2) == (0, 2)
-
-
 @given(fronts(), st.integers(1, 4))
 def test_what_holds_for_all(front, k):
     mission, plans = front
@@ -99,12 +92,6 @@ def test_what_holds_for_all(front, k):
     assert selected == min(k, front_size)
     assert representatives(mission, plans, k) == found
     assert all(type(row) is int for row in found)
-
-
-def test_small_fronts():
-    assert representatives(MISSION, [PLANS[0]]) == (0,)
-    assert representatives(MISSION, [PLANS[5], PLANS[0]]) == (1, 0)
-    assert len(representatives(MISSION, [PLANS[0]] * 7, 3)) == 3
 
 
 @given(fronts(), st.integers(1, 4))
@@ -136,10 +123,3 @@ def test_brute_force(front, k):
 def test_bad_numbers(k):
     with pytest.raises(ValueError, match="Expected k"):
         representatives(MISSION, PLANS, k)
-
-
-def test_bad_plans():
-    with pytest.raises(ValueError, match="Expected at least one plan"):
-        representatives(MISSION, [])
-    with pytest.raises(PlanError, match="expected 3 trails"):
-        representatives(MISSION.with_robots(3), PLANS)

@@ -41,47 +41,47 @@ def labelled(labels):
 PIER = labelled(LABELS)
 
 
-@pytest.mark.parametrize(
-    ("text", "wish"),
-    [
-        ("survivors >= 2", Expected(quantity="survivors", at_least=2)),
-        ("reward>=.5", Expected(quantity="reward", at_least=0.5)),
-        ("  Reward  ≥ 5e0 ", Expected(quantity="reward", at_least=5)),
-        ("P(survivors >= 2) >= 0.9", Chance(quantity="survivors", value=2, at_least=0.9)),
-        ("p ( reward>=5 )>=1", Chance(quantity="reward", value=5, at_least=1)),
-        ("CVaR(reward, 0.1) >= 2", TailMean(quantity="reward", alpha=0.1, at_least=2)),
-        ("cvar(survivors,1)>=0", TailMean(quantity="survivors", alpha=1, at_least=0)),
-        ("every robot >= 0.5", EveryRobot(at_least=0.5)),
-        ("reach a >= 0.9", Reach(node="a", at_least=0.9)),
-        ("reach a>=0.9", Reach(node="a", at_least=0.9)),
-        ('reach "a" >= 0.9', Reach(node="a", at_least=0.9)),
-        ("reach 'b' >= 0", Reach(node="b", at_least=0)),
-    ],
-)
-def test_each_form(text, wish):
-    assert parse_wishes(MISSION, [text]) == (wish,)
+FORMS_READ = [
+    ("survivors >= 2", Expected(quantity="survivors", at_least=2)),
+    ("reward>=.5", Expected(quantity="reward", at_least=0.5)),
+    ("  Reward  ≥ 5e0 ", Expected(quantity="reward", at_least=5)),
+    ("P(survivors >= 2) >= 0.9", Chance(quantity="survivors", value=2, at_least=0.9)),
+    ("p ( reward>=5 )>=1", Chance(quantity="reward", value=5, at_least=1)),
+    ("CVaR(reward, 0.1) >= 2", TailMean(quantity="reward", alpha=0.1, at_least=2)),
+    ("cvar(survivors,1)>=0", TailMean(quantity="survivors", alpha=1, at_least=0)),
+    ("every robot >= 0.5", EveryRobot(at_least=0.5)),
+    ("reach a >= 0.9", Reach(node="a", at_least=0.9)),
+    ("reach a>=0.9", Reach(node="a", at_least=0.9)),
+    ('reach "a" >= 0.9', Reach(node="a", at_least=0.9)),
+    ("reach 'b' >= 0", Reach(node="b", at_least=0)),
+]
 
 
-@pytest.mark.parametrize(
-    ("text", "label"),
-    [
-        ("north hall", "north hall"),
-        ('"north hall"', "north hall"),
-        ("7", 7),
-        ('"7"', "7"),
-        ("(1, 'x')", (1, "x")),
-        ('[1, "x"]', (1, "x")),
-        ("[1, [2, 3]]", (1, (2, 3))),
-        ('"and >= 0.5 and b"', "and >= 0.5 and b"),
-        (r'"say \"no\""', 'say "no"'),
-        ("漢字", "漢字"),
-        ("2.5", 2.5),
-    ],
-)
-def test_labels(text, label):
-    [wish] = parse_wishes(PIER, [f"reach {text} >= 0.5"])
-    assert wish == Reach(node=label, at_least=0.5)
-    assert type(wish.node) is type(label)
+def test_each_form():
+    for text, wish in FORMS_READ:
+        assert parse_wishes(MISSION, [text]) == (wish,)
+
+
+LABELS_READ = [
+    ("north hall", "north hall"),
+    ('"north hall"', "north hall"),
+    ("7", 7),
+    ('"7"', "7"),
+    ("(1, 'x')", (1, "x")),
+    ('[1, "x"]', (1, "x")),
+    ("[1, [2, 3]]", (1, (2, 3))),
+    ('"and >= 0.5 and b"', "and >= 0.5 and b"),
+    (r'"say \"no\""', 'say "no"'),
+    ("漢字", "漢字"),
+    ("2.5", 2.5),
+]
+
+
+def test_labels():
+    for text, label in LABELS_READ:
+        [wish] = parse_wishes(PIER, [f"reach {text} >= 0.5"])
+        assert wish == Reach(node=label, at_least=0.5)
+        assert type(wish.node) is type(label)
 
 
 def test_a_number_may_be_a_text_where_labels_are_texts():
@@ -158,26 +158,26 @@ def test_labels_are_written_with_numbers_of_python():
     assert str(Reach(node=frozenset({1}), at_least=1)) == "reach frozenset({1}) >= 1"
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "",
-        "survivors > 2",
-        "survivors >= two",
-        "survivors >= 2 reward >= 1",
-        "survivors >= 2 and",
-        "robots >= 2",
-        "P(survivors > 2) >= 0.9",
-        "P(survivors >= 2)",
-        "reach a",
-        "reach >= 0.5",
-        "survivors >= nan",
-    ],
-)
-def test_what_cannot_be_read_gets_one_message_with_the_forms(text):
-    with pytest.raises(ValueError, match=r"^Expected a wish, got ") as caught:
-        parse_wishes(MISSION, ["reward >= 0", text])
-    assert all(form in str(caught.value) for form in FORMS)
+NO_WISHES = [
+    "",
+    "survivors > 2",
+    "survivors >= two",
+    "survivors >= 2 reward >= 1",
+    "survivors >= 2 and",
+    "robots >= 2",
+    "P(survivors > 2) >= 0.9",
+    "P(survivors >= 2)",
+    "reach a",
+    "reach >= 0.5",
+    "survivors >= nan",
+]
+
+
+def test_what_cannot_be_read_gets_one_message_with_the_forms():
+    for text in NO_WISHES:
+        with pytest.raises(ValueError, match=r"^Expected a wish, got ") as caught:
+            parse_wishes(MISSION, ["reward >= 0", text])
+        assert all(form in str(caught.value) for form in FORMS)
     with pytest.raises(ValueError, match=re.escape("got 'robots'. Wishes are reward >= 5; P(")):
         parse_wishes(MISSION, ["reward >= 1 and robots"])
 

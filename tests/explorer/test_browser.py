@@ -22,6 +22,7 @@ from botohe_moo.outcomes import plan_outcomes, reach_probabilities
 from tests.decide.made import MISSION, PLANS
 from tests.explorer.conftest import FILLED, solution_of, toy_plans
 
+pytestmark = pytest.mark.slow
 WIDTHS = pytest.mark.parametrize(
     "viewport", [{"width": 1280, "height": 900}, {"width": 390, "height": 844}], ids=["wide", "390"]
 )
@@ -100,19 +101,6 @@ class TestMuseum:
         with opened(museum_page, f"#{address}") as page:
             assert view(page) == shown
 
-    @WIDTHS
-    def test_bars_are_as_long_as_probabilities(self, opened, museum_page, viewport):
-        with opened(museum_page, "#plan=50", viewport=viewport) as page:
-            found = page.evaluate(
-                """() => [...document.querySelectorAll("#compare .room")].map((room) =>
-                [room.firstChild.getBoundingClientRect().width / room.getBoundingClientRect().width,
-                 room.nextSibling.textContent])"""
-            )
-        shares = [(ratio, float(text)) for ratio, text in found if text[0] not in "<>"]
-        assert len(shares) > 10
-        for ratio, value in shares:
-            assert ratio == pytest.approx(value, abs=0.02)
-
     def test_a_walk_is_one_step_of_the_history(self, opened, museum_page):
         with opened(museum_page, "#plan=5") as page:
             page.focus("#walk")
@@ -168,64 +156,6 @@ class TestMuseum:
             page.mouse.click(x, y)
             assert pinned(page) == []
 
-    @pytest.mark.parametrize("key", ["Enter", "Tab"])
-    def test_keys_work_on_the_plan_at_hand_and_show_it(self, opened, museum_page, key):
-        with opened(museum_page, "#plan=50") as page:
-            last = page.locator("#front .point").first.bounding_box()
-            page.mouse.move(last["x"] + 2, last["y"] + 2)
-            expect(page.locator("#at-hand")).not_to_contain_text("Plan 50")
-            page.keyboard.press(key)
-            shows(page, 50)
-            assert pinned(page) == ([50] if key == "Enter" else [])
-            page.mouse.move(last["x"] + 3, last["y"] + 3)
-            expect(page.locator("#at-hand")).not_to_contain_text("Plan 50")
-            page.focus('[data-file="json"]')
-            shows(page, 50)
-            assert page.inner_text("#plan-title").startswith("Plan 50")
-            with page.expect_download() as found:
-                page.keyboard.press("Enter")
-            assert found.value.suggested_filename.endswith("plan-50.json")
-
-    def test_the_focus_stays_on_a_robot_while_walking(self, opened, museum_page):
-        with opened(museum_page, "#plan=50") as page:
-            page.click('[data-robot="1"]')
-            page.keyboard.press("ArrowRight")
-            shows(page, 49)
-            page.wait_for_timeout(100)
-            assert page.evaluate("document.activeElement.dataset.robot") == "1"
-
-    def test_walks_start_at_plans_that_filters_leave_out(self, opened, museum, museum_page):
-        met = np.flatnonzero(museum.objectives[:, 1] >= 2)
-        with opened(museum_page, "#plan=5&survivors=2") as page:
-            assert "plan 5 does not meet the filters" in page.inner_text("#at-hand")
-            assert page.is_disabled("#more")
-            page.keyboard.press("ArrowRight")
-            assert at_hand(page) == 5
-            page.click("#less")
-            assert at_hand(page) == met.min()
-            assert "does not meet" not in page.inner_text("#at-hand")
-            page.focus("#walk")
-            page.keyboard.press("ArrowLeft")
-            assert at_hand(page) == met.min() + 1
-
-    def test_a_walk_right_after_back_is_another_one(self, opened, museum_page):
-        with opened(museum_page, "#plan=5") as page:
-            page.evaluate(
-                """async () => {
-                const press = (key) => document.body.dispatchEvent(
-                    new KeyboardEvent("keydown", { key, bubbles: true }));
-                press("ArrowLeft");
-                const gone = new Promise((done) => addEventListener("popstate", done));
-                history.back();
-                await gone;
-                press("ArrowLeft");
-            }"""
-            )
-            shows(page, 6)
-            page.wait_for_timeout(300)
-            page.go_back()
-            shows(page, 5)
-
     def test_four_plans_at_most_are_pinned(self, opened, museum_page):
         with opened(museum_page, "#plan=60&pins=10,20,30,40,50") as page:
             assert pinned(page) == [10, 20, 30, 40]
@@ -261,9 +191,7 @@ class TestMuseum:
         ("field", "value", "expected"),
         [
             ("reach", "1.5", "a probability from 0 to 1"),
-            ("reach", "-0.1", "a probability from 0 to 1"),
             ("reward", "-1", "a reward of 0 or more"),
-            ("survivors", "-1", "a number of survivors of 0 or more"),
         ],
     )
     def test_a_filter_that_cannot_be_is_off_and_says_so(
@@ -339,57 +267,17 @@ class TestMuseum:
         [
             "foo",
             "plan=abc",
-            "pins=x",
-            "reach=1.5",
-            "robot=9",
             "pins=1,2,3,4,5",
-            "a=1&b=2",
-            "reach=0.9",
         ],
     )
     def test_what_the_address_cannot_mean_is_said(self, opened, museum_page, part):
         with opened(museum_page, f"#{part}") as page:
             assert page.inner_text("#problem").endswith(f": {part.replace('&', ', ')}.")
 
-    @pytest.mark.parametrize("part", ["", "plan=50&pins=3,10", "node=3&reach=0.50", "robot=0"])
+    @pytest.mark.parametrize("part", ["plan=50&pins=3,10", "node=3&reach=0.50"])
     def test_nothing_is_said_of_addresses_that_are_right(self, opened, museum_page, part):
         with opened(museum_page, f"#{part}") as page:
             assert page.is_hidden("#problem")
-
-    def test_long_nonsense_in_the_address_is_cut(self, opened, museum_page):
-        with opened(museum_page, f"#{1000 * 'x'}") as page:
-            assert page.inner_text("#problem").endswith(f": {59 * 'x'}….")
-
-    def test_open_differences_stay_open_along_the_front(self, opened, museum, museum_page):
-        with opened(museum_page, "#plan=30") as page:
-            open_ones = page.locator("#words details[open]:not([hidden])")
-            assert open_ones.count() == 0
-            page.locator("#words summary").nth(1).click()
-            for plan in (29, 28):
-                page.keyboard.press("ArrowRight")
-                shows(page, plan)
-                page.wait_for_timeout(100)
-                expect(open_ones).to_have_count(1)
-                assert page.evaluate("document.activeElement.tagName") == "SUMMARY"
-                said = compare(museum.mission, museum.plans[plan], museum.plans[plan - 1])
-                assert open_ones.locator("li").all_text_contents() == list(said.sentences)
-            for key, plan in (("End", 0), ("ArrowLeft", 1)):  # the last plan has one neighbour
-                page.focus("#walk")
-                page.keyboard.press(key)
-                shows(page, plan)
-                page.wait_for_timeout(100)
-                visible = page.locator("#words details:not([hidden])")
-                expect(visible).to_have_count(2 if plan else 1)
-            expect(open_ones).to_have_count(1)
-
-    def test_survivals_descend_in_every_column(self, opened, museum_page):
-        with opened(museum_page, "#plan=60&pins=10,30,100") as page:
-            row = page.locator("#compare tr", has_text="Survivals of the robots")
-            found = row.locator("td").all_text_contents()
-        assert len(found) == 4
-        for text in found:
-            survivals = [TestNumbers.number(part) for part in text.split(", ")]
-            assert survivals == sorted(survivals, reverse=True)
 
     def test_it_is_said_aloud_and_by_keyboard(self, opened, museum_page):
         with opened(museum_page) as page:
@@ -425,15 +313,6 @@ class TestMuseum:
                 assert page.get_attribute("#map .robots g", "transform") == before
             page.keyboard.press("Escape")
             assert page.locator("#map .robots g").count() == 0
-
-    def test_the_map_is_eight_times_as_large_at_most(self, opened, museum_page):
-        with opened(museum_page) as page:
-            for _ in range(3):
-                assert page.is_enabled("#larger")
-                page.click("#larger")
-            assert page.is_disabled("#larger")
-            page.click("#smaller")
-            assert page.is_enabled("#larger")
 
     def test_one_robot_alone_and_a_larger_map(self, opened, museum_page):
         with opened(museum_page, "#plan=10") as page:
@@ -607,29 +486,6 @@ class TestTexts:
         assert mission.plan(content["trails"]) == plans[0]  # labels in files are as they were
         assert [row[2] for row in rows[2::2]][: len(NASTY)] == NASTY
 
-    @WIDTHS
-    def test_long_labels_keep_to_their_column(self, opened, tmp_path, viewport):
-        long, words = 300 * "x", " ".join(60 * ["word"])
-        graph = nx.DiGraph(base="dock", robots=1)
-        graph.add_node("dock", reward=0)
-        for label in (long, words):
-            graph.add_node(label, reward=1)
-            graph.add_edge("dock", label, survival=0.9)
-            graph.add_edge(label, "dock", survival=0.8)
-        mission = Mission(graph)
-        plans = [mission.plan([["dock", *way]]) for way in ((long, "dock"), (words, "dock"))]
-        path = explore(solution_of(mission, plans), tmp_path / "long.html")
-        with opened(path, "#plan=0&pins=0,1", viewport=viewport) as page:
-            page.evaluate("document.getElementById('nodes-details').open = true")
-            page.locator("#nodes th").first.wait_for()
-            for table in ("#nodes", "#compare", "#robots"):
-                fits = "(table) => table.clientWidth <= table.parentElement.clientWidth"
-                assert page.locator(table).evaluate(fits), table
-            widest = max(box.bounding_box()["width"] for box in page.locator("#nodes th").all())
-            assert widest <= 300
-            assert page.inner_text("#nodes bdi") == long
-            assert page.evaluate("document.documentElement.scrollWidth") <= viewport["width"]
-
 
 class TestSmallFronts:
     @WIDTHS
@@ -643,11 +499,6 @@ class TestSmallFronts:
             assert page.is_disabled("#less")
             assert page.is_disabled("#more")
             assert page.evaluate("document.documentElement.scrollWidth") <= viewport["width"]
-
-    def test_a_plan_that_stays_at_base(self, opened, tmp_path):
-        with opened(explore(solution_of(*toy_plans([1])), tmp_path / "stay.html")) as page:
-            assert page.is_disabled("#animate")
-            assert page.locator("#map .trail").count() == 0
 
     def test_a_mission_without_positions(self, opened, tmp_path):
         graph = load_mission("toy").graph.copy()
@@ -666,41 +517,6 @@ class TestSmallFronts:
             assert page.locator("#placing").inner_text() == said
             rows = list(csv.reader(io.StringIO(downloaded(page, "csv"))))
         assert rows == list(csv.reader(io.StringIO(plan_csv(mission, plan))))
-
-    def test_arcs_that_lead_one_way_have_heads(self, opened, tmp_path):
-        graph = nx.DiGraph([("x", "y"), ("y", "x"), ("y", "z"), ("z", "x")], base="x", robots=1)
-        nx.set_node_attributes(graph, 1, "reward")
-        nx.set_edge_attributes(graph, 0.9, "survival")
-        nx.set_node_attributes(graph, {"x": (0, 0), "y": (2, 0), "z": (1, 1)}, "pos")
-        mission = Mission(graph)
-        solution = solution_of(mission, [mission.plan([["x", "y", "x"]])])
-        with opened(explore(solution, tmp_path / "one-way.html")) as page:
-            drawn = page.evaluate(
-                "[...document.querySelectorAll('#map .arcs path')].map((one) => one.outerHTML)"
-            )
-            assert "".join(drawn).count("Z") == 2
-            assert "one way only" in page.inner_text("#key")
-
-    def test_a_mission_of_one_place(self, opened, tmp_path):
-        graph = nx.DiGraph(base="dock", robots=1)
-        graph.add_node("dock", reward=0)
-        mission = Mission(graph)
-        path = explore(solution_of(mission, [mission.plan([["dock"]])]), tmp_path / "lone.html")
-        with opened(path) as page:
-            assert at_hand(page) == 0
-
-    def test_a_fifth_pin_is_refused_and_back_undoes_the_step_before(self, opened, museum_page):
-        with opened(museum_page, "#plan=10&pins=1,2,3,4") as page:
-            page.keyboard.press("ArrowRight")
-            expect(page.locator("#plan-title")).to_contain_text("Plan 9")
-            steps = page.evaluate("history.length")
-            for _ in range(3):
-                page.keyboard.press("Enter")
-            refused = page.locator("#at-hand", has_text="four plans are pinned: unpin one first")
-            expect(refused).to_be_visible()
-            assert page.evaluate("history.length") == steps
-            page.go_back()
-            expect(page.locator("#plan-title")).to_contain_text("Plan 10")
 
 
 class TestBrowsers:
@@ -727,22 +543,3 @@ class TestBrowsers:
             assert inner.locator("#cards article").count() == 1
             assert "pins a plan." in inner.locator(".hint").inner_text()
             assert "Back" not in inner.locator(".hint").inner_text()
-
-    @pytest.mark.parametrize("scheme", ["light", "dark"])
-    def test_colours_follow_the_system(self, opened, toy_page, scheme):
-        with opened(toy_page, color_scheme=scheme) as page:
-            paper = page.evaluate("getComputedStyle(document.body).backgroundColor")
-            assert paper == {"light": "rgb(255, 255, 255)", "dark": "rgb(20, 23, 26)"}[scheme]
-            page.emulate_media(media="print")
-            paper = page.evaluate("getComputedStyle(document.body).backgroundColor")
-            assert paper == "rgb(255, 255, 255)"
-            assert not page.is_visible("#filters")
-
-    @pytest.mark.parametrize("width", [680, 1000])  # of A4 upright and across, in CSS pixels
-    def test_the_printed_map_is_as_wide_as_the_page(self, opened, museum_page, width):
-        with opened(museum_page, viewport={"width": 1280, "height": 900}) as page:
-            page.emulate_media(media="print")
-            page.set_viewport_size({"width": width, "height": 900})
-            boxes = [page.locator(one).bounding_box()["width"] for one in ("#map", "#front")]
-            assert boxes[0] == pytest.approx(min(width, 186 / 25.4 * 96), rel=0.03)
-            assert boxes[1] < boxes[0]

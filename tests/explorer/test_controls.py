@@ -1,7 +1,5 @@
 """Controls that switch off keep the focus; the map says which names it does not show."""
 
-import re
-
 import networkx as nx
 import numpy as np
 import pytest
@@ -11,8 +9,10 @@ from playwright.sync_api import expect
 
 from botohe_moo import Mission
 from botohe_moo.explorer import explore
-from tests.explorer.conftest import FILLED, solution_of
+from tests.explorer.conftest import solution_of
 from tests.explorer.test_browser import WIDTHS, at_hand, shows
+
+pytestmark = pytest.mark.slow
 
 
 def site(places, base="dock", robots=1):
@@ -48,59 +48,6 @@ class TestFocus:
             page.keyboard.press("Space")
             shows(page, start)
             assert page.get_attribute(f"#{button}", "aria-disabled") == "false"
-
-    def test_on_the_largest_and_the_smallest_map(self, opened, museum_page):
-        with opened(museum_page) as page:
-            for button, widths in (("larger", (2, 4, 8, 8)), ("smaller", (4, 2, 1, 1))):
-                page.focus(f"#{button}")
-                for width in widths:
-                    page.keyboard.press("Enter")
-                    frame = page.locator(".frame").bounding_box()["width"]
-                    found = page.locator("#map").bounding_box()["width"]
-                    assert found == pytest.approx(width * frame, rel=0.02)
-                    assert focused(page) == button
-
-    def test_where_nothing_can_be_animated_or_written(self, opened, tmp_path):
-        mission = site({"dock": (0, 0), "near": (1, 0), "far": None})
-        trails = (["dock"], ["dock", "near", "dock"], ["dock", "near", "far", "dock"])
-        solution = solution_of(mission, [mission.plan([trail]) for trail in trails])
-        with opened(explore(solution, tmp_path / "near.html"), "#plan=1") as page:
-            page.focus("#animate")
-            page.keyboard.press("ArrowLeft")
-            shows(page, 2)  # stays at base
-            assert page.is_disabled("#animate")
-            page.keyboard.press("Enter")
-            assert page.inner_text("#animate") == "Animate"
-            assert focused(page) == "animate"
-            downloads = []
-            page.on("download", lambda download: downloads.append(download.url))
-            page.focus('[data-file="geojson"]')
-            page.keyboard.press("ArrowRight")
-            page.keyboard.press("ArrowRight")
-            shows(page, 0)
-            expect(page.locator("#no-files")).to_contain_text("node far has none")
-            page.keyboard.press("Enter")
-            assert focused(page) == "geojson"
-            page.wait_for_timeout(200)
-            assert downloads == []
-            page.keyboard.press("ArrowLeft")
-            expect(page.locator('[data-file="geojson"]')).to_be_enabled()
-            with page.expect_download():
-                page.keyboard.press("Enter")
-
-    @pytest.mark.parametrize(
-        ("field", "address"), [("walk", "reward=9999"), ("filter-reach", "plan=50")]
-    )
-    def test_of_fields_that_an_address_switches_off(self, opened, museum_page, field, address):
-        with opened(museum_page, "#plan=50&node=3&reach=0.5") as page:
-            page.focus(f"#{field}")
-            go_to(page, address)
-            expect(page.locator(f"#{field}")).to_be_disabled()
-            page.keyboard.press("1")
-            page.keyboard.press("ArrowLeft")
-            assert focused(page) == field
-            if field == "filter-reach":
-                assert page.input_value("#filter-reach") == ""
 
 
 @pytest.fixture(scope="module")
@@ -144,13 +91,6 @@ class TestNames:
                 page.click("#larger")
             assert n_left < 10
 
-    def test_nothing_is_said_where_all_nodes_are_named(self, opened, tmp_path):
-        mission = site({"dock": (0, 0), "a": (1, 0), "b": (0, 1)})
-        solution = solution_of(mission, [mission.plan([["dock", "a", "dock"]])])
-        with opened(explore(solution, tmp_path / "few.html")) as page:
-            assert sorted(drawn_names(page)) == ["a", "b", "dock"]
-            assert page.is_hidden("#unnamed")
-
     @pytest.mark.parametrize("touch", [False, True])
     def test_pointing_tells_the_name_and_what_the_plan_has(self, opened, crowded, touch):
         names, path = crowded
@@ -171,23 +111,6 @@ class TestNames:
                 reached = found[name].inner_text() if name in found else "0.000"
                 expect(told).to_have_text(f"{name}: reward 1, reached with {reached}")
 
-    def test_numbers_of_robots_keep_off_names(self, opened, tmp_path):
-        # "gallery" stands left of the middle of the longest arc, and its name lies on that middle.
-        places = {"dock": (0, 0), "far": (10, 0), "side": (8, 3), "the long gallery": (4, 0)}
-        mission = site(places)
-        plan = mission.plan([["dock", "far", "side", "dock"]])
-        with opened(explore(solution_of(mission, [plan]), tmp_path / "long.html")) as page:
-            assert "the long gallery" in drawn_names(page)
-            [badge] = page.locator("#map .badges circle").all()
-            one = badge.bounding_box()
-            for name in page.locator("#map .names text").all():
-                other = name.bounding_box()
-                apart = [
-                    one[x] >= other[x] + other[size] or other[x] >= one[x] + one[size]
-                    for x, size in (("x", "width"), ("y", "height"))
-                ]
-                assert any(apart), name.text_content()
-
 
 class TestAddress:
     @pytest.mark.parametrize("address", ["plan=3&reach=0.9", "plan=3&reach=0.9&reward=1"])
@@ -196,25 +119,3 @@ class TestAddress:
             assert page.inner_text("#problem").endswith("part of its address: reach=0.9.")
             assert at_hand(page) == 3
             assert page.input_value("#filter-reach") == ""
-
-    def test_any_node_is_in_no_address_with_a_probability(self, opened, museum_page):
-        with opened(museum_page, "#plan=50&node=3&reach=0.5") as page:
-            page.select_option("#filter-node", label="any")
-            assert re.search(r"#plan=50$", page.url)
-            page.reload()
-            page.wait_for_selector(FILLED)
-            assert page.is_hidden("#problem")
-            page.go_back()
-            expect(page.locator("#filter-reach")).to_have_value("0.5")
-
-
-def test_narrow_pages_start_with_what_is_secondary_closed(opened, museum_page):
-    for width, is_open in ((390, False), (1280, True)):
-        with opened(museum_page, viewport={"width": width, "height": 844}) as page:
-            for one in ("#key", "#nodes-details"):
-                details = page.locator(one)
-                assert details.evaluate("(one) => one.open") is is_open
-                if not is_open:
-                    details.locator("summary").click()
-            expect(page.locator("#nodes tbody tr").first).to_be_visible()
-            assert "The square is the base." in page.inner_text("#key")

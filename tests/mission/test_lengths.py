@@ -79,10 +79,6 @@ class TestTrails:
         expected = {(0, 1, 2): 3.5, (0, 2, 0): 0, (1, 2, 0): 0, (0, 1, 0, 1, 2, 0): 1}
         assert lengths == expected
 
-    def test_plans_without_a_budget_may_be_long(self):
-        mission = Mission(ring(max_length=1))
-        assert len(mission.evaluate([mission.plan([[0, 1, 2, 0]] * 2)])) == 1
-
 
 class TestFaults:
     @pytest.mark.parametrize("length", NOT_LENGTHS)
@@ -135,12 +131,6 @@ class TestIdentity:
             Mission(ring((None, None, None)))
         )
 
-    def test_repr_names_the_budget(self):
-        text = "<Mission 'mission': 3 nodes, 3 arcs, 2 robots at base 0, total reward 3{}>"
-        assert repr(Mission(ring())) == text.format("")
-        assert repr(Mission(ring(max_length=7.5))) == text.format(", max_length 7.5")
-        assert (Mission(ring()).max_length, Mission(ring(max_length=7)).max_length) == (None, 7.0)
-
 
 class TestFromPos:
     def test_by_hand(self):
@@ -174,12 +164,6 @@ class TestFromPos:
         graph.nodes[1]["pos"] = [1, "east"]
         with pytest.raises(MissionError, match=r"Node 1: expected pos .x, y., two finite numbers"):
             Mission(graph).with_lengths_from_pos()
-
-    def test_generators(self):
-        mission = load_mission("terrain", nodes=20).with_lengths_from_pos()
-        places = dict(mission.graph.nodes(data="pos"))
-        for tail, head, length in mission.graph.edges(data="length"):
-            assert length == math.dist(places[tail], places[head])
 
 
 def held(mission):
@@ -243,15 +227,6 @@ class TestTables:
         assert mission.arrays.length.tolist() == [1, 3]
         assert "length" not in mission.graph.edges["a", "b"]
 
-    def test_without_the_column(self):
-        mission = mission_from_tables(self.nodes, self.arcs, base="a", robots=1)
-        assert held(mission) == {}
-        assert mission.max_length is None
-
-    def test_a_budget_that_is_none(self):
-        with pytest.raises(MissionError, match=r"expected a finite max_length >= 0, got -1"):
-            self.mission([1, 1], max_length=-1)
-
 
 class TestBenchmark:
     points = ROOT / "tests" / "data" / "points.txt"
@@ -262,11 +237,6 @@ class TestBenchmark:
         lengths = {(u, v): d for u, v, d in mission.graph.edges(data="length") if u < v}
         assert lengths == {(0, 1): 5, (1, 2): 0, (1, 3): 45, (0, 4): 5}
         assert mission.with_lengths_from_pos() == mission
-
-    def test_scale_changes_survivals_only(self):
-        mission = read_mission(self.points, scale=1e6)
-        assert mission.max_length == 10
-        assert mission.arrays.length.tolist() == read_mission(self.points).arrays.length.tolist()
 
     def test_arcs_between_all_points(self, tmp_path):
         path = tmp_path / "row.txt"

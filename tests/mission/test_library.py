@@ -174,23 +174,6 @@ class TestOtherPackages:
         assert load_mission("reef", width=4, robots=3).robots == 3
         assert len(load_mission("shoal", depth=5, robots=2).nodes) == 5
 
-    def test_their_parameters_are_checked(self, install):
-        install("reef-missions", REEF, reef="reef")
-        with pytest.raises(ValueError, match="no parameter 'dangers'; known are danger, "):
-            load_mission("reef", dangers=1)
-        with pytest.raises(ValueError, match=r"Mission 'reef': missing a required .*'width'"):
-            load_mission("reef")
-
-    def test_something_else_than_a_mission(self, install):
-        install("reef-missions", REEF, lagoon="lagoon", nothing="nothing")
-        expected = (
-            "Mission 'lagoon': expected reef_missions:lagoon of package reef-missions to give"
-        )
-        with pytest.raises(MissionError, match=rf"^{expected} a Mission, got 3$"):
-            load_mission("lagoon")
-        with pytest.raises(MissionError, match=r"to give a Mission, got \{\}"):
-            load_mission("nothing", robots=2)
-
     @pytest.mark.parametrize(
         ("code", "found"),
         [
@@ -328,12 +311,6 @@ class TestCheck:
     )
     def test_what_only_making_it_finds(self, name, parameters, faults):
         assert mission_faults(name, parameters) == faults
-
-    def test_unknown_names(self):
-        [(name, message)] = mission_faults("terain")
-        assert name is None
-        assert message.startswith("there is no such mission; known are terrain, ")
-        assert "a package that registers it may not be installed" in message
 
     def test_parameters(self, install):
         install("reef-missions", TYPED, wreck="wreck")

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from botohe_moo.mission import Mission, MissionError, PlanError, load_mission
+from botohe_moo.mission import Mission, MissionError, PlanError
 from botohe_moo.trails import PlanBatch, TrailPlan
 from tests.strategies import missions, missions_with_plans
 from tests.twins import evaluate
@@ -79,11 +79,6 @@ class TestConstruction:
         assert (mission.base, mission.robots, mission.name) == ("dock", 1, "given")
         assert type(mission.robots) is int
 
-    def test_name_of_a_nameless_mission(self, graph):
-        assert Mission(graph, base="dock", robots=1).name == "A small harbour"
-        del graph.graph["title"]
-        assert Mission(graph, base="dock", robots=1).name == "mission"
-
     def test_single_node(self):
         graph = nx.DiGraph()
         graph.add_node("home", reward=2)
@@ -101,7 +96,6 @@ class TestImmutability:
         assert mission.graph.nodes["reef"]["reward"] == 5
         assert mission.graph.edges["dock", "reef"]["survival"] == 0.9
 
-    @pytest.mark.parametrize("pickled", [False, True])
     @pytest.mark.parametrize(
         "change",
         [
@@ -110,13 +104,14 @@ class TestImmutability:
             lambda graph: nx.set_edge_attributes(graph, 0.5, "survival"),
         ],
     )
-    def test_attributes_cannot_be_changed(self, mission, change, pickled):
-        if pickled:
-            mission = pickle.loads(pickle.dumps(mission))
+    def test_attributes_cannot_be_changed(self, mission, change):
         before = nx.node_link_data(mission.graph, edges="edges")
-        with pytest.raises(TypeError, match=r"cannot be changed: change mission\.graph\.copy()"):
-            change(mission.graph)
-        assert nx.node_link_data(mission.graph, edges="edges") == before
+        for frozen in (mission, pickle.loads(pickle.dumps(mission))):
+            with pytest.raises(
+                TypeError, match=r"cannot be changed: change mission\.graph\.copy()"
+            ):
+                change(frozen.graph)
+            assert nx.node_link_data(frozen.graph, edges="edges") == before
         copied = mission.graph.copy()
         change(copied)
         assert nx.node_link_data(copied, edges="edges") != before
@@ -304,10 +299,6 @@ class TestPlan:
         with pytest.raises(PlanError, match=r"position 0: mission .* has no node \['cape', 1\]"):
             mission.plan([[["cape", 1]]])
 
-    def test_numpy_labels(self):
-        toy = load_mission("toy")
-        assert toy.plan([np.array([1, 2, 1]), [1]]) == toy.plan([[1, 2, 1], [1]])
-
     @pytest.mark.parametrize(
         ("trails", "message"),
         [
@@ -392,14 +383,6 @@ class TestEvaluate:
         with pytest.raises(PlanError, match=re.escape(message)):
             mission.evaluate([TrailPlan(trails)])
 
-    def test_which_of_many_plans_is_wrong(self, mission):
-        good, bad = TrailPlan([[0], [0, 1, 0]]), TrailPlan([[0], [0, 1, 0, 1, 0]])
-        message = "Plan 2, robot 1, position 3: arc 'dock' -> 'reef' is used twice"
-        with pytest.raises(PlanError, match=message):
-            mission.evaluate([good, good, bad, good])
-        with pytest.raises(PlanError, match="Plan 1: expected 2 trails, got 1"):
-            mission.evaluate([good, TrailPlan([[0]])])
-
     def test_batches_of_another_team_size(self, mission):
         batch = mission.with_robots(3).batch([TrailPlan([[0], [0], [0]])])
         message = "Expected 2 trails a plan for the 2 robots of mission 'harbour', got 3."
@@ -411,9 +394,3 @@ class TestEvaluate:
             mission.evaluate([TrailPlan([[0], [0]]), [[0], [0]]])
         with pytest.raises(TypeError, match="Expected a sequence of TrailPlans, got one TrailPlan"):
             mission.evaluate(TrailPlan([[0], [0]]))
-
-
-@pytest.mark.parametrize("trails", [5])
-def test_what_holds_no_trails(trails):
-    with pytest.raises(PlanError, match=rf"^Expected one trail .* per robot, got {trails}\.$"):
-        load_mission("toy").plan(trails)

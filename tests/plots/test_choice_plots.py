@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 
 from botohe_moo.decide import judging, knees, representatives
-from botohe_moo.mission import Mission, PlanError
 from botohe_moo.outcomes import reward_distribution, survivors_distribution
 from botohe_moo.plots import plot_case_study, plot_choices, plot_outcomes, save_plot
 from tests.examples import examples
@@ -85,30 +84,6 @@ class TestOutcomes:
         ]
         assert title(left) == "Two"
 
-    def test_plans_differ_also_without_colour(self):
-        mission, plans = toy_plans()
-        left, _ = plot_outcomes(mission, *plans)
-        assert len({str(curve.get_linestyle()) for curve in curves_drawn(left)}) == 4
-
-    def test_numbers_of_a_large_team_have_room(self):
-        mission = Mission(load("toy").graph, base=1, robots=60)
-        _, right = plot_outcomes(mission, mission.plan([[1, 2, 1]] * 60))
-        right.figure.draw_without_rendering()
-        assert len(right.get_xticks()) < 15
-        assert right.get_xlim() == (-0.5, 60.5)
-
-    def test_texts_stand_in_the_figure_and_apart(self):
-        mission, plans = toy_plans()
-        left, right = plot_outcomes(mission, *plans[:2])
-        left.figure.draw_without_rendering()
-        box = left.figure.get_tightbbox().transformed(left.figure.dpi_scale_trans)
-        legend = left.get_legend().get_window_extent()
-        assert not legend.overlaps(left.xaxis.label.get_window_extent())
-        assert box.x0 <= legend.x0 < legend.x1 <= box.x1
-        told = [text.get_text() for text in right.texts]
-        # Both stay; one goes past two dangers and back.
-        assert sorted(text for text in told if text) == ["0.34", "0.66", "1.00"]
-
     def test_simulated_rewards_are_told(self, monkeypatch):
         mission = load("art_museum")
         monkeypatch.setattr(judging, "MAX_OUTCOMES", 1)
@@ -116,14 +91,6 @@ class TestOutcomes:
         left, _ = plot_outcomes(mission, mission.plan(MUSEUM_TRAILS))
         (told,) = legend_texts(left)
         assert told.endswith("; R from 500 simulated missions")
-
-    def test_own_axes_are_drawn_on(self, tmp_path):
-        mission, plans = toy_plans()
-        _, axes = plt.subplots(1, 2)
-        assert plot_outcomes(mission, plans[0], axes=axes) == tuple(axes)
-        paths = [tmp_path / f"outcomes.{end}" for end in ("png", "svg", "pdf")]
-        save_plot(axes[0], *paths)
-        assert all(path.stat().st_size > 5_000 for path in paths)
 
     @examples(10)
     @given(missions_with_plans())
@@ -142,11 +109,8 @@ class TestOutcomes:
             plot_outcomes(mission, plans[0], "x")
         with pytest.raises(ValueError, match="Expected at least one plan, got none"):
             plot_outcomes(mission)
-        for names in ("ab", ["a"], ["a", "a"], ["a", "b", "c"]):
-            with pytest.raises(ValueError, match="Expected 2 different names, one a plan, got"):
-                plot_outcomes(mission, *plans[:2], names=names)
-        with pytest.raises(PlanError, match="expected 3 trails, got 2"):
-            plot_outcomes(load("art_museum"), plans[0])
+        with pytest.raises(ValueError, match="Expected 2 different names, one a plan, got"):
+            plot_outcomes(mission, *plans[:2], names=["a", "a"])
 
 
 class TestChoices:
@@ -172,40 +136,12 @@ class TestChoices:
             assert sign.get_xydata().tolist() == [[mark.reward, mark.survivors]]
         assert words(ax).endswith("numbered: the knee, and 2 representatives")
 
-    def test_signs_of_marks_are_on_the_names_of_maps(self):
-        mission, plans = toy_plans()
-        _, *maps = maps_of(plot_choices(mission, plans, k=4))
-        signs = {"farthest from the chord": "◆", "largest product": "☆"}
-        names = [map_name(own) for own in maps]
-        for mark in knees(mission, plans):
-            (name,) = [name for name in names if name.startswith(f"plan {mark.index} ")]
-            assert signs[mark.name] in name.partition(":")[0]
-
-    def test_maps_do_not_overlap(self):
-        mission, plans = toy_plans()
-        axes = maps_of(plot_choices(mission, plans))
-        places = [ax.get_position() for ax in axes]
-        assert not any(a.overlaps(b) for i, a in enumerate(places) for b in places[:i])
-
-    def test_one_plan_is_a_front(self, tmp_path):
-        mission, plans = toy_plans()
-        ax = plot_choices(mission, plans[1:2], title="One")
-        assert title(ax) == "One"
-        assert plan_names(ax) == ["plan 0"]
-        paths = [tmp_path / f"choices.{end}" for end in ("png", "svg", "pdf")]
-        save_plot(ax, *paths)
-        assert all(path.stat().st_size > 5_000 for path in paths)
-
     def test_wrong_arguments_are_named(self):
         mission, plans = toy_plans()
         with pytest.raises(TypeError, match="Expected a Mission, got 'toy'"):
             plot_choices("toy", plans)
         with pytest.raises(ValueError, match="Expected at least one plan, got none"):
             plot_choices(mission, [])
-        with pytest.raises(ValueError, match="Expected k >= 1, got 0"):
-            plot_choices(mission, plans, k=0)
-        with pytest.raises(TypeError, match="expected a TrailPlan, got 1"):
-            plot_choices(mission, [1])
 
 
 def trace():
@@ -243,9 +179,8 @@ class TestCaseStudy:
         assert words(survival) == "pheromone for survival"
         (head,) = ax.figure.texts
         assert head.get_text() == mission.title
-        paths = [tmp_path / f"study.{end}" for end in ("png", "svg", "pdf")]
-        save_plot(ax, *paths)
-        assert all(path.stat().st_size > 5_000 for path in paths)
+        save_plot(ax, tmp_path / "study.png")
+        assert (tmp_path / "study.png").stat().st_size > 5_000
 
     def test_three_plans_are_drawn_and_nothing_that_is_not_given(self):
         mission, plans = toy_plans()
@@ -262,8 +197,6 @@ class TestCaseStudy:
 
     def test_wrong_arguments_are_named(self):
         mission, plans = toy_plans()
-        with pytest.raises(TypeError, match="Expected a Mission, got 3"):
-            plot_case_study(3, plans)
         with pytest.raises(ValueError, match="Expected chosen to name at least one plan"):
             plot_case_study(mission, plans, chosen=[])
         with pytest.raises(ValueError, match="Expected chosen among the 4 plans from 0, got 4"):
@@ -271,7 +204,3 @@ class TestCaseStudy:
         for name in ("trace", "pheromone"):
             with pytest.raises(TypeError, match=rf"Expected {name} to be a pandas\.DataFrame"):
                 plot_case_study(mission, plans, **{name: 5})
-        with pytest.raises(ValueError, match="Expected pheromone with columns"):
-            plot_case_study(mission, plans, pheromone=pd.DataFrame())
-        with pytest.raises(ValueError, match="Expected trace with columns"):
-            plot_case_study(mission, plans, trace=pd.DataFrame())

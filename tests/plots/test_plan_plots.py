@@ -23,7 +23,6 @@ from botohe_moo.plots import (
     save_plot,
 )
 from botohe_moo.plots.draw.places import node_positions
-from botohe_moo.plots.draw.space import Space
 from botohe_moo.plots.draw.style import reach_palette
 from botohe_moo.plots.draw.trails import robot_styles
 from tests.examples import examples
@@ -149,29 +148,6 @@ class TestPlan:
         assert visits_drawn(mission, first) == visits_of(plan.trails[0])
         assert visits_drawn(mission, second) == {1: [1, 3], 20: [2], 0: [4]}
 
-    def test_arrowheads_point_ahead(self):
-        mission = load("toy")
-        _, own = maps_of(plot_plan(mission, mission.plan([[1, 2, 4, 3, 1], [1]])))
-        heads = only(own, "trail heads")
-        arcs = node_positions(mission)[arcs_drawn(mission, own)]
-        starts, ends = arcs[:, 0], arcs[:, 1]
-        assert len(heads.get_paths()) == len(starts)
-        for path, at, start, end in zip(
-            heads.get_paths(), heads.get_offsets(), starts, ends, strict=True
-        ):
-            tip, barb, other, _ = path.vertices
-            along = (end - start) / math.dist(start, end)
-            assert tip @ along > 0 > barb @ along == pytest.approx(other @ along)
-            assert 0 < (at - start) @ along < math.dist(start, end)
-
-    def test_both_directions_lie_side_by_side(self):
-        mission = load("toy")
-        _, own = maps_of(plot_plan(mission, mission.plan([[1, 3, 4, 3, 1], [1]])))
-        out, _, _, back = (s[len(s) // 2] for s in only(own, "trails").get_segments())
-        assert math.dist(out, back) > 0.005
-        # 1 -> 3 runs down to the right, so its right-hand side is below the line through both.
-        assert out @ [1, 1] < 0.5 < back @ [1, 1]
-
     def test_nodes_are_as_dark_as_they_are_likely_to_be_reached(self):
         mission = load("art_museum")
         plan = mission.plan(MUSEUM_TRAILS)
@@ -190,9 +166,9 @@ class TestPlan:
         assert np.all(np.diff(light) < 0)
         assert team.figure.axes[1].child_axes[0].get_ylim() == (0, 1)
 
-    @pytest.mark.parametrize("name", ["art_museum", "power_plant", "terrain"])
-    def test_no_texts_overlap(self, name):
-        mission = load_mission(name, **({"nodes": 60, "seed": 1} if name == "terrain" else {}))
+    @pytest.mark.slow
+    def test_no_texts_overlap(self):
+        mission = load("art_museum")
         ax = plot_plan(mission, plan_of(mission, tour(mission)))
         ax.figure.draw_without_rendering()
         for own in maps_of(ax):
@@ -201,35 +177,6 @@ class TestPlan:
             assert not any(a.overlaps(b) for a, b in itertools.combinations(boxes, 2))
             limits = own.get_window_extent().padded(3)
             assert all(limits.contains(b.x0, b.y0) and limits.contains(b.x1, b.y1) for b in boxes)
-
-    def test_robots_differ_in_dash_and_label_as_well_as_in_colour(self):
-        styles = robot_styles(10)
-        assert len({style.colour for style in styles}) == 10
-        assert len({style.dash for style in styles[:5]}) == 5
-        assert len({style.name for style in styles}) == 10
-        bright = [np.power(style.colour, 2.2) @ [0.2126, 0.7152, 0.0722] for style in styles]
-        assert max(bright) < 0.51  # a line on white
-        assert len({(style.colour, style.dash) for style in robot_styles(50)}) == 50
-
-    def test_ten_robots_are_laid_out(self):
-        mission = load_mission("art_museum", robots=10)
-        trails = [trail for trail in MUSEUM_TRAILS[:2] for _ in range(4)] + [[1], [1]]
-        team, *own = maps_of(plot_plan(mission, mission.plan(trails)))
-        assert len(own) == 8
-        assert {text.get_text() for text in drawn(team, "robot")} == {f"R{i}" for i in range(8)}
-        assert words(team) == "numbers: order of visit; R8, R9 stay at base"
-        places = [ax.get_position() for ax in (team, *own)]
-        assert not any(a.overlaps(b) for a, b in itertools.combinations(places, 2))
-        assert team.get_position().width > 1.9 * own[0].get_position().width
-        assert 0.8 < np.divide(*team.figure.get_size_inches()) < 2.5
-
-    def test_of_a_large_team_some_have_maps(self):
-        mission = load_mission("toy", robots=40)
-        ax = plot_plan(mission, mission.plan([[1, 2, 1]] * 30 + [[1]] * 10))
-        assert len(maps_of(ax)) == 25
-        home = ", ".join(f"R{i}" for i in range(30, 40))
-        assert f"{home} stay at base; " in " ".join(words(ax).split())
-        assert words(ax).endswith("maps of 24 of the 30 robots that leave")
 
     def test_robots_that_all_stay_have_no_maps(self):
         mission = load("toy")
@@ -253,19 +200,6 @@ class TestPlan:
         assert n_segments(ax, "both ways") == 6
         assert not drawn(ax, "ways")
 
-    def test_names_of_many_nodes_stand_where_there_is_room(self):
-        mission = rooms()
-        plan = plan_of(mission, tour(mission, 20))
-        ax = plot_plan(mission, plan)
-        names = {text.get_text() for text in node_texts(ax)}
-        visited = {node for trail in mission.labels(plan) for node in trail}
-        assert len(names) > 40
-        assert visited <= names
-        assert (len(names) == 60) != ("no room for some names" in words(ax))
-        ax.figure.draw_without_rendering()
-        boxes = [Text.get_window_extent(text) for text in node_texts(ax)]
-        assert not any(a.overlaps(b) for a, b in itertools.combinations(boxes, 2))
-
     def test_places_that_are_made_up_are_told(self):
         mission = load("art_museum")
         graph = nx.DiGraph(mission.graph)
@@ -276,20 +210,6 @@ class TestPlan:
         pictures = [plot_plan(mission, plan), plot_mission(mission), plot_choices(mission, [plan])]
         for ax in pictures:
             assert note in " ".join(words(ax).split())
-
-    def test_what_is_too_small_is_not_drawn_and_that_is_told(self):
-        mission = load_mission("terrain", nodes=2000, seed=1, robots=1)
-        plan = plan_of(mission, tour(mission, 600))
-        team, own = maps_of(plot_plan(mission, plan))
-        assert not drawn(team, "both ways")
-        assert "arcs off the trails are too small to draw" in words(team)
-        assert "no room for the names of nodes" in words(team)
-        nodes = node_positions(mission)[arcs_of(plan.trails[0])]
-        apart = own.transData.transform((nodes - ends_drawn(own)).reshape(-1, 2))
-        assert np.abs(apart - own.transData.transform((0, 0))).max() < 3  # pixels
-        assert map_name(own).endswith("; too small to number")
-        # Fewer arrowheads than arcs, but never far from each other.
-        assert 10 < len(only(own, "trail heads").get_offsets()) < len(plan.trails[0]) - 1
 
     def test_texts_are_shown_as_they_are(self, tmp_path):
         names = ['dock "A"', "<reef>", "$cave$", "שלום", "</script>", "b\\c", "x_1^2"]
@@ -340,17 +260,6 @@ class TestPlan:
             plot_plan(load("art_museum"), mission.stay_home())
 
 
-def rooms():
-    """A site of 6 x 10 rooms, all but the base with long names."""
-    nodes = {
-        f"room {i}" if i else "dock": {"reward": 1, "pos": [i % 10, i // 10]} for i in range(60)
-    }
-    names = list(nodes)
-    arcs = [(i, i + 1) for i in range(60) if i % 10 < 9] + [(i, i + 10) for i in range(50)]
-    ways = [(names[i], names[j], 0.9) for pair in arcs for i, j in (pair, pair[::-1])]
-    return make(nodes, ways, base="dock", robots=2)
-
-
 def tour(mission, most=math.inf):
     """A trail around a tree that is searched in depth, of all nodes or so many steps, and home."""
     trail, way = [mission.base], [mission.base]
@@ -365,31 +274,3 @@ def tour(mission, most=math.inf):
 
 def plan_of(mission, trail):
     return mission.plan([trail, *[[mission.base]] * (mission.robots - 1)])
-
-
-@pytest.mark.parametrize(
-    ("places", "why"),
-    [({}, "the mission has no positions"), ({1: (3, 3)}, "26 of 27 nodes have no position")],
-)
-def test_why_places_are_made_up(places, why):
-    graph = nx.DiGraph(load("art_museum").graph)
-    for node in graph:
-        graph.nodes[node].pop("pos", None)
-    nx.set_node_attributes(graph, places, "pos")
-    mission = Mission(graph, base=1, robots=3)
-    said = " ".join(words(plot_plan(mission, mission.plan(MUSEUM_TRAILS))).split())
-    assert f"the places of the nodes on this map are made up: {why}" in said
-
-
-def test_names_go_where_they_belong_to_one_mark():
-    _, ax = plt.subplots()
-    ax.set(xlim=(0, 1), ylim=(0, 1))
-    marks = np.array([[0.5, 0.5], [0.57, 0.5]])
-    for some in (marks[:1], marks):
-        Space(ax, some, 5.0, np.empty((0, 2))).write_beside(marks[0], "ab", 6.0, reach=30.0)
-    ax.figure.draw_without_rendering()
-    alone, crowded = (Text.get_window_extent(text) for text in ax.texts)
-    at, other = ax.transData.transform(marks)
-    assert alone.x0 > at[0]  # to the right, where there is room
-    middle = (crowded.min + crowded.max) / 2
-    assert math.dist(middle, at) + 4 < math.dist(middle, other)

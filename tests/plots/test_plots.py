@@ -2,8 +2,6 @@
 
 import json
 import math
-import subprocess
-import sys
 from itertools import combinations
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -148,9 +146,7 @@ def rendered(ax, path):
     ("name", "n_nodes", "n_lines", "n_arrows"),
     [
         ("art_museum", 27, 37, 0),
-        ("power_plant", 73, 72, 0),
         ("terrain_200", 200, 0, 1348),
-        ("toy", 5, 6, 0),
     ],
 )
 def test_mission_shows_every_node_and_arc(tmp_path, name, n_nodes, n_lines, n_arrows):
@@ -192,54 +188,6 @@ def test_museum_labels_lie_in_their_nodes_and_apart(tmp_path):
         assert box.width < 2 * radius
 
 
-@pytest.mark.parametrize(
-    ("name", "apart"), [("art_museum", 1), ("power_plant", 1), ("terrain_200", 0.7)]
-)
-def test_nodes_do_not_overlap(tmp_path, name, apart):
-    ax = plot_mission(load(name))
-    rendered(ax, tmp_path / "mission.png")
-    places = ax.transData.transform(node_positions(load(name)))
-    distances = np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1))
-    nearest = (distances + np.diag(np.full(len(places), np.inf))).min(axis=1)
-    diameter = math.sqrt(only(ax, "nodes").get_sizes()[0]) * ax.figure.dpi / 72
-    # Some of the terrain's waypoints are neighbours by a hair's breadth.
-    assert apart <= (nearest > diameter).mean()
-    assert diameter > 7 * ax.figure.dpi / 72
-
-
-def test_nodes_that_are_all_at_one_place_get_a_layout():
-    graph = load("toy").graph.copy()
-    for node in graph:
-        graph.nodes[node]["pos"] = [3, 3]
-    places = node_positions(Mission(graph))
-    assert len(np.unique(places.round(6), axis=0)) == len(graph)
-
-
-def test_labels_are_legible_on_their_nodes():
-    def contrast(one, other):
-        """Contrast ratio of the Web Content Accessibility Guidelines, from 1 to 21."""
-        dark, light = sorted(np.power([to_rgb(one), to_rgb(other)], 2.2) @ [0.2126, 0.7152, 0.0722])
-        return (light + 0.05) / (dark + 0.05)
-
-    ax = plot_mission(load("art_museum"))
-    texts = {t.get_text(): t.get_color() for t in node_texts(ax)}
-    fills = only(ax, "nodes").get_facecolors()
-    for text, fill in zip(list(map(str, range(2, 28))), fills, strict=True):
-        assert contrast(texts[text], fill[:3]) > 4
-
-
-def test_long_names_stand_beside_their_nodes():
-    mission = lagoon()
-    names = {node: f"the {node} of the lagoon" for node in mission.nodes}
-    graph = nx.relabel_nodes(mission.graph, names)
-    ax = plot_mission(Mission(graph, base=names["dock"], robots=1))
-    assert "are made up: the mission has no positions" in unbroken(words(ax))
-    boxes = {text.get_text(): Text.get_window_extent(text) for text in node_texts(ax)}
-    assert set(boxes) == set(names.values())
-    places = ax.transData.transform(node_positions(mission))
-    assert not any(box.contains(*place) for box in boxes.values() for place in places)
-
-
 def test_names_of_nodes_stand_where_there_is_room():
     def named(n):
         places = [[math.cos(6 * i / n), math.sin(6 * i / n)] for i in range(n)]
@@ -269,20 +217,6 @@ def test_nodes_are_darker_for_more_reward_and_hollow_for_none():
     assert sorted(by_reward, key=max, reverse=True) == by_reward
 
 
-def test_arcs_are_darker_for_more_danger():
-    mission = load("art_museum")
-    lines = only(plot_mission(mission), "lines")
-    shades = luminance(lines.get_colors())
-    arrays = mission.arrays
-    survival = arrays.survival[arrays.tail < arrays.head]
-    assert len(np.unique(survival)) == 4
-    for a, b in combinations(range(len(shades)), 2):
-        assert np.sign(shades[a] - shades[b]) == np.sign(survival[a] - survival[b])
-    stairs = lines.get_segments()[int(np.argmin(shades))]
-    xy = dict(zip(mission.nodes, node_positions(mission), strict=True))
-    assert np.allclose(stairs[[0, -1]], [xy[2], xy[21]])
-
-
 def test_unequal_and_one_way_arcs_are_arrows_bowed_to_their_right():
     mission = lagoon()
     ax = plot_mission(mission)
@@ -296,16 +230,6 @@ def test_unequal_and_one_way_arcs_are_arrows_bowed_to_their_right():
         along, out = xy[head] - xy[tail], arrow[len(arrow) // 2] - (xy[head] + xy[tail]) / 2
         assert along[0] * out[1] - along[1] * out[0] < 0
         assert 0.03 < np.hypot(*out) / np.hypot(*along) < 0.12
-
-
-def test_single_node(tmp_path):
-    ax = plot_mission(alone())
-    assert len(only(ax, "nodes").get_offsets()) == 0
-    assert len(only(ax, "base").get_offsets()) == 1
-    assert bar_labels(ax) == ["reward"]
-    assert [t.get_text() for t in node_texts(ax)] == ["dock"]
-    assert (rendered(ax, tmp_path / "alone.png") < 0.9).any()
-    assert bar_labels(plot_mission(alone(reward=0.0))) == []
 
 
 def test_nodes_lie_where_their_pos_says():
@@ -340,7 +264,7 @@ def test_layout_is_reproducible_and_used_when_one_pos_is_missing():
     assert first.shape == (61, 2)
 
 
-@pytest.mark.parametrize("pos", [[1.0], [1.0, 2.0, 3.0], [0.0, math.nan], "here", 3])
+@pytest.mark.parametrize("pos", [[1.0, 2.0, 3.0], [0.0, math.nan]])
 def test_malformed_pos_is_named(pos):
     nodes = {"dock": {"reward": 0, "pos": [0, 0]}, "reef": {"reward": 1, "pos": pos}}
     mission = make(nodes, [("dock", "reef", 0.9), ("reef", "dock", 0.9)])
@@ -380,17 +304,6 @@ def test_passages_of_one_arc_lie_side_by_side():
         assert np.sign(middles[k] @ [1, 1] - 0.5) == sign
 
 
-def test_trails_follow_bowed_arcs():
-    mission = lagoon()
-    trail = ["dock", "reef", "cave", "atoll", "dock"]
-    ax = plot_mission(mission, mission.plan([trail, ["dock"]]))
-    arrows = only(ax, "arrows").get_segments()
-    first, *rest = only(ax, "trails").get_segments()
-    assert not any(np.allclose(first, arrow) for arrow in arrows)
-    for segment in rest:
-        assert any(np.allclose(segment, arrow) for arrow in arrows)
-
-
 def test_lanes_count_the_robots_on_an_arc():
     plan = load("toy").plan([[1, 2, 1], [1, 2, 3, 1]])
     assert lanes(plan) == [
@@ -402,28 +315,9 @@ def test_lanes_count_the_robots_on_an_arc():
     ]
 
 
-def test_robots_that_all_stay_draw_no_trail():
-    mission = load("toy")
-    ax = plot_mission(mission, mission.stay_home())
-    assert not drawn(ax, "trails")
-    assert [t for t in legend_texts(ax) if "stays at base" in t] == [
-        "robot 0: stays at base",
-        "robot 1: stays at base",
-    ]
-
-
 def test_plan_of_another_mission_is_refused():
     with pytest.raises(PlanError, match="expected 3 trails, got 2"):
         plot_mission(load("art_museum"), load("toy").plan([[1], [1]]))
-
-
-def test_legend_is_no_wider_than_the_figure():
-    mission = load("terrain_200")
-    out_and_back = [34, next(mission.graph.successors(34)), 34]
-    ax = plot_mission(mission, mission.plan([out_and_back] * 5))
-    ax.figure.draw_without_rendering()
-    assert ax.get_legend().get_window_extent().width <= ax.figure.bbox.width
-    assert ax.get_window_extent().width > 0.6 * ax.figure.bbox.width
 
 
 @examples(12)
@@ -482,11 +376,6 @@ def test_front_without_mission_gives_plain_area():
     assert ax.get_ylim() == pytest.approx((0, 1.575))
 
 
-def test_equal_plans_are_all_on_the_front():
-    ax = plot_front([[4, 1], [4, 1], [8, 0.5]])
-    assert len(fronts_drawn(ax)[0].get_xydata()) == 3
-
-
 def test_fronts_overlay():
     mission = load("toy")
     ax = plot_front([[8, 1], [4, 1.5]], mission, label="bo-aco")
@@ -503,15 +392,8 @@ def test_fronts_overlay():
     assert fronts[0].get_marker() != fronts[1].get_marker()
 
 
-def test_overlaid_fronts_without_mission_all_stay_in_view():
-    ax = plot_front([[8, 1]], label="first")
-    plot_front([[2, 3]], label="second", ax=ax)
-    assert ax.get_xlim()[1] > 8
-    assert ax.get_ylim()[1] > 3
-
-
-@pytest.mark.parametrize("empty", [np.empty((0, 2)), []])
-def test_empty_front(tmp_path, empty):
+def test_empty_front(tmp_path):
+    empty = np.empty((0, 2))
     ax = plot_front(empty, load("toy"))
     assert words(ax) == "area 0.0000, 0 plans"
     assert ax.get_xlim() == (0, 10)
@@ -531,6 +413,7 @@ def test_highlighted_plans_are_ringed_and_named():
     assert not plan_names(plot_front([[8, 1]], highlight={}))
 
 
+@pytest.mark.slow
 def test_names_of_highlighted_plans_do_not_overlap():
     reward = np.linspace(0, 10, 200)
     points = np.column_stack([reward, 2 - reward**2 / 50])
@@ -546,7 +429,7 @@ def test_names_of_highlighted_plans_do_not_overlap():
     assert not any(box.contains(*ring) for box in boxes for ring in rings)
 
 
-@pytest.mark.parametrize("shape", [(3,), (2, 3), (1, 2, 2), (0, 3)])
+@pytest.mark.parametrize("shape", [(3,), (2, 3)])
 def test_front_of_bad_shape_is_refused(shape):
     message = rf"Expected objectives of shape \(n, 2\), got \({', '.join(map(str, shape))}"
     with pytest.raises(ValueError, match=message):
@@ -586,51 +469,6 @@ def test_what_a_bound_leaves_open_is_shaded_and_told(tmp_path):
     assert (rendered(ax, tmp_path / "open.png") != rendered(plain, tmp_path / "plain.png")).any()
 
 
-def test_a_bound_brings_its_mission():
-    toy = load("toy")
-    ax = plot_front([[7, 1]], bound=bound_front(toy))
-    assert unbroken(title(ax)) == toy.title
-    assert words(ax) == "area 0.3500, 1 plan"
-
-
-def test_a_bound_of_a_front_without_plans_or_area():
-    bound = bound_front(load("toy"))
-    for front in ([], [[0, 2]]):
-        ax = plot_front(front, bound=bound)
-        assert legend_texts(ax) == [f"open: area at most {bound.area:.4f}"]
-        assert enclosed(opened(ax)) == pytest.approx(20 * bound.area)
-
-
-def test_overlaid_fronts_name_what_is_open():
-    toy = load("toy")
-    bound = bound_front(toy)
-    ax = plot_front([[7, 1]], toy, label="first", bound=bound)
-    plot_front([[4, 1.5]], toy, label="$second$", bound=bound, ax=ax)
-    names = [text.partition(" at most")[0] for text in legend_texts(ax)]
-    assert names == [
-        "first: area 0.3500, 1 plan",
-        "first, open:",
-        "$second$: area 0.3000, 1 plan",
-        "$second$, open:",
-    ]
-    assert len({line.get_color() for line in fronts_drawn(ax)}) == 2
-
-
-def test_a_bound_that_does_not_fit_is_refused():
-    toy, figures = load("toy"), plt.get_fignums()
-    bound = bound_front(toy)
-    with pytest.raises(TypeError, match=r"^Expected bound to be a FrontBound, got \[\[9, 2\]\]\.$"):
-        plot_front([[1, 1]], toy, bound=[[9, 2]])
-    with pytest.raises(TypeError, match=r"^Expected a Mission, got 'toy'"):
-        plot_front([[1, 1]], "toy", bound=bound)
-    expected = (
-        "a bound of the mission 'made' with 1 robot, got one of another mission, 'toy' with 2"
-    )
-    with pytest.raises(ValueError, match=expected):
-        plot_front([[1, 1]], alone(), bound=bound)
-    assert plt.get_fignums() == figures
-
-
 # Pheromone
 
 
@@ -658,41 +496,19 @@ def test_pheromone_widens_and_darkens_arcs(tmp_path):
     assert (rendered(ax, tmp_path / "pheromone.png") < 0.9).any()
 
 
-def test_pheromone_for_survival_is_the_other_column():
-    mission = load("toy")
-    ax = plot_pheromone(mission, pheromone_of(mission), kind="survival")
-    assert len(set(only(ax, "arrows").get_linewidths())) == 1
-    assert bar_labels(ax) == [r"pheromone $\tau_S$"]
-
-
-def test_pheromone_of_a_single_node():
-    mission = alone()
-    ax = plot_pheromone(mission, pheromone_of(mission))
-    assert not drawn(ax, "arrows")
-    assert len(only(ax, "base").get_offsets()) == 1
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [
         (lambda table: table.drop(columns="head"), r"it lacks \['head'\]"),
-        (lambda table: table.assign(tail=99), "has no arc 99 -> 2"),
         (lambda table: table.iloc[1:], "a row for every arc, missing: 1 -> 2"),
         (lambda table: pd.concat([table, table.iloc[:1]]), "one row per arc, got 1 -> 2 twice"),
         (lambda table: table.assign(reward=-1.0), "at least 0 on 1 -> 2, got -1.0"),
-        (lambda table: table.assign(reward=math.nan), "at least 0 on 1 -> 2, got nan"),
     ],
 )
 def test_malformed_pheromone_is_refused(change, message):
     mission = load("toy")
     with pytest.raises(ValueError, match=message):
         plot_pheromone(mission, change(pheromone_of(mission)))
-
-
-def test_unknown_kind_is_refused():
-    mission = load("toy")
-    with pytest.raises(ValueError, match="one of reward, survival, got 'danger'"):
-        plot_pheromone(mission, pheromone_of(mission), kind="danger")
 
 
 # Manners
@@ -719,24 +535,6 @@ def test_own_axes_are_the_only_ones_drawn_on(picture):
     assert title(mine)
 
 
-@pytest.mark.parametrize("picture", PICTURES)
-def test_matplotlib_settings_stay_as_they_are(tmp_path, picture):
-    with mpl.rc_context():
-        mpl.rcdefaults()
-        before = dict(mpl.rcParams)
-        save_figure(PICTURES[picture](None).figure, tmp_path / "picture.png")
-        assert dict(mpl.rcParams) == before
-
-
-def test_importing_sets_neither_backend_nor_style():
-    code = (
-        "import matplotlib as mpl; get = lambda: {k: dict.__getitem__(mpl.rcParams, k)"
-        " for k in dict.keys(mpl.rcParams)}; before = get(); import botohe_moo.plots;"
-        " assert get() == before, {k: v for k, v in get().items() if v != before[k]}"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
-
-
 def test_save_figure_replaces_whole_files_or_nothing(tmp_path, monkeypatch):
     path = tmp_path / "front.png"
     ax = plot_front([[1, 1]])
@@ -757,7 +555,7 @@ def test_save_figure_replaces_whole_files_or_nothing(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == [path]
 
 
-@pytest.mark.parametrize("name", ["front.jpg", "front", "front.png.gz"])
+@pytest.mark.parametrize("name", ["front.jpg"])
 def test_save_figure_names_what_it_does_not_write(tmp_path, name):
     with pytest.raises(ValueError, match=r"ends in '\.png', '\.pdf' or '\.svg', got .*front"):
         save_figure(plot_front([[1, 1]]).figure, tmp_path / "a.png", tmp_path / name)
@@ -765,17 +563,12 @@ def test_save_figure_names_what_it_does_not_write(tmp_path, name):
 
 
 @pytest.mark.parametrize("picture", PICTURES)
-def test_pictures_of_all_formats(tmp_path, picture):
+def test_pictures_of_all_formats_leave_the_settings_of_matplotlib(tmp_path, picture):
     paths = [tmp_path / f"picture.{end}" for end in ("png", "pdf", "svg")]
+    before = dict(mpl.rcParams)
     save_plot(PICTURES[picture](None), *paths)
+    assert dict(mpl.rcParams) == before
     png, pdf, svg = (path.read_bytes() for path in paths)
     assert png.startswith(b"\x89PNG")
     assert pdf.startswith(b"%PDF")
     assert ET.fromstring(svg).tag.endswith("svg")
-
-
-def test_saving_leaves_a_figure_as_it_was(tmp_path):
-    ax = plot_front([[1, 1]])
-    engine = ax.figure.get_layout_engine()
-    save_figure(ax.figure, tmp_path / "a.svg", tmp_path / "a.pdf")
-    assert ax.figure.get_layout_engine() is engine

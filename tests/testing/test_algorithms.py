@@ -17,7 +17,10 @@ from tests.forked import run_forked
 from tests.testing import broken
 
 OURS = distribution("botohe-moo").entry_points.select(group="botohe_moo.algorithms").names
-DOTTED = ("pymoo.algorithms.moo.age:AGEMOEA", "pymoo.algorithms.moo.nsga3:NSGA3")
+DOTTED = [
+    pytest.param(name, marks=pytest.mark.slow)
+    for name in ("pymoo.algorithms.moo.age:AGEMOEA", "pymoo.algorithms.moo.nsga3:NSGA3")
+]
 
 
 @pytest.mark.parametrize("algorithm", [*sorted(OURS), *DOTTED, broken.Plain])

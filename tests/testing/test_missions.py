@@ -23,7 +23,7 @@ def fork(*, seed: int = 0, robots: int = 2) -> Mission:
     return Mission(graph, base="base", robots=robots)
 
 
-@parametrize_with_checks([fork, "toy"])
+@parametrize_with_checks([fork])
 def test_what_says_that_it_makes_a_mission_is_checked_as_one(check):
     assert check.rule in RULES
 

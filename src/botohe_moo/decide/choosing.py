@@ -176,10 +176,10 @@ def best(front: Candidates, wishes: Iterable[str | Wish], most: Quantity | None 
     cheapest_first = sorted(wanted, key=effort)
     for i in order:
         if not any(front.missing(wish, i) for wish in cheapest_first):
-            held = " and ".join(f"{wish} ({short(front.value(wish, i))})" for wish in wanted)
+            values = " and ".join(f"{wish} ({short(front.value(wish, i))})" for wish in wanted)
             why = (
                 f"The best among these plans ({len(front)}): plan {i} has the most {most} with "
-                f"{held}.{_simulated(front, wanted)}"
+                f"{values}.{_simulated(front, wanted)}"
             )
             return _choice(front, i, why, wanted)
     spans = np.array([front.span(wish) for wish in wanted])
@@ -280,7 +280,7 @@ def _choice(front: Candidates, i: int, why: str, wishes: tuple[Wish, ...]) -> Ch
 
 
 def _no_plan(front: Candidates, wishes: tuple[Wish, ...]) -> str:
-    """Say why no plan at all can meet the wishes, if they ask for more than the mission has."""
+    """Write why no plan at all can meet wishes that ask for more than the mission has."""
     mission = front.mission
     has = {
         "reward": f"a total reward of {exact(mission.total_reward)}",

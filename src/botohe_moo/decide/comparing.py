@@ -102,7 +102,7 @@ class Difference:
 
 
 def compare(mission: Mission, first: TrailPlan, second: TrailPlan) -> Difference:
-    """Say how the second plan differs from the first.
+    """Compare two plans: what the second has that the first has not.
 
     Robots are identical, so each of the first plan is matched with one of the second: first those
     with equal trails, then the others such that the sum of the distances of their trails,

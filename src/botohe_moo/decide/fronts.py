@@ -16,7 +16,7 @@ PlansOrObjectives = Plans | FloatArray
 
 
 def objectives_of(mission: Mission, given: PlansOrObjectives) -> FloatArray:
-    """Give the objectives (n_plans, 2) of plans, or check those that are given instead."""
+    """Return the objectives (n_plans, 2) of plans; objectives themselves are checked."""
     check_mission(mission)
     if not isinstance(given, PlanBatch | np.ndarray) and isinstance(given, Iterable):
         given = list(given)
@@ -49,12 +49,12 @@ def check_objectives(points: NDArray[Any], expected: str = "objectives") -> Floa
 
 
 def scales(mission: Mission) -> FloatArray:
-    """Give what objectives are divided by: the total reward, 1 if there is none, and the team."""
+    """Return the scales of both objectives: the total reward, or 1 if that is 0, and the team."""
     return np.array([mission.total_reward or 1.0, mission.robots])
 
 
 def front_rows(objectives: FloatArray) -> OffsetArray:
-    """Give the rows of the non-dominated plans, by descending reward, of equal ones the first."""
+    """Return the rows of the non-dominated plans, by descending reward; the first of equal ones."""
     order = np.lexsort((-objectives[:, 1], -objectives[:, 0]))
     survivors = objectives[order, 1]
     before = np.maximum.accumulate(np.append(-np.inf, survivors))[:-1]
@@ -76,7 +76,7 @@ def short(value: float) -> str:
 
 
 def more(value: float, what: str) -> str:
-    """Say how much more or less reward, or how many more or fewer survivors."""
+    """Write how much more or less reward, or how many more or fewer survivors, a plan has."""
     survivors = what == "survivors"
     if abs(value) < 1e-9:
         return f"as {'many' if survivors else 'much'} {what}"

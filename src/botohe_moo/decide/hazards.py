@@ -118,7 +118,7 @@ def _evaluate(mission: Mission, batch: PlanBatch, survival: FloatArray) -> Float
 
 
 def _regrets(objectives: FloatArray) -> FloatArray:
-    """Give what another plan has more of one objective, with no less of the other (n_plans, 2)."""
+    """Compute each plan's regret in both objectives (n_plans, 2), as in :func:`robustness`."""
     regrets = np.empty_like(objectives)
     for column in (0, 1):
         wanted, kept = objectives[:, column], objectives[:, 1 - column]

@@ -66,13 +66,13 @@ class Candidates:
         return lacking if lacking > _SLACK * self.span(wish) else 0.0
 
     def span(self, wish: Wish) -> float:
-        """Give the range of what a plan can have, by which shortfalls are scaled."""
+        """Return the range of what a plan can have, by which shortfalls are scaled."""
         if isinstance(wish, Expected | TailMean):
             return self._most(wish.quantity) or 1.0
         return 1.0
 
     def beyond(self, wish: Wish) -> Quantity | None:
-        """Give the quantity of which a wish needs more than any plan can have, if it does."""
+        """Return the quantity of which a wish needs more than any plan can have, or None."""
         if isinstance(wish, Expected | TailMean):
             needed = wish.at_least
         elif isinstance(wish, Chance) and wish.at_least > _SLACK:
@@ -108,12 +108,12 @@ class Candidates:
 
 
 def effort(wish: Wish) -> int:
-    """Give the rank of how long it takes to judge: the distribution of the reward takes longest."""
+    """Rank a wish by how long judging it takes: the distribution of the reward takes longest."""
     if takes_reward_distribution(wish):
         return 2
     return int(isinstance(wish, Chance | TailMean | Reach))
 
 
 def takes_reward_distribution(wish: Wish) -> bool:
-    """Tell whether a wish is judged by the distribution of the reward."""
+    """Return whether a wish is judged by the distribution of the reward."""
     return isinstance(wish, Chance | TailMean) and wish.quantity == "reward"

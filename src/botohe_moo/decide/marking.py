@@ -277,7 +277,7 @@ class ExchangeRate:
 def exchange_rate(
     mission: Mission, plans: PlansOrObjectives, index: int, *, window: float = 0.25
 ) -> ExchangeRate:
-    """Say what 0.1 survivors cost in reward at a plan, in both directions.
+    """Compute what 0.1 survivors cost in reward at a plan, in both directions.
 
     On each side the plan is compared with the farthest plan of the front within the window, or with
     the nearest one if the window holds none. Only plans that have more of one objective for less of

@@ -80,7 +80,7 @@ def _add_farthest(chosen: list[int], counts: FloatArray, k: int) -> None:
 
 
 def _segments(points: FloatArray, k: int) -> OffsetArray:
-    """Give the segment of each point, from 0 to ``k`` − 1, of the way along all of them (n)."""
+    """Return which of ``k`` equally long segments of the way along all points each is in (n)."""
     way = np.append(0.0, np.hypot(*np.diff(points, axis=0).T).cumsum())
     segments: OffsetArray = np.minimum((way / (way[-1] or 1.0) * k).astype(np.int64), k - 1)
     return segments

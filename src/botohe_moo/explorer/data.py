@@ -181,7 +181,7 @@ def _facts(rewards: Sequence[Distribution], total: float) -> dict[str, list[str]
 
 
 def _safe(rewards: Distribution, probability: float) -> float:
-    """Give the largest reward that is reached with a probability of at least so much."""
+    """Return the largest reward that is reached with at least a probability."""
     reached = rewards.at_least(rewards.values) >= probability - 1e-9
     return float(rewards.values[reached][-1])
 

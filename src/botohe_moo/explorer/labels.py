@@ -48,7 +48,7 @@ def file_labels(nodes: Sequence[Hashable]) -> list[object] | None:
 
 
 def isolating(nodes: Sequence[Hashable]) -> Callable[[str], str]:
-    """Give a function that isolates labels written from the right in a sentence."""
+    """Return a function that isolates labels written from the right in a sentence."""
     labels = [text for node in nodes if _FROM_RIGHT.search(text := visible(label_text(node)))]
     if not labels:
         return visible

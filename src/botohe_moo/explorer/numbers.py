@@ -15,7 +15,7 @@ LITTLE, NEARLY = 1001, 1002  # codes of probabilities that would round to 0 and 
 
 
 def decimals(scale: float) -> int:
-    """Give the decimals that a quantity of this scale is shown with: five digits of the scale.
+    """Return the decimals that show five digits of a scale.
 
     >>> decimals(13.07), decimals(3), decimals(25_000), decimals(0)
     (3, 4, 0, 4)
@@ -64,6 +64,6 @@ def bin_edges(largest: float) -> FloatArray:
 
 
 def bin_codes(distribution: Distribution, edges: FloatArray) -> list[int]:
-    """Give the probabilities that a reward is in each bin, its lower edge included, as codes."""
+    """Return the probabilities that a reward is in each bin, its lower edge included, as codes."""
     beyond = distribution.at_least(edges)
     return probability_codes(np.clip(beyond[:-1] - beyond[1:], 0, 1))

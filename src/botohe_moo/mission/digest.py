@@ -9,12 +9,12 @@ from botohe_moo.mission.model import Mission
 
 
 def mission_digest(mission: Mission) -> str:
-    """Give the digest of labels, base, robots, arcs, survivals, rewards, lengths and max_length."""
+    """Return the digest of labels, base, robots, arcs with their numbers, rewards, max_length."""
     return _digest(mission, [[repr(node) for node in mission.nodes], repr(mission.base)])
 
 
 def numbers_digest(mission: Mission) -> str:
-    """Give the digest without labels, of which some are of another type when read from a file."""
+    """Return the digest without labels, whose types may change when they are read from a file."""
     return _digest(mission, [mission.arrays.base])
 
 

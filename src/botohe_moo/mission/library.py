@@ -74,7 +74,7 @@ def load_mission(
     lengths_from_pos: bool = False,
     **parameters: Any,
 ) -> Mission:
-    """Give the mission of that name, or the one in that file.
+    """Return the mission of a name, or the one in a file.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def mission_faults(
     *,
     plain: bool = False,
 ) -> list[Fault]:
-    """Say everything that keeps `load_mission` from giving a mission.
+    """Return everything that keeps `load_mission` from making a mission.
 
     As :func:`~botohe_moo.algorithms.registry.algorithm_faults` does; ``robots`` and
     ``lengths_from_pos`` are parameters, too.
@@ -159,7 +159,7 @@ def mission_faults(
 
 
 def mission_names() -> tuple[str, ...]:
-    """Give the names that `load_mission` knows, sorted; what cannot be loaded is warned of.
+    """Return the names that `load_mission` knows, sorted; warns of what cannot be loaded.
 
     Examples
     --------
@@ -171,7 +171,7 @@ def mission_names() -> tuple[str, ...]:
 
 
 def mission_origin(name_or_path: str | os.PathLike[str]) -> dict[str, str | None]:
-    """Say which ``package`` in which ``version`` registers a mission.
+    """Return which ``package`` in which ``version`` registers a mission.
 
     Both are None for files, and for missions that are not registered. A MissionError is raised if
     two packages claim the name.
@@ -196,7 +196,7 @@ def mission_parameters(name_or_path: str | os.PathLike[str]) -> tuple[Parameter,
 
 
 def describe_mission(name: str) -> str:
-    """Give the summary that a named mission's docstring begins with; may be empty."""
+    """Return the summary of a named mission's docstring, which may be empty."""
     return summary_of(_PLUGINS.load(name))
 
 

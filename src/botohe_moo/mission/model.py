@@ -384,7 +384,7 @@ class Mission:
 
 
 def check_mission(value: object) -> Mission:
-    """Give a mission back, or raise a TypeError that says how to get one.
+    """Return ``value`` if it is a mission; the TypeError of anything else says how to get one.
 
     Parameters
     ----------

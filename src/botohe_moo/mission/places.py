@@ -14,7 +14,7 @@ _FARTHEST = 1e100  # the square of a distance is to be a number
 
 
 def given_places(graph: nx.DiGraph[Any]) -> dict[Hashable, tuple[float, float] | None]:
-    """Give the position of each node, or None; a ValueError names one that is not two numbers."""
+    """Return the position of each node, or None; a ValueError names one that is not two numbers."""
     places: dict[Hashable, tuple[float, float] | None] = {}
     for node, place in graph.nodes(data="pos"):
         places[node] = None

@@ -91,8 +91,8 @@ def plot_choices(
             shown = PlanOnMap(mission, batch[row])
             notes += shown.draw_team(own)
             signs = "".join(_SIGNS[mark.name][1] for mark in marks if mark.index == row)
-            told = [f"plan {row} {signs}".strip() + f": {shown.objectives}", *shown.at_base]
-            name_map(own, "; ".join(told))
+            parts = [f"plan {row} {signs}".strip() + f": {shown.objectives}", *shown.at_base]
+            name_map(own, "; ".join(parts))
         title_above(ax, mission.title if title is None else title, "; ".join(dict.fromkeys(notes)))
     return ax
 

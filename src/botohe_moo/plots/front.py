@@ -108,7 +108,7 @@ def plot_front(
 
 
 def staircase(objectives: FloatArray) -> FloatArray:
-    """Give the corners of the area that plans (n_plans, 2) dominate, both columns maximised.
+    """Return the corners of the area that plans (n_plans, 2) dominate, both columns maximised.
 
     Shape (2 n + 2, 2) for n distinct non-dominated plans, from the highest on the vertical axis
     down to the farthest on the horizontal one and back to the origin; (0, 2) for none.
@@ -126,7 +126,7 @@ def staircase(objectives: FloatArray) -> FloatArray:
 
 
 def _mission_of(bound: FrontBound, mission: Mission | None) -> Mission:
-    """Give the mission of a bound; a TypeError or a ValueError if it is not one of ``mission``."""
+    """Return the mission of a bound; a TypeError or ValueError if it does not fit ``mission``."""
     from botohe_moo.search.bounds import FrontBound  # late: few pictures have a bound
 
     if not isinstance(bound, FrontBound):
@@ -142,7 +142,7 @@ def _mission_of(bound: FrontBound, mission: Mission | None) -> Mission:
 def _rows(
     highlight: int | Sequence[int] | Mapping[int, str] | None, n_plans: int
 ) -> dict[int, str]:
-    """Give the rows to mark, with their texts."""
+    """Return the rows to mark, with their texts."""
     names: Mapping[int, str] = highlight if isinstance(highlight, Mapping) else {}
     given: Any = highlight
     if highlight is None or isinstance(highlight, Mapping):
@@ -155,14 +155,14 @@ def _rows(
 
 
 def _dominated(points: FloatArray) -> NDArray[np.bool_]:
-    """Tell which rows another one exceeds in one objective and matches in the other."""
+    """Return which rows another one exceeds in one objective and matches in the other."""
     import moocore  # late: the other pictures of a mission do without it
 
     return ~np.asarray(moocore.is_nondominated(points, maximise=True, keep_weakly=True))
 
 
 def front_summary(points: FloatArray, corners: FloatArray, mission: Mission | None) -> str:
-    """Tell the area that plans dominate, and how many they are."""
+    """Write the area that plans dominate, and their number."""
     plans = counted(len(points), "plan")
     if mission is None:
         widths = np.diff(corners[1:-1:2, 0], prepend=0.0)

@@ -127,11 +127,6 @@ class Solution:
 
         return pd.DataFrame(dict(zip(COLUMNS, self._columns(), strict=True)))
 
-    @property
-    def front(self) -> pd.DataFrame:
-        """The same as ``table``."""
-        return self.table
-
     def choose(self, *wishes: str | Wish, most: Quantity | None = None) -> choosing.Choice:
         """Choose the plan of most expected reward among those that meet all wishes.
 
@@ -157,7 +152,7 @@ class Solution:
         return marking.knees(self.mission, self.objectives)
 
     def exchange_rate(self, index: int, *, window: float = 0.25) -> marking.ExchangeRate:
-        """Say what 0.1 survivors cost in reward at a plan.
+        """Compute what 0.1 survivors cost in reward at a plan.
 
         Parameters
         ----------

@@ -104,7 +104,7 @@ def kind_of(factory: str | Callable[..., Any]) -> Kind:
             return "mission" if is_mission else "algorithm"
         try:
             found = named(factory)
-        except Exception:  # whatever another package's code may raise: it is told when it is made
+        except Exception:  # of another package's code: making it says which
             return "algorithm"
     return "mission" if says_it_makes(found, Mission) else "algorithm"
 

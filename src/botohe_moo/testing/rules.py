@@ -133,7 +133,7 @@ def fault_of(each: Rule, subject: Subject) -> str | None:
 
 
 def _raised(error: BaseException) -> str:
-    """Say what was raised, and where in code that is not this package's."""
+    """Write what was raised, and where in code of other packages."""
     text = f"{type(error).__name__}: {error}".rstrip(": ")
     text = " ".join(text.split())
     frames = traceback.extract_tb(error.__traceback__)

@@ -81,7 +81,7 @@ def run(
     seed: int = 1,
     after: Callable[[int, Algorithm], Algorithm | None] | None = None,
 ) -> Run:
-    """Let an algorithm run until its budget is spent, as pymoo's ``minimize`` does.
+    """Run an algorithm until its budget is spent, as pymoo's ``minimize`` does.
 
     ``after`` each generation, whose number it is given, it may give another algorithm to go on.
     """

@@ -23,7 +23,7 @@ _STEPS = np.linspace(0, 1, 17)[None, :, None]
 
 
 def bowed_arcs(mission: Mission) -> NDArray[np.bool_]:
-    """Tell which arcs (n_arcs) differ from their opposites in survival, or have none."""
+    """Return which arcs (n_arcs) differ from their opposites in survival, or have none."""
     arrays = mission.arrays
     arcs = list(zip(arrays.tail.tolist(), arrays.head.tolist(), strict=True))
     survival = dict(zip(arcs, arrays.survival.tolist(), strict=True))
@@ -31,7 +31,7 @@ def bowed_arcs(mission: Mission) -> NDArray[np.bool_]:
 
 
 def frame_of(xy: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Give centre and half of both sides of what a map of the nodes at ``xy`` shows."""
+    """Return centre and half of both sides of what a map of the nodes at ``xy`` shows."""
     low, high = xy.min(axis=0), xy.max(axis=0)
     longest = float((high - low).max())
     # A path drawn as a straight line still needs room above and below it.

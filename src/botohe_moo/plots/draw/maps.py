@@ -85,9 +85,9 @@ class PlanMap:
         visits: dict[int, list[str]] = {}
         for i, node in enumerate(trail[1:], start=1):
             visits.setdefault(node, []).append(str(i))
-        told = {node: fill(", ".join(numbers), _LINE) for node, numbers in visits.items()}
+        texts = {node: fill(", ".join(numbers), _LINE) for node, numbers in visits.items()}
         # The longest first: they find room the least.
-        longest = dict(sorted(told.items(), key=lambda item: -len(item[1])))
+        longest = dict(sorted(texts.items(), key=lambda item: -len(item[1])))
         look: dict[str, Any] = {"size": _NUMBERS, "reach": _FAR, "what": "numbers"}
         return label_nodes(self.space, self.canvas.xy, longest, self.fills, **look)
 

@@ -13,7 +13,7 @@ _MAX_KAMADA_KAWAI = 60  # its cost grows with the square of the nodes
 
 
 def node_positions(mission: Mission) -> FloatArray:
-    """Give places (n_nodes, 2): attributes ``pos``, or a reproducible layout if any lacks one.
+    """Return places (n_nodes, 2): attributes ``pos``, or a reproducible layout if any lacks one.
 
     There is also a layout where all nodes are at one place.
     """
@@ -34,7 +34,7 @@ def node_positions(mission: Mission) -> FloatArray:
 
 
 def layout_notes(mission: Mission) -> list[str]:
-    """Say that places on the map are made up, and why; nothing where they are the positions."""
+    """Write that places on the map are made up, and why; nothing if they are the positions."""
     places = list(given_places(mission.graph).values())
     n_without = places.count(None)
     if len(places) == 1 or (not n_without and len({*places}) > 1):

@@ -77,7 +77,7 @@ def add_reach_bar(ax: Axes) -> None:
 
 
 def key_of(text: str, style: RobotStyle) -> Line2D:
-    """Give the line of a robot, for a legend."""
+    """Return the line of a robot, for a legend."""
     return Line2D([], [], color=style.colour, linestyle=style.line, linewidth=2.4, label=text)
 
 

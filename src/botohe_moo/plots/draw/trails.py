@@ -36,7 +36,7 @@ class RobotStyle:
 
 
 def robot_styles(n_robots: int) -> list[RobotStyle]:
-    """Give every robot a name, a colour and a dash; of the latter two, fifty pairs differ."""
+    """Return every robot a name, a colour and a dash; of the latter two, fifty pairs differ."""
     return [
         RobotStyle(f"R{i}", _as_ink(colour), _DASHES[(i + i // _CYCLE) % len(_DASHES)])
         for i, colour in enumerate(colours(n_robots))
@@ -51,7 +51,7 @@ def _as_ink(colour: Colour) -> Colour:
 
 
 def lanes(plan: TrailPlan) -> list[tuple[int, int, int, int]]:
-    """Give robot, tail, head and lane of each passage along an arc, in the order of the trails.
+    """Return robot, tail, head and lane of each passage along an arc, in the order of the trails.
 
     Lanes count from 0 for robots on the same arc; those of the opposite arc lie on the other side.
     """
@@ -109,7 +109,7 @@ def draw_trails(
 def _running_dashes(
     robot: IntArray, length: FloatArray, styles: Sequence[RobotStyle]
 ) -> list[tuple[float, tuple[float, ...] | None]]:
-    """Give every passage the dashes of its robot, which go on where the passage before ended."""
+    """Return every passage the dashes of its robot, which go on where the passage before ended."""
     walked, lines = Counter[int](), []
     for i, more in zip(robot.tolist(), length.tolist(), strict=True):
         dash = styles[i].dash

@@ -104,9 +104,9 @@ def plot_curves(
             raise ValueError(f"Expected no bound, which is of areas, with {value}, got {bound}.")
     if band not in get_args(Band):
         raise ValueError(f"Expected band to be {' or '.join(get_args(Band))}, got {band!r}.")
-    held = progress(trace, x=x, value=value, algorithms=algorithms)
+    steps = progress(trace, x=x, value=value, algorithms=algorithms)
     estimator, errorbar = _BANDS[band]
-    middle = held.pivot_table(values=value, index=x, columns="algorithm", aggfunc=estimator)
+    middle = steps.pivot_table(values=value, index=x, columns="algorithm", aggfunc=estimator)
     chosen = [a for a in chosen_algorithms("trace", trace, (), algorithms) if a in middle]
     colour = palette_of(chosen, palette)
     dashes = dashes_of(colour)
@@ -115,7 +115,7 @@ def plot_curves(
         axes = axes_of(labels, ax)
         marked = len(set(axes.values())) == 1 and len(labels) > _COLOURS_ALONE
         for label in labels:
-            i, own = chosen.index(label), held[held["algorithm"] == label]
+            i, own = chosen.index(label), steps[steps["algorithm"] == label]
             n_points = own[x].nunique()
             # Markers stand at other places on each curve.
             places = (5 * i % min(40, n_points), 40)
@@ -140,7 +140,7 @@ def plot_curves(
             if bound is not None:
                 low, high = first.get_ylim()
                 first.set_ylim(low, draw_bound(dict.fromkeys(axes.values()), bound, low, high, "y"))
-        elif (held[value] > 0).any():
+        elif (steps[value] > 0).any():
             log_axis(first, "y")
         finish(axes, title, NAMES[x], INDICATORS[value].in_words)
     return first
@@ -186,5 +186,5 @@ def progress(
     grid = np.clip(np.geomspace(low, high, _N_POINTS), low, high)  # rounding may exceed the ends
     points = np.unique(np.concatenate([grid, starts]))
     every = records[run].drop_duplicates().merge(pd.DataFrame({x: points}), how="cross")
-    held = pd.merge_asof(every.sort_values(x, kind="stable"), records, on=x, by=run)
-    return held[held[x] >= held["algorithm"].map(starts)]
+    steps = pd.merge_asof(every.sort_values(x, kind="stable"), records, on=x, by=run)
+    return steps[steps[x] >= steps["algorithm"].map(starts)]
