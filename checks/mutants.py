@@ -51,7 +51,7 @@ MUTANTS = (
         "beam/search",
         "if value > state.value:",
         "if value < state.value:",
-        _BEAM + "a_wide_beam_finds_the_best_trail",
+        _BEAM + "a_wide_beam_finds_the_best_trail_under_a_floor",
     ),
     Mutant(
         "bounds/relaxed",
