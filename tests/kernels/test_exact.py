@@ -56,8 +56,8 @@ def found_trails(search):
 
 
 @kernel
-def look_around(graph, rule, current, node):
-    labelling.look_around(graph, rule, current, node)
+def look_around(search):
+    labelling.look_around(search)
 
 
 def covers(some, others):
@@ -76,8 +76,8 @@ class TestLookingAround:
         arcs = list(zip(arrays.tail.tolist(), arrays.head.tolist(), strict=True))
         used = set(pairwise(partial))
         current.used[:] = [ends in used for ends in arcs]
-        current.length[:] = length_of(mission, partial)
-        look_around(arrays, search.rule, current, partial[-1])
+        current.row["length"], current.row["node"] = length_of(mission, partial), partial[-1]
+        look_around(search._search)
         left = nx.DiGraph(arc for arc in arcs if arc not in used)
         left.add_nodes_from(range(arrays.n_nodes))
         if longest < inf:

@@ -106,8 +106,12 @@ class TrailSearch:
         return ended
 
     def _grow(self, n_looks: int, again: bool) -> bool:
+        return grow(self._search, n_looks, again)
+
+    @property
+    def _search(self) -> tables.LabelSearch:
         known = self._labels, self._trails, self._progress
-        return grow(self.graph, self.rule, *known, self._current, n_looks, again)
+        return tables.LabelSearch(self.graph, self.rule, *known, self._current)
 
     def _tidy(self) -> None:
         """Sort the trails by descending survival, and drop those that another is as good as."""
@@ -184,8 +188,9 @@ class TrailSearch:
             return list(self._known[-1 - label])
         current.used[:] = [has(self._labels.used[label], i) for i in range(graph.n_arcs)]
         current.used[arc] = 1
-        current.length[:] = self._labels.rows["length"][label] + graph.length[arc]
-        look_around(graph, self.rule, current, int(graph.head[arc]))
+        current.row["length"] = self._labels.rows["length"][label] + graph.length[arc]
+        current.row["node"] = graph.head[arc]
+        look_around(self._search)
         home = [graph.base]
         while (last := current.paths.entry[home[-1]]) >= 0:
             home.append(int(graph.tail[last]))
@@ -216,5 +221,5 @@ def _rule_of(graph: Graph, single: bool, limits: Limits) -> tables.LabelRule:
         goal_keys=keys[graph.n_nodes :].copy(),
         single=single,
         limits=limits,
-        short=graph if budget is None else budget.short,
+        short=None if budget is None else budget.short,
     )
