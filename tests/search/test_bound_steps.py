@@ -15,8 +15,13 @@ from botohe_moo import Mission, load_mission
 from botohe_moo.search.bounds.front_bound import FrontBound
 from botohe_moo.search.bounds.proof import Proof
 from botohe_moo.search.bounds.record import Line, Step
-from botohe_moo.search.bounds.stairs import add_stairs, least_total, stairs_of
-from botohe_moo.search.bounds.steps import Steps, StepSearch
+from botohe_moo.search.bounds.steps import (
+    Steps,
+    StepSearch,
+    add_stairs,
+    least_total,
+    stairs_of,
+)
 from botohe_moo.search.bounds.targets import Known, LineTargets, StepTarget, StepTargets
 from botohe_moo.search.limits import check_limits
 from tests import twins

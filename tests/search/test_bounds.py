@@ -352,8 +352,11 @@ class TestByHand:
         [
             ({"format": "other"}, "format"),
             ({"lines": [[1, "x", 0.0, "exact"]]}, "lines.0.1: .* number, found 'x'"),
-            ({"lines": [[n, 1.0, 0.0, "exact"] for n in (1, 2, 3)]}, "3 robots move in it"),
-            ({"lines": [[1, 1.0, 0.0, "exact"]]}, "2 robots"),
+            (
+                {"lines": [[n, 1.0, 0.0, "exact"] for n in (1, 2, 3)]},
+                r"expected lines for 1 to 2 robots that move, found \[1, 2, 3\]",
+            ),
+            ({"lines": [[1, 1.0, 0.0, "exact"]]}, r"found \[1\]"),
             ({"mission_digest": "0"}, "another mission"),
         ],
     )
@@ -498,9 +501,7 @@ def test_what_a_node_gives_beside_prices(mission, n_robots, n_levels, seed):
     """In fractions: nothing that any levels give is above, without a tolerance."""
     team = Team(new_net(mission.arrays, Limits()), n_robots, n_levels)
     prices = drawn_prices(team, seed)
-    for paid in (prices, team.tidy(prices)):
-        assert (paid == 0)[:, :1].all()
-        assert (np.diff(paid, 2) >= -1e-12).all()
+    for paid in (prices, prices * np.random.default_rng(seed).uniform(0.5, 1)):
         most = team.most(paid)
         for row, node in enumerate(team.nodes.tolist()):
             reward = Fraction(float(mission.arrays.reward[node]))
@@ -512,9 +513,6 @@ def test_what_a_node_gives_beside_prices(mission, n_robots, n_levels, seed):
             )
             assert Fraction(float(most[row])) >= exact
             assert float(most[row]) == pytest.approx(float(exact), abs=1e-12)
-    tidied = team.tidy(prices)
-    assert (tidied <= prices + 1e-12).all()
-    assert team.most(tidied).sum() == pytest.approx(team.most(prices).sum(), abs=1e-9)
     fine = refine(prices, 3)
     assert fine[:, ::3] == pytest.approx(prices)
 

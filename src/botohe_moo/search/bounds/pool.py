@@ -73,11 +73,6 @@ class Pool:
         self._matrix = None
         return len(self) - 1, True
 
-    def add_all(self, trails: list[list[int]]) -> None:
-        """Add trails, not relaxed ones."""
-        for arcs in trails:
-            self.add(arcs)
-
     def _visits(self, at: list[tuple[int, float]], survival: float) -> Visits:
         weights: dict[int, float] = {}
         for node, alive in at:

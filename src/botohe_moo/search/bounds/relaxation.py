@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import BoolArray, FloatArray, OffsetArray
-from botohe_moo.kernels.bounds.relaxed import best_leaving, follow, relax, shortfall
+from botohe_moo.kernels.bounds.relaxed import follow, relax, shortfall
 from botohe_moo.kernels.bounds.states import Net, States, find_states
 from botohe_moo.kernels.bounds.trails import (
     Completions,
@@ -101,8 +101,8 @@ class Relaxation:
         # price may rise in the last alone. A trail has at most as many steps as there are arcs.
         scale = self.total + mu + float(values.max(initial=0.0))
         spare = graph.n_arcs * (short + (32 + 4 * prices.shape[1]) * _EPSILON * scale)
-        most = best_leaving(net, states, prices, values) + spare
-        return Ahead(prices, mu, values, spare, most)
+        _, best = follow(net, states, prices, mu, values, -1, np.empty(1, np.int64))
+        return Ahead(prices, mu, values, spare, best + spare)
 
     def _everything(self, prices: FloatArray, mu: float) -> FloatArray:
         """Bound what lies ahead of each node by going to all others at once (n_nodes, ·)."""
@@ -127,7 +127,7 @@ class Relaxation:
         links = np.empty(_MOST_TRAIL, np.int64)
         for turn in _TURNS:
             given = ahead.prices, ahead.mu, ahead.values, turn, links
-            n = follow(self.net, self.states, *given)
+            n, _ = follow(self.net, self.states, *given)
             if n > max(turn, 0):
                 taken = links[:n]
                 arcs = self.states.arc[taken]
