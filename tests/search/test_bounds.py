@@ -222,7 +222,9 @@ def test_little_memory_gives_a_weaker_bound(no_front):
     weak = bound_front(mission, time_limit=0.5, memory_limit=0.02)
     found = bound_front(mission, time_limit=1.5)
     assert weakest.area > weak.area >= found.area * (1 - 1e-3)
-    assert weakest.notes == ("Prices for so many robots and nodes do not fit into the memory.",)
+    assert weakest.notes == (
+        "Prices for this number of robots and nodes do not fit into the memory.",
+    )
     assert weak.notes == ("Relaxed trails remember less than they would with more memory.",)
     assert found.notes == ()
 

@@ -135,7 +135,7 @@ def _choose(
     policy: _Policy,
     is_forward: bool,
 ) -> bool:
-    """Choose better links, and raise values; tells whether there are any.
+    """Choose better links, and raise values; returns whether there are any.
 
     To and fro by turns, since what is raised goes on to states that come later.
     """

@@ -35,7 +35,7 @@ ROUNDING = 1e-12
 
 @inlined
 def has(bits: SeedArray, i: int) -> bool:
-    """Whether bit ``i`` is set."""
+    """Return whether bit ``i`` is set."""
     return bool((bits[i >> 6] >> np.uint64(i & 63)) & np.uint64(1))
 
 
@@ -47,7 +47,7 @@ def put(bits: SeedArray, i: int) -> None:
 
 @inlined
 def has_budget(rule: LabelRule) -> bool:
-    """Whether there is a travel budget."""
+    """Return whether there is a travel budget."""
     return rule.short is not None
 
 
@@ -143,7 +143,7 @@ def look_ahead(search: LabelSearch) -> float:
 
 @helper
 def is_dominated(search: LabelSearch, itself: int) -> bool:
-    """Whether some label of the table, other than ``itself``, dominates the current one."""
+    """Return whether some label of the table, other than ``itself``, dominates the current one."""
     labels, rule, current = search.labels, search.rule, search.current.row[0]
     key = _key_of(search)
     label = labels.last[np.int64(key & np.uint64(labels.last.shape[0] - 1))]
@@ -159,7 +159,7 @@ def is_dominated(search: LabelSearch, itself: int) -> bool:
 
 @inlined
 def _dominates(search: LabelSearch, label: int) -> bool:
-    """Whether a label at the same node, and alive as probably, dominates the current one."""
+    """Return whether a label at the same node, and alive as probably, dominates the current one."""
     labels, rule, current = search.labels, search.rule, search.current
     for word in range(current.bits.shape[0]):
         if labels.used[label, word] & ~current.bits[word]:

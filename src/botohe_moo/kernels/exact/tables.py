@@ -125,7 +125,7 @@ def n_words(graph: Graph) -> int:
 
 
 def new_labels(n: int, n_goals: int, words: int) -> LabelTable:
-    """Make room for ``n`` labels, a power of two."""
+    """Return room for ``n`` labels, a power of two."""
     return LabelTable(
         rows=np.zeros(n, LABEL).view(np.recarray),
         reached=np.zeros((n, n_goals)),
@@ -135,7 +135,7 @@ def new_labels(n: int, n_goals: int, words: int) -> LabelTable:
 
 
 def new_trails(n: int, n_columns: int) -> TrailTable:
-    """Make room for ``n`` trails, a multiple of SHELF."""
+    """Return room for ``n`` trails, a multiple of SHELF."""
     return TrailTable(
         rows=np.zeros(n, TRAIL).view(np.recarray),
         reached=np.zeros((n, n_columns)),

@@ -99,7 +99,7 @@ def _copy_label(search: LabelSearch, label: int) -> None:
 
 @helper
 def _is_dominated_by_now(search: LabelSearch, label: int) -> bool:
-    """Whether another label dominates this one, or a trail is as good as it can become."""
+    """Return whether another label dominates this one, or a trail is as good as it can become."""
     _copy_label(search, label)
     look_around(search)
     survives = look_ahead(search)
@@ -145,7 +145,7 @@ def _extend(search: LabelSearch, parent: int, arc: int) -> None:
 
 @helper
 def _is_short_enough(search: LabelSearch) -> bool:
-    """Whether the current label, gone home by the safest way, keeps the travel budget."""
+    """Return whether the current label, gone home by the safest way, keeps the travel budget."""
     graph, entry = search.graph, search.current.paths.entry
     node, length = graph.base, search.current.row[0].length
     while entry[node] >= 0:
@@ -184,7 +184,7 @@ def as_column(rule: LabelRule, reached: FloatArray, column: FloatArray) -> None:
 
 @helper
 def _is_covered(trails: TrailTable, n_trails: int, reached: FloatArray, survives: float) -> bool:
-    """Whether a known trail is at least as good in everything."""
+    """Return whether a known trail is at least as good in everything."""
     for shelf in range((n_trails + SHELF - 1) // SHELF):
         if trails.shelf_survives[shelf] < survives:
             continue

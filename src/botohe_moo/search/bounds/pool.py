@@ -39,8 +39,8 @@ class Pool:
     def add(self, arcs: list[int], paid: list[bool] | None = None) -> tuple[int, bool]:
         """Add a trail, or a relaxed one with the visits that pay.
 
-        Gives its number, and whether it is new. A relaxed one is a trail where it comes home within
-        the limits, pays no node twice and takes no arc twice.
+        Returns its number, and whether it is new. A relaxed one is a trail where it comes home
+        within the limits, pays no node twice and takes no arc twice.
         """
         net, graph = self._net, self._net.graph
         alive, seen, at = 1.0, {graph.base}, []
@@ -89,7 +89,7 @@ class Pool:
         return Visits(columns, np.array([weights[c] for c in columns.tolist()]), survival)
 
     def values(self, prices: FloatArray, mu: float) -> FloatArray:
-        """Give what all trails are worth, −inf those dropped; level 0 is left out of ``prices``."""
+        """Return what trails are worth, −inf for those dropped; ``prices`` leave level 0 out."""
         from scipy.sparse import csr_array
 
         if not self.visits:

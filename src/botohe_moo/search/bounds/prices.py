@@ -20,7 +20,7 @@ _TINY = float(np.finfo(float).tiny)  # rounding where a relative error no longer
 
 
 def most_levels(n_robots: int, n_levels: int, most: int) -> int:
-    """Give the largest number of levels up to that given with few enough configurations, or 0."""
+    """Return the largest number of levels, at most ``n_levels``, with few enough configurations."""
     while n_levels > 0 and math.comb(n_levels + n_robots, n_robots) > most:
         n_levels -= 1
     return n_levels
@@ -55,12 +55,12 @@ class Team:
         return counts, missed
 
     def beside(self, prices: FloatArray) -> FloatArray:
-        """Give what each configuration gains beside prices (n_nodes, n_configurations)."""
+        """Return what each configuration gains beside prices (n_nodes, n_configurations)."""
         left: FloatArray = self.gains - prices @ self.counts.T
         return left
 
     def most(self, prices: FloatArray) -> FloatArray:
-        """Give the most that is gained beside prices at each node, rounded up (n_nodes)."""
+        """Return the most that is gained beside prices at each node, rounded up (n_nodes)."""
         terms = 2 * self.n_robots + 5 * self.n_levels + 9  # of each power some units
         spare = terms * _EPSILON * (self.reward + self.n_robots * prices[:, -1])
         most: FloatArray = self.beside(prices).max(axis=1) + spare + _TINY
@@ -77,7 +77,7 @@ class Team:
         return everywhere
 
     def spread(self, prices: FloatArray, n_levels: int) -> FloatArray:
-        """Write prices to all nodes of the mission, on a grid of so many levels or a few more."""
+        """Write prices to all nodes of the mission, on a grid of ``n_levels`` or a few more."""
         n_times = -(-n_levels // self.n_levels)
         fine = np.zeros((self._n_all, self.n_levels * n_times + 1))
         fine[self.nodes] = refine(prices, n_times)
@@ -85,7 +85,7 @@ class Team:
 
 
 def refine(prices: FloatArray, n_times: int) -> FloatArray:
-    """Give the same prices on a grid of so many times as many levels (n_nodes, ·)."""
+    """Return the same prices on a grid of ``n_times`` as many levels (n_nodes, ·)."""
     n_levels = prices.shape[1] - 1
     levels = np.arange(n_levels * n_times + 1) / n_times
     low = np.minimum(levels.astype(int), n_levels - 1)

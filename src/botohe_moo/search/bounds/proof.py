@@ -155,7 +155,9 @@ class Proof:
         """
         n_levels = self._levels()
         if n_levels == 0:
-            self._notes.append("Prices for so many robots and nodes do not fit into the memory.")
+            self._notes.append(
+                "Prices for this number of robots and nodes do not fit into the memory."
+            )
             return
         if time.monotonic() + _PREPARING * self._prepared < self._deadline:
             self._prepare(_NEAREST, _FIRST_BITS, n_levels, 1 << 18)
@@ -180,12 +182,12 @@ class Proof:
         self._find_steps(steps, self._mission.robots, self._deadline, gap, callback)
 
     def _until(self, share: float) -> float:
-        """Give when a share of what is left of the time is over."""
+        """Return the moment at which a share of the time that is left is over."""
         now = time.monotonic()
         return now + share * (self._deadline - now)
 
     def _wanted(self, gap: float, callback: Callback) -> FrontBound | None:
-        """Give the bound if there is time, and if its gap is larger than wanted."""
+        """Return the bound if there is time, and if its gap is larger than wanted."""
         if time.monotonic() > self._deadline:
             return None
         bound = self.bound()
@@ -212,7 +214,7 @@ class Proof:
     def _find_steps(
         self, targets: StepTargets, most_moving: int, until: float, gap: float, callback: Callback
     ) -> None:
-        """Find steps for up to so many moving robots, until the time is over or all are tried."""
+        """Find steps for up to ``most_moving`` robots, until the time is over or all are tried."""
         if most_moving > 1 and time.monotonic() < until:
             fits = int(self._memory * _MIB / 2 / StepSearch().bytes_a_state)
             self._relaxation.widen(_STEP_BITS, min(_MOST_STEP_STATES, fits))
@@ -229,7 +231,7 @@ class Proof:
             targets.tell(target, is_proved=is_proved)
 
     def bound(self) -> FrontBound:
-        """Give what has been proved, without lines that are nowhere the lowest."""
+        """Return what has been proved, without lines that are nowhere the lowest."""
         for each in self._lines:
             each.prune()
         unit = self._unit
@@ -278,7 +280,7 @@ class Proof:
 
 
 def _most_survival(net: Net) -> float:
-    """Give what a robot that moves survives with at most."""
+    """Return the largest probability to survive of a robot that moves."""
     graph = net.graph
     leaving = slice(graph.first[graph.base], graph.first[graph.base + 1])
     survival = graph.survival[leaving] * graph.home[graph.head[leaving]]

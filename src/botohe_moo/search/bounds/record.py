@@ -20,7 +20,7 @@ _Share = Annotated[float, Field(ge=0, le=1)]
 
 
 class Line(NamedTuple):
-    """E[R] ≤ most − mu · x, where so many robots move whose survivals sum to x or more.
+    """E[R] ≤ most − mu · x, where ``n_robots`` move whose survivals sum to x or more.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class Line(NamedTuple):
 
 
 class Step(NamedTuple):
-    """E[R] ≤ most, where so many robots move whose survivals sum to ``least`` or more.
+    """E[R] ≤ most, where ``n_robots`` move whose survivals sum to ``least`` or more.
 
     Attributes
     ----------
@@ -86,10 +86,8 @@ def read_record(path: Path, mission: Mission) -> Record:
         raise ValueError(f"{path} is not a bound: {where}: {fault['msg']}{found}.") from None
     if record.mission_digest != numbers_digest(mission):
         raise ValueError(f"{path} bounds another mission than {mission.name!r}.")
-    numbers, with_lines = (
-        set(range(1, mission.robots + 1)),
-        {line.n_robots for line in record.lines},
-    )
+    numbers = set(range(1, mission.robots + 1))
+    with_lines = {line.n_robots for line in record.lines}
     if with_lines != numbers or not numbers >= {step.n_robots for step in record.steps}:
         raise ValueError(
             f"{path} is not a bound: expected lines for 1 to {mission.robots} robots that move, "

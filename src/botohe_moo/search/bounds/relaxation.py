@@ -68,7 +68,7 @@ class Relaxation:
             self._forget(most_states)
 
     def _forget(self, most_states: int) -> None:
-        """Let each node remember its first bits alone, the most that there is room for."""
+        """Reduce each node's memory to as many of its first bits as there is room for."""
         wanted, fewest = self._remembered.bits, 0
         too_many = max(map(len, wanted), default=0)
         while True:
@@ -119,7 +119,7 @@ class Relaxation:
         return bounded
 
     def best_trails(self, ahead: Ahead) -> list[tuple[list[int], list[bool]]]:
-        """Give the best relaxed trail, its arcs and which pay, and some that leave it once.
+        """Return the arcs of the best relaxed trail and of some similar ones, and which arcs pay.
 
         Only the first steps where they are many; and some do not come home.
         """
@@ -136,7 +136,7 @@ class Relaxation:
         return found
 
     def _is_worth(self, ahead: Ahead, arcs: OffsetArray) -> BoolArray:
-        """Tell which visits of a relaxed trail are worth anything."""
+        """Return which visits of a relaxed trail are worth anything."""
         net, n_levels = self.net, ahead.prices.shape[1] - 1
         levels = np.cumprod(net.ratio[arcs]) * n_levels
         heads = net.graph.head[arcs]
@@ -147,7 +147,7 @@ class Relaxation:
     def search(self, ahead: Ahead, least: float, n_most: int) -> tuple[bool, float, list[int]]:
         """Find the trail that is worth the most, if more than ``least``.
 
-        Gives whether the search has ended, what no trail is worth more than then, and its arcs.
+        Returns whether the search has ended, the value that no trail exceeds then, and its arcs.
         """
         stairs = Stairs(np.array([least]), np.inf, 0.0)
         line = Completions(ahead.values[None], np.zeros(1), np.zeros((1, len(ahead.prices))))
@@ -165,7 +165,7 @@ class Relaxation:
     ) -> tuple[bool, list[list[int]]]:
         """Raise stairs above all trails.
 
-        With each line comes what ``prices`` may exceed its own by at each node. Gives whether the
+        With each line comes what ``prices`` may exceed its own by at each node. Returns whether the
         search has ended, and trails found.
         """
         rule = TrailRule(False, _SLACK * self.total, n_most)
@@ -183,7 +183,7 @@ class Relaxation:
     ) -> tuple[OffsetArray, OffsetArray] | None:
         """Find all trails above the stairs.
 
-        Gives their arcs (n, n_arcs), and how many they are (n); None where they are too many.
+        Returns their arcs (n, n_arcs), and how many they are (n); None where they are too many.
         """
         spare = max(ahead.spare for ahead, _ in lines) + _SLACK * self.total
         lowered = stairs._replace(heights=stairs.heights - spare)
@@ -228,7 +228,7 @@ class Relaxation:
             self._remembered.bits = before
 
     def allows(self, arcs: Sequence[int], paid: Sequence[bool]) -> bool:
-        """Tell whether this is a relaxed trail still."""
+        """Return whether this is still a relaxed trail."""
         states, state = self.states, 0
         for arc, pays in zip(arcs, paid, strict=True):
             first, end = states.first[state : state + 2].tolist()

@@ -82,7 +82,7 @@ class Steps:
         """Keep a step, if it is below what is proved there."""
         base_reward = self._lines.base_reward
         graph = self._relaxation.net.graph
-        # What a team misses is a product of so many survivals; then nodes are summed up.
+        # Each product of a team's survivals is rounded at each factor, and so is the sum over nodes.
         n_terms = 2 * self._n_robots * (graph.n_arcs + 2) + graph.n_nodes + 8
         most += base_reward + n_terms * _EPSILON * (self._relaxation.total + base_reward)
         below = [step.most for step in self.found if step.least <= least]
@@ -165,7 +165,7 @@ class Steps:
         return self._relaxation.look_ahead(self._fine(prices), mu)
 
     def _known(self, prices: FloatArray) -> FloatArray:
-        """Give the stairs of known trails."""
+        """Return the stairs of known trails."""
         pool = self._pool
         worth = pool.values(prices[:, 1:], 0.0)
         worth[pool.is_relaxed] = -np.inf
@@ -236,20 +236,20 @@ class Steps:
 
 
 def stairs_of(values: FloatArray, survival: FloatArray, width: float, n_steps: int) -> FloatArray:
-    """Give the stairs of trails (n_steps), −inf where none survives so well."""
+    """Return the stairs of trails (n_steps), −inf where none survives as well."""
     stairs = np.full(n_steps, -np.inf)
     np.maximum.at(stairs, step_of(survival, width, n_steps), values)
     return _falling(stairs)
 
 
 def step_of(survival: FloatArray, width: float, n_steps: int) -> OffsetArray:
-    """Tell on which step survivals lie."""
+    """Return on which step survivals lie."""
     steps: OffsetArray = np.minimum((survival / width * (1 + _EDGE)).astype(np.int64), n_steps - 1)
     return steps
 
 
 def last_steps(stairs: FloatArray) -> OffsetArray:
-    """Tell the last step of each height."""
+    """Return the last step of each height."""
     falls = np.append(stairs[1:] < stairs[:-1], True)
     return np.flatnonzero(falls & np.isfinite(stairs))
 
@@ -260,13 +260,13 @@ def _falling(stairs: FloatArray) -> FloatArray:
 
 
 def least_total(x: FloatArray, width: float, n_trails: int) -> OffsetArray:
-    """Give the least sum of steps of so many trails whose survivals sum to ``x`` or more."""
+    """Return the least sum of steps of ``n_trails`` trails whose survivals sum to ``x`` or more."""
     totals: OffsetArray = (x / width * (1 - _EDGE)).astype(np.int64) - n_trails + 1
     return np.maximum(totals, 0)
 
 
 def add_stairs(stairs: FloatArray, n_trails: int) -> FloatArray:
-    """Give the most that so many trails are worth together, by the sum of their steps."""
+    """Return the most that ``n_trails`` trails are worth together, by the sum of their steps."""
     most = stairs
     for _ in range(n_trails - 1):
         after = np.full(len(most) + len(stairs) - 1, -np.inf)
