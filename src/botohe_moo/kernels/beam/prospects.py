@@ -128,7 +128,7 @@ def has_no_limits(rule: BeamRule) -> bool:
 
 @inlined
 def is_hopeless(graph: Graph, rule: BeamRule, child: Any, stay: float, enough: float) -> bool:
-    """Return whether a cheap test rules a label out: it breaks limits, or is not worth ``enough``."""
+    """Return whether a cheap test rules a label out: by the limits, or not worth ``enough``."""
     if _is_too_far(rule.budget, child.node, child.length):
         return True
     most = child.value + child.alive * child.left + stay

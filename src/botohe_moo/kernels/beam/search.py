@@ -60,8 +60,8 @@ def best_trail(
     ``max_labels``.
 
     Returns the arcs of the trail (none for the trail that stays at base), its value, and whether
-    any label was dropped because the beam was too narrow. If none was, and there is no travel budget, no trail is
-    better by more than a 10⁻¹² of the value (but for a collision of 64-bit hashes).
+    any label was dropped because the beam was too narrow. If none was, and there is no travel
+    budget, no trail is better by more than 10⁻¹² of the value, unless 64-bit hashes collide.
     """
     state = beam.state[0]
     state["high"] = _STARTING

@@ -43,8 +43,8 @@ class FrontBound:
     """For each E[S], an E[R] that no plan of a mission exceeds; see :func:`bound_front`.
 
     Plans are bounded separately for each number of robots that move. Where j do, the others stay
-    at base and survive, and E[R] lies on or below all lines and steps for j; the bound is the largest of these
-    over all j.
+    at base and survive, and E[R] lies on or below all lines and steps for j. The bound is the
+    largest of these over all j.
 
     Attributes
     ----------

@@ -235,7 +235,7 @@ class Lines:
         return self.keep(prices, mu, theta, proof)
 
     def keep(self, prices: FloatArray, mu: float, theta: float, proof: LineProof) -> float:
-        """Keep the line of prices at which no trail is worth more than ``theta``; return its most."""
+        """Keep the line of prices at which trails are worth at most ``theta``; return its most."""
         beside = float(self.team.most(prices).sum())
         line = self._line(beside + self.n_robots * theta, mu, proof)
         if math.isfinite(line.most):  # prices of a programme that went astray may overflow

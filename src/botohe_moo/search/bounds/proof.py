@@ -29,27 +29,34 @@ from botohe_moo.search.exact import TooLargeError, exact_front
 from botohe_moo.search.local_search import DEFAULT_MOVES, LocalSearch
 from botohe_moo.trails import PlanBatch, TrailPlan
 
+# No constant here decides whether a bound is valid: they share out time and memory. They were chosen
+# for small gaps in `benchmarks/bounds.py`, on missions of 20 to 200 nodes.
+
 # Shares of the time: for the true front, and to find trails.
 _EXACT_SHARE, _SEARCH_SHARE = 0.2, 0.05
-# Of what is left: for lines and steps of one robot, for lines before steps, and for steps.
+# Shares of what is left of it: for lines and steps of one robot (on 200 nodes they took all of it),
+# for lines before steps, and for steps.
 _FIRST_SHARE, _LINES_SHARE, _STEPS_SHARE = 0.1, 0.4, 0.5
-_PREPARING = 4  # times the seconds for what remembers nothing, for what remembers
-_LEAST_GAIN = 1e-3  # that makes a line worth another try when more is remembered
-_EFFORT_OF_LINES = 16  # when all steps that are easy are known
-_EVALUATIONS, _FIRST_EVALUATIONS = 100_000, 100  # of the search for trails
-_MOST_CONFIGURATIONS = 6_000  # of levels of a team, which are looked at for each node
-# Levels of prices, and how many prices a linear programme has at most if there are enough levels.
-_LEAST_LEVELS, _MOST_LEVELS, _MOST_PRICES = 4, 12, 400
-# What each node remembers at first: rewards near by, and bridges; and at most. The same for steps.
-_NEAREST, _FIRST_BITS, _MOST_BITS, _MOST_STATES = 8, 10, 14, 40_000
-_STEP_BITS, _MOST_STEP_STATES = 12, 120_000
-_MOST_COMPARED = 3_000  # nodes, of which all pairs are compared
-_MIB = 2**20
-_BYTES_A_LINK = 40.0
-_ROUNDING = 1e-12
+# Relaxed trails get a memory where there is this many times the time that it takes without one.
+_PREPARING = 4
+_LEAST_GAIN = 1e-3  # relative; a line that is lowered by more is worth another try
+_EFFORT_OF_LINES = 16  # times the usual search, once all steps that are easy are known
+_SECONDS_OF_EFFORT = 0.3  # that a search for a step takes, for each unit of effort
 # Where the first lines of one robot are found, in shares of its best survival.
 _FIRST_LINES = (0.5, 0.75, 0.25)
-_SECONDS_OF_EFFORT = 0.3  # that a unit takes, of a step
+# Plans that are evaluated in the search for trails: at most, and before it looks at the clock.
+_EVALUATIONS, _FIRST_EVALUATIONS = 100_000, 100
+# Levels of prices, at least and at most. In between a linear programme has no more prices than
+# _MOST_PRICES, and a team no more configurations of levels, which are looked at for each node.
+_LEAST_LEVELS, _MOST_LEVELS, _MOST_PRICES, _MOST_CONFIGURATIONS = 4, 12, 400, 6_000
+# Bits that each node remembers: near rewards, these and bridges at first, all at most, and for
+# steps; and states of relaxed trails at most, usually and for steps.
+_NEAREST, _FIRST_BITS, _MOST_BITS, _STEP_BITS = 8, 10, 14, 12
+_MOST_STATES, _MOST_STEP_STATES = 40_000, 120_000
+_MOST_COMPARED = 3_000  # nodes, of which all pairs are compared: a second, and a tenth of a GiB
+_BYTES_A_LINK = 40.0  # three integers of 8 bytes and a flag, and two figures of a level
+_MIB = 2**20
+_ROUNDING = 1e-12
 
 Callback = Callable[[FrontBound], Any] | None
 

@@ -82,7 +82,7 @@ class Steps:
         """Keep a step, if it is below what is proved there."""
         base_reward = self._lines.base_reward
         graph = self._relaxation.net.graph
-        # Each product of a team's survivals is rounded at each factor, and so is the sum over nodes.
+        # Products of a team's survivals are rounded at each factor, and so is the sum over nodes.
         n_terms = 2 * self._n_robots * (graph.n_arcs + 2) + graph.n_nodes + 8
         most += base_reward + n_terms * _EPSILON * (self._relaxation.total + base_reward)
         below = [step.most for step in self.found if step.least <= least]
