@@ -29,8 +29,8 @@ from botohe_moo.search.exact import TooLargeError, exact_front
 from botohe_moo.search.local_search import DEFAULT_MOVES, LocalSearch
 from botohe_moo.trails import PlanBatch, TrailPlan
 
-# No constant here decides whether a bound is valid: they share out time and memory. They were chosen
-# for small gaps in `benchmarks/bounds.py`, on missions of 20 to 200 nodes.
+# No constant here decides whether a bound is valid: they share out time and memory. They were
+# chosen for small gaps in `benchmarks/bounds.py`, on missions of 20 to 200 nodes.
 
 # Shares of the time: for the true front, and to find trails.
 _EXACT_SHARE, _SEARCH_SHARE = 0.2, 0.05
