@@ -74,26 +74,16 @@ def tasks(draw, **options):
 
 
 class TestExact:
-    @examples(250)
-    @given(tasks(), st.integers(1, 6))
-    def test_a_wide_beam_finds_the_best_trail(self, task, n_near):
+    @examples(300)
+    @given(tasks(), st.integers(1, 6), st.one_of(st.just(0.0), st.floats(0.0, 1.0)))
+    def test_a_wide_beam_finds_the_best_trail_under_a_floor(self, task, n_near, least):
         mission, found, worth, survival_weight = task
-        trail, value, cut = best_trail(mission, worth, survival_weight, n_near=n_near)
-        best = max(value_of(mission, t, worth, survival_weight) for t in found)
-        assert tuple(trail) in found
-        assert value == pytest.approx(best, rel=1e-9)
-        assert value == pytest.approx(value_of(mission, trail, worth, survival_weight), rel=1e-12)
-        assert not cut
-
-    @examples(250)
-    @given(tasks(), st.floats(0.0, 1.0))
-    def test_with_a_survival_floor(self, task, least):
-        mission, found, worth, survival_weight = task
-        trail, value, cut = best_trail(mission, worth, survival_weight, least)
+        trail, value, cut = best_trail(mission, worth, survival_weight, least, n_near=n_near)
         kept = [t for t in found if survival_of(mission, t) >= least]
         best = max(value_of(mission, t, worth, survival_weight) for t in kept)
         assert tuple(trail) in kept
         assert value == pytest.approx(best, rel=1e-9)
+        assert value == pytest.approx(value_of(mission, trail, worth, survival_weight), rel=1e-12)
         assert not cut
 
     @examples(200)
@@ -111,17 +101,6 @@ class TestExact:
         simple = [t for t in kept if has_simple_prefixes(mission, t, found, least, longest)]
         best = max(value_of(mission, t, worth, survival_weight) for t in simple)
         assert value >= best * (1 - 1e-9)
-
-    @examples(100)
-    @given(tasks(one_way=True), st.sampled_from([0.0, 0.1]))
-    def test_on_one_way_missions(self, task, least):
-        mission, found, worth, survival_weight = task
-        trail, value, _ = best_trail(mission, worth, survival_weight, least)
-        kept = [t for t in found if survival_of(mission, t) >= least]
-        assert tuple(trail) in kept
-        assert value == pytest.approx(
-            max(value_of(mission, t, worth, survival_weight) for t in kept), rel=1e-9
-        )
 
     def test_the_order_of_visits_counts(self):
         """A triangle with other dangers one way round than the other."""
@@ -184,17 +163,7 @@ class TestCut:
         assert 0.3 <= values[0] < values[-1]
         assert values == sorted(values)
 
-    @examples(100)
-    @given(missions(max_nodes=9, one_way=True), st.integers(1, 4), st.sampled_from([0.0, 0.2]))
-    def test_valid_trails_that_keep_the_floor(self, mission, width, least):
-        trail, value, _ = best_trail(mission, mission.arrays.reward, 0.1, least, width)
-        alone = mission.with_robots(1)
-        plan = alone.plan([trail])  # the nodes' labels are their indices
-        reward, survives = alone.evaluate([plan])[0]
-        assert survives >= least
-        assert value == pytest.approx(reward + 0.1 * survives)
-
-    @pytest.mark.parametrize("seed", range(10))
+    @pytest.mark.parametrize("seed", range(4))
     @pytest.mark.parametrize(
         ("least", "longest"), [(0.0, inf), (0.3, inf), (0.0, 9.0), (0.4, 14.0)]
     )
@@ -417,10 +386,9 @@ def test_a_search_gets_the_room_that_it_needs():
 
 
 @pytest.mark.compiled_only
-@pytest.mark.parametrize("name", ["art_museum", "power_plant", "terrain_200"])
-def test_large_missions(name):
+def test_a_large_mission():
     """Long trails, ended by reward running out."""
-    mission = load_mission(name, robots=1)
+    mission = load_mission("terrain_200", robots=1)
     worth = mission.arrays.reward / mission.total_reward
     trail, value, cut = best_trail(mission, worth, 0.0, width=10)
     reward, _ = mission.evaluate([mission.plan([[mission.nodes[node] for node in trail]])])[0]
@@ -431,8 +399,8 @@ def test_large_missions(name):
     assert (trail, value, cut) == again
 
 
-@pytest.mark.parametrize("survival", [5e-324, 1e-200, 1.0])
-@pytest.mark.parametrize("worth", [0.0, 5e-324, 1e-300, 1.0])
+@pytest.mark.parametrize("survival", [5e-324, 1.0])
+@pytest.mark.parametrize("worth", [5e-324, 1.0])
 def test_extreme_survivals_and_worths(survival, worth):
     graph = nx.complete_graph(5, nx.DiGraph)
     nx.set_node_attributes(graph, 1.0, "reward")

@@ -9,7 +9,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from botohe_moo import Mission
-from botohe_moo.kernels.bounds.relaxed import best_leaving, follow, relax, shortfall
+from botohe_moo.kernels.bounds.relaxed import follow, relax, shortfall
 from botohe_moo.kernels.bounds.states import find_states
 from botohe_moo.kernels.bounds.trails import (
     Completions,
@@ -164,7 +164,8 @@ def test_no_trail_is_worth_more_than_relaxed_ones_and_the_best_is_found(
         and twins.survival_of(mission, trail) >= floor
     ]
     worths = [value_of(net, trail, prices, mu) for trail in within]
-    assert best_leaving(net, states, prices, values) + spare >= max(worths, default=0.0)
+    _, most = follow(net, states, prices, mu, values, -1, np.empty(1, np.int64))
+    assert most + spare >= max(worths, default=0.0)
     line = Completions(values[None], np.zeros(1), np.zeros((1, net.graph.n_nodes)))
     depths = new_depths(net, np.random.default_rng(seed), 1 << 8, 2, 1)
     stairs = np.zeros(1)
@@ -254,7 +255,8 @@ def test_the_best_relaxed_trail_is_followed(mission, memory, seed, turn):
     cap = np.full((net.graph.n_nodes, N_LEVELS + 1), np.inf)
     relax(net, states, prices, mu, cap, 1e-13, values)
     links = np.empty(300, np.int64)
-    taken = links[: follow(net, states, prices, mu, values, turn, links)]
+    n, most = follow(net, states, prices, mu, values, turn, links)
+    taken = links[:n]
     source = np.repeat(np.arange(len(states.node)), np.diff(states.first))
     assert (source[taken[1:]] == states.to[taken[:-1]]).all()
     assert len(taken) == 0 or source[taken[0]] == 0
@@ -263,7 +265,6 @@ def test_the_best_relaxed_trail_is_followed(mission, memory, seed, turn):
     worth = mu * levels[-1] / N_LEVELS if len(taken) else 0.0
     for head, level, pays in zip(net.graph.head[arcs], levels, states.pays[taken], strict=True):
         worth += pays * price_at(prices, head, level)
-    most = best_leaving(net, states, prices, values)
     # What lies ahead is on chords, which are above what a single way is worth.
     assert worth <= most + 1e-9
     if turn == -1 and len(taken):

@@ -79,7 +79,7 @@ def test_no_dead_ends_on_one_way_missions(mission, changes, seed):
 
 
 @allocations
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", [0, 5])
 def test_no_dead_ends_on_larger_one_way_missions(seed, allocation):
     mission = one_way_mission(60, 150, seed)
     assert not mission.balanced
@@ -155,15 +155,12 @@ def assert_frequencies(ants, twin, n_times=20_000):
 
 @pytest.mark.compiled_only
 @pytest.mark.parametrize(
-    ("robots", "allocation"), [(1, "sequential"), (2, "sequential"), (2, "concurrent")]
-)
-@pytest.mark.parametrize(
-    "changes",
+    ("robots", "allocation", "changes"),
     [
-        {},
-        {"exploration": 0.5, "unvisited_bonus": 0.05},
-        {"heuristic": False, "exploration": 0.01},
-        {"pheromone_per_robot": True},
+        (2, "sequential", {}),
+        (2, "concurrent", {"exploration": 0.5, "unvisited_bonus": 0.05}),
+        (1, "sequential", {"heuristic": False, "exploration": 0.01}),
+        (2, "sequential", {"pheromone_per_robot": True}),
     ],
     ids=["paper", "journal", "no heuristic", "per robot"],
 )
@@ -185,12 +182,9 @@ def test_ants_choose_as_the_paper_says(robots, changes, allocation):
 @pytest.mark.parametrize(
     ("limits", "robots", "allocation"),
     [
-        (Limits(0.3), 1, "sequential"),
         (Limits(0.45), 1, "sequential"),
         (Limits(0.3), 2, "concurrent"),
-        (Limits(0.0, 6.0), 1, "sequential"),
         (Limits(0.0, 3.8), 2, "sequential"),
-        (Limits(0.35, 7.0), 2, "sequential"),
         (Limits(0.35, 7.0), 2, "concurrent"),
     ],
 )
@@ -281,7 +275,7 @@ def tied_ways(seed):
     return Mission(graph)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 1084])
+@pytest.mark.parametrize("seed", [1084])
 def test_no_ant_gets_stuck_where_ways_home_tie(seed):
     """With the last of them an ant does that looks for the rest of its way home again."""
     mission = tied_ways(seed)
@@ -293,7 +287,7 @@ def test_no_ant_gets_stuck_where_ways_home_tie(seed):
 
 
 @allocations
-@pytest.mark.parametrize("n_ants", [1, 2, 49, 50, 51, 130])
+@pytest.mark.parametrize("n_ants", [1, 50, 51, 130])
 def test_spans_do_not_change_what_ants_build(n_ants, allocation):
     mission = load_mission("art_museum")
     built = []

@@ -167,7 +167,7 @@ def test_thousands_of_plans_come_and_go(noise):
     assert most > (10 if noise < 0.01 else 1)
 
 
-@pytest.mark.parametrize("place", [*range(0, BLOCK + 1, 8), 31, 33])
+@pytest.mark.parametrize("place", [0, 31, 32, 33, BLOCK])
 def test_a_full_block_splits_where_a_plan_enters(place):
     pair = Pair(100)
     for i in range(BLOCK + 1):
@@ -189,7 +189,7 @@ def test_contributions_by_hand():
         assert kernels.contribution(pair.front, 0, end) == pytest.approx(2 / 3 * 7 * 2 / 3 * 3)
 
 
-@pytest.mark.parametrize("n", [1, 5, 64, 65, 300])
+@pytest.mark.parametrize("n", [5, 65, 300])
 def test_plans_are_drawn_uniformly(n):
     pair = Pair(n)
     for i in np.random.default_rng(1).permutation(n).tolist():
@@ -218,7 +218,7 @@ def test_room_is_there_until_it_is_not():
     pair.check()
 
 
-@pytest.mark.parametrize("n", [0, 1, 40, 300])
+@pytest.mark.parametrize("n", [0, 300])
 @pytest.mark.parametrize("every", [1, 3])
 def test_a_larger_front_holds_the_same_and_goes_on(n, every):
     rng = np.random.default_rng(n)
@@ -268,13 +268,3 @@ def test_thinning_takes_what_contributes_least_and_leaves_the_ends():
         assert (np.diff(kept) > 0).all()
     # Evenly spaced plans: no gap is wide.
     assert np.diff(_most_contributing(objectives, 50)).max() <= 3
-
-
-@examples(60)
-@given(st.integers(2, 40), st.integers(2, 40), st.integers(0, 9))
-def test_thinning_any_front(n, n_most, seed):
-    rng = np.random.default_rng(seed)
-    objectives = np.column_stack([np.sort(rng.random(n))[::-1], np.sort(rng.random(n))])
-    kept = _most_contributing(objectives, n_most)
-    assert len(kept) == min(n, n_most)
-    assert {0, n - 1} <= set(kept.tolist())

@@ -15,8 +15,13 @@ from botohe_moo import Mission, load_mission
 from botohe_moo.search.bounds.front_bound import FrontBound
 from botohe_moo.search.bounds.proof import Proof
 from botohe_moo.search.bounds.record import Line, Step
-from botohe_moo.search.bounds.stairs import add_stairs, least_total, stairs_of
-from botohe_moo.search.bounds.steps import Steps, StepSearch
+from botohe_moo.search.bounds.steps import (
+    Steps,
+    StepSearch,
+    add_stairs,
+    least_total,
+    stairs_of,
+)
 from botohe_moo.search.bounds.targets import Known, LineTargets, StepTarget, StepTargets
 from botohe_moo.search.limits import check_limits
 from tests import twins
@@ -166,7 +171,7 @@ def all_teams(mission, trails, n_robots):
 def test_no_team_of_all_trails_exceeds_a_step(short_search):
     """Whatever the goal: of plans, beyond them, and 0; at any sum of survivals, and just above."""
     n_steps = n_tight = 0
-    for seed in range(120):
+    for seed in range(60):
         mission, given = random_mission(seed)
         limits, rng = check_limits(**given), np.random.default_rng(seed)
         every = twins.all_trails(mission, 2_000)
@@ -195,7 +200,7 @@ def test_no_team_of_all_trails_exceeds_a_step(short_search):
                 assert step.most * proof._unit >= max(within, default=0.0)
                 n_tight += step.most * proof._unit < max(within, default=0.0) + 1e-6
                 n_steps += 1
-    assert n_steps > 300
+    assert n_steps > 150
     assert n_tight > 0.7 * n_steps
 
 
@@ -216,19 +221,6 @@ def test_steps_of_large_teams_are_rounded_upwards():
         assert steps.found
         for step in steps.found:
             assert true <= Fraction(step.most * proof._unit) < true + Fraction(1e-9)
-
-
-def test_nobody_survives_well_enough_for_stairs():
-    """A ring of so many dangerous arcs that survivals are hardly numbers."""
-    graph = nx.DiGraph()
-    nx.add_cycle(graph, range(161))
-    nx.set_node_attributes(graph, 1.0, "reward")
-    nx.set_edge_attributes(graph, 0.01, "survival")
-    mission = Mission(graph, base=0, robots=2)
-    proof = Proof(mission, check_limits(0.0, None), **_AT_EASE)
-    for steps in proof._steps:
-        assert not steps.tighten(0.0, 0.0, 8, time.monotonic() + 100)
-        assert steps.found == []
 
 
 def test_what_a_trail_has_to_be_worth_by_hand():

@@ -86,19 +86,12 @@ class TestCorners:
 
     @examples(60)
     @given(small_missions(max_robots=1, max_trails=1000))
-    def test_weight_0_collects_what_is_free(self, case):
+    def test_weight_0_takes_what_is_free_and_weight_1_ignores_danger(self, case):
         mission, trails = case
         every = all_objectives(mission, trails)
-        reward, _ = mission.evaluate([plan_sequentially(mission, 0.0, beam_width=WIDE)])[0]
-        assert reward == pytest.approx(every[every[:, 1] == 1.0, 0].max(), rel=1e-9)
-
-    @examples(60)
-    @given(small_missions(max_robots=1, max_trails=1000))
-    def test_weight_1_ignores_danger(self, case):
-        mission, trails = case
-        every = all_objectives(mission, trails)
-        reward, _ = mission.evaluate([plan_sequentially(mission, 1.0, beam_width=WIDE)])[0]
-        assert reward == pytest.approx(every[:, 0].max(), rel=1e-9)
+        for weight, possible in ((0.0, every[every[:, 1] == 1.0]), (1.0, every)):
+            reward, _ = mission.evaluate([plan_sequentially(mission, weight, beam_width=WIDE)])[0]
+            assert reward == pytest.approx(possible[:, 0].max(), rel=1e-9)
 
     @examples(80)
     @given(
@@ -206,18 +199,10 @@ class TestPlanner:
         ("parameters", "message"),
         [
             ({"weight": 1.5}, r"Expected weight in \[0, 1\], got 1\.5\."),
-            ({"weight": "x"}, r"Expected weight in \[0, 1\], got 'x'\."),
-            ({"beam_width": 0}, r"Expected beam_width >= 1, got 0\."),
             ({"beam_width": 10**6}, r"Expected beam_width <= 100000, got 1000000\."),
-            ({"min_survival": -0.1}, r"Expected min_survival in \[0, 1\], got -0\.1\."),
-            ({"max_length": -1}, r"Expected max_length >= 0, got -1\."),
             ({"max_length": "far"}, r"Expected max_length >= 0, got 'far'\."),
         ],
     )
     def test_parameters_out_of_range(self, parameters, message):
         with pytest.raises(ValueError, match=message):
             plan_sequentially(load_mission("toy"), **{"weight": 0.5, **parameters})
-
-    def test_something_else_than_a_mission(self):
-        with pytest.raises(TypeError, match="Expected a Mission, got 'toy'"):
-            plan_sequentially("toy", 0.5)

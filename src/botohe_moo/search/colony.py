@@ -63,7 +63,7 @@ class AntThreads:
         self._process = 0  # whose threads these are
 
     def submit(self, job: Callable[..., Any], *args: Any) -> Future[Any]:
-        """Let another thread than the calling one do a job."""
+        """Run a job in another thread than the calling one."""
         if self._pool is None or self._process != os.getpid():
             self._pool = ThreadPoolExecutor(self.n_threads - 1, "botohe-ants")
             self._process = os.getpid()
@@ -119,7 +119,7 @@ class Colony:
         return self._pheromone.levels
 
     def construct(self, n_ants: int) -> PlanBatch:
-        """Let ants, at most all of them, build one plan each; robots are in the order of planning.
+        """Build one plan for each of ``n_ants`` ants; robots are in the order of planning.
 
         The ants' weights on the objectives are spread evenly.
         """
@@ -135,7 +135,7 @@ class Colony:
         return PlanBatch.concatenate([mine, *(future.result() for future in waiting)])
 
     def _construct_span(self, part: int, n_ants: int, begin: int, end: int) -> PlanBatch:
-        """Let the ants ``begin`` to ``end`` build."""
+        """Build the plans of the ants ``begin`` to ``end``."""
         n_robots, rule, graph = self.n_robots, self.rule, self._graph
         concurrent = rule.allocation == "concurrent"
         limits, budget = self.limits, self._budget
@@ -182,7 +182,7 @@ class Colony:
         self._learn(iteration, depositors, is_new, rule)
 
     def weigh(self) -> None:
-        """Let ants weigh arcs by the pheromone as it is, before anything has been deposited."""
+        """Weigh arcs by the pheromone as it is, as if nothing had been deposited."""
         nobody, nothing = np.empty(0, np.int64), np.zeros(1, np.int64)
         plans = Depositors(np.empty((0, 2)), nobody, np.empty(0, np.int32), nothing)
         self._learn(plans, plans, True, LearningRule(evaporation=0.0, pooled=True))
@@ -229,7 +229,7 @@ def _new_weights(mission: Mission, rule: ColonyRule, pheromone: Pheromone) -> We
 
 
 def exchange_archives(archives: Sequence[PlanArchive]) -> None:
-    """Let every colony's archive take in what the one before it holds, the first one the last's.
+    """Insert the plans of each archive into the next one, those of the last into the first.
 
     All of them at once: a plan goes no further than to the next archive of the ring.
 

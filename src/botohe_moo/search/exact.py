@@ -31,8 +31,8 @@ MEMORY_LIMIT = 2048.0
 
 _MIB = 2**20
 _FRONT_ROWS = 1024  # that the front has room for at first
-# How much is done before limits are looked at: labels gone on from, as many as make so many looks
-# at nodes and arcs, and choices looked at.
+# How much is done before limits are checked again: labels extended, visits of nodes and arcs that
+# this may take, and choices looked at.
 _LABELS_A_PORTION, _LOOKS_A_PORTION, _CHOICES_A_PORTION = 1_000, 3_000_000, 500_000
 # A search that comes to more labels than this is estimated before it goes on.
 _UNESTIMATED = 10_000
@@ -303,7 +303,7 @@ class FrontSearch:
         return self.mission.batch([found[i] for i in kept])
 
     def _require(self, n_bytes: int) -> None:
-        """Raise the error that says so where there is no room for so many more bytes."""
+        """Raise a TooLargeError where there is no room for ``n_bytes`` more."""
         held = 0 if self._trails is None else self._trails.n_bytes
         if self._choices is not None:
             held += tables.n_bytes(self._choices) + tables.n_bytes(self._front)

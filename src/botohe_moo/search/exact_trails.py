@@ -19,7 +19,7 @@ from botohe_moo.kernels.rng import hash_keys
 from botohe_moo.mission.model import Mission
 
 _ROWS = 1024  # that tables have room for at first
-# An estimate ends after so many descents, or when they have met so many labels.
+# An estimate ends after this number of descents, or when they have met this number of labels.
 _MAX_DIVES, _MAX_MET = 1_000, 30_000
 
 
@@ -90,7 +90,7 @@ class TrailSearch:
     def advance(self, n_looks: int, require: Callable[[int], None]) -> bool:
         """Go on from ``n_looks`` labels at most; tell whether all trails are known.
 
-        ``require`` is called with a number of bytes before so many more are taken.
+        ``require`` is called with the number of bytes that are needed before they are taken.
         """
         full = self._grow(n_looks, True)
         if self.n_trails > 1.5 * self._n_tidy + 64:
@@ -106,8 +106,12 @@ class TrailSearch:
         return ended
 
     def _grow(self, n_looks: int, again: bool) -> bool:
+        return grow(self._search, n_looks, again)
+
+    @property
+    def _search(self) -> tables.LabelSearch:
         known = self._labels, self._trails, self._progress
-        return grow(self.graph, self.rule, *known, self._current, n_looks, again)
+        return tables.LabelSearch(self.graph, self.rule, *known, self._current)
 
     def _tidy(self) -> None:
         """Sort the trails by descending survival, and drop those that another is as good as."""
@@ -139,7 +143,7 @@ class TrailSearch:
         return float(np.mean(found)) if found else 0.0
 
     def _probe(self, n_rows: int) -> TrailSearch:
-        """Give a search that knows the same trails, and has other labels."""
+        """Return a search with the same trails and no labels."""
         probe = copy.copy(self)
         probe._labels = tables.new_labels(
             n_rows, self._labels.reached.shape[1], self._labels.used.shape[1]
@@ -155,8 +159,8 @@ class TrailSearch:
         Computation 29(129), 1975. Without bias for the labels of a search that compares them with
         those of the same descent only; where all are compared there are fewer.
 
-        Gives the estimate from as far down as there was room for labels; None where there was none
-        for trails.
+        Returns the estimate from as far down as there was room for labels; None where there was
+        none for trails.
         """
         self._progress["n_labels"] = label = 0
         weight = total = 1.0
@@ -177,15 +181,16 @@ class TrailSearch:
             label, low = low + int(rng.random() * n), self.n_labels
 
     def trail(self, row: int) -> list[int]:
-        """Give a trail of the table as nodes."""
+        """Return a trail of the table as nodes."""
         graph, current = self.graph, self._current
         label, arc, _ = self._trails.rows[row].tolist()
         if label < 0:
             return list(self._known[-1 - label])
         current.used[:] = [has(self._labels.used[label], i) for i in range(graph.n_arcs)]
         current.used[arc] = 1
-        current.length[:] = self._labels.rows["length"][label] + graph.length[arc]
-        look_around(graph, self.rule, current, int(graph.head[arc]))
+        current.row["length"] = self._labels.rows["length"][label] + graph.length[arc]
+        current.row["node"] = graph.head[arc]
+        look_around(self._search)
         home = [graph.base]
         while (last := current.paths.entry[home[-1]]) >= 0:
             home.append(int(graph.tail[last]))
@@ -196,7 +201,7 @@ class TrailSearch:
         return out[::-1] + home[::-1]
 
     def follow(self, trail: tuple[int, ...]) -> tuple[float, FloatArray]:
-        """Give the probabilities to survive a trail, and to reach each goal on it."""
+        """Return the probabilities to survive a trail, and to reach each goal on it."""
         graph, reached, alive = self.graph, np.zeros(len(self.rule.reward)), 1.0
         for tail, head in pairwise(trail):
             alive *= float(graph.survival[find_arc(graph, tail, head)])
@@ -216,5 +221,5 @@ def _rule_of(graph: Graph, single: bool, limits: Limits) -> tables.LabelRule:
         goal_keys=keys[graph.n_nodes :].copy(),
         single=single,
         limits=limits,
-        short=graph if budget is None else budget.short,
+        short=None if budget is None else budget.short,
     )

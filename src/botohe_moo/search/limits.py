@@ -11,7 +11,7 @@ MOST_MEMORY = 1e9  # MiB that a search may be allowed
 
 
 def check_limits(min_survival: float, max_length: float | None) -> Limits:
-    """Give both limits, or raise the ParameterError that says what was expected.
+    """Return both limits; a ParameterError says what was expected.
 
     The survival floor is in [0, 1]; the travel budget is at least 0, None or inf for none.
     """

@@ -134,9 +134,9 @@ class SequentialPlanner:
     def plans(
         self, weight: float, *, n_most: int | None = None, until: float = math.inf
     ) -> list[TrailPlan]:
-        """Plan the whole team, and let the last robots stay at base.
+        """Plan the whole team, and plans in which its last robots stay at base.
 
-        Gives the team's plan, that of all robots but the last, and so on to the first robot's
+        Returns the team's plan, that of all robots but the last, and so on to the first robot's
         alone; none twice. Of more than ``n_most``, some in between are left out. When
         ``time.perf_counter()`` comes to ``until``, robots not planned yet stay at base.
         """

@@ -34,7 +34,7 @@ STATE = np.dtype(
     [
         ("low", np.int64),  # the last level is labels low to high
         ("high", np.int64),
-        ("at", np.int64),  # the label at hand
+        ("at", np.int64),  # the current label
         ("cut", np.int64),  # whether a label was dropped for want of width
         ("value", np.float64),  # value of the best trail known
         ("label", np.int64),  # the label and the arc after which it goes home, −1 if it stays
@@ -47,7 +47,7 @@ _N_LABELS = 4096  # for which there is room at first
 
 
 class Standing(NamedTuple):
-    """What the label at hand has used and visited."""
+    """What the current label has used and visited."""
 
     used: OffsetArray  # 1 for the arcs it has used, 0 for the others (n_arcs)
     visits: OffsetArray  # how often it has visited each node (n_nodes)
@@ -83,7 +83,7 @@ class Beam(NamedTuple):
 
 
 def new_beam(graph: Graph) -> Beam:
-    """Make room for a search, which gets more as it needs it."""
+    """Return room for a search, which gets more as it needs it."""
     n_arcs, n_nodes = graph.n_arcs, graph.n_nodes
     keys = hash_keys(n_arcs + 2 * n_nodes)
     return Beam(
@@ -112,7 +112,7 @@ def _new_level(n: int) -> Level:
 
 
 def larger_beam(beam: Beam, n_labels: int, n_children: int) -> Beam:
-    """Make room for at least so many labels, and children in a level; labels are kept."""
+    """Return a beam with room for these numbers of labels, which are kept, and of children."""
     if n_children > len(beam.level.children):
         beam = beam._replace(level=_new_level(n_children))
     if n_labels > len(beam.labels):
@@ -149,7 +149,7 @@ def stand_at(
 
 @inlined
 def table_size(n: int) -> int:
-    """Give the size of a hash table of ``n`` children: a power of two, at least 2n."""
+    """Return the size of a hash table of ``n`` children: a power of two, at least 2n."""
     size = 16
     while size < 2 * n:
         size *= 2

@@ -1,4 +1,4 @@
-"""What a partial trail may come to: by going home at once, by what lies ahead, and at most."""
+"""What partial trails are worth: gone home at once, by what lies ahead, and at most."""
 
 from typing import Any, NamedTuple
 
@@ -34,7 +34,8 @@ class BeamRule(NamedTuple):
     """What a trail is searched for; see ``best_trail``."""
 
     worth: FloatArray  # of each node to a robot that reaches it for sure, at least 0 (n_nodes)
-    # What going to each near node before going home costs a robot alive for sure (n_nodes, n_near).
+    # What a robot that is surely alive loses by visiting each near node on its way home
+    # (n_nodes, n_near).
     danger: FloatArray
     survival_weight: float  # what surviving for sure is worth, at least 0
     least: float  # survival floor: the least probability to survive the trail; 0 sets none
@@ -75,7 +76,7 @@ def _search_from(graph: Graph, paths: Paths, used: OffsetArray, near: Near, sour
 
 
 def dangers(graph: Graph, near: Near, survival_weight: float) -> FloatArray:
-    """Give ``BeamRule.danger``."""
+    """Return ``BeamRule.danger``."""
     home_after = near.reach * graph.home[near.near]
     return survival_weight * (graph.home[:, None] - home_after)
 
@@ -95,7 +96,7 @@ def write_gathered(graph: Graph, worth: FloatArray, gathered: FloatArray) -> Non
 
 @inlined
 def judge(near: Near, rule: BeamRule, ahead: FloatArray, child: Any, stay: float) -> None:
-    """Write ``bound`` and ``rank`` of a child of the label at hand.
+    """Write ``bound`` and ``rank`` of a child of the current label.
 
     That is, the most that all nodes not visited could bring together, and what those near promise
     over the danger of going there before going home. Nodes near that are too far from home for the
@@ -121,13 +122,13 @@ def judge(near: Near, rule: BeamRule, ahead: FloatArray, child: Any, stay: float
 
 @inlined
 def has_no_limits(rule: BeamRule) -> bool:
-    """Tell whether a robot may take any way home."""
+    """Return whether a robot may take any way home."""
     return rule.least == 0.0 and rule.budget is None
 
 
 @inlined
 def is_hopeless(graph: Graph, rule: BeamRule, child: Any, stay: float, enough: float) -> bool:
-    """Tell cheaply that a label cannot keep the limits, or cannot come to more than ``enough``."""
+    """Return whether a cheap test rules a label out: by the limits, or not worth ``enough``."""
     if _is_too_far(rule.budget, child.node, child.length):
         return True
     most = child.value + child.alive * child.left + stay
@@ -136,7 +137,7 @@ def is_hopeless(graph: Graph, rule: BeamRule, child: Any, stay: float, enough: f
 
 @inlined
 def _is_too_far(budget: Budget | None, node: int, length: float) -> bool:
-    """Tell whether no trail that has a length before it visits a node keeps the travel budget."""
+    """Return whether no trail that has a length before it visits a node keeps the travel budget."""
     if budget is None:
         return False
     return bool(length + budget.short.home[node] > budget.limits.max_length)
@@ -152,7 +153,7 @@ def close(
     stay: float,
     best_value: float,
 ) -> tuple[float, float]:
-    """Send a child of the label at hand home: give value and survival of the closed trail.
+    """Send a child of the current label home; return value and survival of the closed trail.
 
     The value is −1 where that cannot be the best trail known; the survival −1 where no way leads
     home, or none is known that keeps a travel budget.
@@ -174,7 +175,7 @@ def close(
 
 @inlined
 def _is_blocked(graph: Graph, used: OffsetArray, node: int) -> bool:
-    """Tell whether the safest way home with every arc free takes an arc that is used."""
+    """Return whether the safest way home with every arc free takes an arc that is used."""
     here = node
     while here != graph.base and used[graph.homeward[here]] != 1:
         here = graph.head[graph.homeward[here]]

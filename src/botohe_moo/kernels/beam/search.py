@@ -59,9 +59,9 @@ def best_trail(
     number of hops, and with the arcs that leave a node; the search ends when it has kept
     ``max_labels``.
 
-    Gives the arcs of the trail (none for the trail that stays at base), its value, and whether any
-    label was dropped for want of width. If none was, and there is no travel budget, no trail is
-    better by more than a 10⁻¹² of the value (but for a collision of 64-bit hashes).
+    Returns the arcs of the trail (none for the trail that stays at base), its value, and whether
+    any label was dropped because the beam was too narrow. If none was, and there is no travel
+    budget, no trail is better by more than 10⁻¹² of the value, unless 64-bit hashes collide.
     """
     state = beam.state[0]
     state["high"] = _STARTING
@@ -72,7 +72,7 @@ def best_trail(
 
 @kernel
 def _search(graph: Graph, near: Near, rule: BeamRule, beam: Beam) -> int:
-    """Go on until the search has ended, or there is no room for a level of so many children."""
+    """Search until the end, or until a level has too many children; return how many those are."""
     state, labels, level = beam.state[0], beam.labels, beam.level
     if state.high == _STARTING:
         _start_at_base(graph, rule, beam)
@@ -119,7 +119,7 @@ def _start_at_base(graph: Graph, rule: BeamRule, beam: Beam) -> None:
 
 @helper
 def _expand(graph: Graph, near: Near, rule: BeamRule, beam: Beam, n_most: int) -> int:
-    """Go on by one hop from the labels of the last level; give how many children there are.
+    """Go on by one hop from the labels of the last level; return how many children there are.
 
     A child is left out that cannot get home within the limits; that cannot beat the best trail
     known; or that another child equals in node and arcs used, at no less value.
@@ -184,7 +184,7 @@ def _expand(graph: Graph, near: Near, rule: BeamRule, beam: Beam, n_most: int) -
 def _rank(level: Level, n_children: int, enough: float) -> int:
     """List the children that may come to more than ``enough``, the highest rank first.
 
-    Gives how many they are. Equal ranks stay in order.
+    Returns how many they are. Equal ranks stay in order.
     """
     children, order = level.children, level.order
     n = 0

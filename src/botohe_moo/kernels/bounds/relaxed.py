@@ -17,6 +17,7 @@ from botohe_moo.kernels.compile import inlined, kernel
 
 _MOST_CHOICES = 2_000  # times that choices are made better
 _STRAIGHT = 1e-12  # how far prices may be from a straight line, relative
+_SAME = 1e-12  # by how much a link must be better than the one before it
 _LEAST_LOSS = 1e-9  # on a cycle, for it to be worth no more than floats can say
 
 
@@ -60,12 +61,14 @@ def _weigh_arcs(
 
 
 @inlined
-def _value_behind(
-    states: States, values: FloatArray, link: int, low: int, part: float, paid: float
+def _value_of(
+    net: Net, states: States, prices: FloatArray, values: FloatArray, link: int, level: float
 ) -> float:
-    to = states.to[link]
-    value = values[to, low] + (values[to, low + 1] - values[to, low]) * part
-    return float(value + paid if states.pays[link] else value)
+    """Return what a link is worth to a robot at a level of its tail, with what lies ahead."""
+    arc = states.arc[link]
+    there = net.ratio[arc] * level
+    value = chord(values, states.to[link], there)
+    return value + chord(prices, net.graph.head[arc], there) if states.pays[link] else value
 
 
 @inlined
@@ -132,7 +135,7 @@ def _choose(
     policy: _Policy,
     is_forward: bool,
 ) -> bool:
-    """Choose better links, and raise values; tells whether there are any.
+    """Choose better links, and raise values; returns whether there are any.
 
     To and fro by turns, since what is raised goes on to states that come later.
     """
@@ -212,22 +215,15 @@ def relax(
 def shortfall(
     net: Net, states: States, prices: FloatArray, mu: float, cap: FloatArray, values: FloatArray
 ) -> float:
-    """Give by how much a value falls short, at most, of the best that one step leads to."""
-    n_states, n_levels, n_arcs = values.shape[0], values.shape[1] - 1, net.graph.head.shape[0]
-    low, part, paid = np.empty(n_arcs, np.int64), np.empty(n_arcs), np.empty(n_arcs)
-    most = 0.0
-    for level in range(1, n_levels + 1):
-        _weigh_arcs(net, prices, level, low, part, paid)
-        for state in range(n_states):
-            is_base = states.node[state] == net.graph.base
-            best = mu * level / n_levels if is_base else 0.0
+    """Return by how much a value falls short, at most, of the best that one step leads to."""
+    n_levels, most = values.shape[1] - 1, 0.0
+    for state in range(values.shape[0]):
+        node = states.node[state]
+        for level in range(1, n_levels + 1):
+            best = mu * level / n_levels if node == net.graph.base else 0.0
             for link in range(states.first[state], states.first[state + 1]):
-                arc = states.arc[link]
-                best = max(
-                    best, _value_behind(states, values, link, low[arc], part[arc], paid[arc])
-                )
-            best = min(best, cap[states.node[state], level])
-            most = max(most, best - values[state, level])
+                best = max(best, _value_of(net, states, prices, values, link, float(level)))
+            most = max(most, min(best, cap[node, level]) - values[state, level])
     return most
 
 
@@ -240,24 +236,23 @@ def follow(
     values: FloatArray,
     turn: int,
     links: OffsetArray,
-) -> int:
-    """Write the links of the best relaxed trail that leaves the base; give how many there are.
+) -> tuple[int, float]:
+    """Write the links of the best relaxed trail that leaves the base.
 
-    At step ``turn`` it takes the second best link. It ends where ``links`` is full.
+    At step ``turn`` it takes the second best link. It ends where ``links`` is full. Returns how
+    many links there are, and what the best relaxed trail is worth, at least 0.
     """
     n_levels = values.shape[1] - 1
-    state, level, n = 0, float(n_levels), 0
+    state, level, n, most = 0, float(n_levels), 0, 0.0
     while n < links.shape[0]:
         is_home = states.node[state] == net.graph.base and n > 0
         best, second = mu * level / n_levels if is_home else -1.0, -1.0
         best_link = second_link = -1
         for link in range(states.first[state], states.first[state + 1]):
-            arc = states.arc[link]
-            there = net.ratio[arc] * level
-            value = chord(values, states.to[link], there)
-            if states.pays[link]:
-                value += chord(prices, net.graph.head[arc], there)
-            if value > best + 1e-12:
+            value = _value_of(net, states, prices, values, link, level)
+            if n == 0:
+                most = max(most, value)
+            if value > best + _SAME:
                 second, second_link, best, best_link = best, best_link, value, link
             elif value > second:
                 second, second_link = value, link
@@ -269,19 +264,4 @@ def follow(
         n += 1
         level *= net.ratio[states.arc[best_link]]
         state = states.to[best_link]
-    return n
-
-
-@kernel
-def best_leaving(net: Net, states: States, prices: FloatArray, values: FloatArray) -> float:
-    """Give what the best relaxed trail that leaves the base is worth, at least 0."""
-    n_levels = values.shape[1] - 1
-    best = 0.0
-    for link in range(states.first[0], states.first[1]):
-        arc = states.arc[link]
-        there = net.ratio[arc] * n_levels
-        value = chord(values, states.to[link], there)
-        if states.pays[link]:
-            value += chord(prices, net.graph.head[arc], there)
-        best = max(best, value)
-    return best
+    return n, most

@@ -70,7 +70,7 @@ class States(NamedTuple):
 
 @inlined
 def _next_mask(memory: Memory, arc: int, mask: int) -> int:
-    """Give the mask behind an arc; −1 where that is barred."""
+    """Return the mask behind an arc; −1 where that is barred."""
     if memory.barred[arc] >= 0 and (mask >> memory.barred[arc]) & 1:
         return -1
     after = memory.adds[arc]

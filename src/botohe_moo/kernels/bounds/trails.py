@@ -1,8 +1,8 @@
 """Trails that are worth the most: depth-first search, bounded by what lies ahead if relaxed.
 
-Of partial trails that use the same arcs only the most valuable is gone on from: they are at the
-same node, alive with the same probability, and have seen the same nodes. Sets of arcs are known by
-128 random bits each.
+Of partial trails that use the same arcs only the most valuable is extended: they are at the same
+node, alive with the same probability, and have visited the same nodes. A set of arcs is recognised
+by 128 random bits.
 """
 
 from typing import NamedTuple
@@ -43,7 +43,7 @@ class Completions(NamedTuple):
 
 
 class Stairs(NamedTuple):
-    """Heights that never rise: step b stands for survivals of b · ``width`` or more."""
+    """Heights that never rise: step b represents survivals of b · ``width`` or more."""
 
     heights: FloatArray  # (n_steps)
     width: float
@@ -80,14 +80,14 @@ class Depths(NamedTuple):
     used: OffsetArray  # the last search in which an arc is on the partial trail (n_arcs)
     met: OffsetArray  # the same of nodes that have paid (n_nodes)
     keys: SeedArray  # random bits of each arc (n_arcs, 2)
-    # The last sets of arcs that were gone on from, each at the place that its bits tell.
+    # The last sets of arcs that were extended, each at the place that its bits give.
     seen: RecordArray
 
 
 def new_depths(
     net: Net, random_state: np.random.Generator, n_seen: int, n_room: int, n_lines: int
 ) -> Depths:
-    """Make the scratch; ``n_seen`` is a power of 2."""
+    """Return the scratch; ``n_seen`` is a power of 2."""
     n_arcs, n_nodes = net.graph.n_arcs, net.graph.n_nodes
     return Depths(
         np.zeros(1, _FOUND).view(np.recarray)[0],
@@ -111,13 +111,13 @@ def _raise(stairs: FloatArray, at: int, value: float) -> None:
 
 @inlined
 def _step_of(survival: float, width: float, n_steps: int) -> int:
-    """Give the step of the stairs that a survival lies on, or the next where it is on the edge."""
+    """Return the step that a survival lies on, or the next step where it is on the edge."""
     return min(int(survival / width * (1.0 + _EDGE) + _EDGE), n_steps - 1)
 
 
 @inlined
 def _find_corners(stairs: FloatArray, first: int, corners: OffsetArray) -> int:
-    """Write the first step of each height, from ``first``; give how many there are."""
+    """Write the first step of each height, from ``first``; return how many there are."""
     n = 0
     for at in range(first, stairs.shape[0]):
         if at == first or stairs[at] < stairs[at - 1]:
@@ -135,7 +135,7 @@ def _may_exceed(
     corners: OffsetArray,
     last: int,
 ) -> bool:
-    """Tell whether lines ``most`` − ``mu`` · s leave room above the stairs, up to a step."""
+    """Return whether lines ``most`` − ``mu`` · s leave room above the stairs, up to a step."""
     for i in range(corners.shape[0]):
         at = corners[i]
         if at > last:
@@ -150,7 +150,7 @@ def _may_exceed(
 
 @inlined
 def _begin(depths: Depths, states: States, ahead: Completions) -> int:
-    """Begin a search at the base; give its number."""
+    """Begin a search at the base; return its number."""
     depths.found.n_searches += 1
     depths.found.n_trails = 0
     step = depths.steps[0]
@@ -175,7 +175,7 @@ def _record(depths: Depths, depth: int, arc: int) -> None:
 
 @inlined
 def _is_seen(depths: Depths, search: int, low: int, high: int, value: float) -> bool:
-    """Tell whether these arcs were gone on from with as much; if not, remember that they are."""
+    """Return whether these arcs were extended with as much value; if not, remember them."""
     seen = depths.seen[np.int64(low & np.uint64(depths.seen.shape[0] - 1))]
     if seen.search == search and seen.low == low and seen.high == high and seen.value >= value:
         return True
@@ -195,7 +195,7 @@ def find_trails(
 ) -> int:
     """Raise stairs until no trail is above: each raises its step, and those before.
 
-    Gives how many links were tried; −1 if ``n_most``, or the room for trails, have not been enough.
+    Returns how many links were tried; −1 if ``n_most``, or the room for trails, were not enough.
     """
     prices, mu, heights, width = worth.prices, worth.mu, stairs.heights, stairs.width
     graph, found, steps = net.graph, depths.found, depths.steps

@@ -34,7 +34,7 @@ class Plans(NamedTuple):
 
 
 def new_plans(n_hops: int, n_trails: int) -> Plans:
-    """Make room for so many hops."""
+    """Return room for a number of hops, in a number of trails."""
     nodes, robots = np.empty(n_hops, np.int32), np.empty(n_hops, np.int32)
     return Plans(nodes, robots, np.zeros(n_trails + 1, np.int64), np.zeros(1, np.int64))
 
@@ -50,7 +50,7 @@ def _choose(
     here: int,
     alive: float,
 ) -> int:
-    """Let a robot use one more arc, after which a way home is left; give the arc.
+    """Choose one more arc for a robot, after which a way home is left; return the arc.
 
     Where some node has more arcs in than out (the graph is not balanced), an arc from which no
     unused arcs lead home is drawn again: the walk never enters a dead end. Likewise for an arc from
@@ -92,7 +92,7 @@ def _leads_home(
     alive: float,
     length: float,
 ) -> bool:
-    """Tell whether a way home within the limits is known from the head of an arc.
+    """Return whether a way home within the limits is known from the head of an arc.
 
     ``alive`` and ``length`` are those of the trail up to the arc.
     """
@@ -114,7 +114,7 @@ def _leads_home_within(
     arriving: float,
     length: float,
 ) -> bool:
-    """Tell the same where there is a travel budget, and note the way home that is found.
+    """Return whether a way home within a travel budget is known, and note the one that is found.
 
     No ant gets stuck: the arc by which the way that was noted last goes on can always be taken.
     For the rest of a safest (or shortest) way is the safest (or shortest) from there, and would be
@@ -153,9 +153,9 @@ def _walk(
     plans: Plans,
     trail: int,
 ) -> bool:
-    """Let a robot go on: to the end of its trail, or one hop where all are out at once.
+    """Extend a robot's trail: to its end, or by one hop where all robots are out at once.
 
-    Gives whether its trail has ended.
+    Returns whether its trail has ended.
     """
     number, robot = trail // rule.n_robots, trail % rule.n_robots
     row, which = robot if rule.concurrent else 0, robot if scratch.seen.shape[0] > 1 else 0
@@ -239,7 +239,7 @@ def construct(
     begin: int,
     end: int,
 ) -> int:
-    """Let the ants ``begin`` to ``end`` build one plan each.
+    """Build the plans of the ants ``begin`` to ``end``.
 
     An ant at a node weighs each arc a that this trail has not used yet with
     (τ_R η_R)^(1 − λ) (τ_S η_S)^λ, where η_R is ``1 + gain[a] · (probability that no other robot
@@ -251,7 +251,7 @@ def construct(
     (n_ants, 2), are advanced: what an ant builds depends on its own numbers only. Plans are written
     to ``plans``.
 
-    Gives the ant whose plan might not have had room; ``end`` if all had.
+    Returns the first ant for whose plan there might be no room, or ``end``.
     """
     n_robots = rule.n_robots
     plans.size[0] = plans.offsets[begin * n_robots] = 0

@@ -81,7 +81,7 @@ def learn(
     pheromone: Pheromone,
     weights: Weights,
 ) -> None:
-    """Let pheromone evaporate, and the iteration's and the global Pareto set deposit.
+    """Evaporate pheromone, and deposit that of the iteration's and of the global Pareto set.
 
     With one map the robots share it. What the archive deposits is summed up again only where
     ``is_new``. ``weights`` are written anew: log(τ_R η_R) and log(τ_S η_S), within ``LOG_LOW`` and

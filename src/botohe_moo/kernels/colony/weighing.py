@@ -165,7 +165,7 @@ def weigh(
 ) -> tuple[int, float, int]:
     """Sum up the weights of the arcs that a robot may take.
 
-    Gives how many arcs there are to choose from, their weights in sum, and the last of them.
+    Returns how many arcs there are to choose from, the sum of their weights, and the last of them.
     """
     low, high, loop = graph.first[here], graph.first[here + 1], graph.head.shape[0]
     unreached, cumulated, head = scratch.unreached, scratch.cumulated, graph.head

@@ -51,7 +51,7 @@ class LabelRule(NamedTuple):
     goal_keys: SeedArray
     single: bool  # whether the team is one robot
     limits: Limits  # survival floor and travel budget
-    short: Graph  # as ``measured_by_length`` returns it with a travel budget, else not used
+    short: Graph | None  # the graph as ``measured_by_length`` returns it; None without a budget
 
 
 class LabelTable(NamedTuple):
@@ -80,10 +80,7 @@ class TrailTable(NamedTuple):
 class CurrentLabel(NamedTuple):
     """Scratch: a label, and what it may still reach."""
 
-    paths: Paths  # the safest ways from its node over arcs that it can use
-    reach: FloatArray  # survival of these, 0 where there is none (n_nodes)
-    homeward: OffsetArray  # whether arcs that it can use lead from each node home (n_nodes)
-    length: FloatArray  # how long it is (1)
+    row: RecordArray  # as ``LABEL`` (1)
     # Whether it cannot use each arc (n_arcs), and the same as bits (n_words).
     used: OffsetArray
     bits: SeedArray
@@ -91,20 +88,34 @@ class CurrentLabel(NamedTuple):
     reached: FloatArray
     prospect: FloatArray
     column: FloatArray  # one row of ``TrailTable.reached``
+    paths: Paths  # the safest ways from its node over arcs that it can use
+    reach: FloatArray  # survival of these, 0 where there is none (n_nodes)
+    homeward: OffsetArray  # whether arcs that it can use lead from each node home (n_nodes)
+
+
+class LabelSearch(NamedTuple):
+    """A search for all trails that teams may need."""
+
+    graph: Graph
+    rule: LabelRule
+    labels: LabelTable
+    trails: TrailTable
+    progress: RecordArray  # as ``PROGRESS`` (1)
+    current: CurrentLabel
 
 
 def new_current(graph: Graph, n_goals: int, n_columns: int) -> CurrentLabel:
     """Return scratch for labels of a mission."""
     return CurrentLabel(
-        paths=new_paths(graph),
-        reach=np.zeros(graph.n_nodes),
-        homeward=np.zeros(graph.n_nodes, np.int64),
-        length=np.zeros(1),
+        row=np.zeros(1, LABEL).view(np.recarray),
         used=np.zeros(graph.n_arcs, np.int64),
         bits=np.zeros(n_words(graph), np.uint64),
         reached=np.zeros(n_goals),
         prospect=np.zeros(n_goals),
         column=np.zeros(n_columns),
+        paths=new_paths(graph),
+        reach=np.zeros(graph.n_nodes),
+        homeward=np.zeros(graph.n_nodes, np.int64),
     )
 
 
@@ -114,7 +125,7 @@ def n_words(graph: Graph) -> int:
 
 
 def new_labels(n: int, n_goals: int, words: int) -> LabelTable:
-    """Make room for ``n`` labels, a power of two."""
+    """Return room for ``n`` labels, a power of two."""
     return LabelTable(
         rows=np.zeros(n, LABEL).view(np.recarray),
         reached=np.zeros((n, n_goals)),
@@ -124,7 +135,7 @@ def new_labels(n: int, n_goals: int, words: int) -> LabelTable:
 
 
 def new_trails(n: int, n_columns: int) -> TrailTable:
-    """Make room for ``n`` trails, a multiple of SHELF."""
+    """Return room for ``n`` trails, a multiple of SHELF."""
     return TrailTable(
         rows=np.zeros(n, TRAIL).view(np.recarray),
         reached=np.zeros((n, n_columns)),

@@ -58,7 +58,7 @@ class Choices(NamedTuple):
 def new_choices(
     survives: FloatArray, reached: FloatArray, reward: FloatArray, slack: FloatArray, n_robots: int
 ) -> Choices:
-    """Make room for a search in which no robot has chosen."""
+    """Return room for a search in which no robot has chosen."""
     shape = (n_robots, len(survives))
     left = np.zeros((n_robots, len(reward)))
     left[0] = reward
@@ -79,7 +79,7 @@ def new_choices(
 
 
 def new_turn() -> RecordArray:
-    """Make the state of a search that has not begun."""
+    """Return the state of a search that has not begun."""
     turn = np.zeros(1, TURN).view(np.recarray)
     turn["robot"] = -1
     return turn
@@ -114,7 +114,7 @@ def _is_hopeful(
     reward: float,
     survivors: float,
 ) -> bool:
-    """Whether a team may get beyond the front with more robots, who choose from a hull.
+    """Return whether a team may get beyond the front with more robots, who choose from a hull.
 
     ``reward`` and ``survivors`` are the team's without them, ``robot`` is whose hull it is.
     """

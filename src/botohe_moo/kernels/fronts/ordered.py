@@ -42,7 +42,7 @@ class OrderedFront(NamedTuple):
 
 
 def new_front(n_slots: int, n_robots: int) -> OrderedFront:
-    """Make room for ``n_slots`` plans of ``n_robots`` trails."""
+    """Return room for ``n_slots`` plans of ``n_robots`` trails."""
     n_blocks = n_slots // 8 + 2  # two neighbours always hold more than half a block together
     front = OrderedFront(
         n=np.zeros(1, _COUNTS).view(np.recarray)[0],
@@ -60,7 +60,7 @@ def new_front(n_slots: int, n_robots: int) -> OrderedFront:
 
 
 def read_front(front: OrderedFront) -> tuple[OffsetArray, FloatArray]:
-    """Give the slots of all plans in order, and their E[R] and E[S] (n_plans, 2)."""
+    """Return the slots of all plans in order, and their E[R] and E[S] (n_plans, 2)."""
     blocks = front.directory[: front.n.blocks]
     places = front.places[blocks][np.arange(BLOCK) < front.size[blocks, np.newaxis]]
     return places["slot"].copy(), np.column_stack([places["reward"], places["survivors"]])
@@ -89,16 +89,16 @@ def copy_front(front: OrderedFront, kept: OffsetArray, n_slots: int) -> OrderedF
 
 
 def has_room(front: OrderedFront, n: int) -> bool:
-    """Tell whether so many plans can still enter."""
+    """Return whether there is room for ``n`` more plans."""
     # Then there are enough blocks, too: two neighbours hold more than half a block together.
     return bool(front.n.spare >= n)
 
 
 @inlined
 def find_place(front: OrderedFront, survivors: float) -> tuple[int, int]:
-    """Find the first plan with at least so many survivors: of those it has the largest reward.
+    """Find the first plan with at least this E[S]; of these plans it has the largest E[R].
 
-    Gives its block's number in the directory, and its place there; behind the last block where
+    Returns its block's number in the directory, and its place there; behind the last block where
     there is none.
     """
     low, high = 0, front.n.blocks
@@ -125,7 +125,7 @@ def find_place(front: OrderedFront, survivors: float) -> tuple[int, int]:
 
 @inlined
 def best_reward(front: OrderedFront, survivors: float) -> float:
-    """Give the largest E[R] of the plans with at least so many survivors; −1 without any."""
+    """Return the largest E[R] of the plans with at least this E[S]; −1 without any."""
     at, place = find_place(front, survivors)
     if at == front.n.blocks:
         return -1.0
@@ -173,7 +173,7 @@ def draw_place(front: OrderedFront, states: SeedArray) -> tuple[int, int]:
 
 @inlined
 def _beside(front: OrderedFront, at: int, place: int) -> tuple[Record, Record]:
-    """Give the places before and behind one; at an end of the front it is its own neighbour."""
+    """Return the places before and after one; at an end of the front it is its own neighbour."""
     block = front.directory[at]
     left = right = front.places[block, place]
     if place > 0:
@@ -190,9 +190,9 @@ def _beside(front: OrderedFront, at: int, place: int) -> tuple[Record, Record]:
 
 @helper
 def contribution(front: OrderedFront, at: int, place: int) -> float:
-    """Give the area between the two plans beside one, on both sides of it.
+    """Return the area of the rectangle between the two neighbours of a plan.
 
-    At the ends it is what a front of evenly spaced plans has there.
+    At the ends it is what it would be if the plans were evenly spaced.
     """
     n = front.n.blocks
     is_first = at == 0 and place == 0
@@ -210,7 +210,7 @@ def contribution(front: OrderedFront, at: int, place: int) -> float:
 
 @helper
 def slope_at(front: OrderedFront, at: int, place: int) -> float:
-    """Give how much E[R] the front pays for a survivor at a plan: the slope beside it."""
+    """Return how much E[R] the front loses for each survivor more: the slope beside a plan."""
     left, right = _beside(front, at, place)
     more = right.survivors - left.survivors
     return float((left.reward - right.reward) / more) if more > 0.0 else 0.0
@@ -224,7 +224,7 @@ def _move(place: Record, to: Record) -> None:
 
 @helper
 def remove_place(front: OrderedFront, at: int, place: int) -> int:
-    """Take a plan out; give its slot, which is free now."""
+    """Take a plan out; return its slot, which is free now."""
     n, block = front.n, front.directory[at]
     slot = front.places[block, place].slot
     front.size[block] -= 1
@@ -270,7 +270,7 @@ def _merge(front: OrderedFront, at: int) -> None:
 
 @helper
 def add_place(front: OrderedFront, reward: float, survivors: float) -> int:
-    """Put in a plan that none in the front dominates or equals; give the slot for its trails.
+    """Add a plan that none in the front dominates or equals; return the slot for its trails.
 
     Those that it dominates must have been removed.
     """

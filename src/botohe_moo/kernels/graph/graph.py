@@ -55,14 +55,14 @@ class Graph(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """What every robot of a plan has to keep."""
+    """The limits that every robot of a plan keeps."""
 
     min_survival: float = 0.0  # survival floor; 0 sets none
-    max_length: float = math.inf  # travel budget: how long the arcs of its trail are at most
+    max_length: float = math.inf  # travel budget: the largest sum of its arcs' lengths
 
     @property
     def bind(self) -> bool:
-        """Whether there is any limit."""
+        """Return whether there is any limit."""
         return self.min_survival > 0.0 or self.max_length < math.inf
 
 
@@ -107,7 +107,7 @@ def new_graph(
 
 
 def measured_by_length(graph: Graph) -> Graph:
-    """Give the same graph with lengths in the place of costs, so that path searches minimise them.
+    """Return the same graph with lengths as costs, so that path searches minimise these.
 
     ``cost`` is the length of each arc, ``homeward`` leads along the shortest way home, and ``home``
     is the length of that way, 0 at the base.
@@ -116,7 +116,7 @@ def measured_by_length(graph: Graph) -> Graph:
 
 
 def with_costs(graph: Graph, cost: FloatArray) -> Graph:
-    """Give the same graph with other costs of arcs, so that path searches minimise these.
+    """Return the same graph with other costs of arcs, so that path searches minimise these.
 
     ``homeward`` leads along the cheapest way home then, and ``home`` is the cost of that way, 0 at
     the base.
@@ -138,7 +138,7 @@ def _ways_home(
 ) -> tuple[OffsetArray, FloatArray, FloatArray]:
     """Find the cheapest way home from every node by Dijkstra's algorithm, from the base backwards.
 
-    Gives the first arc of each way, its cost and its survival. In Python, for it runs once for
+    Returns the first arc of each way, its cost and its survival. In Python, since it runs once for
     every mission: compiling it would take longer. Ties go to the node of the smallest index.
     """
     n_nodes = len(first_entering) - 1

@@ -58,7 +58,7 @@ def way_within(
 
 @helper
 def _keeps(graph: Graph, paths: Paths, n: int, alive: float, length: float, limits: Limits) -> bool:
-    """Tell whether a trail that goes on by the first ``n`` arcs of ``paths.path`` keeps limits."""
+    """Return whether a trail that goes on by ``n`` arcs of ``paths.path`` keeps limits."""
     for i in range(n):
         alive *= graph.survival[paths.path[i]]
         length += graph.length[paths.path[i]]

@@ -46,7 +46,7 @@ class Paths(NamedTuple):
 
 @helper(makes_arrays=True)
 def new_paths(graph: Graph) -> Paths:
-    """Make room for searches in a graph."""
+    """Return room for searches in a graph."""
     n_nodes, n_arcs = graph.reward.shape[0], graph.head.shape[0]
     paths = Paths(
         np.empty(1, np.int64),
@@ -69,7 +69,7 @@ def new_paths(graph: Graph) -> Paths:
 
 @helper
 def _push(paths: Paths, size: int, key: float, node: int) -> int:
-    """Put a node on the heap; give the heap's new size."""
+    """Put a node on the heap; return the heap's new size."""
     keys, nodes = paths.heap_keys, paths.heap_nodes
     at = size
     while at > 0:
@@ -84,7 +84,7 @@ def _push(paths: Paths, size: int, key: float, node: int) -> int:
 
 @helper
 def _pop(paths: Paths, size: int) -> int:
-    """Take the first node off the heap, which moves to the end; give the heap's new size."""
+    """Take the first node off the heap, which moves to the end; return the heap's new size."""
     keys, nodes = paths.heap_keys, paths.heap_nodes
     first_key, first_node = keys[0], nodes[0]
     size -= 1
@@ -156,7 +156,7 @@ def safest_path(
 ) -> int:
     """Write the safest path between two nodes to ``paths.path``.
 
-    Gives how many arcs it has; −1 where there is none.
+    Returns how many arcs it has; −1 where there is none.
     """
     n_nodes = paths.met.shape[0]
     n_known = search_paths(graph, paths, used, trail, source, target, n_nodes, False)
@@ -176,7 +176,7 @@ def safest_path(
 
 @helper
 def way_home(graph: Graph, paths: Paths, used: OffsetArray, trail: int, source: int) -> int:
-    """Write the safest way to the base to ``paths.path``; give its length as ``safest_path`` does.
+    """Write the safest way to the base to ``paths.path``, and return how many arcs it has or −1.
 
     First along ``graph.homeward``: cheap, and nearly always enough.
     """

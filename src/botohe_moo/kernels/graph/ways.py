@@ -1,16 +1,19 @@
 """Ways home that are remembered: where dead ends are possible, a trail asks for one at each hop.
 
-Of each node but the base ``ways[node].onward`` is the arc by which some way home goes on, at first
-the safest one. These ways are left over from all trails: arcs of them may be used by now, and they
-may go round in circles.
+For each node but the base ``ways[node].onward`` is the first arc of some way home, at the beginning
+the safest one. These ways come from all trails so far: some of their arcs may be used, and they may
+go round in circles.
 
-Of one trail, ``known.trail``, a way home over unused arcs is known. From the place
-``known.size`` − 1 down to the base at 0 it goes over ``ways[place].node``, by their ``onward``;
-``ways[node].place`` is where it goes over a node, if it does, and ``ways[place].survival`` is that
-of the way from there. It begins where the trail is, and stays free as long as the trail asks for
-every node that it goes to. So what leads to this way leads home: mostly a hop or two. And from
-where none led home none will: ``ways[node].dead`` is the search that found so, of this trail if it
-came after ``known.since``.
+Of one trail, ``known.trail``, a way home over unused arcs is known. Its nodes are
+``ways[place].node``, from the place ``known.size`` − 1, where the trail is, down to the base at
+place 0; each goes on by its ``onward``. ``ways[place].survival`` is the survival of the rest of the
+way, and ``ways[node].place`` the place of a node that is on the way. The way stays free as long as
+the trail asks for every node that it visits. So whatever leads to this way leads home, mostly in a
+hop or two.
+
+Where no way home was found from a node, there will be none for the same trail:
+``ways[node].dead`` is the number of the search that showed this. It holds for the present trail if
+it is larger than ``known.since``.
 """
 
 from botohe_moo._base.types import OffsetArray
@@ -23,7 +26,7 @@ _SURELY = 1 + 1e-9
 
 @helper
 def leads_home(graph: Graph, paths: Paths, used: OffsetArray, trail: int, node: int) -> bool:
-    """Tell whether unused arcs lead from a node to the base, whatever has been asked before."""
+    """Return whether unused arcs lead from a node to the base, whatever has been asked before."""
     _forget_way(graph, paths, NOBODY)
     return _find_way(graph, paths, used, trail, node)
 
@@ -38,12 +41,12 @@ def survives_home(
     alive: float,
     least: float,
 ) -> bool:
-    """Tell whether a robot that goes to a node, with probability ``alive``, can keep a floor.
+    """Return whether a robot that goes to a node, with probability ``alive``, can keep a floor.
 
     It can if it gets home over unused arcs with probability ``least`` or more; without a floor
     (0), if any lead home. If it can it has to go there, and the arc to that node is used by now.
-    A trail that has come to its end has to say so (``end_trail``). Where there is no scratch to
-    search on, it always can: the search is not even compiled.
+    Call ``end_trail`` at the end of a trail. Without scratch (``paths`` None) the result is always
+    True, and the search is not compiled.
     """
     if paths is None:
         return True
@@ -81,14 +84,14 @@ def go_without_choice(graph: Graph, paths: Paths | None, trail: int, node: int) 
 
 @helper
 def end_trail(paths: Paths | None) -> None:
-    """Let nothing be known of the next trail, be it of the same number."""
+    """Forget the way of a trail that has ended: the next one may have the same number."""
     if paths is not None:
         paths.known[0].trail = NOBODY
 
 
 @inlined
 def _forget_way(graph: Graph, paths: Paths, trail: int) -> None:
-    """Let nothing be known of a trail, but that it is home at the base."""
+    """Forget all ways of a trail, except that it is home at the base."""
     known = paths.known[0]
     known.trail, known.since, known.size = trail, paths.n_searches[0], 1
     paths.ways[0].node, paths.ways[0].survival = graph.base, 1.0
@@ -97,14 +100,14 @@ def _forget_way(graph: Graph, paths: Paths, trail: int) -> None:
 
 @inlined
 def _is_on_way(paths: Paths, node: int) -> bool:
-    """Tell whether the way that is known goes over a node."""
+    """Return whether the way that is known goes over a node."""
     place = paths.ways[node].place
     return bool(place < paths.known[0].size and paths.ways[place].node == node)
 
 
 @helper
 def _walk(graph: Graph, paths: Paths, used: OffsetArray, trail: int, node: int) -> float:
-    """Walk along ``onward`` to the way that is known; give the survival of the way home.
+    """Walk along ``onward`` to the way that is known; return the survival of the way home.
 
     It is −1 where a used arc is in the way, or what a walk of the same search has gone over: that
     has been blocked, or this one goes round in a circle.

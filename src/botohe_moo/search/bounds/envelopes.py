@@ -11,7 +11,7 @@ from botohe_moo._base.types import FloatArray, OffsetArray
 
 
 def lower_hull(x: FloatArray, y: FloatArray) -> OffsetArray:
-    """Tell which points are corners of the largest convex function below all, by ascending x.
+    """Return the corners of the largest convex function below all points, by ascending x.
 
     Andrew, "Another efficient algorithm for convex hulls in two dimensions", Information Processing
     Letters 9(5), 1979; scipy's refuses points on one line.
@@ -30,7 +30,7 @@ def lower_hull(x: FloatArray, y: FloatArray) -> OffsetArray:
 
 
 def convex_below(values: FloatArray) -> FloatArray:
-    """Give the largest convex function on a grid that is nowhere above, at least 0."""
+    """Return the largest convex function on a grid that is nowhere above, at least 0."""
     levels = np.arange(len(values), dtype=float)
     corners = lower_hull(levels, values)
     envelope: FloatArray = np.maximum(np.interp(levels, corners, values[corners]), 0.0)
@@ -38,7 +38,7 @@ def convex_below(values: FloatArray) -> FloatArray:
 
 
 def lower_envelope(most: ArrayLike, mu: ArrayLike) -> OffsetArray:
-    """Tell which lines ``most`` − ``mu`` · x are the lowest at some x ≥ 0, by ascending mu."""
+    """Return which lines ``most`` − ``mu`` · x are the lowest at some x ≥ 0, by ascending mu."""
     # Products must not overflow.
     y, x = (np.asarray(each) / (np.max(each) or 1.0) for each in (most, mu))
     corners = lower_hull(x, y)

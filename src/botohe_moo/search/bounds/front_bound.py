@@ -42,9 +42,9 @@ class _Proved(NamedTuple):
 class FrontBound:
     """For each E[S], an E[R] that no plan of a mission exceeds; see :func:`bound_front`.
 
-    Plans are told apart by how many of their robots move. Where j do, the others stay at base and
-    survive, and E[R] lies on or below all lines and steps for j; the bound is the largest of these
-    over all j.
+    Plans are bounded separately for each number of robots that move. Where j do, the others stay
+    at base and survive, and E[R] lies on or below all lines and steps for j. The bound is the
+    largest of these over all j.
 
     Attributes
     ----------
@@ -84,9 +84,9 @@ class FrontBound:
     notes: tuple[str, ...] = ()
 
     def bound(self, survivors: ArrayLike) -> Any:
-        """Give the E[R] that no plan exceeds whose E[S] is so large, or larger.
+        """Return the E[R] that no plan exceeds with this E[S] or more.
 
-        −inf where no plan has so many survivors.
+        It is −inf where no plan has such an E[S].
 
         Parameters
         ----------
@@ -122,7 +122,7 @@ class FrontBound:
 
     @_OVERFLOW
     def _bound_where(self, moving: int, survivors: FloatArray) -> FloatArray:
-        """Bound E[R] of plans in which so many robots move."""
+        """Bound E[R] of plans in which a number of robots move."""
         n_robots, graph = self.mission.robots, self.mission.arrays
         bounds = np.full(survivors.shape, -np.inf)
         wanted = survivors * (1.0 - _ROUNDING)
@@ -159,7 +159,7 @@ class FrontBound:
 
     @_OVERFLOW
     def _corners(self) -> FloatArray:
-        """Give each E[S] where the bound for some number of robots may jump or bend, ascending."""
+        """Return each E[S] where a bound for some number of robots may jump or bend, ascending."""
         n_robots = self.mission.robots
         found = [0.0, float(n_robots)]
         for moving in range(1, n_robots + 1):
@@ -218,7 +218,7 @@ class FrontBound:
         return area
 
     def gap(self, front: ArrayLike) -> float:
-        """Give by which share of its area a front may be improved at most.
+        """Return the largest share of its area by which a front can be improved.
 
         inf if its area is 0 and the bound's is not.
 

@@ -1,4 +1,4 @@
-"""Lines that no plan of so many moving robots lies above, found by column generation."""
+"""Lines that no plan of a number of moving robots lies above, found by column generation."""
 
 from __future__ import annotations
 
@@ -94,9 +94,9 @@ class Lines:
         return min(line.most - line.mu * x for line in self.found)
 
     def lowest(self, x: float, end: float, n_most: int) -> list[tuple[FloatArray, float]]:
-        """Give prices, and the price of survival, of lines that bound lowest from ``x`` to an end.
+        """Return prices and mu (the price of survival) of the lowest lines from ``x`` to ``end``.
 
-        At least one, and at most so many, each of which lowers the bound the most.
+        There are 1 to ``n_most``; each lowers the bound the most beside those before it.
         """
         lines = [(line, prices) for line, prices in self._found if prices is not None]
         if not lines:
@@ -129,7 +129,7 @@ class Lines:
         return True
 
     def drop_forgotten(self) -> None:
-        """Drop relaxed trails that remember now what they did twice."""
+        """Drop trails that are not relaxed trails any more, since more is remembered."""
         pool = self._pool
         for number, how in enumerate(pool.relaxed):
             if how is None or pool.dropped[number] or self._relaxation.allows(*how):
@@ -152,7 +152,7 @@ class Lines:
             if centre is not None:
                 here = stay * centre[0] + (1 - stay) * prices
                 slope = stay * centre[1] + (1 - stay) * mu
-            here = self.team.tidy(here)
+            here = self.team.convex(here)
             ahead = self._relaxation.look_ahead(self.team.spread(here, rule.n_levels), slope)
             reached = self._keep(here, slope, ahead.most, "relaxed", deadline) - slope * x
             found = self._relaxation.best_trails(ahead)
@@ -168,7 +168,7 @@ class Lines:
                 break
             stay = rule.smoothing if is_new else 0.0
         if centre is None:
-            centre = self.team.tidy(prices), mu
+            centre = self.team.convex(prices), mu
         return centre
 
     def _by_search(
@@ -176,7 +176,7 @@ class Lines:
     ) -> bool:
         """Step from the best prices known towards those of the programme, if they can be searched.
 
-        Tells whether the best prices themselves have been.
+        Returns whether the search at the best prices ended.
         """
         rule, pool = self.rule, self._pool
         self._master.allow_relaxed(pool, allowed=False)
@@ -187,7 +187,7 @@ class Lines:
             best = self.bound(x)
             if best - least < rule.tolerance * best or time.monotonic() > deadline:
                 break
-            here = self.team.tidy((1 - step) * centre[0] + step * known)
+            here = self.team.convex((1 - step) * centre[0] + step * known)
             there = (1 - step) * centre[1] + step * slope
             ahead = self._relaxation.look_ahead(self.team.spread(here, 2 * rule.n_levels), there)
             worth = pool.values(here[:, 1:], there)
@@ -235,7 +235,7 @@ class Lines:
         return self.keep(prices, mu, theta, proof)
 
     def keep(self, prices: FloatArray, mu: float, theta: float, proof: LineProof) -> float:
-        """Keep the line of these prices if no trail is worth more than ``theta``; give its most."""
+        """Keep the line of prices at which trails are worth at most ``theta``; return its most."""
         beside = float(self.team.most(prices).sum())
         line = self._line(beside + self.n_robots * theta, mu, proof)
         if math.isfinite(line.most):  # prices of a programme that went astray may overflow

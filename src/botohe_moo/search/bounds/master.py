@@ -30,7 +30,7 @@ class Master:
         class Silent(highspy.Highs):
             """HiGHS, which since 1.16 prints its name as soon as it is made."""
 
-            def enableCallbacks(self) -> None:  # noqa: N802 - the first thing that it is told
+            def enableCallbacks(self) -> None:  # noqa: N802 - its first call
                 self.setOptionValue("output_flag", False)
                 super().enableCallbacks()  # type: ignore[no-untyped-call]
 
@@ -71,7 +71,7 @@ class Master:
     def solve(
         self, pool: Pool, x: float, deadline: float
     ) -> tuple[float, FloatArray, float, float]:
-        """Give the least bound over known trails, prices (n_nodes, n_levels + 1), theta and mu.
+        """Return the least bound over known trails, prices (n_nodes, n_levels + 1), theta and mu.
 
         When the time is over, prices may be far from the best: any are valid.
         """
@@ -93,7 +93,7 @@ class Master:
                 return self._lp.getObjectiveValue(), prices, theta, mu
 
     def active(self) -> list[int]:
-        """Give the trails of the pool that the last solution is made of, the most used first."""
+        """Return the trails of the pool that the last solution is made of, the most used first."""
         duals = np.array(self._lp.getSolution().row_dual)
         if len(duals) != self._n_rows:  # no solution
             return []
@@ -150,7 +150,7 @@ class Master:
             self._switch_off(self._rows.pop(number))
 
     def allow_relaxed(self, pool: Pool, *, allowed: bool) -> None:
-        """Let relaxed trails count, or trails only."""
+        """Count relaxed trails too, or trails only."""
         self._only_trails = not allowed
         if allowed:
             for number in list(self._parked):

@@ -60,14 +60,14 @@ class Remembered:
                 self._next[node] = rewards
 
     def widen(self, n_bits: int) -> None:
-        """Add the next rewards near by to nodes that remember less than so many bits."""
+        """Add the next rewards near by to nodes that remember fewer than ``n_bits``."""
         self.bits = [list(bits) for bits in self.bits]
         for bits, rewards in zip(self.bits, self._next, strict=True):
             more = [reward for reward in rewards if reward not in bits]
             bits += more[: max(0, n_bits - len(bits))]
 
     def add(self, wanted: Sequence[tuple[int, Sequence[int]]], n_bits: int) -> bool:
-        """Add bits to nodes, each where all its nodes have room; tells whether any is new."""
+        """Add bits to nodes, each where all its nodes have room; returns whether any is new."""
         self.bits = [list(bits) for bits in self.bits]
         is_new = False
         for bit, nodes in wanted:
@@ -91,7 +91,7 @@ class Remembered:
         return rewards, [ways[i] for i in order.tolist()]
 
     def pack(self) -> Memory:
-        """Give the masks' meaning as arrays."""
+        """Return the meaning of the masks' bits as arrays."""
         graph = self.net.graph
         n_nodes = graph.n_nodes
         places = [{bit: i for i, bit in enumerate(bits)} for bits in self.bits]

@@ -132,7 +132,7 @@ def _needed(graph: Graph, outward: Graph, limits: Limits) -> Any:
 
 
 def _arrives(graph: Graph) -> BoolArray:
-    """Tell which nodes have a way to the base."""
+    """Return which nodes have a way to the base."""
     there = graph.homeward >= 0
     there[graph.base] = True
     return there

@@ -39,8 +39,8 @@ class Pool:
     def add(self, arcs: list[int], paid: list[bool] | None = None) -> tuple[int, bool]:
         """Add a trail, or a relaxed one with the visits that pay.
 
-        Gives its number, and whether it is new. A relaxed one is a trail where it comes home within
-        the limits, pays no node twice and takes no arc twice.
+        Returns its number, and whether it is new. A relaxed one is a trail where it comes home
+        within the limits, pays no node twice and takes no arc twice.
         """
         net, graph = self._net, self._net.graph
         alive, seen, at = 1.0, {graph.base}, []
@@ -73,11 +73,6 @@ class Pool:
         self._matrix = None
         return len(self) - 1, True
 
-    def add_all(self, trails: list[list[int]]) -> None:
-        """Add trails, not relaxed ones."""
-        for arcs in trails:
-            self.add(arcs)
-
     def _visits(self, at: list[tuple[int, float]], survival: float) -> Visits:
         weights: dict[int, float] = {}
         for node, alive in at:
@@ -94,7 +89,7 @@ class Pool:
         return Visits(columns, np.array([weights[c] for c in columns.tolist()]), survival)
 
     def values(self, prices: FloatArray, mu: float) -> FloatArray:
-        """Give what all trails are worth, −inf those dropped; level 0 is left out of ``prices``."""
+        """Return what trails are worth, −inf for those dropped; ``prices`` leave level 0 out."""
         from scipy.sparse import csr_array
 
         if not self.visits:

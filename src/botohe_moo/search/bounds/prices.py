@@ -17,11 +17,10 @@ from botohe_moo.search.bounds.envelopes import convex_below
 
 _EPSILON = float(np.finfo(float).eps)
 _TINY = float(np.finfo(float).tiny)  # rounding where a relative error no longer holds
-_TIDIED = 3  # times that prices are lowered before the convex envelope is taken
 
 
 def most_levels(n_robots: int, n_levels: int, most: int) -> int:
-    """Give the largest number of levels up to that given with few enough configurations, or 0."""
+    """Return the largest number of levels, at most ``n_levels``, with few enough configurations."""
     while n_levels > 0 and math.comb(n_levels + n_robots, n_robots) > most:
         n_levels -= 1
     return n_levels
@@ -40,16 +39,15 @@ class Team:
         self.nodes: OffsetArray = np.flatnonzero(graph.reward > 0.0)
         self.reward: FloatArray = graph.reward[self.nodes]
         self.alive = np.outer(net.reach[self.nodes], np.arange(n_levels + 1) / n_levels)
-        self.counts, missed = self._configurations(n_robots)
+        self.counts, missed = self._configurations()
         self.gains = self.reward[:, None] * (1.0 - missed)  # (n_nodes, n_configurations)
-        self._others, self._others_miss = self._configurations(n_robots - 1)
 
-    def _configurations(self, n_robots: int) -> tuple[FloatArray, FloatArray]:
+    def _configurations(self) -> tuple[FloatArray, FloatArray]:
         """How many robots are at each level, and with what probability none gets to each node."""
         # Robots in a row, and bars between those of one level and those of the next.
-        bars = list(combinations(range(n_robots + self.n_levels), self.n_levels))
+        bars = list(combinations(range(self.n_robots + self.n_levels), self.n_levels))
         ends = np.pad(np.array(bars), ((0, 0), (1, 1)), constant_values=-1)
-        ends[:, -1] = n_robots + self.n_levels
+        ends[:, -1] = self.n_robots + self.n_levels
         counts = (np.diff(ends) - 1).astype(float)
         missed = np.ones((len(self.nodes), len(counts)))
         for alive, count in zip(self.alive.T, counts.T, strict=True):
@@ -57,38 +55,20 @@ class Team:
         return counts, missed
 
     def beside(self, prices: FloatArray) -> FloatArray:
-        """Give what each configuration gains beside prices (n_nodes, n_configurations)."""
+        """Return what each configuration gains beside prices (n_nodes, n_configurations)."""
         left: FloatArray = self.gains - prices @ self.counts.T
         return left
 
     def most(self, prices: FloatArray) -> FloatArray:
-        """Give the most that is gained beside prices at each node, rounded up (n_nodes)."""
+        """Return the most that is gained beside prices at each node, rounded up (n_nodes)."""
         terms = 2 * self.n_robots + 5 * self.n_levels + 9  # of each power some units
         spare = terms * _EPSILON * (self.reward + self.n_robots * prices[:, -1])
         most: FloatArray = self.beside(prices).max(axis=1) + spare + _TINY
         return most
 
-    def tidy(self, prices: FloatArray) -> FloatArray:
-        """Lower prices where nothing is gained more by that, and make them convex from below.
-
-        The price at one level may fall as far as the most that is gained stays what it is, with any
-        levels of the others. All robots' prices fall together, so each falls by its share.
-        """
-        most = self.beside(prices).max(axis=1)
-        slope = self.reward[:, None] * self._others_miss
-        prices = prices.copy()
-        for _ in range(_TIDIED):
-            at_none = (self.reward - most)[:, None] - prices @ self._others.T
-            least = np.stack(
-                [(at_none - (1.0 - alive)[:, None] * slope).max(axis=1) for alive in self.alive.T],
-                axis=1,
-            )
-            least = np.clip(least, 0.0, prices)
-            prices += (least - prices) / self.n_robots
-            prices[:, 0] = 0.0
-        for row, each in enumerate(prices):
-            prices[row] = convex_below(each)
-        return prices
+    def convex(self, prices: FloatArray) -> FloatArray:
+        """Return the largest convex prices that are nowhere above these."""
+        return np.array([convex_below(row) for row in prices]).reshape(prices.shape)
 
     def to_all(self, values: FloatArray) -> FloatArray:
         """Write values of nodes that pay to all nodes of the mission, 0 elsewhere."""
@@ -97,7 +77,7 @@ class Team:
         return everywhere
 
     def spread(self, prices: FloatArray, n_levels: int) -> FloatArray:
-        """Write prices to all nodes of the mission, on a grid of so many levels or a few more."""
+        """Write prices to all nodes of the mission, on a grid of ``n_levels`` or a few more."""
         n_times = -(-n_levels // self.n_levels)
         fine = np.zeros((self._n_all, self.n_levels * n_times + 1))
         fine[self.nodes] = refine(prices, n_times)
@@ -105,7 +85,7 @@ class Team:
 
 
 def refine(prices: FloatArray, n_times: int) -> FloatArray:
-    """Give the same prices on a grid of so many times as many levels (n_nodes, ·)."""
+    """Return the same prices on a grid of ``n_times`` as many levels (n_nodes, ·)."""
     n_levels = prices.shape[1] - 1
     levels = np.arange(n_levels * n_times + 1) / n_times
     low = np.minimum(levels.astype(int), n_levels - 1)

@@ -29,27 +29,34 @@ from botohe_moo.search.exact import TooLargeError, exact_front
 from botohe_moo.search.local_search import DEFAULT_MOVES, LocalSearch
 from botohe_moo.trails import PlanBatch
 
+# No constant here decides whether a bound is valid: they share out time and memory. They were
+# chosen for small gaps in `benchmarks/bounds.py`, on missions of 20 to 200 nodes.
+
 # Shares of the time: for the true front, and to find trails.
 _EXACT_SHARE, _SEARCH_SHARE = 0.2, 0.05
-# Of what is left: for lines and steps of one robot, for lines before steps, and for steps.
+# Shares of what is left of it: for lines and steps of one robot (on 200 nodes they took all of it),
+# for lines before steps, and for steps.
 _FIRST_SHARE, _LINES_SHARE, _STEPS_SHARE = 0.1, 0.4, 0.5
-_PREPARING = 4  # times the seconds for what remembers nothing, for what remembers
-_LEAST_GAIN = 1e-3  # that makes a line worth another try when more is remembered
-_EFFORT_OF_LINES = 16  # when all steps that are easy are known
-_EVALUATIONS, _FIRST_EVALUATIONS = 100_000, 100  # of the search for trails
-_MOST_CONFIGURATIONS = 6_000  # of levels of a team, which are looked at for each node
-# Levels of prices, and how many prices a linear programme has at most if there are enough levels.
-_LEAST_LEVELS, _MOST_LEVELS, _MOST_PRICES = 4, 12, 400
-# What each node remembers at first: rewards near by, and bridges; and at most. The same for steps.
-_NEAREST, _FIRST_BITS, _MOST_BITS, _MOST_STATES = 8, 10, 14, 40_000
-_STEP_BITS, _MOST_STEP_STATES = 12, 120_000
-_MOST_COMPARED = 3_000  # nodes, of which all pairs are compared
-_MIB = 2**20
-_BYTES_A_LINK = 40.0
-_ROUNDING = 1e-12
+# Relaxed trails get a memory where there is this many times the time that it takes without one.
+_PREPARING = 4
+_LEAST_GAIN = 1e-3  # relative; a line that is lowered by more is worth another try
+_EFFORT_OF_LINES = 16  # times the usual search, once all steps that are easy are known
+_SECONDS_OF_EFFORT = 0.3  # that a search for a step takes, for each unit of effort
 # Where the first lines of one robot are found, in shares of its best survival.
 _FIRST_LINES = (0.5, 0.75, 0.25)
-_SECONDS_OF_EFFORT = 0.3  # that a unit takes, of a step
+# Plans that are evaluated in the search for trails: at most, and before it looks at the clock.
+_EVALUATIONS, _FIRST_EVALUATIONS = 100_000, 100
+# Levels of prices, at least and at most. In between a linear programme has no more prices than
+# _MOST_PRICES, and a team no more configurations of levels, which are looked at for each node.
+_LEAST_LEVELS, _MOST_LEVELS, _MOST_PRICES, _MOST_CONFIGURATIONS = 4, 12, 400, 6_000
+# Bits that each node remembers: near rewards, these and bridges at first, all at most, and for
+# steps; and states of relaxed trails at most, usually and for steps.
+_NEAREST, _FIRST_BITS, _MOST_BITS, _STEP_BITS = 8, 10, 14, 12
+_MOST_STATES, _MOST_STEP_STATES = 40_000, 120_000
+_MOST_COMPARED = 3_000  # nodes, of which all pairs are compared: a second, and a tenth of a GiB
+_BYTES_A_LINK = 40.0  # three integers of 8 bytes and a flag, and two figures of a level
+_MIB = 2**20
+_ROUNDING = 1e-12
 
 Callback = Callable[[FrontBound], Any] | None
 
@@ -155,7 +162,9 @@ class Proof:
         """
         n_levels = self._levels()
         if n_levels == 0:
-            self._notes.append("Prices for so many robots and nodes do not fit into the memory.")
+            self._notes.append(
+                "Prices for this number of robots and nodes do not fit into the memory."
+            )
             return
         if time.monotonic() + _PREPARING * self._prepared < self._deadline:
             self._prepare(_NEAREST, _FIRST_BITS, n_levels, 1 << 18)
@@ -180,12 +189,12 @@ class Proof:
         self._find_steps(steps, self._mission.robots, self._deadline, gap, callback)
 
     def _until(self, share: float) -> float:
-        """Give when a share of what is left of the time is over."""
+        """Return the moment at which a share of the time that is left is over."""
         now = time.monotonic()
         return now + share * (self._deadline - now)
 
     def _wanted(self, gap: float, callback: Callback) -> FrontBound | None:
-        """Give the bound if there is time, and if its gap is larger than wanted."""
+        """Return the bound if there is time, and if its gap is larger than wanted."""
         if time.monotonic() > self._deadline:
             return None
         bound = self.bound()
@@ -212,7 +221,7 @@ class Proof:
     def _find_steps(
         self, targets: StepTargets, most_moving: int, until: float, gap: float, callback: Callback
     ) -> None:
-        """Find steps for up to so many moving robots, until the time is over or all are tried."""
+        """Find steps for up to ``most_moving`` robots, until the time is over or all are tried."""
         if most_moving > 1 and time.monotonic() < until:
             fits = int(self._memory * _MIB / 2 / StepSearch().bytes_a_state)
             self._relaxation.widen(_STEP_BITS, min(_MOST_STEP_STATES, fits))
@@ -229,7 +238,7 @@ class Proof:
             targets.tell(target, is_proved=is_proved)
 
     def bound(self) -> FrontBound:
-        """Give what has been proved, without lines that are nowhere the lowest."""
+        """Return what has been proved, without lines that are nowhere the lowest."""
         for each in self._lines:
             each.prune()
         unit = self._unit
@@ -278,7 +287,7 @@ class Proof:
 
 
 def _most_survival(net: Net) -> float:
-    """Give what a robot that moves survives with at most."""
+    """Return the largest probability to survive of a robot that moves."""
     graph = net.graph
     leaving = slice(graph.first[graph.base], graph.first[graph.base + 1])
     survival = graph.survival[leaving] * graph.home[graph.head[leaving]]

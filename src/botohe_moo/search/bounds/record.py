@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, PositiveInt, ValidationError
 
@@ -21,7 +20,7 @@ _Share = Annotated[float, Field(ge=0, le=1)]
 
 
 class Line(NamedTuple):
-    """E[R] ≤ most − mu · x, where so many robots move whose survivals sum to x or more.
+    """E[R] ≤ most − mu · x, where ``n_robots`` move whose survivals sum to x or more.
 
     Attributes
     ----------
@@ -41,7 +40,7 @@ class Line(NamedTuple):
 
 
 class Step(NamedTuple):
-    """E[R] ≤ most, where so many robots move whose survivals sum to ``least`` or more.
+    """E[R] ≤ most, where ``n_robots`` move whose survivals sum to ``least`` or more.
 
     Attributes
     ----------
@@ -78,35 +77,20 @@ class Record(BaseModel):
 
 def read_record(path: Path, mission: Mission) -> Record:
     """Read the bound of a mission; an OSError or a ValueError names the file."""
-    data = read_bytes(path)
     try:
-        json.loads(data, object_pairs_hook=_object)  # of equal keys pydantic takes the last
-        record = Record.model_validate_json(data)
+        record = Record.model_validate_json(read_bytes(path))
     except ValidationError as error:
         fault = error.errors()[0]
         where = ".".join(map(str, fault["loc"])) or "the whole"
         found = "" if fault["type"] == "missing" else f", found {quoted(fault['input'])}"
         raise ValueError(f"{path} is not a bound: {where}: {fault['msg']}{found}.") from None
-    except (ValueError, RecursionError) as error:
-        raise ValueError(f"{path} is not a bound: {error}.") from None
     if record.mission_digest != numbers_digest(mission):
         raise ValueError(f"{path} bounds another mission than {mission.name!r}.")
     numbers = set(range(1, mission.robots + 1))
     with_lines = {line.n_robots for line in record.lines}
-    if missing := numbers - with_lines:
-        raise ValueError(f"{path} is not a bound: no line for {min(missing)} robots that move.")
-    if more := (with_lines | {step.n_robots for step in record.steps}) - numbers:
+    if with_lines != numbers or not numbers >= {step.n_robots for step in record.steps}:
         raise ValueError(
-            f"{path} is not a bound: {max(more)} robots move in it, and the mission has "
-            f"{mission.robots}."
+            f"{path} is not a bound: expected lines for 1 to {mission.robots} robots that move, "
+            f"found {sorted(with_lines)}."
         )
     return record
-
-
-def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    content = dict(pairs)
-    if len(content) < len(pairs):
-        names = [name for name, _ in pairs]
-        twice = next(name for name in names if names.count(name) > 1)
-        raise ValueError(f"expected each key once, found {quoted(twice)} twice")
-    return content

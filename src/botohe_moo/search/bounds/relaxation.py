@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import BoolArray, FloatArray, OffsetArray
-from botohe_moo.kernels.bounds.relaxed import best_leaving, follow, relax, shortfall
+from botohe_moo.kernels.bounds.relaxed import follow, relax, shortfall
 from botohe_moo.kernels.bounds.states import Net, States, find_states
 from botohe_moo.kernels.bounds.trails import (
     Completions,
@@ -68,7 +68,7 @@ class Relaxation:
             self._forget(most_states)
 
     def _forget(self, most_states: int) -> None:
-        """Let each node remember its first bits alone, the most that there is room for."""
+        """Reduce each node's memory to as many of its first bits as there is room for."""
         wanted, fewest = self._remembered.bits, 0
         too_many = max(map(len, wanted), default=0)
         while True:
@@ -101,8 +101,8 @@ class Relaxation:
         # price may rise in the last alone. A trail has at most as many steps as there are arcs.
         scale = self.total + mu + float(values.max(initial=0.0))
         spare = graph.n_arcs * (short + (32 + 4 * prices.shape[1]) * _EPSILON * scale)
-        most = best_leaving(net, states, prices, values) + spare
-        return Ahead(prices, mu, values, spare, most)
+        _, best = follow(net, states, prices, mu, values, -1, np.empty(1, np.int64))
+        return Ahead(prices, mu, values, spare, best + spare)
 
     def _everything(self, prices: FloatArray, mu: float) -> FloatArray:
         """Bound what lies ahead of each node by going to all others at once (n_nodes, ·)."""
@@ -119,7 +119,7 @@ class Relaxation:
         return bounded
 
     def best_trails(self, ahead: Ahead) -> list[tuple[list[int], list[bool]]]:
-        """Give the best relaxed trail, its arcs and which pay, and some that leave it once.
+        """Return the arcs of the best relaxed trail and of some similar ones, and which arcs pay.
 
         Only the first steps where they are many; and some do not come home.
         """
@@ -127,7 +127,7 @@ class Relaxation:
         links = np.empty(_MOST_TRAIL, np.int64)
         for turn in _TURNS:
             given = ahead.prices, ahead.mu, ahead.values, turn, links
-            n = follow(self.net, self.states, *given)
+            n, _ = follow(self.net, self.states, *given)
             if n > max(turn, 0):
                 taken = links[:n]
                 arcs = self.states.arc[taken]
@@ -136,7 +136,7 @@ class Relaxation:
         return found
 
     def _is_worth(self, ahead: Ahead, arcs: OffsetArray) -> BoolArray:
-        """Tell which visits of a relaxed trail are worth anything."""
+        """Return which visits of a relaxed trail are worth anything."""
         net, n_levels = self.net, ahead.prices.shape[1] - 1
         levels = np.cumprod(net.ratio[arcs]) * n_levels
         heads = net.graph.head[arcs]
@@ -147,7 +147,7 @@ class Relaxation:
     def search(self, ahead: Ahead, least: float, n_most: int) -> tuple[bool, float, list[int]]:
         """Find the trail that is worth the most, if more than ``least``.
 
-        Gives whether the search has ended, what no trail is worth more than then, and its arcs.
+        Returns whether the search has ended, the value that no trail exceeds then, and its arcs.
         """
         stairs = Stairs(np.array([least]), np.inf, 0.0)
         line = Completions(ahead.values[None], np.zeros(1), np.zeros((1, len(ahead.prices))))
@@ -165,7 +165,7 @@ class Relaxation:
     ) -> tuple[bool, list[list[int]]]:
         """Raise stairs above all trails.
 
-        With each line comes what ``prices`` may exceed its own by at each node. Gives whether the
+        With each line comes what ``prices`` may exceed its own by at each node. Returns whether the
         search has ended, and trails found.
         """
         rule = TrailRule(False, _SLACK * self.total, n_most)
@@ -183,7 +183,7 @@ class Relaxation:
     ) -> tuple[OffsetArray, OffsetArray] | None:
         """Find all trails above the stairs.
 
-        Gives their arcs (n, n_arcs), and how many they are (n); None where they are too many.
+        Returns their arcs (n, n_arcs), and how many they are (n); None where they are too many.
         """
         spare = max(ahead.spare for ahead, _ in lines) + _SLACK * self.total
         lowered = stairs._replace(heights=stairs.heights - spare)
@@ -228,7 +228,7 @@ class Relaxation:
             self._remembered.bits = before
 
     def allows(self, arcs: Sequence[int], paid: Sequence[bool]) -> bool:
-        """Tell whether this is a relaxed trail still."""
+        """Return whether this is still a relaxed trail."""
         states, state = self.states, 0
         for arc, pays in zip(arcs, paid, strict=True):
             first, end = states.first[state : state + 2].tolist()

@@ -1,4 +1,9 @@
-"""Steps that no plan of so many moving robots lies above: they keep the team's survivors whole."""
+"""Steps that no plan of a number of moving robots lies above: E[R] where enough survive.
+
+They are proved by stairs, which say for each step of survival what a trail is worth at most that
+survives with as much or more. Step b represents survivals of b · width or more, and less than
+(b + 1) · width. Heights never rise.
+"""
 
 from __future__ import annotations
 
@@ -16,10 +21,9 @@ from botohe_moo.search.bounds.lines import Lines
 from botohe_moo.search.bounds.pool import Pool
 from botohe_moo.search.bounds.record import Step
 from botohe_moo.search.bounds.relaxation import MOST_LINES, Ahead, Relaxation
-from botohe_moo.search.bounds.stairs import add_stairs, last_steps, least_total, stairs_of
 
 _EPSILON = float(np.finfo(float).eps)
-_ROUNDING = 1e-12
+_EDGE = 1e-12  # survivals this much below a step count as on it, relative
 _LEAST_SURVIVAL = 1e-280
 _HIGHER = 1e-9  # by how much what bounds a search is raised, relative
 
@@ -78,7 +82,7 @@ class Steps:
         """Keep a step, if it is below what is proved there."""
         base_reward = self._lines.base_reward
         graph = self._relaxation.net.graph
-        # What a team misses is a product of so many survivals; then nodes are summed up.
+        # Products of a team's survivals are rounded at each factor, and so is the sum over nodes.
         n_terms = 2 * self._n_robots * (graph.n_arcs + 2) + graph.n_nodes + 8
         most += base_reward + n_terms * _EPSILON * (self._relaxation.total + base_reward)
         below = [step.most for step in self.found if step.least <= least]
@@ -104,10 +108,11 @@ class Steps:
         given = Stairs(stairs, self._width, x)
         n_most = rule.most_links * effort
         ended, trails = self._relaxation.raise_stairs(fine, lines, given, n_most)
-        self._pool.add_all(trails)
+        for arcs in trails:
+            self._pool.add(arcs)
         if not ended:
             return False
-        first = int(x / self._width * (1 - _ROUNDING))
+        first = int(x / self._width * (1 - _EDGE))
         self._keep(x, float(stairs[first]))
         for step in (last_steps(stairs) + 1).tolist():
             if first < step < len(stairs):
@@ -135,7 +140,8 @@ class Steps:
             stairs = np.maximum(self._known(prices), needed)
             given = Stairs(stairs, self._width, least)
             ended, trails = self._relaxation.raise_stairs(fine, lines, given, n_most)
-            self._pool.add_all(trails)
+            for arcs in trails:
+                self._pool.add(arcs)
             if not ended:
                 return False
             before, needed = needed, self._needed(x, goal - beside, ahead, stairs)
@@ -159,7 +165,7 @@ class Steps:
         return self._relaxation.look_ahead(self._fine(prices), mu)
 
     def _known(self, prices: FloatArray) -> FloatArray:
-        """Give the stairs of known trails."""
+        """Return the stairs of known trails."""
         pool = self._pool
         worth = pool.values(prices[:, 1:], 0.0)
         worth[pool.is_relaxed] = -np.inf
@@ -227,3 +233,45 @@ class Steps:
             # A robot is never likelier alive than before: the first visit counts.
             reached[rows, columns] = np.maximum(reached[rows, columns], alive[rows, step])
         return alive[:, -1].copy(), reached[:, :-1].copy()
+
+
+def stairs_of(values: FloatArray, survival: FloatArray, width: float, n_steps: int) -> FloatArray:
+    """Return the stairs of trails (n_steps), −inf where none survives as well."""
+    stairs = np.full(n_steps, -np.inf)
+    np.maximum.at(stairs, step_of(survival, width, n_steps), values)
+    return _falling(stairs)
+
+
+def step_of(survival: FloatArray, width: float, n_steps: int) -> OffsetArray:
+    """Return on which step survivals lie."""
+    steps: OffsetArray = np.minimum((survival / width * (1 + _EDGE)).astype(np.int64), n_steps - 1)
+    return steps
+
+
+def last_steps(stairs: FloatArray) -> OffsetArray:
+    """Return the last step of each height."""
+    falls = np.append(stairs[1:] < stairs[:-1], True)
+    return np.flatnonzero(falls & np.isfinite(stairs))
+
+
+def _falling(stairs: FloatArray) -> FloatArray:
+    falling: FloatArray = np.maximum.accumulate(stairs[::-1])[::-1]
+    return falling
+
+
+def least_total(x: FloatArray, width: float, n_trails: int) -> OffsetArray:
+    """Return the least sum of steps of ``n_trails`` trails whose survivals sum to ``x`` or more."""
+    totals: OffsetArray = (x / width * (1 - _EDGE)).astype(np.int64) - n_trails + 1
+    return np.maximum(totals, 0)
+
+
+def add_stairs(stairs: FloatArray, n_trails: int) -> FloatArray:
+    """Return the most that ``n_trails`` trails are worth together, by the sum of their steps."""
+    most = stairs
+    for _ in range(n_trails - 1):
+        after = np.full(len(most) + len(stairs) - 1, -np.inf)
+        for step in last_steps(stairs).tolist():
+            there = after[step : step + len(most)]
+            np.maximum(there, most + stairs[step], out=there)
+        most = _falling(after)
+    return most

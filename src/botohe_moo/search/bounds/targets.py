@@ -38,7 +38,7 @@ class Known:
         self.reached = heights[np.minimum(places, len(ends) - 1)]
 
     def _corners(self) -> tuple[FloatArray, FloatArray]:
-        """Give up to which E[S] which E[R] is reached: both of a staircase, by ascending E[S]."""
+        """Return E[S] and E[R] of the corners of the known staircase, by ascending E[S]."""
         order = np.lexsort((-self._objectives[:, 0], self._objectives[:, 1]))
         reward, survivors = self._objectives[order].T
         best = np.maximum.accumulate(reward[::-1])[::-1]
@@ -46,12 +46,12 @@ class Known:
         return survivors[is_corner], best[is_corner]
 
     def stairs(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Give where steps begin and end in E[S], and their E[R]."""
+        """Return where steps begin and end in E[S], and their E[R]."""
         ends, heights = self._corners()
         return np.append(0.0, ends[:-1] * (1 + _AFTER)), ends, heights
 
     def gap(self, bounds: FloatArray) -> float:
-        """Give the share by which bounds at ``survivors`` exceed what is reached, on average."""
+        """Return the share by which bounds at ``survivors`` exceed what is reached, on average."""
         above = float(np.maximum(0.0, bounds - self.reached).sum())
         return 0.0 if above == 0.0 else above / float(self.reached.sum() or 1e-300)
 
@@ -64,7 +64,7 @@ class LineTargets:
         self._done: set[tuple[int, int]] = set()
 
     def next(self, bound: FrontBound) -> tuple[int, float, tuple[int, int]] | None:
-        """Give how many robots move, the E[S] to look at, and what :meth:`close` takes.
+        """Return how many robots move, the E[S] to look at, and what :meth:`close` takes.
 
         None where no cell is open in which the bound is above what is known.
         """
@@ -86,7 +86,7 @@ class LineTargets:
 
 
 class StepTarget(NamedTuple):
-    """E[R] up to ``goal`` where E[S] is ``survivors`` or more and so many robots move."""
+    """E[R] up to ``goal`` where E[S] is ``survivors`` or more and ``moving`` robots move."""
 
     moving: int
     corner: int
@@ -96,7 +96,7 @@ class StepTarget(NamedTuple):
 
 
 class StepTargets:
-    """Which step to prove next: that no plan of so many moving robots is better than a known one.
+    """The choice of the next step: no plan in which a number of robots move beats a known one.
 
     Steps begin behind known plans. Of all that may be proved, that is next which lowers the bound
     the most for its effort. Where one is too hard, those near by and before are not tried before
@@ -115,7 +115,7 @@ class StepTargets:
         self._first = np.searchsorted(known.survivors, self._starts)
 
     def next(self, bound: FrontBound, most_moving: int, most_effort: float) -> StepTarget | None:
-        """Give the best one for up to so many moving robots; None where none is left."""
+        """Return the best one for up to ``most_moving`` robots; None where none is left."""
         here = bound.by_robots(self._starts * (1 + _AFTER))
         goals = self._heights + self._share * np.maximum(0.0, here - self._heights)
         gains = self._gains(bound, here, goals)
