@@ -183,11 +183,10 @@ def spoken_of(tree):
 SHARED_GENERATOR = re.compile(
     r"(np|numpy)\.random\.(?!(default_rng|BitGenerator|Generator|PCG64|SeedSequence)\b)"
 )
-UNSAFE_MODULES = {"cloudpickle", "dill", "marshal", "pickle", "runpy", "shelve"}
+UNSAFE_MODULES = {"cloudpickle", "dill", "joblib", "marshal", "pickle", "runpy", "shelve"}
 UNSAFE_YAML = re.compile(
     r"yaml\.(?!((Marked)?YAMLError|SafeDumper|SafeLoader|nodes|safe_dump|safe_load)\b)"
 )
-UNSAFE_JOBLIB = re.compile(r"joblib\.(?!(Parallel|delayed)\b)")  # its files are pickles
 UNSAFE_BUILTINS = {"__import__", "compile", "eval", "exec"}
 UNSAFE_METHODS = {"read_pickle", "to_pickle"}
 SAFE_KEYWORDS = {"allow_pickle=False"}  # which forbids it; a variable may be true
@@ -203,7 +202,6 @@ def unsafe_faults(tree):
     """Whatever could run what it reads."""
     faults = [name for name in imported(tree) if name.split(".")[0] in UNSAFE_MODULES]
     faults += [name for name in spoken_of(tree) if UNSAFE_YAML.match(name)]
-    faults += [name for name in spoken_of(tree) if UNSAFE_JOBLIB.match(name)]
     for node in ast.walk(tree):
         if (
             (isinstance(node, ast.Call) and dotted(node.func) in UNSAFE_BUILTINS)
@@ -541,7 +539,7 @@ class TestLazyNames:
         ("module", "others"),
         [
             ("botohe_moo", "numpy numba pandas pydantic pymoo networkx matplotlib typer"),
-            ("botohe_moo.study.run.child", "pandas joblib matplotlib typer"),
+            ("botohe_moo.study.run.child", "pandas matplotlib typer"),
             (DECIDE, "pandas pymoo matplotlib typer"),
         ],
     )

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from botohe_moo.study.file.config import Budget
 from botohe_moo.study.file.model import Run
 from botohe_moo.study.planning import Plan, make_task
-from botohe_moo.study.run.sandbox import Sandbox
+from botohe_moo.study.run.pool import WorkerPool
 from botohe_moo.study.run.task import Outcome
 
 _TRIAL_SECONDS = 0.5
@@ -58,8 +58,8 @@ def estimate_times(plan: Plan, tell: Callable[[str], None]) -> Iterator[Estimate
     for run in plan.runs:
         cells.setdefault((run.mission.label, run.algorithm.label), []).append(run)
     missing = {(run.mission.label, run.algorithm.label): run for run in plan.missing}
-    with contextlib.closing(Sandbox()) as sandbox:
-        trial = _Trial(sandbox)
+    with contextlib.closing(WorkerPool()) as pool:
+        trial = _Trial(pool)
         for n, (cell, runs) in enumerate(cells.items(), 1):
             mission, algorithm = cell
             there = [plan.finished[run.digest] for run in runs if run.digest in plan.finished]
@@ -109,8 +109,8 @@ def _has_own_process(run: Run) -> bool:
 class _Trial:
     """Tries runs; the first trial of each algorithm compiles its kernels."""
 
-    def __init__(self, sandbox: Sandbox) -> None:
-        self._sandbox = sandbox
+    def __init__(self, pool: WorkerPool) -> None:
+        self._pool = pool
         self._compiled: set[str] = set()
         self._shared_start: float | None = None
 
@@ -134,23 +134,21 @@ class _Trial:
         """Give the seconds until a worker's process begins with a run that was tried before."""
         if self._shared_start is None:
             started = time.perf_counter()
-            with contextlib.closing(Sandbox()) as sandbox:
-                outcome = self._perform(run, _FIRST_SECONDS, _GRACE_SECONDS, sandbox)
+            with contextlib.closing(WorkerPool()) as pool:
+                outcome = self._perform(run, _FIRST_SECONDS, _GRACE_SECONDS, pool)
             waited = time.perf_counter() - started
             self._shared_start = max(0.0, waited - outcome.seconds - outcome.recording_seconds)
         return self._shared_start
 
     def _perform(
-        self, run: Run, seconds: float, grace_seconds: float, sandbox: Sandbox | None = None
+        self, run: Run, seconds: float, grace_seconds: float, pool: WorkerPool | None = None
     ) -> Outcome:
         task = make_task(run)
         limit = min(task.seconds or seconds, seconds)
         trial = replace(task, seconds=limit, grace_seconds=grace_seconds)
-        outcome = (sandbox or self._sandbox).perform(
-            trial, stopped=lambda: False, note=lambda _: None
-        )
-        assert outcome is not None  # it was not stopped
-        return outcome
+        [(_, outcome)] = (pool or self._pool).perform([trial])
+        found: Outcome = outcome
+        return found
 
 
 def _whole(budget: Budget, outcome: Outcome) -> tuple[float, bool]:
