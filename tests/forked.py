@@ -97,10 +97,9 @@ def run_forked(command, *, timeout=200, **options):
 
 
 class ForkedSubprocess:
-    """Stands in for the module ``subprocess`` where a sandbox starts its process."""
+    """Replaces the module ``subprocess`` where the processes of runs are started."""
 
     Popen = Forked
-    PIPE = subprocess.PIPE
     TimeoutExpired = subprocess.TimeoutExpired
 
 
@@ -133,7 +132,7 @@ def start_server():
 # From here on: the server.
 
 _LIBRARIES = (
-    "alive_progress", "joblib", "matplotlib.backends.backend_agg", "pandas", "psutil",
+    "alive_progress", "matplotlib.backends.backend_agg", "pandas", "psutil",
     "pyarrow.csv", "pyarrow.parquet", "rich.progress", "ruamel.yaml", "scipy.stats", "typer",
 )  # fmt: skip
 _OURS = ("file.loading", "file.schema", "merge", "report.folder", "runner")
@@ -266,10 +265,10 @@ def show(command, env):
 
 
 def fork_its_runs():
-    """Let sandboxes fork the processes of runs, too."""
-    from botohe_moo.study.run import sandbox
+    """Let the processes of runs be forked, too."""
+    from botohe_moo.study.run import pool
 
-    sandbox.subprocess = ForkedSubprocess
+    pool.subprocess = ForkedSubprocess
 
 
 if __name__ == "__main__":

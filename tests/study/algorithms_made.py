@@ -243,14 +243,6 @@ class Copying(Sampler):
         self.problem.allowing_invalid().evaluate_batch(batch)
 
 
-class Chatty(Slow):
-    """Has something to say in every iteration, which takes a while."""
-
-    def _advance(self, **_):
-        time.sleep(0.06)
-        super()._advance()
-
-
 class Changing(ArchiveAlgorithm):
     """Makes its mission pay ten times as much."""
 
@@ -271,15 +263,6 @@ class Remembering(ArchiveAlgorithm):
         if len(set(Remembering.runs) | {id(self)}) > 1:
             raise RuntimeError("somebody was here before")
         Remembering.runs = (id(self),)
-        sample(self, min(20, self._n_left()))
-
-
-class Doubling(ArchiveAlgorithm):
-    """Goes on in two processes."""
-
-    def _advance(self, **_):
-        if not self.evaluator.n_eval:
-            os.fork()
         sample(self, min(20, self._n_left()))
 
 

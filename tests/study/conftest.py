@@ -4,39 +4,49 @@ import functools
 import os
 import subprocess
 import time
+from dataclasses import replace
 from unittest import mock
 
 import pytest
 
-from botohe_moo.study.run import pool, sandbox
+from botohe_moo.study import runner
+from botohe_moo.study.run import pool
 from botohe_moo.study.run.bound import find_bound
 from botohe_moo.study.run.environment import THREAD_SETTINGS, environment
 from botohe_moo.study.run.perform import perform
-from botohe_moo.study.run.sandbox import _RunState
+from botohe_moo.study.run.pool import add_record, checked_outcome
+from botohe_moo.study.run.task import BoundTask
 from tests.forked import ForkedSubprocess
 
 
 @functools.cache
 def environment_there():
-    """The environment of a sandbox's process, which has one thread."""
+    """The environment of a worker, which has one thread."""
     with mock.patch.dict(os.environ, {name: os.environ.get(name, "1") for name in THREAD_SETTINGS}):
         return environment.__wrapped__()
 
 
 class InProcess:
-    """Performs runs in this process, as a sandbox does in one of its own."""
+    """Performs tasks in this process, as a WorkerPool does in others."""
 
-    def perform(self, task, *, stopped, note):
-        began = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
-        state = _RunState(task, environment_there(), deadline=0.0, began=began)
+    def perform(self, tasks, *, workers, stopped, note=None):
+        for task in tasks:
+            if stopped():
+                return
+            do = self.bound if isinstance(task, BoundTask) else self.run
+            yield task, do(task, note)
+
+    def run(self, task, note):
+        records, began = [], time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
 
         def send(record):
-            state.note(record)
-            note(record)
+            add_record(records, record)
+            note(task, record)
 
-        return state.ended(perform(task, send))
+        outcome = checked_outcome(task, perform(task, send), records)
+        return replace(outcome, environment=environment_there(), began=began)
 
-    def bound(self, task, *, stopped):
+    def bound(self, task, _):
         return find_bound(task)
 
     def close(self):
@@ -49,17 +59,17 @@ def in_process(monkeypatch):
 
     For tests of what becomes of runs; fixtures of a module come first, and have real ones.
     """
-    monkeypatch.setattr(pool, "Sandbox", InProcess)
+    monkeypatch.setattr(runner, "WorkerPool", InProcess)
 
 
 @pytest.fixture(scope="module", autouse=True)
 def forked_runs():
     """Fork the processes of runs from one that has loaded all that they need."""
-    with mock.patch.object(sandbox, "subprocess", ForkedSubprocess):
+    with mock.patch.object(pool, "subprocess", ForkedSubprocess):
         yield
 
 
 @pytest.fixture
 def new_interpreters(monkeypatch):
     """Start the processes of runs as users do."""
-    monkeypatch.setattr(sandbox, "subprocess", subprocess)
+    monkeypatch.setattr(pool, "subprocess", subprocess)

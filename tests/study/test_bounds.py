@@ -20,15 +20,15 @@ from botohe_moo.study import (
     merge_studies,
     read_study,
     run_study,
+    runner,
 )
 from botohe_moo.study.planning import make_bound_task
 from botohe_moo.study.report import pictures
 from botohe_moo.study.report.folder import write_report
 from botohe_moo.study.report.latex import summary_latex
 from botohe_moo.study.report.page import render_page
-from botohe_moo.study.run import pool
 from botohe_moo.study.run.bound import find_bound
-from botohe_moo.study.run.sandbox import Sandbox
+from botohe_moo.study.run.pool import WorkerPool
 from botohe_moo.study.store.folder import StudyFolder
 from tests.study.conftest import InProcess
 from tests.study.test_perform import marked_processes
@@ -67,7 +67,7 @@ def made(tmp_path_factory):
     """A study with bounds on a mission, with limits and without."""
     folder = tmp_path_factory.mktemp("made")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pool, "Sandbox", InProcess)
+        patch.setattr(runner, "WorkerPool", InProcess)
         run_study(study_of(missions={"toy": "toy", "limited": LIMITED}), folder)
     return folder
 
@@ -201,7 +201,7 @@ class TestComputing:
     def test_a_process_that_is_killed_is_told(self, monkeypatch, tmp_path):
         monkeypatch.setenv("BOTOHE_TEST_FOLDER", str(tmp_path))
         mission = load_study(study_of(missions={"hard": HARD})).missions[0]
-        sandbox, asked = Sandbox(), []
+        asked = []
 
         def stopped():
             asked.append(1)
@@ -211,8 +211,8 @@ class TestComputing:
             return False
 
         task = make_bound_task(mission, (), None, FOREVER)
-        assert sandbox.bound(task, stopped=stopped) == "its process died (signal SIGKILL)"
-        sandbox.close()
+        [(_, said)] = WorkerPool().perform([task], stopped=stopped)
+        assert said == "its process died (signal SIGKILL)"
 
     @pytest.mark.slow
     def test_signals_keep_what_is_finished(self, tmp_path, monkeypatch):

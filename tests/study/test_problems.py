@@ -1,7 +1,6 @@
 """Studies of objectives of your own: ``problem: module:Class``."""
 
 import json
-import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +14,6 @@ from botohe_moo.study import run_study as run
 from botohe_moo.study.file.digest import code_mismatch
 from botohe_moo.study.planning import make_task
 from botohe_moo.study.report.folder import write_report
-from botohe_moo.study.run.metered import CountedBOTOHE, MeteredBOTOHE, counting
 from botohe_moo.study.run.perform import perform, verify
 from tests.study import problems_made
 from tests.study.problems_made import Weakest
@@ -210,12 +208,3 @@ class TestRefused:
         plain = replace(task, origin={**task.origin, "problem": None})
         with pytest.raises(ValueError, match="is claimed to bring"):
             verify(plain, *records[-1].plans)
-
-
-@pytest.mark.parametrize("base", [CountedBOTOHE, MeteredBOTOHE])
-def test_what_counts_has_the_problems_name_and_can_be_stored(base):
-    problem = counting(base, Weakest)(load_mission("toy"), min_survival=0.25)
-    assert type(problem).__name__ == "Weakest"
-    again = pickle.loads(pickle.dumps(problem))
-    assert isinstance(again, Weakest)
-    assert (again.min_survival, again.objective_bounds) == (0.25, problem.objective_bounds)

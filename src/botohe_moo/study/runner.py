@@ -4,60 +4,53 @@ import contextlib
 import os
 import signal
 import threading
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Generator, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
 from botohe_moo._base.checks import check_integer, check_number
-from botohe_moo._base.interrupts import hold_interrupt
 from botohe_moo.study.file.loading import load_study
 from botohe_moo.study.file.model import Run, Study, StudyMission, study_folder
 from botohe_moo.study.planning import Plan, make_bound_task, make_task, plan_study, refresh_tables
 from botohe_moo.study.run.cluster import check_address, dask_outcomes
-from botohe_moo.study.run.pool import FoundBounds, Outcomes, local_bounds, local_outcomes
-from botohe_moo.study.run.task import PATIENCE, Outcome, Record
+from botohe_moo.study.run.pool import WorkerPool
+from botohe_moo.study.run.task import PATIENCE, BoundTask, Outcome, Record, Task
 from botohe_moo.study.store.folder import StudyFolder
 from botohe_moo.study.store.manifest import restore_study
 from botohe_moo.study.store.tables import StudyTables
 
-# Sent by batch systems and ``docker stop``, and by a terminal that is closed.
-_LIKE_CTRL_C = (signal.SIGTERM, signal.SIGHUP)
-
-
-@dataclass
-class Stop:
-    """Whether a study is to stop, and which signal has asked for it."""
-
-    pressed: threading.Event
-    signal: int = signal.SIGINT
+# Ctrl-C, what batch systems and ``docker stop`` send, and what a terminal sends that is closed.
+_STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 @contextlib.contextmanager
-def hold_stop() -> Iterator[Stop]:
-    """Let Ctrl-C, SIGTERM and SIGHUP ask for a stop; the second one breaks off at once.
+def hold_stop() -> Iterator[list[int]]:
+    """Note in a list which of Ctrl-C, SIGTERM and SIGHUP come; the second breaks off at once.
 
-    Signals that are ignored, as under ``nohup``, or have another handler, stay as they are; so do
-    all outside the main thread, which alone may handle signals.
+    Signals that are ignored, as under ``nohup``, stay so. Outside the main thread, which alone may
+    handle signals, nothing changes.
     """
-    with hold_interrupt() as pressed:
-        stop = Stop(pressed)
+    came: list[int] = []
+    usual = {}
+    if threading.current_thread() is threading.main_thread():
+        usual = {number: signal.getsignal(number) for number in _STOPPING}
+        usual = {
+            n: handler for n, handler in usual.items() if handler not in (None, signal.SIG_IGN)
+        }
 
-        def note(number: int, _: object) -> None:
-            stop.signal = number
-            pressed.set()
-            signal.signal(number, signal.SIG_DFL)
+    def note(number: int, _: object) -> None:
+        came.append(number)
+        for each in usual:
+            is_ctrl_c = each == signal.SIGINT
+            signal.signal(each, signal.default_int_handler if is_ctrl_c else signal.SIG_DFL)
 
-        ours = []
-        if threading.current_thread() is threading.main_thread():
-            ours = [n for n in _LIKE_CTRL_C if signal.getsignal(n) is signal.SIG_DFL]
-        for number in ours:
-            signal.signal(number, note)
-        try:
-            yield stop
-        finally:
-            for number in ours:
-                signal.signal(number, signal.SIG_DFL)
+    for number in usual:
+        signal.signal(number, note)
+    try:
+        yield came
+    finally:
+        for number, handler in usual.items():
+            signal.signal(number, handler)
 
 
 class StudyInterrupted(KeyboardInterrupt):
@@ -181,32 +174,34 @@ def run_study(
         watcher.begin(plan)
         runs = {run.digest: run for run in plan.missing}
         tasks = [make_task(run, patience) for run in runs.values()]
-        with hold_stop() as stop:
+        with hold_stop() as came, contextlib.closing(WorkerPool()) as pool:
             if dask is not None and tasks:
-                outcomes = dask_outcomes(tasks, address=dask, stopped=stop.pressed.is_set)
+                outcomes = dask_outcomes(tasks, address=dask, stopped=lambda: bool(came))
             else:
-                outcomes = local_outcomes(
+                outcomes = pool.perform(
                     tasks,
                     workers=workers,
-                    stopped=stop.pressed.is_set,
+                    stopped=lambda: bool(came),
                     note=lambda task, record: watcher.record(runs[task.digest], record),
                 )
             _save(outcomes, runs, folder, watcher)
             bound_tasks = (
                 make_bound_task(mission, plan.runs, folder, study.bound_seconds)
                 for mission in plan.unbounded.values()
-                if not stop.pressed.is_set()
             )
-            bounds = local_bounds(bound_tasks, workers=workers, stopped=stop.pressed.is_set)
+            bounds = pool.perform(bound_tasks, workers=workers, stopped=lambda: bool(came))
             _save_bounds(bounds, plan.unbounded, folder, watcher)
             tables = refresh_tables(study, folder)
-    if stop.pressed.is_set():
-        raise StudyInterrupted(stop.signal)
+    if came:
+        raise StudyInterrupted(came[0])
     return tables
 
 
 def _save(
-    outcomes: Outcomes, runs: Mapping[str, Run], folder: StudyFolder, watcher: Watcher
+    outcomes: Generator[tuple[Task, Outcome], None, None],
+    runs: Mapping[str, Run],
+    folder: StudyFolder,
+    watcher: Watcher,
 ) -> None:
     """Save outcomes as they come."""
     with contextlib.closing(outcomes):
@@ -217,13 +212,16 @@ def _save(
 
 
 def _save_bounds(
-    bounds: FoundBounds, missions: Mapping[str, StudyMission], folder: StudyFolder, watcher: Watcher
+    bounds: Generator[tuple[BoundTask, Any], None, None],
+    missions: Mapping[str, StudyMission],
+    folder: StudyFolder,
+    watcher: Watcher,
 ) -> None:
     """Save bounds as they are found."""
     with contextlib.closing(bounds):
         for task, found in bounds:
             mission, error = missions[task.digest], found if isinstance(found, str) else None
-            if not isinstance(found, str):
+            if error is None:
                 folder.save_bound(mission, found, task.seconds)
             watcher.end_bound(mission, error)
 

@@ -16,7 +16,7 @@ _WARM_UP_GAP = 0.5  # which is soon reached
 
 
 def find_bound(task: BoundTask) -> FrontBound | str:
-    """Bound the front of a mission; whatever is raised becomes a line that says what it was."""
+    """Bound the front of a mission; an exception becomes a line that says what it was."""
     try:
         return bound_front(
             task.mission,

@@ -1,10 +1,11 @@
 """The process of runs and of bounds: ``python -m botohe_moo.study.run.child``.
 
-It reads tasks from its standard input and writes messages to its standard output, until the process
-that started it ends.
+Its standard input is a connection to the process that has started it: tasks come in, and messages
+(their kind, their content) go out.
 """
 
 import contextlib
+import functools
 import math
 import os
 import random
@@ -20,52 +21,56 @@ import numpy as np
 from botohe_moo.study.file.digest import code_mismatch
 from botohe_moo.study.run.environment import environment
 from botohe_moo.study.run.perform import perform, warm_up
-from botohe_moo.study.run.task import BoundTask, Task, failure
+from botohe_moo.study.run.task import (
+    MOST_SECONDS_TO_START,
+    BoundTask,
+    Outcome,
+    Task,
+    failure,
+    seconds_allowed,
+)
 
 if TYPE_CHECKING:
     from botohe_moo.search.bounds import FrontBound
 
-_SECONDS_BETWEEN_MESSAGES = 0.2
-_SIGNS_OF_LIFE = 10  # within the patience that a run may need
-_MOST_SECONDS_BETWEEN_SIGNS = 10.0
-
 
 def main() -> None:
     """Perform one task after another until the connection is closed."""
-    # What an algorithm prints must not come between the messages.
-    messages = Connection(os.dup(1), readable=False)
-    os.dup2(2, 1)
-    tasks = Connection(os.dup(0), writable=False)
-    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)  # nor may it read the tasks
-    threading.Thread(target=_end_with_parent, args=(tasks.fileno(),), daemon=True).start()
-
+    connection = Connection(os.dup(0))
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)  # nobody answers an algorithm that asks
+    threading.Thread(target=_end_with_parent, args=(connection.fileno(),), daemon=True).start()
+    signal.signal(signal.SIGALRM, signal.SIG_DFL)
     warm: set[tuple[str, str]] = set()
-    while True:
-        try:
-            task: Task | BoundTask = tasks.recv()
-        except EOFError:
-            return
-        if isinstance(task, BoundTask):
-            messages.send(("end", task.digest, _bound(task), environment()))
-            continue
-        origin = task.algorithm, task.parameters, task.origin
-        if mismatch := code_mismatch({"version": task.version}, [origin]):
-            messages.send(("end", task.digest, failure(f"the worker {mismatch}"), environment()))
-            continue
-        key = task.algorithm, repr(task.parameters)
-        if key not in warm:
-            warm.add(key)
-            with contextlib.suppress(Exception):  # the run will raise and report it
-                warm_up(task)
-        reporter = _Reporter(messages, task)
-        reporter.send("begin", time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()))
-        # Algorithms have a generator of their own. Those that draw from the global ones should at
-        # least draw the same numbers again.
-        random.seed(task.seed)
-        np.random.seed(task.seed % 2**32)  # noqa: NPY002
-        outcome = perform(task, reporter.put, reporter.show_progress)
-        reporter.send_records()
-        reporter.send("end", outcome)
+    with contextlib.suppress(EOFError, OSError):
+        while True:
+            connection.send(("ready", None))
+            task: Task | BoundTask = connection.recv()
+            result = _bound(task) if isinstance(task, BoundTask) else _run(task, warm, connection)
+            _end_unless_within(math.inf)
+            connection.send(("end", result))
+
+
+def _run(task: Task, warm: set[tuple[str, str]], connection: Connection) -> Outcome:
+    """Perform a run, and send its records; the process ends where the run takes too long."""
+    _end_unless_within(MOST_SECONDS_TO_START)
+    origin = task.algorithm, task.parameters, task.origin
+    if mismatch := code_mismatch({"version": task.version}, [origin]):
+        return failure(f"the worker {mismatch}")
+    key = task.algorithm, repr(task.parameters)
+    if key not in warm:
+        warm.add(key)
+        with contextlib.suppress(Exception):  # the run will raise and report it
+            warm_up(task)
+    began = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
+    connection.send(("begin", (began, environment())))
+    # Algorithms have a generator of their own. Those that draw from the global ones should at
+    # least draw the same numbers again.
+    random.seed(task.seed)
+    np.random.seed(task.seed % 2**32)  # noqa: NPY002
+    seconds = seconds_allowed(task)
+    _end_unless_within(seconds)
+    progress = functools.partial(_end_unless_within, seconds) if task.seconds is None else None
+    return perform(task, lambda record: connection.send(("record", record)), progress)
 
 
 def _bound(task: BoundTask) -> "FrontBound | str":
@@ -77,47 +82,13 @@ def _bound(task: BoundTask) -> "FrontBound | str":
     return find_bound(task)
 
 
-class _Reporter:
-    """Sends messages about a run: records in batches, since sending each would cost too much.
-
-    A run that may be killed sends each record at once.
-    """
-
-    def __init__(self, messages: Connection, task: Task) -> None:
-        self._messages = messages
-        self._digest = task.digest
-        self._process = os.getpid()
-        self._pause = 0.0 if task.seconds is not None else _SECONDS_BETWEEN_MESSAGES
-        self._waiting: list[object] = []
-        self._sent_at = time.monotonic()
-        self._shown_at = self._sent_at
-        self._shown_every = min(task.patience / _SIGNS_OF_LIFE, _MOST_SECONDS_BETWEEN_SIGNS)
-
-    def put(self, record: object) -> None:
-        self._waiting.append(record)
-        if time.monotonic() - self._sent_at >= self._pause:
-            self.send_records()
-
-    def show_progress(self) -> None:
-        """Give a sign of life now and then."""
-        now = time.monotonic()
-        if now - self._shown_at >= self._shown_every:
-            self._shown_at = now
-            self.send("progress", None)
-
-    def send_records(self) -> None:
-        self.send("records", self._waiting)
-        self._waiting = []
-        self._sent_at = time.monotonic()
-
-    def send(self, kind: str, content: object) -> None:
-        if os.getpid() != self._process:  # a copy that an algorithm has forked
-            os._exit(0)
-        self._messages.send((kind, self._digest, content, environment()))
+def _end_unless_within(seconds: float) -> None:
+    """Let SIGALRM end this process, whatever it does, unless it is called again in time."""
+    signal.setitimer(signal.ITIMER_REAL, 0.0 if seconds == math.inf else seconds)
 
 
 def _end_with_parent(descriptor: int) -> None:
-    """Wait until the other end of standard input is closed, and end this process."""
+    """Wait until the other end of the connection is closed, and end this process."""
     poll = select.poll()
     poll.register(descriptor, 0)  # a closed connection is always reported
     poll.poll()

@@ -1,65 +1,103 @@
 """Performing runs on a Dask cluster; workers without the same code get none."""
 
-import operator
-import pkgutil
+import contextlib
 import queue
-import re
 import socket
 import threading
 import time
 import warnings
-from collections import Counter, deque
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections import deque
+from collections.abc import Callable, Generator, Sequence
 from typing import Any
+from urllib.parse import urlsplit
 
 from botohe_moo.study.file.digest import code_mismatch, installed_versions
 from botohe_moo.study.file.model import StudyError
-from botohe_moo.study.run.pool import Outcomes, SandboxPool
+from botohe_moo.study.run.pool import WorkerPool
 from botohe_moo.study.run.task import Outcome, Task, failure
 
 _SECONDS_BETWEEN_CHECKS = 0.2
 _SECONDS_TO_CONNECT = 10
-_SECONDS_BETWEEN_COUNTS = 1.0  # of the workers
+_SECONDS_TO_FETCH = 60.0  # an outcome that is there
 _SECONDS_WITHOUT_WORKERS = 3.0  # before a warning
-_SECONDS_TO_ANSWER = 30.0  # for a worker that imports everything first
-_MOST_DEATHS = 3  # of workers with the same run
-_LAST_PORT = 65_535
-_ADDRESS = re.compile(r"(?:(?:tcp|tls)://)?([^\s/:]+|\[[^\s/\]]+\]):(?P<port>\d+)")
-# By name: a worker that lacks the function could not unpickle it.
-_CHECK = f"{code_mismatch.__module__}:{code_mismatch.__name__}"
 
 
-def dask_outcomes(tasks: Sequence[Task], *, address: str, stopped: Callable[[], bool]) -> Outcomes:
+def dask_outcomes(
+    tasks: Sequence[Task], *, address: str, stopped: Callable[[], bool]
+) -> Generator[tuple[Task, Outcome], None, None]:
     """Perform runs on a Dask cluster; yield their outcomes as they end.
 
     Workers need nothing of this machine's disk. Those that lack this package or an algorithm, or
-    have another version of them, get no runs, and a warning says so; so it is with workers that
-    join later. ``stopped`` is asked five times a second; when it is true, waiting runs are
-    cancelled, and the others are not waited for.
+    have another version of them, get no runs, and a warning says so; the same holds for workers
+    that join later. Dask gives the runs of a worker that dies to another. ``stopped`` is asked five
+    times a second; when it is true, waiting runs are cancelled, and the others are not waited for.
     """
+    waiting, running = deque(tasks), dict[Any, tuple[Task, set[str]]]()
     with _connected(address) as client:
-        cluster = _Cluster(client, address, deque(tasks))
+        workers = _FitWorkers(client, address, tasks)
         try:
-            while cluster.has_work and not stopped():
-                cluster.update()
-                try:
-                    future = cluster.ended.get(timeout=_SECONDS_BETWEEN_CHECKS)
-                except queue.Empty:
-                    continue
-                if done := cluster.take(future):
-                    yield done
+            while (waiting or running) and not stopped():
+                threads = workers.count_threads()
+                for future, (task, given) in list(running.items()):
+                    have_left = given.isdisjoint(threads)
+                    if not (have_left or future.done()):
+                        continue
+                    del running[future]
+                    outcome = None if have_left else _outcome(future)
+                    if outcome is not None:
+                        yield task, outcome
+                    else:
+                        future.cancel()
+                        waiting.append(task)
+                while waiting and len(running) < sum(threads.values()):
+                    task = waiting.popleft()
+                    running[_submit(client, task, threads)] = task, set(threads)
+                _wait_for_any(client, running)
         finally:
-            cluster.cancel()
+            client.cancel([*running])
 
 
-def check_address(address: str) -> None:
-    """Raise a StudyError unless ``address`` may be that of a Dask scheduler."""
-    found = _ADDRESS.fullmatch(address)
-    if found is None or int(found["port"]) > _LAST_PORT:
-        raise StudyError(
-            f"Expected the address of a Dask scheduler, such as tcp://host:8786, got {address!r}."
-        )
+def _submit(client: Any, task: Task, threads: dict[str, int]) -> Any:
+    key = f"run-{task.digest}-{time.time_ns()}"
+    return client.submit(_perform_on_worker, task, key=key, workers=[*threads], pure=False)
+
+
+def _wait_for_any(client: Any, running: dict[Any, Any]) -> None:
+    import distributed
+
+    wait: Any = distributed.wait  # untyped
+    if not running:
+        time.sleep(_SECONDS_BETWEEN_CHECKS)
+        return
+    with client.as_current(), contextlib.suppress(TimeoutError, distributed.CancelledError):
+        wait([*running], timeout=_SECONDS_BETWEEN_CHECKS, return_when="FIRST_COMPLETED")
+
+
+def _outcome(future: Any) -> Outcome | None:
+    """Return what a run's future holds; None if it was lost together with the worker.
+
+    Dask gives up a run after several workers have died while they performed it.
+    """
+    from distributed import CancelledError
+
+    try:
+        outcome: Outcome = future.result(timeout=_SECONDS_TO_FETCH)
+    except (TimeoutError, CancelledError):
+        return None
+    except Exception as error:
+        return failure(f"the Dask worker failed ({type(error).__name__}: {error})")
+    return outcome
+
+
+def check_address(address: str) -> tuple[str, int]:
+    """Return host and port of a Dask scheduler's address; raise a StudyError if it has none."""
+    parts = urlsplit(address if "://" in address else f"tcp://{address}")
+    with contextlib.suppress(ValueError):  # a port above 65 535
+        if parts.scheme in ("tcp", "tls") and parts.hostname and parts.port:
+            return parts.hostname, parts.port
+    raise StudyError(
+        f"Expected the address of a Dask scheduler, such as tcp://host:8786, got {address!r}."
+    )
 
 
 def _connected(address: str) -> Any:
@@ -69,139 +107,81 @@ def _connected(address: str) -> Any:
         raise StudyError(
             "A Dask cluster needs the package distributed: pip install 'botohe-moo[dask]'."
         ) from None
-    check_address(address)
     connect: Any = Client  # untyped
-    host, _, port = address.rpartition("://")[2].rpartition(":")
-    where = host.strip("[]"), int(port)
-    try:
-        # A client without a scheduler leaves threads behind that log errors when the process ends.
-        socket.create_connection(where, timeout=_SECONDS_TO_CONNECT).close()
-        return _within(
-            2 * _SECONDS_TO_CONNECT,
-            lambda: connect(address, timeout=_SECONDS_TO_CONNECT, set_as_default=False),
-        )
-    except (OSError, ValueError, TypeError, OverflowError) as error:  # a timeout is an OSError
-        said = str(error).partition("\n")[0]
-        raise StudyError(f"No Dask scheduler answers at {address!r} ({said}).") from None
-
-
-def _within(seconds: float, make: Callable[[], Any]) -> Any:
-    """Call ``make`` with a time limit: a client waits for ever if the server is not Dask's."""
-    made: queue.SimpleQueue[tuple[Any, Exception | None]] = queue.SimpleQueue()
+    where = check_address(address)
+    made: queue.SimpleQueue[Any] = queue.SimpleQueue()
 
     def act() -> None:
         try:
-            made.put((make(), None))
+            # A client without a scheduler leaves threads behind that log errors at the end.
+            socket.create_connection(where, timeout=_SECONDS_TO_CONNECT).close()
+            made.put(connect(address, timeout=_SECONDS_TO_CONNECT, set_as_default=False))
         except Exception as error:
-            made.put((None, error))
+            made.put(error)
 
+    # A client waits for ever for a server that is not Dask's, such as that of its dashboard.
     threading.Thread(target=act, daemon=True).start()
     try:
-        result, error = made.get(timeout=seconds)
+        client = made.get(timeout=2 * _SECONDS_TO_CONNECT)
     except queue.Empty:
-        raise TimeoutError(f"no answer within {seconds:g} seconds") from None
-    if error is not None:
-        raise error
-    return result
+        client = TimeoutError(f"no answer within {2 * _SECONDS_TO_CONNECT:g} seconds")
+    if isinstance(client, Exception):
+        said = str(client).partition("\n")[0]
+        raise StudyError(f"No Dask scheduler answers at {address!r} ({said}).")
+    return client
 
 
-@dataclass
-class _Worker:
-    """A worker; it gets as many runs at a time as it has threads, if its code is the same."""
+class _FitWorkers:
+    """The workers of a cluster that have the same code; each is asked when it is first seen."""
 
-    n_threads: int
-    check: Any  # the future of the check of its code; None once it has ended
-    checked_at: float
-    fit: bool = False
-
-
-class _Cluster:
-    """The workers of a cluster, and the runs that they perform."""
-
-    def __init__(self, client: Any, address: str, waiting: deque[Task]) -> None:
-        self.ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    def __init__(self, client: Any, address: str, tasks: Sequence[Task]) -> None:
         self._client = client
         self._address = address
-        self._waiting = waiting
         origins = {
             (task.algorithm, *task.origin.values()): (task.algorithm, task.parameters, task.origin)
-            for task in waiting
+            for task in tasks
         }
-        self._origins = [*origins.values()]  # one task for each code that is run
-        self._workers: dict[str, _Worker] = {}
-        self._running: dict[Any, tuple[Task, str]] = {}  # by future, with the worker's address
-        self._n_deaths: dict[str, int] = {}
-        self._n_submitted = 0
-        self._counted_at = float("-inf")
+        self._origins = [*origins.values()]  # one for each code that is run
+        self._is_fit: dict[str, bool] = {}  # by address
         self._idle_since: float | None = time.monotonic()
 
-    @property
-    def has_work(self) -> bool:
-        """Whether there are runs that have not ended, or outcomes that were not taken yet."""
-        return bool(self._waiting or self._running) or not self.ended.empty()
-
-    def update(self) -> None:
-        """Take note of workers that joined or left, and give runs to those that are free."""
-        now = time.monotonic()
-        if now - self._counted_at >= _SECONDS_BETWEEN_COUNTS:
-            self._counted_at = now
-            self._count()
-        busy = Counter(address for _, address in self._running.values())
-        for address, worker in self._workers.items():
-            while worker.fit and self._waiting and busy[address] < worker.n_threads:
-                task = self._waiting.popleft()
-                future = self._submit(address, f"run-{task.digest}", _perform_on_worker, task)
-                self._running[future] = task, address
-                busy[address] += 1
-        self._warn_if_idle(now)
-
-    def _count(self) -> None:
+    def count_threads(self) -> dict[str, int]:
+        """Return the number of threads of each fit worker, by its address."""
         try:
-            there = self._client.nthreads()
+            there: dict[str, int] = self._client.nthreads()
         except (OSError, ValueError, TypeError, RuntimeError):  # the connection is closed
             raise StudyError(
                 "The Dask scheduler is gone. All runs that are finished are kept; run the study "
                 "again to go on."
             ) from None
-        for address in self._workers.keys() - there.keys():
-            del self._workers[address]
-        for future, (task, address) in list(self._running.items()):
-            if address not in self._workers:
-                del self._running[future]
-                future.cancel()
-                self._died(task)
-        for address in there.keys() - self._workers.keys():
-            function = self._submit(address, "find", pkgutil.resolve_name, _CHECK)
-            check = self._submit(
-                address, "check", operator.call, function, installed_versions(), self._origins
-            )
-            self._workers[address] = _Worker(there[address], check, time.monotonic())
+        if new := there.keys() - self._is_fit.keys():
+            self._check(sorted(new))
+        fit = {address: n for address, n in there.items() if self._is_fit.get(address)}
+        self._warn_if_idle(bool(fit))
+        return fit
 
-    def _died(self, task: Task) -> None:
-        n = self._n_deaths[task.digest] = self._n_deaths.get(task.digest, 0) + 1
-        if n < _MOST_DEATHS:
-            self._waiting.append(task)
-        else:
-            self.ended.put((task, failure(f"{n} Dask workers died while they performed it")))
-
-    def _submit(self, address: str, name: str, act: Callable[..., Any], *arguments: Any) -> Any:
-        self._n_submitted += 1
-        future = self._client.submit(
-            act,
-            *arguments,
-            key=f"{name}-{self._n_submitted}-{time.time_ns()}",
-            workers=[address],
-            pure=False,
+    def _check(self, addresses: list[str]) -> None:
+        answers = self._client.run(
+            code_mismatch,
+            installed_versions(),
+            self._origins,
+            workers=addresses,
+            on_error="return",
         )
-        future.add_done_callback(self.ended.put)
-        return future
+        for address, answer in answers.items():
+            if isinstance(answer, OSError):  # it has left: if it comes back, it is asked again
+                continue
+            self._is_fit[address] = answer is None
+            if isinstance(answer, Exception):
+                said = " ".join(str(answer).split())
+                answer = f"cannot use botohe-moo ({said})"
+            if answer is not None:
+                warnings.warn(f"the Dask worker {address} gets no runs: it {answer}.", stacklevel=2)
 
-    def _warn_if_idle(self, now: float) -> None:
+    def _warn_if_idle(self, has_workers: bool) -> None:
         """Warn once whenever no worker has been able to perform runs for a while."""
-        if not self._waiting or any(
-            worker.fit or (worker.check and now - worker.checked_at < _SECONDS_TO_ANSWER)
-            for worker in self._workers.values()
-        ):
+        now = time.monotonic()
+        if has_workers:
             self._idle_since = now
         elif self._idle_since is not None and now - self._idle_since >= _SECONDS_WITHOUT_WORKERS:
             self._idle_since = None
@@ -211,56 +191,12 @@ class _Cluster:
                 stacklevel=2,
             )
 
-    def take(self, future: Any) -> tuple[Task, Outcome] | None:
-        """Take note of a future that has ended; give task and outcome if it was a run's."""
-        if isinstance(future, tuple):
-            return future
-        if future in self._running:
-            task, _ = self._running.pop(future)
-            if _is_lost(future):
-                self._died(task)
-                return None
-            if error := future.exception():
-                said = f"the Dask worker failed ({type(error).__name__}: {error})"
-                return task, failure(said)
-            return task, future.result()
-        for address, worker in self._workers.items():
-            if worker.check == future:
-                worker.check = None
-                self._note_check(address, worker, future)
-                break
-        return None
-
-    def _note_check(self, address: str, worker: _Worker, future: Any) -> None:
-        """Take note of whether a worker's code is the same; warn if it is not."""
-        if _is_lost(future):  # if the worker is still there, the next count checks it again
-            del self._workers[address]
-            return
-        error = future.exception()
-        if error is None:
-            worker.fit = future.result() is None
-            said = f"it {future.result()}"
-        else:
-            said = f"{type(error).__name__}: {error}".partition("\n")[0]
-            other = "import" if isinstance(error, ImportError) else "use its"
-            said = f"it cannot {other} botohe-moo ({said})"
-        if not worker.fit:
-            warnings.warn(f"the Dask worker {address} gets no runs: {said}.", stacklevel=2)
-
-    def cancel(self) -> None:
-        """Cancel everything that has not ended."""
-        checks = [worker.check for worker in self._workers.values() if worker.check]
-        self._client.cancel([*self._running, *checks])
-
-
-def _is_lost(future: Any) -> bool:
-    """Tell whether a future ended without a result, as when its worker or the scheduler dies."""
-    return future.status in ("cancelled", "lost")
-
 
 # One for all threads of a Dask worker; its processes end with the worker's.
-_ON_WORKER = SandboxPool()
+_POOL = WorkerPool()
 
 
-def _perform_on_worker(task: Task) -> Outcome | None:
-    return _ON_WORKER.perform(task, stopped=lambda: False, note=lambda _: None)
+def _perform_on_worker(task: Task) -> Outcome:
+    [(_, outcome)] = _POOL.perform([task])
+    result: Outcome = outcome
+    return result

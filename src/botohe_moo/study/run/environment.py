@@ -60,7 +60,7 @@ def _processor() -> str:
 
 
 def _commit() -> str | None:
-    """Give the commit of this package's source, where that is a working copy of its repository."""
+    """Return the commit of this package's source; None unless it is a working copy."""
     package = Path(__file__).parents[2]
     root = package.parents[1]
     if not ((root / ".git").exists() and (root / "pyproject.toml").exists()):
@@ -74,6 +74,7 @@ def _commit() -> str | None:
 
 
 def _git(root: Path, *arguments: str) -> str:
-    command = ["git", "-C", str(root), *arguments]
+    # A process may be killed while it asks, and must leave no lock behind.
+    command = ["git", "--no-optional-locks", "-C", str(root), *arguments]
     done = subprocess.run(command, check=True, capture_output=True, text=True, timeout=10)
     return done.stdout.strip()

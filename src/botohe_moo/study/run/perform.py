@@ -20,14 +20,8 @@ from botohe_moo.algorithms.registry import make_algorithm
 from botohe_moo.mission.library import load_mission
 from botohe_moo.problem import BOTOHE
 from botohe_moo.search.archive import PlanArchive
-from botohe_moo.study.file.problems import check_objectives, find_problem, problem_on
-from botohe_moo.study.run.metered import (
-    BudgetSpentError,
-    CountedBOTOHE,
-    MeteredBOTOHE,
-    blamed,
-    counting,
-)
+from botohe_moo.study.file.problems import check_objectives, problem_on
+from botohe_moo.study.run.metered import BudgetSpentError, Meter, MeteredBOTOHE, blamed
 from botohe_moo.study.run.task import Outcome, Record, Task, failure
 from botohe_moo.trails import PlanBatch
 
@@ -64,7 +58,7 @@ class Recorder:
         self._started = time.perf_counter()
 
     def elapsed(self) -> float:
-        """Give the algorithm's own time so far."""
+        """Return the algorithm's own time so far, in seconds."""
         return time.perf_counter() - self._started - self.recording
 
     def watch(self, evaluations: int) -> None:
@@ -94,7 +88,7 @@ WARM_UP_LENGTH = 1e9
 
 
 def perform(
-    task: Task, send: Callable[[Record], None], progress: Callable[[], None] = lambda: None
+    task: Task, send: Callable[[Record], None], progress: Callable[[], Any] | None = None
 ) -> Outcome:
     """Perform a run; every record is sent when it is made, and is not in the outcome.
 
@@ -102,96 +96,82 @@ def perform(
     the outcome of a failed run. The receiver has to verify the last record: an algorithm may have
     changed the mission that this process knows.
     """
-    spent = [0]
+    meter = Meter(progress=progress)
     recorder = None
     try:
-        algorithm, problem = _prepare(task)
-        recorder = Recorder(task, lambda: _archive(task, algorithm, problem), send)
+        algorithm = make_algorithm(task.algorithm, **task.parameters)
+        problem = problem_on(task, task.problem)
+        recorder = Recorder(task, lambda: _archive(algorithm, problem, meter), send)
         termination = NoTermination() if task.evaluations is None else ("n_eval", task.evaluations)
-        algorithm.setup(problem, termination=termination, seed=task.seed)
-        if isinstance(problem, CountedBOTOHE):
-            problem.meter.watch = progress
-        stopped_by = _loop(task, algorithm, problem, recorder, spent, progress)
+        algorithm.setup(
+            _metered(task, algorithm, problem, meter), termination=termination, seed=task.seed
+        )
+        stopped_by = _loop(task, algorithm, meter, recorder)
         seconds = recorder.elapsed()
-        if isinstance(problem, CountedBOTOHE):  # whatever the algorithm reports
-            spent[0] = max(spent[0], problem.meter.spent)
-        if task.evaluations is not None and spent[0] > task.evaluations:
-            raise RuntimeError(f"evaluated {spent[0]} plans of the {task.evaluations} allowed")
-        archive = _archive(task, algorithm, problem)
-        recorder.record(spent[0], seconds, whole=True)
+        if task.evaluations is not None and meter.spent > task.evaluations:
+            raise RuntimeError(f"evaluated {meter.spent} plans of the {task.evaluations} allowed")
+        archive = _archive(algorithm, problem, meter)
+        recorder.record(meter.spent, seconds, whole=True)
     except (Exception, SystemExit) as error:  # an algorithm may end its own run only
         said = "".join(traceback.format_exception_only(error)).strip()
         seconds = recorder.elapsed() if recorder else 0.0
-        return replace(failure(said, traceback.format_exc()), evaluations=spent[0], seconds=seconds)
+        failed = failure(said, traceback.format_exc())
+        return replace(failed, evaluations=meter.spent, seconds=seconds)
     return Outcome(
         status="done" if len(archive) else "infeasible",
         stopped_by=stopped_by,
-        evaluations=spent[0],
+        evaluations=meter.spent,
         seconds=seconds,
         recording_seconds=recorder.recording,
         error=None if len(archive) else "no feasible plan was found",
     )
 
 
-def _prepare(task: Task) -> tuple[Algorithm, BOTOHE]:
-    """Make the algorithm, and a problem that counts evaluations where the algorithm may not."""
-    algorithm = make_algorithm(task.algorithm, **task.parameters)
-    mission = task.mission
-    limits: dict[str, Any] = {
-        "min_survival": task.min_survival,
-        "max_length": task.max_length,
-    }
-    kind = find_problem(task.problem)
+def _metered(task: Task, algorithm: Algorithm, problem: BOTOHE, meter: Meter) -> BOTOHE:
+    """Return the problem, metered unless it is certain that the algorithm counts rightly."""
     if not isinstance(algorithm, ArchiveAlgorithm | PopulationAlgorithm):
-        metered = counting(MeteredBOTOHE, kind)
-        return algorithm, metered(mission, evaluations=task.evaluations, **limits)
+        meter.archive = PlanArchive(task.mission.robots)
+        meter.evaluations = sys.maxsize if task.evaluations is None else task.evaluations
     # What evaluates in a kernel refuses problems that override the evaluation, if only to count.
-    in_kernel = getattr(algorithm, "evaluates_in_kernels", False)
-    if in_kernel or (kind is BOTOHE and _is_ours(algorithm)):
-        return algorithm, kind(mission, **limits)
-    return algorithm, counting(CountedBOTOHE, kind)(mission, **limits)
+    elif getattr(algorithm, "evaluates_in_kernels", False) or (
+        type(problem) is BOTOHE and _is_ours(algorithm)
+    ):
+        return problem
+    return MeteredBOTOHE(problem, meter)
 
 
 def _is_ours(algorithm: Algorithm) -> bool:
     return type(algorithm).__module__.partition(".")[0] == "botohe_moo"
 
 
-def _loop(
-    task: Task,
-    algorithm: Algorithm,
-    problem: BOTOHE,
-    recorder: Recorder,
-    spent: list[int],
-    progress: Callable[[], None],
-) -> str:
-    """Let the algorithm run until its budget is spent; say what ended it."""
+def _loop(task: Task, algorithm: Algorithm, meter: Meter, recorder: Recorder) -> str:
+    """Let the algorithm run until its budget is spent; return what ended it."""
     limit = math.inf if task.seconds is None else task.seconds
     allowed = math.inf if task.evaluations is None else task.evaluations
-    evaluator = algorithm.evaluator
-    metered = problem if isinstance(problem, MeteredBOTOHE) else None
     while algorithm.has_next():
+        before = meter.spent
         try:
             algorithm.next()
         except BudgetSpentError:
-            spent[0] = metered.meter.spent if metered else evaluator.n_eval
             break
-        before, spent[0] = spent[0], metered.meter.spent if metered else evaluator.n_eval
-        if spent[0] > before:
-            progress()
-        recorder.watch(spent[0])
-        if spent[0] >= allowed:
+        if meter.archive is None:  # it may evaluate in kernels, or more than it counts
+            meter.spent = max(meter.spent, algorithm.evaluator.n_eval)
+        if meter.spent > before and meter.progress is not None:
+            meter.progress()
+        recorder.watch(meter.spent)
+        if meter.spent >= allowed:
             break
         if recorder.elapsed() >= limit:
             return "seconds"
-    return "evaluations" if spent[0] >= allowed else "itself"
+    return "evaluations" if meter.spent >= allowed else "itself"
 
 
-def _archive(task: Task, algorithm: Algorithm, problem: BOTOHE) -> PlanArchive:
-    """Give what an algorithm of any kind has found so far."""
-    archive = problem.archive if isinstance(problem, MeteredBOTOHE) else algorithm.archive
+def _archive(algorithm: Algorithm, problem: BOTOHE, meter: Meter) -> PlanArchive:
+    """Return what an algorithm of any kind has found so far."""
+    archive = algorithm.archive if meter.archive is None else meter.archive
     if not isinstance(archive, PlanArchive):
         raise TypeError(f"Expected the archive of {type(algorithm).__name__} to be a PlanArchive.")
-    if task.problem:
+    if type(problem) is not BOTOHE:
         check_objectives(problem, archive.objectives)
     return archive
 
@@ -226,7 +206,7 @@ def verify(task: Task, plans: PlanBatch, claimed: FloatArray) -> None:
 
 
 def _own_objectives(problem: BOTOHE, plans: PlanBatch) -> FloatArray:
-    """Give −F of a problem of one's own; a ValueError for plans that break its constraints."""
+    """Return −F of a problem of your own; a ValueError for plans that break its constraints."""
     with blamed(problem, "evaluate_batch"):
         F = problem.evaluate_batch(plans)
     with blamed(problem, "constrain_batch"):

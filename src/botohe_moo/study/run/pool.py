@@ -1,125 +1,264 @@
-"""Workers of this machine: threads, each of which performs its runs in a sandbox."""
+"""Processes of this machine that perform runs: one that hangs or crashes loses no other run."""
 
 import contextlib
-import threading
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, TypeVar
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Generator, Iterable
+from dataclasses import dataclass, field, replace
+from itertools import islice
+from multiprocessing.connection import Pipe, wait
+from typing import Any, TypeVar
 
-import joblib
+from botohe_moo.study.run.environment import THREAD_SETTINGS, environment
+from botohe_moo.study.run.perform import verify
+from botohe_moo.study.run.task import (
+    MOST_SECONDS_TO_START,
+    BoundTask,
+    Outcome,
+    Record,
+    Task,
+    failure,
+)
 
-from botohe_moo.study.run.sandbox import Sandbox
-from botohe_moo.study.run.task import BoundTask, Outcome, Record, Task
-
-if TYPE_CHECKING:
-    from botohe_moo.search.bounds import FrontBound
+_SECONDS_BETWEEN_LOOKS = 0.1
+_SECONDS_TO_DIE = 5.0  # a core may be written meanwhile
+_MOST_OUTPUT = 4_000  # bytes
 
 Given = TypeVar("Given", Task, BoundTask)
-Found = TypeVar("Found")
-FoundBounds = Generator[tuple[BoundTask, "FrontBound | str"], None, None]
-Outcomes = Generator[tuple[Task, Outcome], None, None]
 
 
-class SandboxPool:
-    """Sandboxes for workers that are threads; they are reused."""
+class WorkerPool:
+    """Processes that perform one task after another.
+
+    Each has a connection of its own, and one thread serves them all: a process that is killed in
+    the middle of a message disturbs no other.
+    """
 
     def __init__(self) -> None:
-        self._idle: list[Sandbox] = []
-        self._lock = threading.Lock()
-        self._closed = False
+        self._idle: list[_Worker] = []
 
     def perform(
-        self, task: Task, *, stopped: Callable[[], bool], note: Callable[[Record], None]
-    ) -> Outcome | None:
-        """Perform a run in a free sandbox, as :meth:`Sandbox.perform` does."""
-        with self._lent() as sandbox:
-            return sandbox.perform(task, stopped=stopped, note=note)
+        self,
+        tasks: Iterable[Given],
+        *,
+        workers: int = 1,
+        stopped: Callable[[], bool] = lambda: False,
+        note: Callable[[Task, Record], None] = lambda _task, _record: None,
+    ) -> Generator[tuple[Given, Any], None, None]:
+        """Perform tasks, several at a time; yield each with its result as they end.
 
-    def bound(self, task: BoundTask, *, stopped: Callable[[], bool]) -> "FrontBound | str | None":
-        """Bound a mission in a free sandbox, as :meth:`Sandbox.bound` does."""
-        with self._lent() as sandbox:
-            return sandbox.bound(task, stopped=stopped)
+        The result of a run is its outcome, that of a bound a FrontBound or a line that says why
+        there is none. Several threads may call this at the same time.
 
-    @contextlib.contextmanager
-    def _lent(self) -> Iterator[Sandbox]:
-        with self._lock:
-            sandbox = self._idle.pop() if self._idle else Sandbox()
+        Parameters
+        ----------
+        tasks
+            Runs or bounds.
+        workers
+            Most processes at a time.
+        stopped
+            Asked ten times a second; when it is true, all tasks end without a result.
+        note
+            Called with each record of a run when it is made.
+        """
+        waiting, busy = iter(tasks), dict[Any, tuple[Given, _Job]]()
         try:
-            yield sandbox
+            while not stopped():
+                for task in islice(waiting, workers - len(busy)):
+                    worker = self._take_worker()
+                    busy[worker.connection] = task, _Job(task, worker)
+                if not busy:
+                    return
+                wait(busy, _SECONDS_BETWEEN_LOOKS)
+                for connection, (task, job) in list(busy.items()):
+                    result = job.advance(note)
+                    if result is not None:
+                        del busy[connection]
+                        if not job.worker.closed:
+                            self._idle.append(job.worker)
+                        yield task, result
         finally:
-            with self._lock:
-                if self._closed:
-                    sandbox.close()
-                else:
-                    self._idle.append(sandbox)
+            for _, job in busy.values():
+                job.worker.close()
+
+    def _take_worker(self) -> "_Worker":
+        with contextlib.suppress(IndexError):  # there is none, or another thread has taken it
+            while True:
+                worker = self._idle.pop()
+                if worker.is_alive():
+                    return worker
+                worker.close()
+        return _Worker()
 
     def close(self) -> None:
-        """End all idle processes now, and the others when their run has ended."""
-        with self._lock:
-            self._closed = True
-            while self._idle:
-                self._idle.pop().close()
+        """End the processes that wait for a task."""
+        while self._idle:
+            self._idle.pop().close()
 
 
-def local_outcomes(
-    tasks: Sequence[Task],
-    *,
-    workers: int,
-    stopped: Callable[[], bool],
-    note: Callable[[Task, Record], None],
-) -> Outcomes:
-    """Perform runs on this machine, several at a time; yield their outcomes as they end.
+class _Worker:
+    """A process, the connection to it, and what it prints."""
 
-    ``stopped`` is asked ten times a second; when it is true, all runs end without an outcome.
-    ``note`` is given what runs have recorded, as they go.
+    def __init__(self) -> None:
+        self.connection, theirs = Pipe()
+        self.closed = False
+        self._output = tempfile.TemporaryFile()  # noqa: SIM115
+        path = os.pathsep.join(entry or os.getcwd() for entry in sys.path)  # noqa: PTH109
+        threads = {name: os.environ.get(name, "1") for name in THREAD_SETTINGS}
+        with theirs:
+            self._process = subprocess.Popen(
+                # -P: a file of the current folder must not stand in for a standard module.
+                [sys.executable, "-P", "-m", "botohe_moo.study.run.child"],
+                stdin=theirs.fileno(),
+                stdout=self._output,
+                stderr=self._output,
+                env={**os.environ, **threads, "PYTHONPATH": path},
+                start_new_session=True,  # Ctrl-C is for the runner alone
+            )
+
+    def is_alive(self) -> bool:
+        """Return whether the process has not ended."""
+        return self._process.poll() is None
+
+    def receive(self) -> tuple[str, Any] | None:
+        """Return the next message; None if there is none, ``("died", None)`` after the last."""
+        has_died = not self.is_alive()
+        if has_died:
+            self._kill()  # processes that it has started may hold the connection open
+        try:
+            if self.connection.poll():
+                message: tuple[str, Any] = self.connection.recv()
+                return message
+        except (EOFError, OSError):  # in the middle of a message, too
+            has_died = True
+        return ("died", None) if has_died else None
+
+    def last_words(self) -> tuple[int, str | None]:
+        """Close; return how the process ended, as ``Popen`` does, and what it printed last."""
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(_SECONDS_TO_DIE)  # it may still be about to end
+        size = self._output.seek(0, os.SEEK_END)
+        self._output.seek(max(0, size - _MOST_OUTPUT))
+        output = self._output.read().decode(errors="replace").strip()
+        self.close()
+        return self._process.returncode, output or None
+
+    def close(self) -> None:
+        """End the process and all it has started, whatever they do."""
+        self.closed = True
+        self._kill()
+        self._process.wait()
+        self.connection.close()
+        self._output.close()
+
+    def _kill(self) -> None:
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(self._process.pid, signal.SIGKILL)
+
+
+@dataclass
+class _Job:
+    """A task that a worker performs, and what is known of it so far."""
+
+    task: Task | BoundTask
+    worker: _Worker
+    records: list[Record] = field(default_factory=list)
+    began: str | None = None
+    environment: dict[str, Any] = field(default_factory=environment)
+
+    def advance(self, note: Callable[[Task, Record], None]) -> Any:
+        """Take the worker's next message, if there is one; return the result if it was the last."""
+        message = self.worker.receive()
+        if message is None:
+            return None
+        (kind, content), task = message, self.task
+        if kind == "ready":
+            with contextlib.suppress(OSError):  # it has died: seen when it should answer
+                self.worker.connection.send(task)
+        elif kind == "begin":
+            self.began, self.environment = content
+        elif kind == "record" and isinstance(task, Task):
+            add_record(self.records, content)
+            note(task, content)
+        elif kind == "end":
+            if isinstance(task, BoundTask):
+                return content
+            if task.origin["source"] is not None:  # its code might leave something behind
+                self.worker.close()
+            return self._complete(content)
+        elif kind == "died":
+            status, output = self.worker.last_words()
+            if isinstance(task, Task) and status == -signal.SIGALRM:
+                return self._complete(_killed(task, self.began, self.records))
+            said = f"its process died ({_exit_words(status)})"
+            last = self.records[-1] if self.records else None
+            failed = failure(said, output, last)
+            return said if isinstance(task, BoundTask) else self._complete(failed)
+        return None
+
+    def _complete(self, outcome: Outcome) -> Outcome:
+        assert isinstance(self.task, Task)
+        return replace(
+            checked_outcome(self.task, outcome, self.records),
+            environment=self.environment,
+            began=self.began,
+        )
+
+
+def add_record(records: list[Record], record: Record) -> None:
+    """Add a record; it replaces one at the same number of evaluations."""
+    if records and records[-1].evaluations == record.evaluations:
+        records.pop()
+    records.append(record)
+
+
+def checked_outcome(task: Task, outcome: Outcome, records: list[Record]) -> Outcome:
+    """Return the outcome of a run with its records; a failed run has none.
+
+    The final front is evaluated again in this process, where no algorithm has run. A run fails
+    whose claims are wrong.
     """
-
-    def perform(task: Task, sandboxes: SandboxPool, is_over: Callable[[], bool]) -> Outcome | None:
-        return sandboxes.perform(task, stopped=is_over, note=lambda record: note(task, record))
-
-    return _done(perform, tasks, workers, stopped)
-
-
-def local_bounds(
-    tasks: Iterable[BoundTask], *, workers: int, stopped: Callable[[], bool]
-) -> FoundBounds:
-    """Bound missions on this machine, several at a time; yield the bounds as they are found.
-
-    A text says why there is none. ``stopped`` is asked ten times a second; when it is true, all end
-    without a bound.
-    """
-
-    def bound(
-        task: BoundTask, sandboxes: SandboxPool, is_over: Callable[[], bool]
-    ) -> "FrontBound | str | None":
-        return sandboxes.bound(task, stopped=is_over)
-
-    return _done(bound, tasks, workers, stopped)
-
-
-def _done(
-    act: Callable[[Given, SandboxPool, Callable[[], bool]], Found | None],
-    tasks: Iterable[Given],
-    workers: int,
-    stopped: Callable[[], bool],
-) -> Generator[tuple[Given, Found], None, None]:
-    """Do tasks in sandboxes, several at a time; yield what comes of those that were not stopped."""
-    sandboxes = SandboxPool()
-    closed = threading.Event()
-
-    def is_over() -> bool:
-        return stopped() or closed.is_set()
-
-    def do(task: Given) -> tuple[Given, Found | None]:
-        return task, None if is_over() else act(task, sandboxes, is_over)
-
-    # Threads suffice: the work is done in the sandboxes' processes.
-    parallel = joblib.Parallel(
-        n_jobs=workers, backend="threading", return_as="generator_unordered", batch_size=1
+    last = records[-1] if records else None
+    if outcome.status == "failed":
+        return outcome
+    if last is not None and last.plans is not None:
+        try:
+            verify(task, *last.plans)
+        except ValueError as error:
+            return failure(str(error), last=last)
+    # Only the last record's plans are kept.
+    return replace(
+        outcome, records=(*(replace(record, plans=None) for record in records[:-1]), *records[-1:])
     )
-    try:
-        for task, found in parallel(joblib.delayed(do)(task) for task in tasks):
-            if found is not None:
-                yield task, found
-    finally:
-        closed.set()
-        sandboxes.close()
+
+
+def _killed(task: Task, began: str | None, records: list[Record]) -> Outcome:
+    """Return the outcome of a run that has ended at its time limit."""
+    last = records[-1] if records else None
+    if began is None:
+        return failure(f"killed: it did not start within {MOST_SECONDS_TO_START:g} s")
+    if task.seconds is None:
+        return failure(
+            f"killed: it had evaluated no plan for {task.patience:g} s; a budget of seconds "
+            "would have ended it, --patience allows it more",
+            last=last,
+        )
+    return Outcome(
+        status="timeout",
+        stopped_by="limit",
+        evaluations=last.evaluations if last else 0,
+        seconds=task.seconds,
+        recording_seconds=0.0,
+        error=(
+            f"killed: {task.grace_seconds:g} s after its {task.seconds:g} s were up it had "
+            "still not come to the end of an iteration"
+        ),
+    )
+
+
+def _exit_words(status: int) -> str:
+    known = {member.value: member.name for member in signal.Signals}
+    return f"signal {known.get(-status, -status)}" if status < 0 else f"exit status {status}"

@@ -9,6 +9,7 @@ from botohe_moo.mission.model import Mission
 from botohe_moo.trails import PlanBatch
 
 PATIENCE = 3600.0
+MOST_SECONDS_TO_START = 600.0  # kernels are compiled then, perhaps on a slow machine
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class Task:
 
     @property
     def problem(self) -> str | None:
-        """A problem of one's own as ``module:Class``; None for BOTOHE."""
+        """A problem of your own as ``module:Class``; None for BOTOHE."""
         return self.origin.get("problem")
 
 
@@ -86,8 +87,16 @@ class Outcome:
     began: str | None = None  # UTC, as 2026-11-22T04:30:12Z; None if it never did
 
 
+def seconds_allowed(task: Task) -> float:
+    """Return how long a run may take, or without a budget of seconds, go without an evaluation."""
+    if task.seconds is not None:
+        return task.seconds + task.grace_seconds
+    ours = task.origin["package"] == "botohe-moo" and task.origin["source"] is None
+    return math.inf if ours else task.patience
+
+
 def failure(error: str, where: str | None = None, last: Record | None = None) -> Outcome:
-    """Give the outcome of a run that failed; ``error`` becomes a single line."""
+    """Return the outcome of a run that failed; ``error`` becomes a single line."""
     return Outcome(
         status="failed",
         stopped_by="error",
