@@ -43,10 +43,11 @@ TAKE_A_MISSION = {
 
 
 @pytest.mark.parametrize("given", [3, "toy", TOY.graph], ids=["number", "name", "graph"])
-@pytest.mark.parametrize("name", TAKE_A_MISSION)
-def test_what_is_not_a_mission_is_named(name, given):
-    with pytest.raises(TypeError, match=r"^Expected a Mission, got .*; load_mission\(name_or_path"):
-        TAKE_A_MISSION[name](given)
+def test_what_is_not_a_mission_is_named(given):
+    expected = r"^Expected a Mission, got .*; load_mission\(name_or_path"
+    for take in TAKE_A_MISSION.values():
+        with pytest.raises(TypeError, match=expected):
+            take(given)
 
 
 def test_nothing_is_written_for_what_is_not_a_mission(tmp_path):
