@@ -345,9 +345,8 @@ class TestRivals:
 
 
 class TestWords:
-    @pytest.mark.parametrize(
-        ("written", "text"),
-        [
+    def test_numbers_and_settings(self):
+        for written, text in (
             (fixed(0.12345), "0.1235"),
             (fixed(math.nan), "–"),
             (fixed(None, 2), "–"),
@@ -373,10 +372,8 @@ class TestWords:
                 parameter_words({"a": 1, "b": None, "c": "x", "d": [0.5]}),
                 "a=1, b=null, c=x, d=[0.5]",
             ),
-        ],
-    )
-    def test_numbers_and_settings(self, written, text):
-        assert written == text
+        ):
+            assert written == text
 
     def test_tables_are_what_the_runner_writes(self, odd):
         assert isinstance(odd[0], StudyTables)

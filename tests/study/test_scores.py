@@ -263,6 +263,5 @@ class TestIndicators:
         assert all(known.label for known in INDICATORS.values())
 
 
-@pytest.mark.parametrize("name", SCHEMAS)
-def test_tables_without_rows_fit(name):
-    assert to_arrow(name, as_table(name, [])).num_rows == 0
+def test_tables_without_rows_fit():
+    assert {to_arrow(name, as_table(name, [])).num_rows for name in SCHEMAS} == {0}
