@@ -1,7 +1,6 @@
 """Packages whose names are imported when they are first used."""
 
 import ast
-import inspect
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
@@ -13,10 +12,10 @@ def lazy_names(
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
     """Make the ``__getattr__`` and ``__dir__`` (PEP 562) and the ``__all__`` of a package.
 
-    Its public names are those that its ``__init__`` imports for type checkers, as these require it
-    of what is exported: ``from HOME import NAME as NAME``, HOME from the top. They are read from
-    its source, so that each is named once; without the source nothing can be imported, and an
-    OSError says so. Names in ``moved``, by their home, can be imported, too, but are not listed.
+    Its public names are those that its ``__init__`` imports for type checkers, in the form that
+    these require of exports: ``from HOME import NAME as NAME``, HOME from the top. They are read
+    from its source, so that each is named once. Names in ``moved``, by their home, can be imported,
+    too, but are not listed.
 
     Examples
     --------
@@ -24,8 +23,9 @@ def lazy_names(
     >>> get("TrailPlan").__module__, "TrailPlan" in names(), "TrailPlan" in listed
     ('botohe_moo.trails', True, True)
     """
-    source = inspect.getsource(sys.modules[package])
-    imports = [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.ImportFrom)]
+    loader: Any = sys.modules[package].__loader__
+    tree = ast.parse(loader.get_source(package))
+    imports = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
     homes = {
         alias.asname: str(node.module) for node in imports for alias in node.names if alias.asname
     }
