@@ -749,8 +749,6 @@ class TestBadMissions:
         [
             (["-m", "node=3"], ["'terrain': there is no parameter 'node'", "known are nodes, "]),
             (["-m", "nodes=1"], ["Expected nodes >= 2, got 1."]),
-            (["-m", "nodes=10000000"], ["85.7 GiB", "at most 8 GiB", "lower nodes"]),
-            (["--robots", "1000000"], ["186 GiB", "take 8 GiB of memory", "lower robots"]),
             (["-m", "nodes=many"], ["Expected nodes to be an integer >= 2, got 'many'."]),
             (["-m", "robots=0"], ["Expected robots >= 1, got 0."]),
             (["-m", "robots=3", "--robots", "3"], ["each parameter once, got 'robots' twice"]),
@@ -1207,7 +1205,7 @@ class TestChoose:
                 ["Expected only one of wishes", "got wishes and --plan."],
             ),
             (["--out", "plan.json"], ["Expected wishes, --toward or --plan with --out, got none"]),
-            (["P(reward >= 5) >= 2"], ["Expected the last number in [0, 1], got 2.0."]),
+            (["P(reward >= 5) >= 2"], ["Expected at_least in [0, 1], got 2.0."]),
             (["--most", "reward"], ["Expected wishes with --most, got none."]),
             (["--plan", 99], ["Expected --plan among the", "plans from 0, got 99"]),
             (["--plan", "x"], ["expected an integer >= 0, got x"]),
