@@ -15,12 +15,12 @@ help:
 	@echo "make test    the tests that find faults soon: some two minutes"
 	@echo "make test-all  all tests: with processes, Dask, a browser, LaTeX, and more examples a property"
 	@echo "make test-long  the property tests with forty times as many examples: half an hour"
-	@echo "make check   ruff (lint and format) and mypy strict"
+	@echo "make check   ruff (lint and format), mypy strict, and who imports whom"
 	@echo "make docs    the documentation, in docs/_build/html"
 	@echo "make dist    wheel and sdist, in dist/, and tests of them where they are installed: five minutes"
 	@echo "make coverage  the share of lines and branches that tests run, kernels uncompiled"
 	@echo "make compatibility  the tests with the oldest and the newest libraries, on each Python that is here"
-	@echo "make mutations  is a changed operator noticed, in each module of kernels?"
+	@echo "make mutations  does make test notice a changed operator, in a hundred places?"
 	@echo "make bench   the numbers this project claims"
 	@echo "make soak    a study of many small runs for an hour: memory has to stay flat"
 	@echo "make smoke   a study of seconds, with its report"
@@ -75,6 +75,7 @@ check: $(READY)
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
+	$(BIN)/lint-imports --no-logo
 
 # Warnings and references that lead nowhere are errors; nothing is read from a network.
 docs: $(READY_FOR_DOCS)

@@ -1,13 +1,13 @@
 """Run the benchmarks, by default all: ``python -m benchmarks [NAME ...] [--before PATH]``.
 
 The names are curves, speed, growth, colonies (results/bo-aco/), operators, annealing
-(results/operators/), studies (results/studies/), search, ideas, budgets, orienteering
-(results/local-search/), fronts, large (results/growth/), bounds (results/bounds/), pictures
-(results/choosing/), gallery (results/gallery/), explorer (results/explorer/), start and pace
-(results/start/) and house (results/house/). ``--before`` names another checkout, which start, pace
-and house measure beside this one. The exit status is 1 if a curve is not the published one, or an
-area, a reward, a gap, a ratio to BO-ACO or a size misses its bound; times themselves, and ratios to
-another checkout, are never judged, machines differ.
+(results/operators/), studies (results/studies/), search, budgets, orienteering (results/local-
+search/), fronts, large (results/growth/), bounds (results/bounds/), pictures (results/choosing/),
+gallery (results/gallery/), explorer (results/explorer/), start and pace (results/start/).
+``--before`` names another checkout, which start and pace measure beside this one. The exit status
+is 1 if a curve is not the published one, or an area, a reward, a gap, a ratio to BO-ACO or a size
+misses its bound; times themselves, and ratios to another checkout, are never judged, machines
+differ.
 """
 
 import argparse
@@ -26,8 +26,6 @@ from benchmarks import (
     fronts,
     gallery,
     growth,
-    house,
-    ideas,
     large,
     operators,
     orienteering,
@@ -49,26 +47,24 @@ BENCHMARKS = {
     "operators": (operators.run, "operators"),
     "studies": (studies.run, "studies"),
     "search": (search.run, "local-search"),
-    "ideas": (ideas.run, "local-search"),
     "budgets": (budgets.run, "local-search"),
     "orienteering": (orienteering.run, "local-search"),
     "fronts": (fronts.run, "growth"),
     "large": (large.run, "growth"),
     "bounds": (bounds.run, "bounds"),
     "explorer": (explorer.run, "explorer"),
-    "house": (house.run, "house"),
     "pictures": (pictures.run, "choosing"),
     "gallery": (gallery.run, "gallery"),
     "start": (start.run, "start"),
     "pace": (pace.run, "start"),
 }
-BESIDE = ("house", "pace", "start")  # which measure another checkout, too
+BESIDE = ("pace", "start")  # which measure another checkout, too
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks")
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(BENCHMARKS))
-    parser.add_argument("--before", type=Path, help="another checkout, for house, pace and start")
+    parser.add_argument("--before", type=Path, help="another checkout, for pace and start")
     given = parser.parse_args()
     wanted = given.names or list(BENCHMARKS)
     if unknown := set(wanted) - set(BENCHMARKS):

@@ -1,126 +1,199 @@
-"""Change one operator in each module of kernels: some test has to notice.
+"""Change one operator in a hundred places: `make test` has to notice what all tests notice.
 
-``python -m checks.mutations [MODULE ...] [--out CSV]`` works on a copy of the checkout, with
-kernels that are not compiled. The tests have to pass as long as nothing is changed. Then each line
-of ``checks/mutants.py`` is changed in turn, its test is run, and the line is put back. The exit
-status is 1 if a change is not noticed, if a module has no change listed, or if one cannot be made.
+``python -m checks.mutations [ENTRY ...] [--out CSV]`` draws the places from the source by a seed,
+one in each module of kernels and the rest from the other entries, and works on a copy of the
+checkout. Each change is tried with the tests of its entry: first with those of `make test`, and
+where these do not notice it, with those that are marked slow. A change that neither notices may be
+one that changes nothing. The exit status is 1 if `make test` notices less than 95 % of what all
+tests notice.
 """
 
 import argparse
-import csv
+import ast
 import os
 import re
 import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
+from typing import NamedTuple
 
-from checks.mutants import MUTANTS, Mutant
+import numpy as np
+import pandas as pd
 
 ROOT = Path(__file__).parents[1]
-KERNELS = Path("src", "botohe_moo", "kernels")
-NO_KERNELS = {"compile", "linking"}  # how kernels are compiled
-COLUMNS = ("kernel", "line", "changed", "caught by")
-_PYTEST = ("-m", "pytest", "-x", "-p", "no:cacheprovider", "--tb=line", "--timeout=120")
+PACKAGE = Path("src", "botohe_moo")
+# How many places of each entry, and the tests that look at it. Kernels: one in each module.
+ENTRIES: dict[str, tuple[int, tuple[str, ...]]] = {
+    "kernels": (0, ("kernels", "search", "operators", "outcomes")),
+    "mission": (14, ("mission", "test_boundaries.py")),
+    "search": (12, ("search", "algorithms")),
+    "operators": (8, ("operators",)),
+    "algorithms": (8, ("algorithms",)),
+    "decide": (10, ("decide",)),
+    "study": (16, ("study",)),
+}
+MODULES_WITHOUT = {"compile.py", "linking.py"}  # how kernels are compiled
+SWAPPED: dict[type[ast.AST], type[ast.AST]] = {
+    ast.Add: ast.Sub,
+    ast.Sub: ast.Add,
+    ast.Mult: ast.Add,
+    ast.Div: ast.Mult,
+    ast.Lt: ast.GtE,
+    ast.LtE: ast.Gt,
+    ast.Gt: ast.LtE,
+    ast.GtE: ast.Lt,
+    ast.Eq: ast.NotEq,
+    ast.NotEq: ast.Eq,
+    ast.In: ast.NotIn,
+    ast.NotIn: ast.In,
+    ast.Is: ast.IsNot,
+    ast.IsNot: ast.Is,
+    ast.And: ast.Or,
+    ast.Or: ast.And,
+}
+NOTICED_BY = ("make test", "make test-all")
+_PYTEST = ("-m", "pytest", "-x", "-p", "no:cacheprovider", "--tb=line", "--timeout=300")
+
+
+class Mutant(NamedTuple):
+    """A place in the source, and what stands there instead."""
+
+    path: Path
+    line: int
+    source: str  # the statement as it is
+    changed: str
+    module: str  # the whole module with the change
 
 
 def main() -> int:
-    """Try the changes that the command line names, and give the exit status."""
+    """Try the changes in the entries that the command line names, and return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m checks.mutations")
-    parser.add_argument("modules", nargs="*", metavar="MODULE", help="by default all")
+    parser.add_argument("entries", nargs="*", metavar="ENTRY", help=", ".join(ENTRIES))
+    parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=Path, help="the table as CSV")
     given = parser.parse_args()
-    chosen = [one for one in MUTANTS if not given.modules or one.module in given.modules]
-    faults = list_faults()
-    for fault in faults:
-        print(fault)
-    if faults or not chosen:
-        return 1
+    rows = []
     with tempfile.TemporaryDirectory(prefix="botohe-mutations-") as folder:
-        copy = copy_checkout(Path(folder))
-        said = run_tests(copy, sorted({one.test for one in chosen}))
-        if said is not None:
-            print(f"Without any change, this fails: {said}")
-            return 1
-        rows = [(one, try_mutant(copy, one)) for one in chosen]
+        copy_checkout(Path(folder))
+        for entry in given.entries or ENTRIES:
+            if failed := run_tests(Path(folder), entry, "not slow"):
+                print(f"Without any change, this fails: {failed}")
+                return 1
+            for mutant in draw_mutants(entry, np.random.default_rng(given.seed)):
+                row = try_mutant(Path(folder), entry, mutant)
+                print(*row.values(), sep="\n    ", flush=True)
+                rows.append(row)
+    table = pd.DataFrame(rows)
     if given.out is not None:
-        write_table(rows, given.out)
-    n_survived = sum(caught is None for _, caught in rows)
-    print(f"{len(rows)} changes, {n_survived} not noticed")
-    return int(n_survived > 0)
+        table.to_csv(given.out, index=False)
+    counts = table["noticed by"].value_counts()
+    by_quick, by_slow = (int(counts.get(name, 0)) for name in NOTICED_BY)
+    print(f"{len(table)} changes: {by_quick} noticed by make test, {by_slow} by slow tests alone")
+    return int(by_quick < 0.95 * (by_quick + by_slow))
 
 
-def list_faults() -> list[str]:
-    """List the modules without a change, and the changes that cannot be made."""
-    modules = {
-        str(path.relative_to(ROOT / KERNELS).with_suffix(""))
-        for path in (ROOT / KERNELS).rglob("*.py")
-        if path.name != "__init__.py"
-    } - NO_KERNELS
-    faults = [f"{name}: no change is listed" for name in modules - {one.module for one in MUTANTS}]
-    for one in MUTANTS:
-        if one.module not in modules:
-            faults.append(f"{one.module}: there is no such module")
-        elif (n := path_of(ROOT, one).read_text("utf-8").count(one.line)) != 1:
-            faults.append(f"{one.module}: {one.line!r} is there {n} times")
-    return sorted(faults)
+def draw_mutants(entry: str, rng: np.random.Generator) -> Iterator[Mutant]:
+    """Draw one place in each module of kernels, or as many of all modules as the entry has."""
+    n_places, _ = ENTRIES[entry]
+    paths = sorted((ROOT / PACKAGE / entry).rglob("*.py"))
+    modules = [list(mutants(path)) for path in paths if path.name not in MODULES_WITHOUT]
+    if n_places:
+        modules = [[mutant for module in modules for mutant in module]]
+    for places in filter(None, modules):
+        for i in sorted(rng.choice(len(places), n_places or 1, replace=False)):
+            yield places[i]
 
 
-def path_of(root: Path, one: Mutant) -> Path:
-    """Give the path of the module that is changed."""
-    return root / KERNELS / f"{one.module}.py"
+def mutants(path: Path) -> Iterator[Mutant]:
+    """List each operator of a module's functions with the module in which it is another."""
+    source = path.read_text("utf-8")
+    tree = ast.parse(source)
+    for function in ast.walk(tree):
+        if not isinstance(function, ast.FunctionDef):
+            continue
+        for statement in ast.walk(ast.Module(function.body, [])):
+            if not isinstance(statement, ast.stmt) or isinstance(statement, ast.FunctionDef):
+                continue
+            for owner, name, operator in operators(statement):
+                before = ast.unparse(statement).splitlines()[0]
+                _set(owner, name, SWAPPED[type(operator)]())
+                after, module = ast.unparse(statement).splitlines()[0], ast.unparse(tree)
+                _set(owner, name, operator)
+                relative = path.relative_to(ROOT)
+                yield Mutant(relative, statement.lineno, before, after, module)
 
 
-def copy_checkout(folder: Path) -> Path:
+def operators(statement: ast.stmt) -> Iterator[tuple[ast.AST, str, ast.AST]]:
+    """List the operators of a statement's own expressions: their owner, its field, and they."""
+    inner = [one for one in ast.iter_child_nodes(statement) if isinstance(one, ast.expr)]
+    for node in (statement, *(one for expression in inner for one in ast.walk(expression))):
+        if isinstance(node, ast.BinOp | ast.BoolOp | ast.AugAssign) and type(node.op) in SWAPPED:
+            yield node, "op", node.op
+        elif isinstance(node, ast.Compare) and type(node.ops[0]) in SWAPPED:
+            yield node, "ops", node.ops[0]
+
+
+def _set(owner: ast.AST, name: str, operator: ast.AST) -> None:
+    if name == "ops":
+        owner.ops[0] = operator  # type: ignore[attr-defined]
+    else:
+        setattr(owner, name, operator)
+
+
+def copy_checkout(folder: Path) -> None:
     """Copy what the tests need."""
     ignore = shutil.ignore_patterns("__pycache__", "*.nbi", "*.nbc")
-    for name in ("src", "tests"):
+    for name in ("src", "tests", "experiments"):
         shutil.copytree(ROOT / name, folder / name, ignore=ignore)
     shutil.copy(ROOT / "pyproject.toml", folder)
-    return folder
 
 
-def run_tests(copy: Path, tests: list[str]) -> str | None:
-    """Run tests of a copy; give the first that fails, or None."""
+def try_mutant(copy: Path, entry: str, mutant: Mutant) -> dict[str, object]:
+    """Change a module of a copy, run the tests of its entry, and put the module back."""
+    path, caught, noticed = copy / mutant.path, None, "neither"
+    source = path.read_text("utf-8")
+    path.write_text(mutant.module, "utf-8")
+    try:
+        for noticed_by, marked in zip(NOTICED_BY, ("not slow", "slow"), strict=True):
+            if caught := run_tests(copy, entry, marked):
+                noticed = noticed_by
+                break
+    finally:
+        path.write_text(source, "utf-8")
+    return {
+        "module": str(mutant.path.relative_to(PACKAGE)),
+        "line": mutant.line,
+        "statement": mutant.source,
+        "changed": mutant.changed,
+        "noticed by": noticed,
+        "test": caught or "",
+    }
+
+
+def run_tests(copy: Path, entry: str, marked: str) -> str | None:
+    """Run the tests of an entry; return the first that fails, or None."""
     environment = os.environ | {
-        "NUMBA_DISABLE_JIT": "1",
+        "BOTOHE_EXAMPLES": "0.1" if marked == "not slow" else "0.5",
+        "NUMBA_DISABLE_JIT": str(int(entry == "kernels")),  # compiling takes longer than the tests
         "PYTHONDONTWRITEBYTECODE": "1",
         "PYTHONPATH": os.pathsep.join([str(copy / "src"), str(copy)]),
     }
-    done = subprocess.run(
-        [sys.executable, *_PYTEST, *(f"tests/{test}" for test in tests)],
-        cwd=copy, env=environment, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    if done.returncode == 0:
+    marked += " and not compiled_only" if entry == "kernels" else ""
+    tests = [f"tests/{name}" for name in ENTRIES[entry][1]]
+    try:
+        done = subprocess.run(
+            [sys.executable, *_PYTEST, "-m", marked, *tests],
+            cwd=copy, env=environment, capture_output=True, text=True, check=False, timeout=900,
+        )  # fmt: skip
+    except subprocess.TimeoutExpired:
+        return "the tests do not end"
+    if done.returncode in (0, 5):  # 5: there are none
         return None
     found = re.search(r"^(?:FAILED|ERROR) tests/(\S+)", done.stdout, re.M)
-    if found is None:
-        raise RuntimeError(f"pytest did not run: {done.stdout}{done.stderr}")
-    return found.group(1)
-
-
-def try_mutant(copy: Path, one: Mutant) -> str | None:
-    """Change a line of a copy, run its test, put the line back; give the test that failed."""
-    path = path_of(copy, one)
-    source = path.read_text("utf-8")
-    path.write_text(source.replace(one.line, one.changed), "utf-8")
-    try:
-        caught = run_tests(copy, [one.test])
-    finally:
-        path.write_text(source, "utf-8")
-    lines = (one.module, one.line, one.changed, caught or "NOT NOTICED")
-    print("\n    ".join(lines), flush=True)
-    return caught
-
-
-def write_table(rows: list[tuple[Mutant, str | None]], out: Path) -> None:
-    """Write a line for each change."""
-    out.parent.mkdir(parents=True, exist_ok=True)
-    with out.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(COLUMNS)
-        writer.writerows((one.module, one.line, one.changed, caught or "") for one, caught in rows)
+    return found.group(1) if found else "pytest itself fails"
 
 
 if __name__ == "__main__":
