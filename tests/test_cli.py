@@ -535,6 +535,7 @@ class TestBadMissions:
         ("given", "named"),
         [
             (["-m", "node=3"], ["'terrain': there is no parameter 'node'", "known are nodes, "]),
+            (["-m", "nodes=1"], ["Expected nodes >= 2, got 1."]),
             (["-m", "nodes=many"], ["Expected nodes to be an integer >= 2, got 'many'."]),
             (["-m", "robots=3", "--robots", "3"], ["each parameter once, got 'robots' twice"]),
             (["-m", "name_or_path=toy"], ["there is no parameter 'name_or_path'"]),
@@ -845,6 +846,7 @@ class TestChoose:
                 ["Expected only one of wishes", "got wishes and --plan."],
             ),
             (["--out", "plan.json"], ["Expected wishes, --toward or --plan with --out, got none"]),
+            (["P(reward >= 5) >= 2"], ["Expected at_least in [0, 1], got 2.0."]),
             (["--most", "reward"], ["Expected wishes with --most, got none."]),
             (["--plan", 99], ["Expected --plan among the", "plans from 0, got 99"]),
             (["--plan", 1, "--out", "a/plan.csv"], ["a: there is no such folder"]),

@@ -34,7 +34,7 @@ from botohe_moo import (
     solve,
 )
 from botohe_moo._base.interrupts import hold_interrupt
-from botohe_moo.cli.checks import check_folder, check_places
+from botohe_moo.cli.checks import check_places
 from botohe_moo.solution import PictureError, Solution
 from botohe_moo.solving import RefusalError
 from tests.examples import examples
@@ -620,27 +620,6 @@ class TestReading:
         assert "antigravity" not in sys.modules
 
 
-class TestFolders:
-    @pytest.mark.parametrize(
-        ("name", "reason"),
-        [
-            ("file", "it is a file"),
-            ("file/below", "Not a directory"),
-            ("dangling", "File exists"),
-            ("/proc/no/such", "No such file or directory"),
-        ],
-    )
-    def test_refusals(self, tmp_path, name, reason):
-        (tmp_path / "file").touch()
-        (tmp_path / "dangling").symlink_to(tmp_path / "nowhere")
-        before = sorted(tmp_path.rglob("*"))
-        with pytest.raises(OSError, match="expected a folder to write to") as caught:
-            check_folder(tmp_path / name)
-        expected = f"{tmp_path / name}: expected a folder to write to; {reason}."
-        assert str(caught.value) == expected
-        assert sorted(tmp_path.rglob("*")) == before
-
-
 class TestPictures:
     def test_a_place_must_be_one(self):
         mission = pair("a", "b", pos=[0, "x"])
@@ -650,7 +629,3 @@ class TestPictures:
         with pytest.raises(ValueError, match=r"^site\.json: Node 'a': expected pos"):
             check_places(mission, "site.json")
         check_places(pair("a", "b", pos=[0, 1]))  # b has no place: all are laid out
-
-    @pytest.mark.parametrize("name", ["toy", "art_museum"])
-    def test_ours_can_be_drawn(self, name):
-        check_places(load_mission(name))

@@ -125,3 +125,15 @@ def test_what_holds_for_all(front):
     for node, (before, after) in found.visitors.items():
         assert before == sum(node in trail for trail in trails[0])
         assert after == sum(node in trail for trail in trails[1])
+
+
+def test_survivals_that_differ_are_written_so_that_they_do():
+    arcs = [("dock", "far", 0.9), ("dock", "near", 1.0), ("near", "far", 0.900001)]
+    mission = both_ways(arcs, robots=1)
+    there = mission.plan([["dock", "far", "near", "dock"]])
+    back = mission.plan([["dock", "near", "far", "near", "dock"]])
+    [*_, said] = compare(mission, there, back).sentences
+    assert said == (
+        "Robot 0 visits the same nodes by a safer trail: "
+        "it survives with 0.810002 instead of 0.810001."
+    )

@@ -41,6 +41,9 @@ class TestKnees:
         # 0.5225, 0.
         assert [m.index for m in knees(TOY, [[10, 1.2], [5.5, 1.9], [0, 2]])] == [1, 0]
 
+    def test_a_slight_bend_is_one(self):
+        assert len(knees(TOY, [[10, 0], [5, 1.01], [0, 2]])) == 2
+
     def test_of_equal_plans_the_first(self):
         assert [m.index for m in knees(TOY, [*BENT, [7, 1]])] == [1, 1]
 
@@ -149,6 +152,14 @@ class TestExchangeRate:
         found = exchange_rate(TOY, [[3, 1]], 0)
         assert found == ExchangeRate(0, 0.25, None, None)
         assert str(found) == "No plan of the front trades reward for survivors with plan 0."
+
+    def test_a_dominated_plan_is_compared_with_those_that_trade(self):
+        # (7, 1) has more of both than (6, 0.5); (4, 1.4) and (8, 0) have more of one only.
+        found = exchange_rate(TOY, [*BENT, [6, 0.5]], 4, window=1)
+        assert (found.safer, found.richer) == (Step(2, -2, pytest.approx(0.9)), Step(0, 2, -0.5))
+        assert found.safer.rate > 0
+        assert found.richer.rate > 0
+        assert exchange_rate(TOY, [[7, 1], [6, 0.5]], 1) == ExchangeRate(1, 0.25, None, None)
 
     @pytest.mark.parametrize("window", [0, -1, float("inf"), "wide"])
     def test_bad_windows(self, window):

@@ -101,18 +101,6 @@ class TestMuseum:
         with opened(museum_page, f"#{address}") as page:
             assert view(page) == shown
 
-    def test_a_walk_is_one_step_of_the_history(self, opened, museum_page):
-        with opened(museum_page, "#plan=5") as page:
-            page.focus("#walk")
-            for _ in range(30):
-                page.keyboard.press("ArrowLeft")
-            page.wait_for_timeout(300)
-            assert page.url.endswith("#plan=35")
-            page.go_back()
-            shows(page, 5)
-            page.go_forward()
-            shows(page, 35)
-
     def test_files_are_those_of_the_library(self, opened, museum, museum_page):
         plan = museum.plans[30]
         with opened(museum_page, "#plan=30") as page:
@@ -210,27 +198,6 @@ class TestMuseum:
             assert page.is_hidden("#filter-faults")
             assert page.get_attribute(f"#filter-{field}", "aria-invalid") == "false"
 
-    def test_filters_by_node_are_exact(self, opened, tmp_path):
-        graph = nx.DiGraph(base="dock", robots=1)
-        graph.add_node("dock", reward=0)
-        for label, survival in (("low", 0.0001), ("near", 0.99985), ("high", 0.99992)):
-            graph.add_node(label, reward=1)
-            graph.add_edge("dock", label, survival=survival)
-            graph.add_edge(label, "dock", survival=survival)
-        mission = Mission(graph)
-        plans = [mission.plan([["dock", label, "dock"]]) for label in ("low", "near", "high")]
-        path = explore(solution_of(mission, plans), tmp_path / "exact.html")
-        with opened(path) as page:
-            for label, least, n_met in (
-                ("near", 0.9998, 1), ("near", 0.9999, 0), ("high", 0.9999, 1), ("high", 0.99995, 0),
-                ("low", 0.0001, 1), ("low", 0.0002, 0),
-            ):  # fmt: skip
-                page.select_option("#filter-node", label=label)
-                page.fill("#filter-reach", str(least))
-                assert page.inner_text("#matching") == f"{n_met} of 3 plans"
-            page.click("#clear")
-            expect(page.locator("#matching")).to_have_text("3 plans")
-
     def test_marks_and_why(self, opened, museum, museum_page):
         choice = museum.choose("survivors >= 2")
         with opened(museum_page) as page:
@@ -251,17 +218,6 @@ class TestMuseum:
         said = compare(museum.mission, museum.plans[31], museum.plans[30]).sentences
         assert sentences == list(said)
 
-    def test_a_plan_that_is_not_there(self, opened, museum_page):
-        with opened(museum_page, "#plan=9999&pins=x,3&robot=8&node=-1&reward=abc") as page:
-            said = "The page could not use this part of its address: "
-            parts = "plan=9999, pins=x,3, robot=8, node=-1, reward=abc."
-            assert page.inner_text("#problem") == said + parts
-            assert pinned(page) == [3]
-            page.keyboard.press("ArrowLeft")
-            expect(page.locator("#problem")).to_be_hidden()
-            page.go_back()
-            expect(page.locator("#problem")).to_be_visible()
-
     @pytest.mark.parametrize(
         "part",
         [
@@ -273,11 +229,6 @@ class TestMuseum:
     def test_what_the_address_cannot_mean_is_said(self, opened, museum_page, part):
         with opened(museum_page, f"#{part}") as page:
             assert page.inner_text("#problem").endswith(f": {part.replace('&', ', ')}.")
-
-    @pytest.mark.parametrize("part", ["plan=50&pins=3,10", "node=3&reach=0.50"])
-    def test_nothing_is_said_of_addresses_that_are_right(self, opened, museum_page, part):
-        with opened(museum_page, f"#{part}") as page:
-            assert page.is_hidden("#problem")
 
     def test_it_is_said_aloud_and_by_keyboard(self, opened, museum_page):
         with opened(museum_page) as page:
@@ -313,19 +264,6 @@ class TestMuseum:
                 assert page.get_attribute("#map .robots g", "transform") == before
             page.keyboard.press("Escape")
             assert page.locator("#map .robots g").count() == 0
-
-    def test_one_robot_alone_and_a_larger_map(self, opened, museum_page):
-        with opened(museum_page, "#plan=10") as page:
-            wide = page.locator("#map").bounding_box()["width"]
-            page.click("#larger")
-            assert page.locator("#map").bounding_box()["width"] == pytest.approx(2 * wide, abs=2)
-            page.click('[data-robot="1"]')
-            assert page.url.endswith("robot=1")
-            assert (
-                page.locator("#map .trail.faint").count() == page.locator("#map .trail").count() - 1
-            )
-            page.click('[data-robot="1"]')
-            assert page.locator("#map .trail.faint").count() == 0
 
 
 def text_of(value):

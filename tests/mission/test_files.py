@@ -258,9 +258,16 @@ class TestGraphML:
         assert mission.nodes == ("1", "2")
         assert (mission.base, mission.robots, mission.name) == ("1", 2, "gephi")
         assert mission.graph.nodes["1"] == {"reward": 0.0, "label": "dock", "pos": [-3.5, 2.0]}
-        assert mission.graph.nodes["2"]["visited"] is True
+        assert mission.graph.nodes["2"] == {"reward": 5.0, "visited": True, "r": 153}
         assert mission.arrays.reward.tolist() == [0, 5]
         assert mission.arrays.survival.tolist() == [0.9, 0.8]
+
+    def test_what_yed_has_drawn_moves_no_node(self, tmp_path):
+        path = tmp_path / "drawn.graphml"
+        text = (DATA / "gephi.graphml").read_text()
+        drawn = '<data key="y">2</data><data key="shape"><y:ShapeNode><y:Geometry x="9" y="9"/>'
+        path.write_text(text.replace('<data key="y">2</data>', f"{drawn}</y:ShapeNode></data>"))
+        assert read_mission(path).graph.nodes["1"]["pos"] == [-3.5, 2.0]
 
     def test_as_networkx_writes_and_reads_it(self, tmp_path):
         written = mission_of((1, 2, 3)).graph.copy()

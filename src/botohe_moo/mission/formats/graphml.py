@@ -28,7 +28,9 @@ def read_graphml(data: bytes, /) -> nx.Graph[Any]:
     GraphML, and for arcs that are there more than once.
     """
     try:
-        found = nx.read_graphml(io.BytesIO(data), force_multigraph=True)
+        root = ET.fromstring(data)
+        _remove_drawings(root)
+        found = nx.parse_graphml(ET.tostring(root, "unicode"), force_multigraph=True)
     except _OF_NETWORKX as error:
         said = f"{type(error).__name__}: {error}"[:_LONGEST]
         raise MissionError(f"expected GraphML with one directed graph, found {said}") from None
@@ -49,6 +51,13 @@ def read_graphml(data: bytes, /) -> nx.Graph[Any]:
             for tail, head, attributes in found.edges(data=True)
         ],
     )
+
+
+def _remove_drawings(root: ET.Element) -> None:
+    """Remove what yEd draws: networkx would take its places for the attributes ``x`` and ``y``."""
+    for owner in list(root.iter()):
+        for drawing in [data for data in owner.findall("{*}data") if len(data)]:
+            owner.remove(drawing)
 
 
 def _with_pos(attributes: dict[str, Any]) -> dict[str, Any]:
