@@ -156,7 +156,7 @@ class TestFront:
         assert algorithm.archive is archive
         version = archive.version
         with pytest.raises(TypeError, match=r"takes in what that search finds\."):
-            archive.absorb(archive.plans, objectives)
+            archive.insert(archive.plans, objectives)
         assert archive.version == version
 
     def test_result(self, museum):

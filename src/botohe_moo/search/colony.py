@@ -257,4 +257,4 @@ def exchange_archives(archives: Sequence[PlanArchive]) -> None:
     """
     held = [(archive.plans, archive.objectives.copy()) for archive in archives]
     for giver, archive in enumerate(archives, start=-1):
-        archive.absorb(*held[giver])
+        archive.insert(*held[giver])

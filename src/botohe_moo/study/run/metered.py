@@ -75,7 +75,7 @@ class MeteredBOTOHE(CountedBOTOHE):
             kept = np.flatnonzero((self.constrain_batch(allowed) <= 0).all(axis=1))
             feasible, objectives = allowed.take(kept), objectives[kept]
         if len(feasible):
-            self.archive.absorb(feasible, objectives)
+            self.archive.insert(feasible, objectives)
         if len(allowed) < len(batch):
             raise BudgetSpentError
         return F
