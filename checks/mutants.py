@@ -109,8 +109,8 @@ MUTANTS = (
     ),
     Mutant(
         "exact/trails",
-        "alive = labels.rows[parent].alive * graph.survival[arc]",
-        "alive = labels.rows[parent].alive - graph.survival[arc]",
+        "row.alive *= graph.survival[arc]",
+        "row.alive -= graph.survival[arc]",
         _EXACT + "Trails::test_a_single_robot_finds_its_front",
     ),
     Mutant(
@@ -133,8 +133,8 @@ MUTANTS = (
     ),
     Mutant(
         "graph/graph",
-        "home[here] = survival[arc] * home[there]",
-        "home[here] = survival[arc] + home[there]",
+        "home[near] = survival[arc] * home[far]",
+        "home[near] = survival[arc] + home[far]",
         _PATHS + "the_graph",
     ),
     Mutant(
@@ -145,8 +145,8 @@ MUTANTS = (
     ),
     Mutant(
         "graph/paths",
-        "if key > distance[here]:",
-        "if key <= distance[here]:",
+        "if key > distance[node]:",
+        "if key <= distance[node]:",
         _PATHS + "paths_are_the_safest_over_unused_arcs",
     ),
     Mutant(

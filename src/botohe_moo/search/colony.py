@@ -255,6 +255,6 @@ def exchange_archives(archives: Sequence[PlanArchive]) -> None:
     Circular exchange of the locally best plans, as in Middendorf, Reischle and Schmeck, "Multi
     colony ant algorithms", Journal of Heuristics 8(3), 2002, with a front for their best one.
     """
-    held = [(archive.plans, archive.objectives.copy()) for archive in archives]
+    plans = [(archive.plans, archive.objectives.copy()) for archive in archives]
     for giver, archive in enumerate(archives, start=-1):
-        archive.insert(*held[giver])
+        archive.insert(*plans[giver])
