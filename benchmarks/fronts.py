@@ -48,7 +48,7 @@ def run(out: Path) -> bool:
     table.insert(0, "plans", SIZES)
     table.to_csv(out / "fronts.csv", index=False)
     print(f"ParetoLocalSearch(), {ROBOTS} robots; the front's second half of each size")
-    print(f"absorb: what a PlanArchive of that size needs for {BATCH} plans that enter")
+    print(f"insert: what a PlanArchive of that size needs for {BATCH} plans that enter")
     print(table.to_string(index=False))
     costs = table.set_index("plans")["us_per_entry"]
     times = costs[max(SIZES)] / costs[min(SIZES)]
@@ -63,11 +63,11 @@ def _measure() -> list[float]:
     algorithm.setup(BOTOHE(even_star(ROBOTS)), termination=("n_gen", sys.maxsize), seed=1)
     rows = [_grow(algorithm, size) for size in SIZES]
     _grow(algorithm, max(SIZES) + BATCH * (REPETITIONS + 1))
-    _absorb(algorithm.archive, BATCH)  # compiles
+    _insert(algorithm.archive, BATCH)  # compiles
     return [
         field
         for row, size in zip(rows, SIZES, strict=True)
-        for field in (*row, _absorb(algorithm.archive, size))
+        for field in (*row, _insert(algorithm.archive, size))
     ]
 
 
@@ -93,19 +93,19 @@ def _grow(algorithm: ParetoLocalSearch, size: int) -> list[float]:
     ]
 
 
-def _absorb(front: PlanArchive, size: int) -> float:
+def _insert(front: PlanArchive, size: int) -> float:
     """Give the milliseconds in which an archive of so many plans takes in a batch that enters."""
     plans, values = front.plans, front.objectives
     order = np.random.default_rng(0).permutation(len(plans))
     archive = PlanArchive(ROBOTS)
     held = np.sort(order[:size])
-    archive.absorb(plans.take(held), values[held].copy())
+    archive.insert(plans.take(held), values[held].copy())
     times = []
     for repetition in range(REPETITIONS):
         new = np.sort(order[size + BATCH * repetition :][:BATCH])
         batch, objectives = plans.take(new), values[new].copy()
         started = time.perf_counter()
-        archive.absorb(batch, objectives)
+        archive.insert(batch, objectives)
         times.append(1e3 * (time.perf_counter() - started))
     return best(times)
 

@@ -357,7 +357,7 @@ class TestColonies:
         archives = [PlanArchive(1) for _ in range(4)]
         for archive, trail in zip(archives, (home, near, far, both), strict=True):
             batch = mission.batch([mission.plan([trail])])
-            archive.absorb(batch, mission.evaluate(batch))
+            archive.insert(batch, mission.evaluate(batch))
 
         def held():
             return [{plan.trails[0] for plan in archive.plans} for archive in archives]

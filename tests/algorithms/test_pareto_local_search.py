@@ -145,7 +145,7 @@ class TestFront:
         assert algorithm.archive is archive
         version = archive.version
         with pytest.raises(TypeError, match=r"takes in what that search finds\."):
-            archive.absorb(archive.plans, objectives)
+            archive.insert(archive.plans, objectives)
         assert archive.version == version
 
     def test_callbacks_see_a_growing_archive(self, museum):

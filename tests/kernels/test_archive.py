@@ -70,7 +70,7 @@ def test_archive_is_the_front_of_all_it_was_shown(data):
         drawn = data.draw(st.lists(st.integers(0, len(PLANS) - 1), min_size=1, max_size=8))
         batch = PlanBatch.from_plans([PLANS[i] for i in drawn], 3)
         version, before = archive.version, set(archive.plans)
-        members = archive.absorb(batch, objectives[drawn])
+        members = archive.insert(batch, objectives[drawn])
 
         iteration = {PLANS[i]: objectives[i] for i in drawn}
         assert {PLANS[drawn[i]] for i in members} == front(iteration)
@@ -95,7 +95,7 @@ def test_no_more_ties_than_asked_for(data, max_ties):
         drawn = data.draw(st.lists(st.integers(0, len(PLANS) - 1), min_size=1, max_size=8))
         batch = PlanBatch.from_plans([PLANS[i] for i in drawn], 3)
         for one in (archive, free):
-            one.absorb(batch, objectives[drawn])
+            one.insert(batch, objectives[drawn])
         all_ties = Counter(map(tuple, free.objectives.tolist()))
         kept = Counter(map(tuple, archive.objectives.tolist()))
         assert kept == {key: min(n, max_ties) for key, n in all_ties.items()}
@@ -109,7 +109,7 @@ def test_individuals_stay_the_same_as_long_as_their_plans_do(data):
     for _ in range(4):
         drawn = data.draw(st.lists(st.integers(0, len(PLANS) - 1), min_size=1, max_size=4))
         batch = PlanBatch.from_plans([PLANS[i] for i in drawn], 3)
-        archive.absorb(batch, objectives[drawn])
+        archive.insert(batch, objectives[drawn])
         population = archive.population()
         assert population is archive.population()
         assert [ind.X[0] for ind in population] == list(archive.plans)
@@ -140,5 +140,5 @@ def test_hashes_of_many_short_plans_differ():
 def test_plans_with_nan_objectives_are_left_out():
     objectives = np.array([[1.0, 1.0], [np.nan, 5.0], [0.5, 2.0]])
     batch, archive = PlanBatch.from_plans(PLANS[:3], 3), PlanArchive(3)
-    assert archive.absorb(batch, objectives).tolist() == [0, 2]
+    assert archive.insert(batch, objectives).tolist() == [0, 2]
     assert list(archive.plans) == [PLANS[0], PLANS[2]]

@@ -232,17 +232,6 @@ def test_what_the_first_robot_knows_of_the_second(allocation, ends):
     assert abs(seen - n_times * probability) <= 5 * (n_times * probability) ** 0.5
 
 
-@examples(100)
-@given(missions(max_nodes=8, max_robots=1), rules, st.integers(0, 2**32))
-def test_a_single_robot_is_allocated_the_same_trail_by_either(mission, changes, seed):
-    built = []
-    for allocation in ALLOCATIONS:
-        ants = colony(mission, n_ants=7, seed=seed, **{**changes, "allocation": allocation})
-        batch = ants.construct(7)
-        built.append((batch.nodes.tobytes(), batch.offsets.tobytes()))
-    assert built[0] == built[1]
-
-
 @examples(200)
 @given(
     missions(max_nodes=8, lengths=lengths),

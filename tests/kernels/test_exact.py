@@ -257,17 +257,6 @@ class TestEstimate:
         found_trails(search)
         assert search.n_labels < estimate < 10_000 * search.n_labels
 
-    @pytest.mark.compiled_only
-    def test_without_room(self):
-        """For labels it goes as far as it can, for trails it does not."""
-        search = search_for(generated(7))
-        assert max(self.dive(search, 20, 8)) < 8**2
-        estimates = self.dive(search, 1_000)
-        assert min(estimates) > 0
-        search._trails = tables.new_trails(tables.SHELF, search._trails.reached.shape[1])
-        search._progress["n_trails"] = 0
-        assert self.dive(search, 1_000)[-1] is None
-
 
 class TestKnownTrails:
     @examples(50)

@@ -22,7 +22,7 @@ from botohe_moo.search.bounds.steps import (
     least_total,
     stairs_of,
 )
-from botohe_moo.search.bounds.targets import Known, LineTargets, StepTarget, StepTargets
+from botohe_moo.search.bounds.targets import Known, LineTargets, StepTargets
 from botohe_moo.search.limits import check_limits
 from tests import twins
 from tests.search.test_bounds import random_mission
@@ -123,18 +123,6 @@ def test_what_is_too_hard_is_made_easier_before_more_effort(known, moving, goals
         targets.tell(target, is_proved=not is_hard)
     assert found[: len(goals)] == list(zip(goals, efforts, strict=True))
     assert StepTargets(known, 2, 0.8).next(bound_of(), 2, 0.5) is None  # no time for any
-
-
-@pytest.mark.parametrize(("corner", "efforts"), [(1, [8, 1]), (2, [8, 8])])
-def test_what_is_too_hard_is_so_where_fewer_have_to_survive(known, corner, efforts):
-    targets = StepTargets(known, 2, 0.8)
-    targets.tell(StepTarget(1, corner, (0.0, 0.5, 1.25)[corner], 5.0, 1), is_proved=False)
-    offered = []
-    while (target := targets.next(bound_of(), 2, 64)) is not None:
-        offered.append((target.moving, target.corner, target.effort))
-        targets.tell(target, is_proved=True)
-    for at, effort in zip((1, 2), efforts, strict=True):
-        assert (1, at, effort) in offered
 
 
 def test_lines_are_found_where_the_gap_is_the_widest(known):

@@ -21,11 +21,9 @@ from botohe_moo import (
     bound_front,
     load_mission,
 )
-from botohe_moo.kernels.bounds.states import find_states
 from botohe_moo.kernels.graph.graph import Limits
 from botohe_moo.search.bounds import proof as proof_module
 from botohe_moo.search.bounds.envelopes import area_under_highest, convex_below, lower_envelope
-from botohe_moo.search.bounds.memory import Remembered
 from botohe_moo.search.bounds.net import new_net
 from botohe_moo.search.bounds.prices import Team, most_levels, refine
 from botohe_moo.search.bounds.record import Line, Step
@@ -251,28 +249,6 @@ def test_hundreds_of_robots():
         bound_front(load_mission("toy", robots=5_001))
 
 
-def test_as_much_is_remembered_as_there_is_room_for():
-    """The most bits for which states are few enough, found by halving, as one by one."""
-    net = new_net(load_mission("art_museum").arrays, Limits())
-    for most_states in (30, 1_000, 5_000, 1_000_000):
-        wanted = Remembered(net, 8, 10, 3_000)
-        made = Relaxation(
-            net,
-            wanted,
-            np.random.default_rng(1),
-            most_bits=14,
-            most_states=most_states,
-            n_searched=1,
-        )
-        expected, n_bits = Remembered(net, 8, 10, 3_000), 10
-        while len((states := find_states(net, expected.pack(), most_states)).node) == 0:
-            n_bits -= 1
-            expected.bits = [bits[:n_bits] for bits in expected.bits]
-        assert made.remembers_less == (n_bits < 10)
-        assert wanted.bits == expected.bits
-        assert len(made.states.node) == len(states.node)
-
-
 class TestByHand:
     """A base and one node of reward 10; two robots, each half-way lost on each of two arcs."""
 
@@ -376,13 +352,6 @@ class TestByHand:
         with pytest.raises(ValueError, match=r"bound.json is not a bound: .*\.$"):
             FrontBound.load(path, mission)
 
-    def test_places_that_are_not_files(self, bound, mission):
-        for use in (bound.save, lambda path: FrontBound.load(path, mission)):
-            with pytest.raises(IsADirectoryError):
-                use("")
-        with pytest.raises(TypeError, match="Expected a Mission, got 'toy'"):
-            FrontBound.load("bound.json", "toy")
-
 
 @pytest.mark.parametrize(
     ("options", "named"),
@@ -465,16 +434,6 @@ def test_many_robots(no_front):
     bound = bound_front(mission, time_limit=2)
     assert (bound.bound(found[:, 1]) >= found[:, 0]).all()
     assert bound.area >= area_indicator(found, mission)
-
-
-def test_lines_that_overflow_are_left_out(no_front, monkeypatch):
-    """As if prices had gone astray."""
-    usual = Team.most
-    monkeypatch.setattr(Team, "most", lambda team, prices: usual(team, prices) * np.inf)
-    mission = load_mission("toy")
-    bound = bound_front(mission, time_limit=2)
-    assert {line.proof for line in bound.lines} == {"everything"}
-    assert np.isfinite(bound.area)
 
 
 @given(st.lists(st.tuples(st.floats(0, 9), st.floats(0, 5)), min_size=1, max_size=9))

@@ -107,7 +107,7 @@ class TestFrontSize:
         trails = [["dock"], ["dock", "a", "dock"], ["dock", "b", "dock"]]
         plans = [mission.plan([trail]) for trail in trails]
         archive = PlanArchive(1)
-        archive.absorb(PlanBatch.from_plans(plans, 1), mission.evaluate(plans))
+        archive.insert(PlanBatch.from_plans(plans, 1), mission.evaluate(plans))
         records = []
         Recorder(make_task(study.runs()[0]), lambda: archive, records.append).record(
             3, 0.1, whole=True

@@ -78,7 +78,7 @@ class OwnWay(Walks):
         if self.problem.n_ieq_constr:
             fine = (self.problem.constrain_batch(batch) <= 0).all(axis=1)
             batch, objectives = batch.take(np.flatnonzero(fine)), objectives[fine]
-        return objectives, self.archive.absorb(batch, objectives)
+        return objectives, self.archive.insert(batch, objectives)
 
 
 class Forgetful(Walks):
@@ -207,7 +207,7 @@ class Reckless(Walks):
     def _take_in(self, batch):
         self.evaluator.n_eval += len(batch)
         objectives = -self.problem.evaluate_batch(batch)
-        return objectives, self.archive.absorb(batch, objectives)
+        return objectives, self.archive.insert(batch, objectives)
 
     def walks(self, n):
         free = BOTOHE(self.problem.mission, max_length=np.inf)

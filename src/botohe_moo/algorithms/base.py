@@ -198,10 +198,10 @@ class ArchiveAlgorithm(BudgetedAlgorithm):
         problem = self.problem
         objectives = -problem.checked("F", problem.evaluate_batch(batch), len(batch))
         if problem.n_ieq_constr == 0 and not overrides(problem, "constrain_batch"):
-            return objectives, self.archive.absorb(batch, objectives)
+            return objectives, self.archive.insert(batch, objectives)
         constraints = problem.checked("G", problem.constrain_batch(batch), len(batch))
         feasible = np.flatnonzero((constraints <= 0).all(axis=1))
-        members = self.archive.absorb(batch.take(feasible), objectives[feasible])
+        members = self.archive.insert(batch.take(feasible), objectives[feasible])
         return objectives, feasible[members]
 
     def _set_optimum(self) -> None:

@@ -297,7 +297,7 @@ class BOACO(ArchiveAlgorithm):
             return
         if self.n_colonies > 1 and self.n_iter == 1 and len(self.archive):
             for origin in self._origins:  # every colony is given the plans to start from
-                origin.absorb(self.archive.plans, self.archive.objectives.copy())
+                origin.insert(self.archive.plans, self.archive.objectives.copy())
         shares = _shares(n_ants, self.n_colonies)
         for colony, origin, share in zip(self.colonies, self._origins, shares, strict=True):
             if self._improver is not None:  # it may have spent what was left
@@ -311,7 +311,7 @@ class BOACO(ArchiveAlgorithm):
                     self._improver, batch, objectives, members
                 )
             if origin is not self.archive:
-                origin.absorb(batch.take(members), objectives[members])
+                origin.insert(batch.take(members), objectives[members])
             colony.learn(batch, objectives, members, origin)
         if self.n_colonies > 1 and self.exchange_every and self.n_iter % self.exchange_every == 0:
             exchange_archives(self._origins)
@@ -332,7 +332,7 @@ class BOACO(ArchiveAlgorithm):
             return batch, objectives, members
         whole = PlanBatch.concatenate([batch, improved])
         objectives = np.vstack([objectives, gained])
-        return whole, objectives, self.archive.absorb(whole, objectives)
+        return whole, objectives, self.archive.insert(whole, objectives)
 
     def _finalize(self) -> None:
         self._threads.close()

@@ -32,7 +32,7 @@ class PopulationArchive(PlanArchive):
         self._individuals: dict[int, Individual] = {}
         self._population: Population | None = None
 
-    def absorb(
+    def insert(
         self,
         batch: PlanBatch,
         objectives: FloatArray,
@@ -44,7 +44,7 @@ class PopulationArchive(PlanArchive):
         these.
         """
         first = self.version
-        members, entered = self._absorb(batch, objectives)
+        members, entered = self._insert(batch, objectives)
         if len(entered):
             self._population = None
             if individuals is not None:
@@ -90,7 +90,7 @@ class ManyObjectiveArchive:
         """The plans, in the order of ``objectives``."""
         return PlanBatch.from_plans([held.X[0] for held in self._held], self.n_robots)
 
-    def absorb(
+    def insert(
         self, batch: PlanBatch, objectives: FloatArray, individuals: Sequence[Individual]
     ) -> None:
         """Take in evaluated plans that the archive does not dominate; each plan once."""

@@ -235,7 +235,7 @@ class _SearchArchive(PopulationArchive):
     def version(self) -> int:
         return self._search.version
 
-    def absorb(
+    def insert(
         self,
         batch: PlanBatch,  # noqa: ARG002
         objectives: FloatArray,  # noqa: ARG002

@@ -239,7 +239,7 @@ class PopulationAlgorithm(BudgetedAlgorithm):
             feasible = infills[infills.get("feas")] if self.problem.has_constraints() else infills
             if len(feasible):
                 batch = self.problem.mission.batch(feasible.get("X"))
-                self.archive.absorb(batch, -feasible.get("F"), feasible)
+                self.archive.insert(batch, -feasible.get("F"), feasible)
         return super().advance(infills, **kwargs)
 
     @property

@@ -157,9 +157,9 @@ class SimulatedAnnealing(ArchiveAlgorithm):
                 generation_limit(self.termination),
             )
         n_steps = min(n_left, search.steps_left, self.steps_per_generation)
-        self.archive.absorb(*search.run(n_steps))
+        self.archive.insert(*search.run(n_steps))
         self.evaluator.n_eval += n_steps
 
     def _finalize(self) -> None:
         if self.schedule == "journal" and self._search.steps_left > 0:  # ended by something else
-            self.archive.absorb(*self._search.best())
+            self.archive.insert(*self._search.best())

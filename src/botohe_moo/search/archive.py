@@ -45,18 +45,18 @@ class PlanArchive:
         """Changes whenever the archive does: the number of plans that ever entered."""
         return self._next_id
 
-    def absorb(self, batch: PlanBatch, objectives: FloatArray) -> OffsetArray:
-        """Take in evaluated plans, with E[R] and E[S] (n, 2), that the archive does not dominate.
+    def insert(self, batch: PlanBatch, objectives: FloatArray) -> OffsetArray:
+        """Insert evaluated plans, with E[R] and E[S] (n, 2), that the archive does not dominate.
 
-        Gives the indices of the batch's own Pareto set.
+        Returns the indices of the batch's own Pareto set.
         """
-        return self._absorb(batch, objectives)[0]
+        return self._insert(batch, objectives)[0]
 
-    def _absorb(self, batch: PlanBatch, objectives: FloatArray) -> tuple[OffsetArray, OffsetArray]:
-        """Give the indices of the batch's own Pareto set, and of the plans that have entered."""
+    def _insert(self, batch: PlanBatch, objectives: FloatArray) -> tuple[OffsetArray, OffsetArray]:
+        """Return the indices of the batch's own Pareto set, and of the plans that are inserted."""
         new = Batch(objectives, *batch.arrays)
-        members, entered, self._held = insert(
+        members, inserted, self._held = insert(
             new, self.n_robots, self._held, self.max_ties, self._next_id
         )
-        self._next_id += len(entered)
-        return members, entered
+        self._next_id += len(inserted)
+        return members, inserted

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -13,7 +14,9 @@ import numpy as np
 from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo.kernels.colony.construct import Plans, construct, new_plans
 from botohe_moo.kernels.colony.pheromone import (
+    LEAST,
     LOG_HIGH,
+    LOG_LOW,
     Depositors,
     LearningRule,
     Pheromone,
@@ -30,6 +33,8 @@ from botohe_moo.search.archive import PlanArchive
 from botohe_moo.trails import PlanBatch
 
 Allocation = Literal["sequential", "concurrent"]
+
+_log = np.frompyfunc(math.log, 1, 1)  # with the bits of the kernels' logarithm; numpy's may differ
 
 
 @dataclass(frozen=True)
@@ -108,6 +113,8 @@ class Colony:
         self._weights = _new_weights(mission, rule, self._pheromone)
         self._rooms: dict[int, tuple[Plans, Paths | None, AntScratch]] = {}  # of each thread
         self._deposited_version = -1  # of the archive, when its deposit was last summed up
+        # The depositors of the last iteration, as ``learn`` takes them, until they are learned.
+        self._to_learn: tuple[Depositors, Depositors, bool] | None = None
         self.weigh()
 
     @property
@@ -116,6 +123,7 @@ class Colony:
 
         With one map the robots share it; behind the mission's arcs comes the base's self-loop.
         """
+        self._catch_up()
         return self._pheromone.levels
 
     def construct(self, n_ants: int) -> PlanBatch:
@@ -123,6 +131,7 @@ class Colony:
 
         The ants' weights on the objectives are spread evenly.
         """
+        self._catch_up()
         n_threads = min(self.threads.n_threads, n_ants)
         if n_threads == 1:
             return self._construct_span(0, n_ants, 0, n_ants)
@@ -145,7 +154,7 @@ class Colony:
         if part not in self._rooms:
             careful = not graph.balanced or limits.bind
             plans = new_plans(4096, len(self._states) * n_robots)
-            scratch = new_scratch(graph, build, len(self.pheromone), self._states)
+            scratch = new_scratch(graph, build, len(self._weights.log_reward), self._states)
             self._rooms[part] = plans, new_paths(graph) if careful else None, scratch
         plans, paths, scratch = self._rooms[part]
         for last in (scratch.tabulated, scratch.used, scratch.visited):
@@ -172,26 +181,34 @@ class Colony:
         """
         if not self.rule.pheromone or len(archive) == 0:
             return
-        iteration = Depositors(objectives, members, *batch.arrays)
-        archived = archive.held
-        everyone = np.arange(len(archive))
-        depositors = Depositors(archived.objectives, everyone, archived.nodes, archived.offsets)
-        is_new = archive.version != self._deposited_version
+        self._catch_up()
+        everyone, archived = np.arange(len(archive)), archive.held
+        self._to_learn = (
+            Depositors(objectives, members, *batch.arrays),
+            Depositors(archived.objectives, everyone, archived.nodes, archived.offsets),
+            archive.version != self._deposited_version,
+        )
         self._deposited_version = archive.version
-        rule = LearningRule(self.rule.evaporation, self.rule.pooled_deposit)
-        self._learn(iteration, depositors, is_new, rule)
+
+    def _catch_up(self) -> None:
+        """Learn what the last iteration has found.
+
+        This waits until ants build again: a first front needs none of it, nor any compiling for it.
+        """
+        if self._to_learn is not None:
+            rule = LearningRule(self.rule.evaporation, self.rule.pooled_deposit)
+            changed = self._pheromone, self._weights
+            learn(self._links, *self._to_learn, self.n_robots, rule, *changed)
+            self._to_learn = None
 
     def weigh(self) -> None:
-        """Weigh arcs by the pheromone as it is, as if nothing had been deposited."""
-        nobody, nothing = np.empty(0, np.int64), np.zeros(1, np.int64)
-        plans = Depositors(np.empty((0, 2)), nobody, np.empty(0, np.int32), nothing)
-        self._learn(plans, plans, True, LearningRule(evaporation=0.0, pooled=True))
-
-    def _learn(
-        self, iteration: Depositors, archive: Depositors, is_new: bool, rule: LearningRule
-    ) -> None:
-        sets, changed = (iteration, archive, is_new), (self._pheromone, self._weights)
-        learn(self._links, *sets, self.n_robots, rule, *changed)
+        """Weigh arcs by the pheromone as it is, before anything has been deposited."""
+        pheromone, weights = self._pheromone, self._weights
+        logs = np.asarray(_log(np.maximum(pheromone.levels, LEAST)), np.float64)
+        weights.log_reward[:] = logs[..., 0] + pheromone.log_eta_reward
+        weights.log_survival[:] = logs[..., 1] + pheromone.log_eta_survival
+        for log in (weights.log_reward, weights.log_survival):
+            np.clip(log, LOG_LOW, LOG_HIGH, out=log)
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_rooms": {}}
@@ -238,6 +255,6 @@ def exchange_archives(archives: Sequence[PlanArchive]) -> None:
     Circular exchange of the locally best plans, as in Middendorf, Reischle and Schmeck, "Multi
     colony ant algorithms", Journal of Heuristics 8(3), 2002, with a front for their best one.
     """
-    held = [(archive.plans, archive.objectives.copy()) for archive in archives]
+    plans = [(archive.plans, archive.objectives.copy()) for archive in archives]
     for giver, archive in enumerate(archives, start=-1):
-        archive.absorb(*held[giver])
+        archive.insert(*plans[giver])

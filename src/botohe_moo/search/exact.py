@@ -304,10 +304,10 @@ class FrontSearch:
 
     def _require(self, n_bytes: int) -> None:
         """Raise a TooLargeError where there is no room for ``n_bytes`` more."""
-        held = 0 if self._trails is None else self._trails.n_bytes
+        taken = 0 if self._trails is None else self._trails.n_bytes
         if self._choices is not None:
-            held += tables.n_bytes(self._choices) + tables.n_bytes(self._front)
-        if held + n_bytes > self.memory_limit * _MIB:
+            taken += tables.n_bytes(self._choices) + tables.n_bytes(self._front)
+        if taken + n_bytes > self.memory_limit * _MIB:
             raise self._beyond(f"memory_limit = {self.memory_limit:g} MiB")
 
     def _beyond(self, limit: str) -> TooLargeError:

@@ -85,12 +85,12 @@ def dangers(graph: Graph, near: Near, survival_weight: float) -> FloatArray:
 def write_gathered(graph: Graph, worth: FloatArray, gathered: FloatArray) -> None:
     """Write ``Beam.gathered``."""
     for node in range(gathered.shape[0]):
-        here, alive, total = node, 1.0, 0.0
-        while here != graph.base:
-            arc = graph.homeward[here]
-            here = graph.head[arc]
+        at, alive, total = node, 1.0, 0.0
+        while at != graph.base:
+            arc = graph.homeward[at]
+            at = graph.head[arc]
             alive *= graph.survival[arc]
-            total += alive * worth[here]
+            total += alive * worth[at]
         gathered[node] = total + TOLERANCE * total
 
 
@@ -176,7 +176,6 @@ def close(
 @inlined
 def _is_blocked(graph: Graph, used: OffsetArray, node: int) -> bool:
     """Return whether the safest way home with every arc free takes an arc that is used."""
-    here = node
-    while here != graph.base and used[graph.homeward[here]] != 1:
-        here = graph.head[graph.homeward[here]]
-    return here != graph.base
+    while node != graph.base and used[graph.homeward[node]] != 1:
+        node = graph.head[graph.homeward[node]]
+    return node != graph.base

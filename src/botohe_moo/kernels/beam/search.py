@@ -79,8 +79,8 @@ def _search(graph: Graph, near: Near, rule: BeamRule, beam: Beam) -> int:
     while state.low < state.high:
         n_most = 0
         for label in range(state.low, state.high):
-            here = labels[label].node
-            n_most += graph.first[here + 1] - graph.first[here]
+            node = labels[label].node
+            n_most += graph.first[node + 1] - graph.first[node]
         n_go_on = min(rule.width, rule.max_labels - state.high)
         if n_most > len(level.children) or state.high + min(n_most, n_go_on) > len(labels):
             return n_most

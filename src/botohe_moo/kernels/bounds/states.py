@@ -98,8 +98,8 @@ def find_states(net: Net, memory: Memory, n_most: int) -> States:
     if n_most > 0:
         number[offset[graph.base]] = 0
     while at < n and n <= n_most:
-        here = node[at]
-        for arc in range(graph.first[here], graph.first[here + 1]):
+        tail = node[at]
+        for arc in range(graph.first[tail], graph.first[tail + 1]):
             after = _next_mask(memory, arc, mask[at])
             if after < 0:
                 continue
@@ -117,8 +117,8 @@ def find_states(net: Net, memory: Memory, n_most: int) -> States:
     way, target = np.empty(n_links, np.int64), np.empty(n_links, np.int64)
     link = 0
     for state in range(n):
-        here = node[state]
-        for arc in range(graph.first[here], graph.first[here + 1]):
+        tail = node[state]
+        for arc in range(graph.first[tail], graph.first[tail + 1]):
             after = _next_mask(memory, arc, mask[state])
             if after < 0:
                 continue

@@ -206,21 +206,21 @@ def find_trails(
     n_corners = _find_corners(heights, first, corners)
     search, depth, n = _begin(depths, states, ahead), 0, 0
     while depth >= 0:
-        here = steps[depth]
-        if here.link == states.first[here.state + 1]:
+        last = steps[depth]
+        if last.link == states.first[last.state + 1]:
             if depth > 0:
-                depths.used[here.arc] = -1
-                if here.pays:
-                    depths.met[graph.head[here.arc]] = -1
+                depths.used[last.arc] = -1
+                if last.pays:
+                    depths.met[graph.head[last.arc]] = -1
             depth -= 1
             continue
-        link = here.link
-        here.link += 1
+        link = last.link
+        last.link += 1
         arc = states.arc[link]
         if depths.used[arc] == search:
             continue
-        node, alive = graph.head[arc], here.alive * graph.survival[arc]
-        length = here.length + graph.length[arc]
+        node, alive = graph.head[arc], last.alive * graph.survival[arc]
+        length = last.length + graph.length[arc]
         at_home = alive * graph.home[node]
         if at_home < least:
             continue
@@ -230,7 +230,7 @@ def find_trails(
         if n > rule.n_most:
             break
         level = alive / net.reach[node] * n_levels
-        value, pays = here.value, 0
+        value, pays = last.value, 0
         if graph.reward[node] > 0.0 and depths.met[node] != search and node != graph.base:
             value += chord(prices, node, level)
             pays = 1
@@ -252,7 +252,7 @@ def find_trails(
         highest = _step_of(at_home, width, n_stairs)
         if not _may_exceed(most, ahead.mu, heights, width, corners[:n_corners], highest):
             continue
-        low, high = here.low ^ depths.keys[arc, 0], here.high ^ depths.keys[arc, 1]
+        low, high = last.low ^ depths.keys[arc, 0], last.high ^ depths.keys[arc, 1]
         if not rule.every and _is_seen(depths, search, low, high, value):
             continue
         depth += 1

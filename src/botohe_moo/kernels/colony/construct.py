@@ -47,7 +47,7 @@ def _choose(
     scratch: AntScratch,
     paths: Paths | None,
     ant: Ant,
-    here: int,
+    node: int,
     alive: float,
 ) -> int:
     """Choose one more arc for a robot, after which a way home is left; return the arc.
@@ -60,10 +60,10 @@ def _choose(
     loop = graph.head.shape[0]
     n_rejected = 0
     while True:
-        n, total, arc = weigh(graph, weights, scratch, ant, here)
+        n, total, arc = weigh(graph, weights, scratch, ant, node)
         if n > 1:
             drawn = uniform(scratch.states, ant.number) * (1.0 + rule.exploration / n)
-            arc = draw_arc(graph, rule.exploration, scratch.cumulated, ant, here, n, total, drawn)
+            arc = draw_arc(graph, rule.exploration, scratch.cumulated, ant, node, n, total, drawn)
         ant.used[arc] = ant.trail
         if arc == loop:
             end_trail(paths)
@@ -172,26 +172,26 @@ def _walk(
         scratch.fresh[which, number - block * BLOCK],
     )
     ant.visited[graph.base] = trail
-    here, alive, size = scratch.here[robot], scratch.alive[robot], plans.size[0]
+    node, alive, size = scratch.node[robot], scratch.alive[robot], plans.size[0]
     while True:
-        if scratch.tabulated[which, here] != block:
-            tabulate_node(graph, weights, rule, scratch, block, which, here)
-        arc = _choose(graph, weights, rule, scratch, paths, ant, here, alive)
-        plans.nodes[size], plans.robots[size] = here, robot
+        if scratch.tabulated[which, node] != block:
+            tabulate_node(graph, weights, rule, scratch, block, which, node)
+        arc = _choose(graph, weights, rule, scratch, paths, ant, node, alive)
+        plans.nodes[size], plans.robots[size] = node, robot
         size += 1
         if arc == graph.head.shape[0]:
-            here = -1
+            node = -1
             break
         alive *= graph.survival[arc]
         if rule.budget is not None:
             scratch.length[robot] += graph.length[arc]
-        here = graph.head[arc]
-        _visit(scratch, ant, here, alive)
+        node = graph.head[arc]
+        _visit(scratch, ant, node, alive)
         if rule.concurrent:
             break
     plans.offsets[trail + 1] += size - plans.size[0]
-    scratch.here[robot], scratch.alive[robot], plans.size[0] = here, alive, size
-    return bool(here < 0)
+    scratch.node[robot], scratch.alive[robot], plans.size[0] = node, alive, size
+    return bool(node < 0)
 
 
 @inlined
@@ -201,7 +201,7 @@ def _begin_plan(graph: Graph, rule: BuildRule, scratch: AntScratch, plans: Plans
         scratch.unreached[scratch.touched[i]] = 1.0
     scratch.n_touched[0] = 0
     for robot in range(rule.n_robots):
-        scratch.here[robot], scratch.alive[robot], scratch.length[robot] = graph.base, 1.0, 0.0
+        scratch.node[robot], scratch.alive[robot], scratch.length[robot] = graph.base, 1.0, 0.0
         plans.offsets[ant * rule.n_robots + robot + 1] = 0
 
 
@@ -218,7 +218,7 @@ def _end_plan(
         plans.offsets[trail + 1] += plans.offsets[trail]
     if not rule.concurrent:
         return
-    n, ends = stop - start, scratch.here  # the robots are all home
+    n, ends = stop - start, scratch.node  # the robots are all home
     for robot in range(rule.n_robots):
         ends[robot] = plans.offsets[first + robot + 1]
     for i in range(start, stop):
@@ -263,7 +263,7 @@ def construct(
         _begin_plan(graph, rule, scratch, plans, ant)
         robot, n_out = 0, n_robots
         while n_out > 0:
-            if scratch.here[robot] >= 0:
+            if scratch.node[robot] >= 0:
                 trail = ant * n_robots + robot
                 n_out -= _walk(graph, weights, rule, scratch, paths, plans, trail)
             robot = robot + 1 if robot + 1 < n_robots else 0

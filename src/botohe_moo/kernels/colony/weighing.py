@@ -66,7 +66,7 @@ class AntScratch(NamedTuple):
     onward: OffsetArray
     # Where each robot is, −1 where its trail has ended, with what probability, and with a travel
     # budget how long its trail is (n_robots).
-    here: OffsetArray
+    node: OffsetArray
     alive: FloatArray
     length: FloatArray
     unreached: FloatArray  # probability that no robot reaches each node (n_nodes)
@@ -89,7 +89,7 @@ def new_scratch(graph: Graph, rule: BuildRule, n_maps: int, states: SeedArray) -
         used=np.empty((n_rows, n_arcs), np.int64),
         visited=np.empty((n_rows, n_nodes), np.int64),
         onward=np.empty((n_rows, n_nodes), np.int64),
-        here=np.empty(rule.n_robots, np.int64),
+        node=np.empty(rule.n_robots, np.int64),
         alive=np.empty(rule.n_robots),
         length=np.empty(rule.n_robots),
         unreached=np.ones(n_nodes),
@@ -161,13 +161,13 @@ def tabulate_node(
 
 @inlined
 def weigh(
-    graph: Graph, weights: Weights, scratch: AntScratch, ant: Ant, here: int
+    graph: Graph, weights: Weights, scratch: AntScratch, ant: Ant, node: int
 ) -> tuple[int, float, int]:
     """Sum up the weights of the arcs that a robot may take.
 
     Returns how many arcs there are to choose from, the sum of their weights, and the last of them.
     """
-    low, high, loop = graph.first[here], graph.first[here + 1], graph.head.shape[0]
+    low, high, loop = graph.first[node], graph.first[node + 1], graph.head.shape[0]
     unreached, cumulated, head = scratch.unreached, scratch.cumulated, graph.head
     n = 0
     arc = low
@@ -183,7 +183,7 @@ def weigh(
                 weight *= math.exp(ant.power * math.log(1.0 + weights.gain[a] * left))
         total += weight
         cumulated[a - low] = total
-    if here == graph.base:
+    if node == graph.base:
         n += 1
         arc = loop
         total += float(ant.seen[loop])
@@ -197,7 +197,7 @@ def draw_arc(
     exploration: float,
     cumulated: FloatArray,
     ant: Ant,
-    here: int,
+    node: int,
     n: int,
     total: float,
     drawn: float,
@@ -206,8 +206,8 @@ def draw_arc(
 
     ``drawn`` is a random number from 0 to 1 + exploration / n: above 1 all are equally likely.
     """
-    low, n_arcs = graph.first[here], graph.first[here + 1] - graph.first[here]
-    n_listed = n_arcs + 1 if here == graph.base else n_arcs
+    low, n_arcs = graph.first[node], graph.first[node + 1] - graph.first[node]
+    n_listed = n_arcs + 1 if node == graph.base else n_arcs
     place = 0
     if drawn < 1.0:
         drawn *= total

@@ -59,7 +59,7 @@ def grow(search: LabelSearch, n_looks: int, again: bool) -> bool:
         if min(len(labels.rows) - state.n_labels, n_free) < degree:
             return True
         state.next += 1
-        if again and _is_dominated_by_now(search, parent):
+        if again and _has_become_needless(search, parent):
             continue
         for arc in range(graph.first[node], graph.first[node + 1]):
             if not has(labels.used[parent], arc):
@@ -98,7 +98,7 @@ def _copy_label(search: LabelSearch, label: int) -> None:
 
 
 @helper
-def _is_dominated_by_now(search: LabelSearch, label: int) -> bool:
+def _has_become_needless(search: LabelSearch, label: int) -> bool:
     """Return whether another label dominates this one, or a trail is as good as it can become."""
     _copy_label(search, label)
     look_around(search)

@@ -224,7 +224,7 @@ def _move(place: Record, to: Record) -> None:
 
 @helper
 def remove_place(front: OrderedFront, at: int, place: int) -> int:
-    """Take a plan out; return its slot, which is free now."""
+    """Remove a plan; return its slot, which is free again."""
     n, block = front.n, front.directory[at]
     slot = front.places[block, place].slot
     front.size[block] -= 1

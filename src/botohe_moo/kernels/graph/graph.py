@@ -83,8 +83,8 @@ def new_graph(
     n_entering = np.bincount(head, minlength=n_nodes)
     first = np.concatenate([[0], np.cumsum(leaving)])
     cost = -np.log(survival) + 0.0  # no negative zeros
-    there, back = tail * n_nodes + head, head * n_nodes + tail
-    found = np.minimum(np.searchsorted(there, back), max(0, n_arcs - 1))
+    forth, back = tail * n_nodes + head, head * n_nodes + tail
+    found = np.minimum(np.searchsorted(forth, back), max(0, n_arcs - 1))
     first_entering = np.concatenate([[0], np.cumsum(n_entering)])
     entering = np.argsort(head, kind="stable")
     homeward, _, home = _ways_home(tail, cost, survival, first_entering, entering, base)
@@ -95,7 +95,7 @@ def new_graph(
         survival,
         cost,
         length,
-        np.where(there[found] == back, found, -1),
+        np.where(forth[found] == back, found, -1),
         first_entering,
         entering,
         reward,
@@ -148,15 +148,15 @@ def _ways_home(
     distance[base] = 0.0
     heap = [(0.0, base)]
     while heap:
-        key, there = heapq.heappop(heap)
-        if key > distance[there]:
+        key, far = heapq.heappop(heap)
+        if key > distance[far]:
             continue
-        for arc in arcs[starts[there] : starts[there + 1]]:
-            here, reached = tails[arc], key + costs[arc]
-            if reached < distance[here]:
-                distance[here], homeward[here] = reached, arc
-                home[here] = survival[arc] * home[there]
-                heapq.heappush(heap, (reached, here))
+        for arc in arcs[starts[far] : starts[far + 1]]:
+            near, reached = tails[arc], key + costs[arc]
+            if reached < distance[near]:
+                distance[near], homeward[near] = reached, arc
+                home[near] = survival[arc] * home[far]
+                heapq.heappush(heap, (reached, near))
     return homeward, np.array(distance), home
 
 

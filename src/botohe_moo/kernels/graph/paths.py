@@ -131,15 +131,15 @@ def search_paths(
     n = 0
     while size > 0 and n < n_most:
         size = _pop(paths, size)
-        here, key = paths.heap_nodes[size], paths.heap_keys[size]
-        if key > distance[here]:
+        node, key = paths.heap_nodes[size], paths.heap_keys[size]
+        if key > distance[node]:
             continue
-        paths.order[n] = here
+        paths.order[n] = node
         n += 1
-        if here == target:
+        if node == target:
             break
         starts = graph.first_entering if backwards else graph.first
-        for i in range(starts[here], starts[here + 1]):
+        for i in range(starts[node], starts[node + 1]):
             arc = graph.entering[i] if backwards else i
             there = graph.tail[arc] if backwards else graph.head[arc]
             reached = key + graph.cost[arc]
@@ -163,14 +163,14 @@ def safest_path(
     if paths.order[n_known - 1] != target:
         return -1
     n = 0
-    here = target
-    while here != source:
+    node = target
+    while node != source:
         n += 1
-        here = graph.tail[paths.entry[here]]
-    here = target
+        node = graph.tail[paths.entry[node]]
+    node = target
     for i in range(n - 1, -1, -1):
-        paths.path[i] = paths.entry[here]
-        here = graph.tail[paths.entry[here]]
+        paths.path[i] = paths.entry[node]
+        node = graph.tail[paths.entry[node]]
     return n
 
 
@@ -181,11 +181,11 @@ def way_home(graph: Graph, paths: Paths, used: OffsetArray, trail: int, source: 
     First along ``graph.homeward``: cheap, and nearly always enough.
     """
     n = 0
-    here = source
-    while here != graph.base and used[graph.homeward[here]] != trail:
-        paths.path[n] = graph.homeward[here]
+    node = source
+    while node != graph.base and used[graph.homeward[node]] != trail:
+        paths.path[n] = graph.homeward[node]
         n += 1
-        here = graph.head[graph.homeward[here]]
-    if here == graph.base:
+        node = graph.head[graph.homeward[node]]
+    if node == graph.base:
         return n
     return safest_path(graph, paths, used, trail, source, graph.base)

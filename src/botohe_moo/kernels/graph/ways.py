@@ -44,7 +44,7 @@ def survives_home(
     """Return whether a robot that goes to a node, with probability ``alive``, can keep a floor.
 
     It can if it gets home over unused arcs with probability ``least`` or more; without a floor
-    (0), if any lead home. If it can it has to go there, and the arc to that node is used by now.
+    (0), if any lead home. If it can it has to go there, and the arc to that node counts as used.
     Call ``end_trail`` at the end of a trail. Without scratch (``paths`` None) the result is always
     True, and the search is not compiled.
     """

@@ -52,8 +52,8 @@ def area_under_highest(heights: FloatArray, rises: FloatArray) -> float:
 
     Where two of the lines that make it cross, it has a corner, or a line between them is higher.
     """
-    here = np.isfinite(heights)
-    heights, rises = heights[here], rises[here]
+    finite = np.isfinite(heights)
+    heights, rises = heights[finite], rises[finite]
     if len(heights) == 0:
         return 0.0
 

@@ -216,8 +216,8 @@ class Lines:
             exceeds = False
             if is_new:
                 visits = pool.visits[number]
-                worth_now = visits.weights @ known[:, 1:].ravel()[visits.columns]
-                exceeds = bool(worth_now + slope * visits.survival > theta + _NEW)
+                worth = visits.weights @ known[:, 1:].ravel()[visits.columns]
+                exceeds = bool(worth + slope * visits.survival > theta + _NEW)
             if not exceeds:
                 if step > 0.99:
                     break

@@ -87,30 +87,26 @@ def _best_reach(graph: Graph, reach: FloatArray) -> FloatArray:
 
 
 def _with_arcs(graph: Graph, reward: FloatArray, kept: BoolArray) -> Graph:
-    return new_graph(
-        graph.tail[kept],
-        graph.head[kept],
-        graph.survival[kept],
-        graph.length[kept],
-        reward.copy(),
-        graph.base,
-    )
+    """Return a graph of some of the arcs, with other rewards."""
+    return _rebuilt(graph, (graph.tail, graph.head), np.flatnonzero(kept), reward)
 
 
 def _reversed(graph: Graph) -> Graph:
-    """Turn all arcs round: the way home is the way out then."""
-    order: OffsetArray = np.lexsort((graph.tail, graph.head))
-    return new_graph(
-        graph.head[order],
-        graph.tail[order],
-        graph.survival[order],
-        graph.length[order],
-        graph.reward.copy(),
-        graph.base,
-    )
+    """Reverse all arcs: the ways home become the ways out."""
+    order = np.lexsort((graph.tail, graph.head))
+    return _rebuilt(graph, (graph.head, graph.tail), order, graph.reward)
+
+
+def _rebuilt(
+    graph: Graph, ends: tuple[OffsetArray, OffsetArray], arcs: OffsetArray, reward: FloatArray
+) -> Graph:
+    tail, head = ends
+    figures = graph.survival[arcs], graph.length[arcs], reward.copy()
+    return new_graph(tail[arcs], head[arcs], *figures, graph.base)
 
 
 def _needed(graph: Graph, outward: Graph, limits: Limits) -> Any:
+    """Return which arcs a trail within the limits may take to collect a reward."""
     known, comes = (_arrives(each) for each in (outward, graph))
     kept = known[graph.tail] & comes[graph.head]
     alive = outward.home[graph.tail] * graph.survival * graph.home[graph.head]

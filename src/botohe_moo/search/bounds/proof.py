@@ -190,8 +190,8 @@ class Proof:
 
     def _until(self, share: float) -> float:
         """Return the moment at which a share of the time that is left is over."""
-        now = time.monotonic()
-        return now + share * (self._deadline - now)
+        moment = time.monotonic()
+        return moment + share * (self._deadline - moment)
 
     def _wanted(self, gap: float, callback: Callback) -> FrontBound | None:
         """Return the bound if there is time, and if its gap is larger than wanted."""

@@ -74,8 +74,8 @@ class Steps:
         if self._n_robots == 1:
             return self._for_one(x, effort)
         if effort == 1:
-            now = time.monotonic()
-            self._lines.tighten(x, 1, now + self._rule.lines_share * (deadline - now))
+            moment = time.monotonic()
+            self._lines.tighten(x, 1, moment + self._rule.lines_share * (deadline - moment))
         return self._for_team(x, goal - self._lines.base_reward, effort)
 
     def _keep(self, least: float, most: float) -> None:

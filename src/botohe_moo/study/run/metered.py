@@ -65,7 +65,7 @@ class MeteredBOTOHE(BOTOHE):
                 kept = np.flatnonzero((self.constrain_batch(allowed) <= 0).all(axis=1))
                 feasible, objectives = allowed.take(kept), objectives[kept]
             if len(feasible):
-                meter.archive.absorb(feasible, objectives)
+                meter.archive.insert(feasible, objectives)
         if len(allowed) < len(batch):
             raise BudgetSpentError
         return F
