@@ -251,7 +251,8 @@ class TestComputing:
         task = make_bound_task(load_study(study_of()).missions[0], (), None, -1.0)
         assert find_bound(task).endswith("ParameterError: Expected time_limit > 0, got -1.0.")
 
-    def test_a_process_that_is_killed_is_told(self, monkeypatch, tmp_path):
+    @pytest.mark.slow
+    def test_a_process_that_is_killed_is_told(self, new_interpreters, monkeypatch, tmp_path):
         monkeypatch.setenv("BOTOHE_TEST_FOLDER", str(tmp_path))
         mission = load_study(study_of(missions={"hard": HARD})).missions[0]
         asked = []
@@ -267,6 +268,7 @@ class TestComputing:
         [(_, said)] = WorkerPool().perform([task], stopped=stopped)
         assert said == "its process died (signal SIGKILL)"
 
+    @pytest.mark.slow
     def test_signals_keep_what_is_finished(self, tmp_path, monkeypatch):
         """In real processes: the bound that takes for ever is lost, the other is kept."""
         folder, path = tmp_path / "out", tmp_path / "study.yaml"

@@ -121,7 +121,10 @@ def test_five_kills_at_random_moments_change_nothing(study_file, uninterrupted, 
     rng = random.Random(5)
     counts = []
     for _ in range(5):
-        process = start("run", study_file, "--out", folder, "--workers", 2, env=environment)
+        process = start(
+            "run", study_file, "--out", folder, "--workers", 2, env=environment,
+            popen=subprocess.Popen,
+        )  # fmt: skip
         # Past the start, so that some of the kills meet runs and files; never waits for the end.
         aim = n_done(folder) + rng.randint(0, 3)
         wait_until(
@@ -413,38 +416,6 @@ def test_workers_are_asked_before_they_get_runs(
     assert status == 0, err
     assert "Traceback" not in err
     assert_same(read_study(folder), uninterrupted)
-
-
-def test_workers_without_an_algorithm_get_no_runs(scheduler, hire, tmp_path, monkeypatch):
-    """The first cannot import it, the second has another of that name, the third is fit."""
-    name = "seldom_installed"
-    code = "from botohe_moo.algorithms.random_trails import RandomTrails as Ants\n"
-    for folder, text in [("here", code), ("other", f"# other\n{code}")]:
-        (tmp_path / folder).mkdir()
-        (tmp_path / folder / f"{name}.py").write_text(text)
-    monkeypatch.syspath_prepend(tmp_path / "here")
-    source = {
-        "name": "s",
-        "missions": ["toy"],
-        "algorithms": {"ants": f"{name}:Ants"},
-        "budget": {"evaluations": 40},
-        "seeds": 2,
-    }
-    waiting = [[tmp_path / "other"], [tmp_path / "here"]]
-    said = []
-
-    def warn(message, *_, **__):
-        said.append(str(message))
-        if "gets no runs" in said[-1]:
-            hire(path=waiting.pop(0))
-
-    monkeypatch.setattr(cluster.warnings, "warn", warn)
-    hire()
-    tables = run_study(source, tmp_path / "out", dask=scheduler)
-    assert tables.runs["status"].tolist() == ["done"] * 2
-    first, second = (words for words in said if "gets no runs" in words)
-    assert f"it cannot import the algorithm '{name}:Ants'" in first
-    assert f"it has '{name}:Ants' from" in second
 
 
 def test_killed_dask_workers_change_nothing(study_file, uninterrupted, scheduler, hire, tmp_path):
