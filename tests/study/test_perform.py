@@ -249,6 +249,9 @@ class TestMeter:
         for name in ("n_obj", "n_ieq_constr", "min_survival", "objective_bounds", "survival_floor"):
             assert getattr(problem, name) == getattr(inner, name)
         assert problem.name() == inner.name()
+        assert problem.advice() == inner.advice()
+        with pytest.raises(AttributeError, match="no attribute 'advise'"):
+            problem.advise()
         other = copy.deepcopy(problem).allowing_invalid()
         assert other.n_ieq_constr == inner.n_ieq_constr + 1
         plans = inner.mission.batch([inner.mission.plan([[1], [1]])])

@@ -149,18 +149,19 @@ class _FitWorkers:
         """Return the number of threads of each fit worker, by its address."""
         try:
             there: dict[str, int] = self._client.nthreads()
+            if new := there.keys() - self._is_fit.keys():
+                self._check(sorted(new))
         except (OSError, ValueError, TypeError, RuntimeError):  # the connection is closed
             raise StudyError(
                 "The Dask scheduler is gone. All runs that are finished are kept; run the study "
                 "again to go on."
             ) from None
-        if new := there.keys() - self._is_fit.keys():
-            self._check(sorted(new))
         fit = {address: n for address, n in there.items() if self._is_fit.get(address)}
         self._warn_if_idle(bool(fit))
         return fit
 
     def _check(self, addresses: list[str]) -> None:
+        """Note which workers have the same code; warn of the others."""
         answers = self._client.run(
             code_mismatch,
             installed_versions(),
