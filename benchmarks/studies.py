@@ -88,7 +88,7 @@ def _again() -> pd.DataFrame:
             for one in study.runs():
                 records: list[Record] = []
                 outcome = perform(make_task(one), records.append)
-                # As a sandbox keeps them: the plans of the last one only.
+                # As a study keeps them: the plans of the last one only.
                 kept = {record.evaluations: replace(record, plans=None) for record in records}
                 kept[records[-1].evaluations] = records[-1]
                 store.save(one, replace(outcome, records=tuple(kept.values())))

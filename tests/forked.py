@@ -2,7 +2,8 @@
 
 ``Forked`` is ``subprocess.Popen`` for ``python -m MODULE``, ``python -c CODE`` and scripts. What it
 starts is a process like any other: it has its own arguments, environment, folder, streams, signals
-and exit status. But it is not a new interpreter: what one does first is tested with others.
+and exit status. But it is not a new interpreter, and ``/proc`` shows the arguments and environment
+of the server: what needs either is tested with others.
 
 The server is this file as a script. It is started when it is first needed, and ends with the
 process that has started it.
@@ -10,7 +11,6 @@ process that has started it.
 
 import atexit
 import contextlib
-import ctypes
 import functools
 import gc
 import importlib
@@ -31,7 +31,6 @@ import types
 from pathlib import Path
 
 ADDRESS = "BOTOHE_TEST_FORKS"  # variable of the environment: the server's socket
-_ROOM = 32_768  # bytes for the arguments, and for the environment, that /proc shows
 _HEADER = struct.Struct("<q")
 _PATH = "PYTHONPATH"
 # Variables of the environment that are read when an interpreter or a library starts.
@@ -117,10 +116,10 @@ def start_server():
         }
         server = subprocess.Popen(
             # -P: its own folder must not stand in for other modules.
-            [sys.executable, "-P", __file__, address, "-" * _ROOM],
+            [sys.executable, "-P", __file__, address],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            env={**os.environ, **one_thread, "BOTOHE_TEST_ROOM": "-" * _ROOM},
+            env={**os.environ, **one_thread},
             start_new_session=True,  # Ctrl-C is not for it
         )
         atexit.register(server.communicate)  # closes its standard input
@@ -216,7 +215,6 @@ def run(request, usual_path, usual_environment):
         os.setsid()
     os.chdir(request["cwd"])
     os.environ.clear()
-    show(command, env)
     os.environ.update(env)
     for name, number, mode in (("stdin", 0, "r"), ("stdout", 1, "w"), ("stderr", 2, "w")):
         usual = getattr(sys, name)
@@ -249,19 +247,6 @@ def run(request, usual_path, usual_environment):
         assert kind == "-c", f"{kind} needs a new interpreter"
         sys.modules["__main__"] = main = types.ModuleType("__main__")
         exec(what, vars(main))
-
-
-def show(command, env):
-    """Let /proc show this command and environment, where the server's were."""
-    fields = Path("/proc/self/stat").read_text().rpartition(")")[2].split()
-    starts = [int(fields[i]) for i in (45, 47)]
-    ends = [int(fields[i]) for i in (46, 48)]
-    shown = command, [f"{name}={value}" for name, value in env.items()]
-    for start, end, entries in zip(starts, ends, shown, strict=True):
-        content = "".join(f"{entry}\0" for entry in entries).encode()
-        assert len(content) < end - start
-        ctypes.memset(start, 0, end - start)
-        ctypes.memmove(start, content, len(content))
 
 
 def fork_its_runs():

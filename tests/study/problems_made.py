@@ -1,4 +1,4 @@
-"""Problems of one's own for studies: named as ``module:Class``."""
+"""Problems of your own for studies: named as ``module:Class``."""
 
 import numpy as np
 
@@ -17,6 +17,9 @@ class Weakest(BOTOHE):
         F[:, 1] = -self.mission.robot_survival(batch).min(axis=1)
         return F
 
+    def advice(self):
+        return "for algorithms that know this problem"
+
 
 class Unbounded(BOTOHE):
     """Does not say what its objectives are at most."""
@@ -34,7 +37,7 @@ class Misjudged(Weakest):
 
 
 class Endless(Weakest):
-    """States a bound that is none."""
+    """States a bound that is not finite."""
 
     @property
     def objective_bounds(self):
@@ -71,14 +74,14 @@ def weakest(mission) -> BOTOHE:
 
 
 class Raising(Weakest):
-    """Raises what is no ValueError."""
+    """Raises another error than a ValueError."""
 
     def evaluate_batch(self, batch):
         raise ZeroDivisionError("out of luck")
 
 
 class Negative(Weakest):
-    """Gives less than 0."""
+    """Returns less than 0."""
 
     def evaluate_batch(self, batch):
         F = super().evaluate_batch(batch)

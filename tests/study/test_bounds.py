@@ -198,7 +198,8 @@ class TestComputing:
         task = make_bound_task(load_study(study_of()).missions[0], (), None, -1.0)
         assert find_bound(task).endswith("ParameterError: Expected time_limit > 0, got -1.0.")
 
-    def test_a_process_that_is_killed_is_told(self, monkeypatch, tmp_path):
+    @pytest.mark.slow
+    def test_a_process_that_is_killed_is_told(self, new_interpreters, monkeypatch, tmp_path):
         monkeypatch.setenv("BOTOHE_TEST_FOLDER", str(tmp_path))
         mission = load_study(study_of(missions={"hard": HARD})).missions[0]
         asked = []

@@ -249,6 +249,9 @@ class TestMeter:
         for name in ("n_obj", "n_ieq_constr", "min_survival", "objective_bounds", "survival_floor"):
             assert getattr(problem, name) == getattr(inner, name)
         assert problem.name() == inner.name()
+        assert problem.advice() == inner.advice()
+        with pytest.raises(AttributeError, match="no attribute 'advise'"):
+            problem.advise()
         other = copy.deepcopy(problem).allowing_invalid()
         assert other.n_ieq_constr == inner.n_ieq_constr + 1
         plans = inner.mission.batch([inner.mission.plan([[1], [1]])])
@@ -332,6 +335,13 @@ def marked_processes(folder):
     return found
 
 
+@pytest.fixture
+def processes_there(new_interpreters, monkeypatch, tmp_path):
+    """Gives a function that lists the processes of runs that the test has started."""
+    monkeypatch.setenv("BOTOHE_TEST_FOLDER", str(tmp_path))
+    return lambda: marked_processes(tmp_path)
+
+
 def outcome_of(pool, task):
     [(performed, outcome)] = pool.perform([task])
     assert performed is task
@@ -377,9 +387,8 @@ class TestPool:
             assert (found[name].records == ()) == (status == "failed")
         assert found["Dying"].traceback == "last words"
 
-    def test_killed_processes_fail_their_own_runs_only(self, tmp_path, monkeypatch):
+    def test_killed_processes_fail_their_own_runs_only(self, processes_there):
         """At random moments, also in the middle of messages."""
-        monkeypatch.setenv("BOTOHE_TEST_FOLDER", str(tmp_path))
         rng = random.Random(1)
         tasks = [
             make_task("random", evaluations=20_000, at=tuple(range(0, 20_000, 100)), digest=str(i))
@@ -390,7 +399,7 @@ class TestPool:
         def note(task, _):
             noted[0] += 1
             if len(killed) < 3 and noted[0] % 150 == 0:
-                process = rng.choice(marked_processes(tmp_path))
+                process = rng.choice(processes_there())
                 process.kill()
                 killed.append(process.pid)
 
@@ -435,23 +444,20 @@ class TestPool:
         assert outcome.error.startswith("killed: it had evaluated no plan for 0.5 s")
         assert outcome.records == ()
 
-    @pytest.mark.parametrize("name", ["Slow", "SlowWithin"])
-    def test_what_goes_on_evaluating_is_waited_for(self, pool, name):
-        """However long it takes, within one iteration or many."""
-        task = make_task(
-            f"{MADE}:{name}", evaluations=70, patience=1.0, parameters={"seconds": 0.2}
-        )
-        outcome = outcome_of(pool, task)
-        assert (outcome.status, outcome.evaluations) == ("done", 70)
-        assert outcome.seconds > task.patience
-
-    def test_this_packages_algorithms_are_waited_for(self, pool):
+    def test_what_goes_on_evaluating_is_waited_for(self, pool):
+        """However long it takes, within one iteration or many; as are this package's algorithms."""
+        for name in ("Slow", "SlowWithin"):
+            task = make_task(
+                f"{MADE}:{name}", evaluations=70, patience=1.0, parameters={"seconds": 0.2}
+            )
+            outcome = outcome_of(pool, task)
+            assert (outcome.status, outcome.evaluations) == ("done", 70)
+            assert outcome.seconds > task.patience
         ours = make_task("bo-aco", evaluations=5_000, patience=1e-3)
         assert outcome_of(pool, ours).status == "done"
 
     @pytest.mark.parametrize("stay", [False, True])
-    def test_no_process_is_left_behind(self, stay, new_interpreters, monkeypatch, tmp_path):
-        monkeypatch.setenv("BOTOHE_TEST_FOLDER", str(tmp_path))
+    def test_no_process_is_left_behind(self, stay, processes_there):
         task = make_task(f"{MADE}:Forking", seconds=0.3, parameters={"stay": stay})
         outcome = outcome_of(WorkerPool(), task)
         if stay:
@@ -459,39 +465,28 @@ class TestPool:
         else:
             assert outcome.error == "its process died (exit status 3)"
         time.sleep(0.1)
-        assert marked_processes(tmp_path) == []
+        assert processes_there() == []
 
     def test_runs_of_other_peoples_algorithms_know_nothing_of_each_other(self, pool):
+        """And generators that everybody shares begin with the seed."""
         task = make_task(f"{MADE}:Remembering", evaluations=30)
         assert [outcome_of(pool, task).status for _ in range(2)] == ["done", "done"]
+        drawing = (make_task(f"{MADE}:Drawing", seed=seed) for seed in (1, 1, 2))
+        one, again, other = (outcome_of(pool, task).error for task in drawing)
+        assert one == again != other
 
-    def test_generators_that_everybody_shares_begin_with_the_seed(self, pool):
-        said = {outcome_of(pool, make_task(f"{MADE}:Drawing")).error for _ in range(2)}
-        assert len(said) == 1
-        assert said != {outcome_of(pool, make_task(f"{MADE}:Drawing", seed=2)).error}
-
-    def test_it_stops_when_it_is_asked_to_and_ends_its_processes(self, monkeypatch, tmp_path):
-        monkeypatch.setenv("BOTOHE_TEST_FOLDER", str(tmp_path))
+    def test_it_stops_when_it_is_asked_to_and_ends_its_processes(self, processes_there):
         pool, began = WorkerPool(), time.monotonic()
         tasks = [make_task(f"{MADE}:NeverEnding")] * 3
         stopped = lambda: time.monotonic() - began > 0.5  # noqa: E731
         assert list(pool.perform(tasks, workers=2, stopped=stopped)) == []
-        assert marked_processes(tmp_path) == []
+        assert processes_there() == []
 
-    def test_who_notes_records_may_raise(self, pool):
-        def note(*_):
-            raise BrokenPipeError("nobody reads")
-
-        with pytest.raises(BrokenPipeError):
-            list(pool.perform([make_task("random")], note=note))
-        assert outcome_of(pool, make_task("random")).status == "done"
-
-    def test_processes_that_died_while_they_waited_are_replaced(self, monkeypatch, tmp_path):
-        monkeypatch.setenv("BOTOHE_TEST_FOLDER", str(tmp_path))
+    def test_processes_that_died_while_they_waited_are_replaced(self, processes_there):
         with contextlib.closing(WorkerPool()) as pool:
             for _ in range(2):
                 assert outcome_of(pool, make_task("random")).status == "done"
-                [process] = marked_processes(tmp_path)
+                [process] = processes_there()
                 process.kill()
                 time.sleep(0.1)
 

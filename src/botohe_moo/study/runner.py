@@ -27,30 +27,30 @@ _STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 def hold_stop() -> Iterator[list[int]]:
     """Note in a list which of Ctrl-C, SIGTERM and SIGHUP come; the second breaks off at once.
 
-    Signals that are ignored, as under ``nohup``, stay so. Outside the main thread, which alone may
-    handle signals, nothing changes.
+    Signals that are ignored, as under ``nohup``, or have another handler, stay as they are; so do
+    all outside the main thread, which alone may handle signals.
     """
     came: list[int] = []
     usual = {}
     if threading.current_thread() is threading.main_thread():
-        usual = {number: signal.getsignal(number) for number in _STOPPING}
-        usual = {
-            n: handler for n, handler in usual.items() if handler not in (None, signal.SIG_IGN)
-        }
+        found = {number: signal.getsignal(number) for number in _STOPPING}
+        plain = (signal.SIG_DFL, signal.default_int_handler)
+        usual = {number: handler for number, handler in found.items() if handler in plain}
+
+    def restore() -> None:
+        for number, handler in usual.items():
+            signal.signal(number, handler)
 
     def note(number: int, _: object) -> None:
         came.append(number)
-        for each in usual:
-            is_ctrl_c = each == signal.SIGINT
-            signal.signal(each, signal.default_int_handler if is_ctrl_c else signal.SIG_DFL)
+        restore()
 
     for number in usual:
         signal.signal(number, note)
     try:
         yield came
     finally:
-        for number, handler in usual.items():
-            signal.signal(number, handler)
+        restore()
 
 
 class StudyInterrupted(KeyboardInterrupt):
@@ -136,7 +136,7 @@ def run_study(
         Seconds, above 0, after which a run of another package's algorithm fails that evaluates no
         plan any more, where no budget of seconds ends it.
     watcher
-        Is told how the study gets on.
+        Notes how the study gets on.
 
     Raises
     ------

@@ -51,15 +51,12 @@ def dask_outcomes(
                         waiting.append(task)
                 while waiting and len(running) < sum(threads.values()):
                     task = waiting.popleft()
-                    running[_submit(client, task, threads)] = task, set(threads)
+                    key = f"run-{task.digest}-{time.time_ns()}"
+                    future = client.submit(_perform_on_worker, task, key=key, workers=[*threads])
+                    running[future] = task, set(threads)
                 _wait_for_any(client, running)
         finally:
             client.cancel([*running])
-
-
-def _submit(client: Any, task: Task, threads: dict[str, int]) -> Any:
-    key = f"run-{task.digest}-{time.time_ns()}"
-    return client.submit(_perform_on_worker, task, key=key, workers=[*threads], pure=False)
 
 
 def _wait_for_any(client: Any, running: dict[Any, Any]) -> None:
@@ -137,30 +134,32 @@ class _FitWorkers:
     def __init__(self, client: Any, address: str, tasks: Sequence[Task]) -> None:
         self._client = client
         self._address = address
-        origins = {
-            (task.algorithm, *task.origin.values()): (task.algorithm, task.parameters, task.origin)
-            for task in tasks
-        }
-        self._origins = [*origins.values()]  # one for each code that is run
+        origins = ((task.algorithm, task.parameters, task.origin) for task in tasks)
+        self._origins = [*{repr(origin): origin for origin in origins}.values()]
         self._is_fit: dict[str, bool] = {}  # by address
-        self._idle_since: float | None = time.monotonic()
+        self._idle_since = time.monotonic()
 
     def count_threads(self) -> dict[str, int]:
         """Return the number of threads of each fit worker, by its address."""
         try:
             there: dict[str, int] = self._client.nthreads()
+            if new := there.keys() - self._is_fit.keys():
+                self._check(sorted(new))
         except (OSError, ValueError, TypeError, RuntimeError):  # the connection is closed
             raise StudyError(
                 "The Dask scheduler is gone. All runs that are finished are kept; run the study "
                 "again to go on."
             ) from None
-        if new := there.keys() - self._is_fit.keys():
-            self._check(sorted(new))
         fit = {address: n for address, n in there.items() if self._is_fit.get(address)}
-        self._warn_if_idle(bool(fit))
+        if fit:
+            self._idle_since = time.monotonic()
+        elif time.monotonic() - self._idle_since > _SECONDS_WITHOUT_WORKERS:
+            said = f"no worker of the Dask cluster at {self._address} can perform runs"
+            warnings.warn(f"{said}; waiting for one that can.", stacklevel=2)
         return fit
 
     def _check(self, addresses: list[str]) -> None:
+        """Note which workers have the same code; warn of the others."""
         answers = self._client.run(
             code_mismatch,
             installed_versions(),
@@ -178,25 +177,12 @@ class _FitWorkers:
             if answer is not None:
                 warnings.warn(f"the Dask worker {address} gets no runs: it {answer}.", stacklevel=2)
 
-    def _warn_if_idle(self, has_workers: bool) -> None:
-        """Warn once whenever no worker has been able to perform runs for a while."""
-        now = time.monotonic()
-        if has_workers:
-            self._idle_since = now
-        elif self._idle_since is not None and now - self._idle_since >= _SECONDS_WITHOUT_WORKERS:
-            self._idle_since = None
-            warnings.warn(
-                f"no worker of the Dask cluster at {self._address} can perform runs; waiting for "
-                "one that can.",
-                stacklevel=2,
-            )
-
 
 # One for all threads of a Dask worker; its processes end with the worker's.
 _POOL = WorkerPool()
 
 
 def _perform_on_worker(task: Task) -> Outcome:
+    outcome: Outcome
     [(_, outcome)] = _POOL.perform([task])
-    result: Outcome = outcome
-    return result
+    return outcome

@@ -21,7 +21,7 @@ class BudgetSpentError(Exception):
 
 @dataclass
 class Meter:
-    """What all copies of a metered problem share: the number of evaluations, and their limit."""
+    """The number of evaluations and their limit, which all copies of a metered problem share."""
 
     evaluations: int = sys.maxsize  # allowed
     archive: PlanArchive | None = None  # gets all feasible plans that are evaluated
@@ -91,6 +91,12 @@ class MeteredBOTOHE(BOTOHE):
     def name(self) -> str:
         """Return the problem's name."""
         return self.problem.name()
+
+    def __getattr__(self, name: str) -> Any:
+        """Return what only the class of the problem has, such as methods for its own algorithm."""
+        if name.startswith("_"):  # also asked for before there is a problem, by copy and pickle
+            raise AttributeError(name)
+        return getattr(self.problem, name)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         return self  # pymoo copies the problem with the algorithm; both count together
