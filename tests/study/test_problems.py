@@ -1,4 +1,4 @@
-"""Studies of objectives of one's own: ``problem: module:Class``."""
+"""Studies of objectives of your own: ``problem: module:Class``."""
 
 import json
 import shutil
