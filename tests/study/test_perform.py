@@ -2,7 +2,6 @@
 
 import contextlib
 import copy
-import math
 import os
 import pickle
 import random
@@ -523,24 +522,3 @@ class TestVerification:
     def test_a_trail_that_is_too_long(self):
         with pytest.raises(ValueError, match=r"trail of the final front is 6 long, beyond 5\.5"):
             self.verify(max_length=5.5)
-
-
-def test_the_travel_budget_reaches_every_kind_of_problem(monkeypatch):
-    seen = []
-    build = BOTOHE.__init__
-
-    def noting(problem, mission, **limits):
-        build(problem, mission, **limits)
-        seen.append(problem.max_length)
-
-    monkeypatch.setattr(BOTOHE, "__init__", noting)
-    for name in (
-        "random",
-        f"{MADE}:Sampler",
-        "simulated-annealing",
-        "pymoo.algorithms.moo.nsga2:NSGA2",
-    ):
-        for limit, expected in ((math.inf, None), (4.0, 4.0)):
-            seen.clear()
-            performed(make_task(name, mission="toy", max_length=limit, evaluations=5))
-            assert set(seen) == {expected}, name

@@ -5,10 +5,12 @@ import os
 import signal
 import threading
 from collections.abc import Generator, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
 from botohe_moo._base.checks import check_integer, check_number
+from botohe_moo._base.interrupts import hold_interrupt
 from botohe_moo.study.file.loading import load_study
 from botohe_moo.study.file.model import Run, Study, StudyMission, study_folder
 from botohe_moo.study.planning import Plan, make_bound_task, make_task, plan_study, refresh_tables
@@ -19,38 +21,43 @@ from botohe_moo.study.store.folder import StudyFolder
 from botohe_moo.study.store.manifest import restore_study
 from botohe_moo.study.store.tables import StudyTables
 
-# Ctrl-C, what batch systems and ``docker stop`` send, and what a terminal sends that is closed.
-_STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+# Sent by batch systems and ``docker stop``, and by a terminal that is closed.
+_LIKE_CTRL_C = (signal.SIGTERM, signal.SIGHUP)
+
+
+@dataclass
+class Stop:
+    """Whether a study is to stop, and which signal has asked for it."""
+
+    pressed: threading.Event
+    signal: int = signal.SIGINT
 
 
 @contextlib.contextmanager
-def hold_stop() -> Iterator[list[int]]:
-    """Note in a list which of Ctrl-C, SIGTERM and SIGHUP come; the second breaks off at once.
+def hold_stop() -> Iterator[Stop]:
+    """Let Ctrl-C, SIGTERM and SIGHUP ask for a stop; the second one breaks off at once.
 
     Signals that are ignored, as under ``nohup``, or have another handler, stay as they are; so do
     all outside the main thread, which alone may handle signals.
     """
-    came: list[int] = []
-    usual = {}
-    if threading.current_thread() is threading.main_thread():
-        found = {number: signal.getsignal(number) for number in _STOPPING}
-        plain = (signal.SIG_DFL, signal.default_int_handler)
-        usual = {number: handler for number, handler in found.items() if handler in plain}
+    with hold_interrupt() as pressed:
+        stop = Stop(pressed)
 
-    def restore() -> None:
-        for number, handler in usual.items():
-            signal.signal(number, handler)
+        def note(number: int, _: object) -> None:
+            stop.signal = number
+            pressed.set()
+            signal.signal(number, signal.SIG_DFL)
 
-    def note(number: int, _: object) -> None:
-        came.append(number)
-        restore()
-
-    for number in usual:
-        signal.signal(number, note)
-    try:
-        yield came
-    finally:
-        restore()
+        ours = []
+        if threading.current_thread() is threading.main_thread():
+            ours = [n for n in _LIKE_CTRL_C if signal.getsignal(n) is signal.SIG_DFL]
+        for number in ours:
+            signal.signal(number, note)
+        try:
+            yield stop
+        finally:
+            for number in ours:
+                signal.signal(number, signal.SIG_DFL)
 
 
 class StudyInterrupted(KeyboardInterrupt):
@@ -174,14 +181,14 @@ def run_study(
         watcher.begin(plan)
         runs = {run.digest: run for run in plan.missing}
         tasks = [make_task(run, patience) for run in runs.values()]
-        with hold_stop() as came, contextlib.closing(WorkerPool()) as pool:
+        with hold_stop() as stop, contextlib.closing(WorkerPool()) as pool:
             if dask is not None and tasks:
-                outcomes = dask_outcomes(tasks, address=dask, stopped=lambda: bool(came))
+                outcomes = dask_outcomes(tasks, address=dask, stopped=stop.pressed.is_set)
             else:
                 outcomes = pool.perform(
                     tasks,
                     workers=workers,
-                    stopped=lambda: bool(came),
+                    stopped=stop.pressed.is_set,
                     note=lambda task, record: watcher.record(runs[task.digest], record),
                 )
             _save(outcomes, runs, folder, watcher)
@@ -189,11 +196,11 @@ def run_study(
                 make_bound_task(mission, plan.runs, folder, study.bound_seconds)
                 for mission in plan.unbounded.values()
             )
-            bounds = pool.perform(bound_tasks, workers=workers, stopped=lambda: bool(came))
+            bounds = pool.perform(bound_tasks, workers=workers, stopped=stop.pressed.is_set)
             _save_bounds(bounds, plan.unbounded, folder, watcher)
             tables = refresh_tables(study, folder)
-    if came:
-        raise StudyInterrupted(came[0])
+    if stop.pressed.is_set():
+        raise StudyInterrupted(stop.signal)
     return tables
 
 
