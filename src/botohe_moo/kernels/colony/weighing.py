@@ -117,30 +117,6 @@ class Ant(NamedTuple):
     fresh: FloatArray
 
 
-@inlined
-def _tabulate_arc(
-    weights: Weights, rule: BuildRule, scratch: AntScratch, block: int, which: int, arc: int
-) -> None:
-    """Fill in the weights of an arc for every ant of a block.
-
-    The ants' λ are evenly spaced, so that an arc's weight is a geometric progression over the
-    ants: a few exponentials serve the whole block.
-    """
-    step = 1.0 / (rule.n_ants - 1) if rule.n_ants > 1 else 0.0
-    first = block * BLOCK * step if rule.n_ants > 1 else 0.5
-    slope = weights.log_survival[which, arc] - weights.log_reward[which, arc]
-    weight = math.exp(weights.log_reward[which, arc] + first * slope)
-    ratio = math.exp(step * slope)
-    factor = math.exp((1.0 - first) * weights.log_fresh[arc])
-    factor_ratio = math.exp(-step * weights.log_fresh[arc])
-    seen, fresh = scratch.seen, scratch.fresh
-    for i in range(min(BLOCK, rule.n_ants - block * BLOCK)):
-        seen[which, i, arc] = weight
-        fresh[which, i, arc] = weight * factor
-        weight *= ratio
-        factor *= factor_ratio
-
-
 @helper
 def tabulate_node(
     graph: Graph,
@@ -151,12 +127,28 @@ def tabulate_node(
     which: int,
     node: int,
 ) -> None:
-    """Fill in the weights of all arcs that leave a node."""
+    """Fill in the weights of all arcs that leave a node, for every ant of a block.
+
+    The ants' λ are evenly spaced, so that an arc's weight is a geometric progression over the
+    ants: a few exponentials serve the whole block.
+    """
     scratch.tabulated[which, node] = block
-    for arc in range(graph.first[node], graph.first[node + 1]):
-        _tabulate_arc(weights, rule, scratch, block, which, arc)
-    if node == graph.base:
-        _tabulate_arc(weights, rule, scratch, block, which, graph.head.shape[0])
+    step = 1.0 / (rule.n_ants - 1) if rule.n_ants > 1 else 0.0
+    first = block * BLOCK * step if rule.n_ants > 1 else 0.5
+    n_ants = min(BLOCK, rule.n_ants - block * BLOCK)
+    low, high = graph.first[node], graph.first[node + 1]
+    for i in range(low, high + 1 if node == graph.base else high):
+        arc = i if i < high else graph.head.shape[0]  # behind the base's arcs comes its self-loop
+        slope = weights.log_survival[which, arc] - weights.log_reward[which, arc]
+        weight = math.exp(weights.log_reward[which, arc] + first * slope)
+        ratio = math.exp(step * slope)
+        factor = math.exp((1.0 - first) * weights.log_fresh[arc])
+        factor_ratio = math.exp(-step * weights.log_fresh[arc])
+        for ant in range(n_ants):
+            scratch.seen[which, ant, arc] = weight
+            scratch.fresh[which, ant, arc] = weight * factor
+            weight *= ratio
+            factor *= factor_ratio
 
 
 @inlined
