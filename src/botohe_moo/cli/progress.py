@@ -145,7 +145,6 @@ class StudyWatcher:
 
     def __init__(self, show: Show) -> None:
         self._show_words = show
-        self._lock = threading.Lock()
         self._shares: dict[str, float] = {}
         self._n_ended = self._n_runs = self._n_failed = 0
         self._n_bounded = self._n_bounds = 0
@@ -165,30 +164,27 @@ class StudyWatcher:
         budget = run.mission.budget
         both = ((record.evaluations, budget.evaluations), (record.seconds, budget.seconds))
         share = max(spent / allowed for spent, allowed in both if allowed)
-        with self._lock:
-            self._shares[run.digest] = min(share, 1.0)
-            self._show()
+        self._shares[run.digest] = min(share, 1.0)
+        self._show()
 
     def end(self, run: Run, outcome: Outcome) -> None:
         """Note that a run has ended."""
-        with self._lock:
-            self._shares.pop(run.digest, None)
-            self._n_ended += 1
-            if outcome.status != "done":
-                self._n_failed += outcome.status == "failed"
-                say(
-                    f"{run.algorithm.label} on {run.mission.label}, seed {run.seed}: "
-                    f"{outcome.status}: {outcome.error}"
-                )
-            self._show()
+        self._shares.pop(run.digest, None)
+        self._n_ended += 1
+        if outcome.status != "done":
+            self._n_failed += outcome.status == "failed"
+            say(
+                f"{run.algorithm.label} on {run.mission.label}, seed {run.seed}: "
+                f"{outcome.status}: {outcome.error}"
+            )
+        self._show()
 
     def end_bound(self, mission: StudyMission, error: str | None) -> None:
         """Note that a mission is bounded, or why not."""
-        with self._lock:
-            self._n_bounded += 1
-            if error is not None:
-                say(f"bound of {mission.label}: failed: {error}")
-            self._show()
+        self._n_bounded += 1
+        if error is not None:
+            say(f"bound of {mission.label}: failed: {error}")
+        self._show()
 
     def _show(self) -> None:
         failed = f", {self._n_failed} failed" if self._n_failed else ""
