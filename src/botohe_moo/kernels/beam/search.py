@@ -21,6 +21,7 @@ from botohe_moo.kernels.compile import helper, kernel
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.graph.homing import way_within
 from botohe_moo.kernels.plans.order import sort_descending
+from botohe_moo.kernels.sharing import shared
 
 # A search keeps no more labels than this, whatever its width: a few hundred megabytes.
 MAX_LABELS = 5_000_000
@@ -71,6 +72,7 @@ def best_trail(graph: Graph, near: Near, rule: Rule, beam: Beam) -> tuple[Offset
 @kernel
 def _search(graph: Graph, near: Near, rule: Rule, beam: Beam) -> int:
     """Go on until the search has ended, or there is no room for a level of so many children."""
+    graph, near, rule, beam = shared(graph), shared(near), shared(rule), shared(beam)
     state, labels, level = beam.state[0], beam.labels, beam.level
     if state.high == _STARTING:
         _start_at_base(graph, rule, beam)

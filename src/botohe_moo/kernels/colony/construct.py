@@ -22,6 +22,7 @@ from botohe_moo.kernels.graph.homing import Budget, way_within
 from botohe_moo.kernels.graph.paths import Paths
 from botohe_moo.kernels.graph.ways import end_trail, go_without_choice, survives_home
 from botohe_moo.kernels.rng import uniform
+from botohe_moo.kernels.sharing import shared
 
 
 class Plans(NamedTuple):
@@ -254,6 +255,7 @@ def construct(
 
     Gives the ant whose plan might not have had room; ``end`` if all had.
     """
+    graph, weights, rule, plans = shared(graph), shared(weights), shared(rule), shared(plans)
     n_robots = rule.n_robots
     scratch = new_scratch(graph, rule, weights.log_reward.shape[0], states)
     plans.size[0] = plans.offsets[begin * n_robots] = 0
