@@ -174,7 +174,11 @@ for budget in (1, 97, 331):
         counted = Counted(monkeypatch)
         with plain_local_search() as patch:
             # Each tells what a child brings, or makes one.
-            for module, name in ((search, "appraise"), (search, "adopt"), (refill, "_make_child")):
+            for module, name in (
+                (search, "appraise"),
+                (search, "appraise_trail"),
+                (refill, "_make_child"),
+            ):
                 patch.setattr(module, name, counted.calls_of(getattr(module, name)))
             outcome, records = performed(make_task("pareto-local-search", evaluations=budget))
         assert outcome.status == "done", outcome.error
