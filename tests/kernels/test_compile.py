@@ -10,6 +10,7 @@ import sys
 from importlib import import_module
 from pathlib import Path
 from types import FunctionType
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -18,9 +19,11 @@ from numba.core.cpu import CPUTargetOptions
 from numba.core.registry import CPUDispatcher
 
 from botohe_moo import kernels, load_mission
+from botohe_moo._base.types import FloatArray
 from botohe_moo.kernels import compile as decorators
-from botohe_moo.kernels.compile import _PRIVATE, helper, inlined, kernel
+from botohe_moo.kernels.compile import _PRIVATE, helper, kernel
 from botohe_moo.kernels.linking import _TRIED
+from botohe_moo.kernels.sharing import shared
 
 FOLDER = Path(kernels.__file__).parent
 MODULES = sorted(path for path in FOLDER.rglob("*.py") if path.name != "__init__.py")
@@ -45,7 +48,7 @@ class TestEveryModule:
         name = ".".join(["botohe_moo.kernels", *path.relative_to(FOLDER).with_suffix("").parts])
         module = import_module(name)
         for node, names in decorated(path):
-            if names & {"kernel"}:
+            if "kernel" in names:
                 assert isinstance(getattr(module, node.name), CPUDispatcher)
             elif names & {"helper", "inlined"}:
                 assert type(getattr(module, node.name)) is FunctionType
@@ -72,7 +75,7 @@ def test_there_are_three_decorators_and_records():
 
 @compiled
 def test_helpers_may_be_called_from_python_and_from_kernels():
-    @inlined
+    @helper
     def twice(x):
         return 2 * x
 
@@ -93,6 +96,45 @@ def test_helpers_may_be_called_from_python_and_from_kernels():
     assert (twice(2), half(3.0), filled(2, 1.0).tolist()) == (4, 1.5, [2.0, 2.0])
     assert whole(3, 5.0) == 15.0
     assert whole(1, -1.0) == -np.inf  # IEEE arithmetic: no exception in a hot loop
+
+
+class Inner(NamedTuple):
+    values: FloatArray
+    factor: float
+
+
+class Outer(NamedTuple):
+    inner: Inner
+    totals: FloatArray
+
+
+@helper
+def scaled(inner, i):
+    return inner.values[i] * inner.factor
+
+
+@helper
+def add_up(outer):
+    for i in range(outer.inner.values.shape[0]):
+        outer.totals[0] += scaled(outer.inner, i)
+
+
+@compiled
+def test_helpers_read_what_kernels_share():
+    @kernel
+    def total(outer):
+        outer = shared(outer)
+        add_up(outer)
+        totals = outer.totals
+        return totals[0] + outer.inner.factor
+
+    values, totals = np.arange(4.0), np.zeros(1)
+    outer = Outer(Inner(values, 0.5), totals)
+    assert shared(outer) is outer
+    for n in range(1, 4):
+        assert total(outer) == 3.0 * n + 0.5
+    assert sys.getrefcount(values) <= 4  # nobody holds on to it, or lets go of it twice
+    assert values.tolist() == [0.0, 1.0, 2.0, 3.0]
 
 
 def test_the_garbage_collector_is_as_it_was_after_compiling():

@@ -14,8 +14,8 @@ from botohe_moo import Mission, TrailPlan
 from botohe_moo.kernels.fronts.ordered import read_front
 from botohe_moo.kernels.graph.arcs import find_arc
 from botohe_moo.kernels.local_search import refill as kernels
-from botohe_moo.kernels.local_search import search as search_kernels
-from botohe_moo.kernels.local_search.admission import add_trail
+from botohe_moo.kernels.local_search import tours as filling
+from botohe_moo.kernels.local_search.insertion import add_trail
 from botohe_moo.kernels.local_search.layout import set_aside
 from botohe_moo.kernels.local_search.trail_store import comes_before, new_store
 from botohe_moo.kernels.local_search.workspace import NEVER, SearchRule
@@ -33,14 +33,15 @@ BUDGETS = st.sampled_from([inf, inf, 9.0, 4.0, 0.0])
 
 @pytest.fixture(autouse=True)
 def plain():
-    """Kernels' integers wrap around, also where numpy would warn."""
+    """The search in plain Python, never busy: all walks are walks from the beginning."""
     with plain_local_search() as patch:
+        patch.setattr(kernels, "BUSY", -1)
         yield patch
 
 
 def new_search(mission, *, seed=0, **rule):
-    """A search that is never busy: all its walks are walks from the beginning."""
-    rule = SearchRule(**{"busy": -1, **rule})
+    """A search of a mission; ``rule`` is that of the search."""
+    rule = SearchRule(**rule)
     random_state = np.random.default_rng(seed)
     return LocalSearch(mission, rule, moves=DEFAULT_MOVES, random_state=random_state)
 
@@ -52,9 +53,9 @@ def holding(mission, plan, chosen, *, seed=0, **rule):
     for robot, trail in enumerate(plan):
         arcs = [find_arc(graph, *hop) for hop in pairwise(trail)]
         work.child[: len(arcs)] = arcs
-        work.held[robot] = add_trail(graph, store, work, len(arcs))
+        work.parent[robot] = add_trail(graph, store, work, len(arcs))
     work.chosen[:] = [*chosen, *(k for k in range(mission.robots) if k not in chosen)]
-    work.now.chosen, work.now.robot = len(chosen), chosen[0]
+    work.draft.chosen, work.draft.robot = len(chosen), chosen[0]
     set_aside(graph, store, work)
     return search
 
@@ -82,38 +83,38 @@ def assert_trail(mission, nodes):
 def tours_of(work):
     """The stops of each tour, with the base at both ends; every leg must be where it belongs."""
     tours = []
-    for which in range(work.now.chosen):
+    for which in range(work.draft.chosen):
         number, stops = int(work.first[which]), [int(work.legs[work.first[which]].before)]
-        while number != kernels.NONE:
+        while number != filling.NONE:
             leg = work.legs[number]
             assert leg.tour == which
             assert leg.before == stops[-1]
-            assert number < work.now.legs
+            assert number < work.draft.legs
             stops.append(int(leg.after))
             number = int(leg.then)
         tours.append(stops)
-    assert sum(len(stops) - 1 for stops in tours) == work.now.legs
+    assert sum(len(stops) - 1 for stops in tours) == work.draft.legs
     return tours
 
 
 def rooms_of(work):
-    return [(float(room.danger), float(room.length)) for room in work.rooms[: work.now.chosen]]
+    return [(float(room.danger), float(room.length)) for room in work.rooms[: work.draft.chosen]]
 
 
 class TestChoosing:
     @pytest.mark.parametrize("robots", [1, 2, 7])
-    def test_robots(self, robots):
+    def test_robots(self, plain, robots):
         mission, seen = complete(3, 0, robots=robots), Counter()
         plan = [(0,)] * robots
         for p_pair in (0.0, 0.5, 1.0):
-            search = holding(mission, plan, [0], p_pair=p_pair)
-            work = search._work
+            plain.setattr(kernels, "P_PAIR", p_pair)
+            work = holding(mission, plan, [0])._work
             for trial in range(200):
-                work.now.robot = trial % robots
-                kernels.choose_robots(work, search.rule)
+                work.draft.robot = trial % robots
+                kernels._choose_robots(work)
                 assert sorted(work.chosen.tolist()) == list(range(robots))
-                assert work.chosen[0] == work.now.robot
-                seen[p_pair, int(work.now.chosen)] += 1
+                assert work.chosen[0] == work.draft.robot
+                seen[p_pair, int(work.draft.chosen)] += 1
         assert seen[0.0, 1] == seen[1.0, robots] == 200
         if robots == 7:
             assert seen[0.5, 1] == pytest.approx(100, abs=40)
@@ -123,60 +124,59 @@ class TestChoosing:
 class TestRooms:
     """Of a trail that survives with 0.5 · 0.8 = 0.4, and is 3 + 1 long."""
 
-    def room(self, **rule):
+    @pytest.fixture
+    def room(self, plain):
         graph = nx.DiGraph()
         graph.add_node(0, reward=0.0)
         graph.add_node(1, reward=1.0)
         graph.add_edge(0, 1, survival=0.5, length=3.0)
         graph.add_edge(1, 0, survival=0.8, length=1.0)
-        search = holding(Mission(graph, base=0, robots=1), [(0, 1, 0)], [0], **rule)
-        graph, _, store, work, rule = parts(search)
-        kernels._give_room(graph, store, work, rule, 0)
-        return rooms_of(work)[0]
+        mission = Mission(graph, base=0, robots=1)
+
+        def room(p_full, spread, plan=((0, 1, 0),), mission=mission, **rule):
+            plain.setattr(filling, "P_FULL", p_full)
+            plain.setattr(filling, "SPREAD", spread)
+            search = holding(mission, plan, [0], **rule)
+            graph, _, store, work, rule = parts(search)
+            filling._give_room(graph, store, work, rule, 0)
+            return rooms_of(work)[0]
+
+        return room
 
     @pytest.mark.parametrize(
-        ("rule", "danger", "length"),
+        ("p_full", "rule", "danger", "length"),
         [
-            ({"p_full": 0.0, "spread": 0.0}, -log(0.4), inf),
-            ({"p_full": 1.0, "spread": 0.0}, -log(0.4), inf),
-            ({"p_full": 1.0, "min_survival": 0.2}, -log(0.2), inf),
-            ({"p_full": 0.0, "spread": 0.0, "min_survival": 0.2}, -log(0.4), inf),
-            ({"p_full": 0.0, "spread": 0.0, "max_length": 9.0}, -log(0.4), 4.0),
-            ({"p_full": 1.0, "spread": 0.0, "max_length": 10.0}, -2.5 * log(0.4), 10.0),
-            ({"p_full": 1.0, "max_length": 10.0, "min_survival": 0.3}, -log(0.3), 10.0),
+            (0.0, {}, -log(0.4), inf),
+            (1.0, {}, -log(0.4), inf),
+            (1.0, {"min_survival": 0.2}, -log(0.2), inf),
+            (0.0, {"min_survival": 0.2}, -log(0.4), inf),
+            (0.0, {"max_length": 9.0}, -log(0.4), 4.0),
+            (1.0, {"max_length": 10.0}, -2.5 * log(0.4), 10.0),
+            (1.0, {"max_length": 10.0, "min_survival": 0.3}, -log(0.3), 10.0),
         ],
     )
-    def test_by_hand(self, rule, danger, length):
-        assert self.room(**rule) == pytest.approx((danger, length), rel=1e-12)
+    def test_by_hand(self, room, p_full, rule, danger, length):
+        assert room(p_full, 0.0, **rule) == pytest.approx((danger, length), rel=1e-12)
 
-    def test_of_a_robot_at_base(self):
+    def test_of_a_robot_at_base(self, room):
         """It may leave, down to a survival of 1 / e; a whole budget is as dangerous as it likes."""
-        mission = complete(3, 0, robots=1)
-        drawn = []
-        for seed in range(50):
-            search = holding(mission, [(0,)], [0], p_full=0.0, spread=0.0, seed=seed)
-            graph, _, store, work, rule = parts(search)
-            kernels._give_room(graph, store, work, rule, 0)
-            drawn.append(rooms_of(work)[0][0])
+        at_base = {"plan": [(0,)], "mission": complete(3, 0, robots=1)}
+        drawn = [room(0.0, 0.0, seed=seed, **at_base)[0] for seed in range(50)]
         assert 0 <= min(drawn) < 0.1
         assert 0.9 < max(drawn) <= 1
         for max_length in (5.0, 1e12, 1e300):
-            search = holding(mission, [(0,)], [0], p_full=1.0, max_length=max_length)
-            graph, _, store, work, rule = parts(search)
-            kernels._give_room(graph, store, work, rule, 0)
-            ((danger, length),) = rooms_of(work)
+            danger, length = room(1.0, 0.6, max_length=max_length, **at_base)
             assert 0 < danger < inf
             assert length == max_length
 
-    def test_danger_spreads_on_the_scale_of_logarithms(self):
-        found = [self.room(p_full=0.0, spread=0.6, seed=seed)[0] for seed in range(200)]
+    def test_danger_spreads_on_the_scale_of_logarithms(self, room):
+        found = [room(0.0, 0.6, seed=seed)[0] for seed in range(200)]
         logs = np.log(np.array(found) / -log(0.4))
         assert -0.6 <= logs.min() < -0.5
         assert 0.5 < logs.max() <= 0.6
-        longer = self.room(p_full=0.0, spread=0.5, max_length=9.0)[1]
-        assert longer == pytest.approx(6.0)
-        assert self.room(p_full=0.0, spread=0.5, max_length=5.0)[1] == 5.0
-        floored = [self.room(p_full=0.0, min_survival=0.4, seed=seed)[0] for seed in range(50)]
+        assert room(0.0, 0.5, max_length=9.0)[1] == pytest.approx(6.0)
+        assert room(0.0, 0.5, max_length=5.0)[1] == 5.0
+        floored = [room(0.0, 0.6, min_survival=0.4, seed=seed)[0] for seed in range(50)]
         assert max(floored) == pytest.approx(-log(0.4))
 
 
@@ -193,7 +193,7 @@ def test_stops_that_stay_are_some_of_those_there_were(case, data):
         if node != 0 and work.nodes[node].left > 0
     ]
     for _ in range(20):
-        n = kernels._draw_stops(store, work, 0)
+        n = filling._draw_stops(store, work, 0)
         kept = work.goals[:n].tolist()
         assert n == 0 if len(stops) <= 1 else 0 < n < len(stops)
         rest = iter(stops)
@@ -219,12 +219,13 @@ def random_tours(mission, seed):
 
 
 @pytest.mark.parametrize("max_length", [inf, 4.0])
-def test_where_nothing_is_dangerous_there_is_always_room(max_length):
+def test_where_nothing_is_dangerous_there_is_always_room(plain, max_length):
+    plain.setattr(filling, "P_FULL", 1.0)
     graph = nx.cycle_graph(4).to_directed()
     nx.set_node_attributes(graph, 1.0, "reward")
     nx.set_edge_attributes(graph, 1.0, "survival")
     mission = Mission(graph, base=0, robots=1)
-    search = holding(mission, [(0,)], [0], p_full=1.0, max_length=max_length)
+    search = holding(mission, [(0,)], [0], max_length=max_length)
     graph, routes, store, work, rule = parts(search)
     assert kernels._make_child(graph, routes, store, work, rule)
     assert {0, 1, 2, 3} == set(nodes_of(search, work.refilled[0]))
@@ -300,10 +301,10 @@ def test_tours_are_filled_as_the_naive_way(n_nodes, robots, scale, floor, budget
     chosen = np.random.default_rng(seed).permutation(robots)[: 1 + seed % robots].tolist()
     search = holding(mission, random_tours(mission, seed), chosen, seed=seed, **limits)
     graph, routes, store, work, rule = parts(search)
-    work.now.mark += 1
-    mark, work.now.legs = int(work.now.mark), 0
+    work.draft.mark += 1
+    mark, work.draft.legs = int(work.draft.mark), 0
     for which in range(len(chosen)):
-        kernels._open_tour(graph, routes, store, work, rule, which, mark)
+        filling.open_tour(graph, routes, store, work, rule, which, mark)
     opened, rooms = tours_of(work), rooms_of(work)
     states, left = work.states.copy(), work.nodes["left"].copy()
     noise, worth = uniform(states, 0), np.zeros(n_nodes)
@@ -311,7 +312,7 @@ def test_tours_are_filled_as_the_naive_way(n_nodes, robots, scale, floor, budget
         if left[node] > 0 and all(node not in stops for stops in opened):
             worth[node] = left[node] * (1 - noise * uniform(states, 0))
     expected = Filler(mission, routes.per_length, left, worth).fill(opened, rooms)
-    kernels._fill_tours(graph, routes, work, mark)
+    filling.fill_tours(graph, routes, work, mark)
     assert work.states.tolist() == states.tolist()
     assert tours_of(work) == expected[0]
     assert np.allclose(rooms_of(work), expected[1], rtol=1e-9, atol=1e-9)
@@ -342,8 +343,8 @@ def test_children_are_plans_within_their_room(case, floor, budget, data):
         max_length=budget,
     )
     graph, routes, store, work, rule = parts(search)
-    held, fill_tours, opened = work.held.tolist(), kernels._fill_tours, []
-    give_room, given_rooms = kernels._give_room, []
+    parent, fill_tours, opened = work.parent.tolist(), kernels.fill_tours, []
+    give_room, given_rooms = filling._give_room, []
 
     def noted_room(*arguments):
         give_room(*arguments)
@@ -352,7 +353,7 @@ def test_children_are_plans_within_their_room(case, floor, budget, data):
     def noted_fill(*arguments):
         opened[:] = tours_of(work), rooms_of(work)
         for which, (danger, length) in enumerate(given_rooms):
-            legs = [leg for leg in work.legs[: work.now.legs] if leg.tour == which]
+            legs = [leg for leg in work.legs[: work.draft.legs] if leg.tour == which]
             left = (
                 danger - sum(leg.danger for leg in legs),
                 length - sum(leg.length for leg in legs),
@@ -361,8 +362,8 @@ def test_children_are_plans_within_their_room(case, floor, budget, data):
         fill_tours(*arguments)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(kernels, "_give_room", noted_room)
-        patch.setattr(kernels, "_fill_tours", noted_fill)
+        patch.setattr(filling, "_give_room", noted_room)
+        patch.setattr(kernels, "fill_tours", noted_fill)
         is_new = kernels._make_child(graph, routes, store, work, rule)
     (opened_tours, before), tours, after = opened, tours_of(work), rooms_of(work)
     added = []
@@ -391,13 +392,13 @@ def test_children_are_plans_within_their_room(case, floor, budget, data):
         assert twins.survival_of(mission, nodes) >= floor
         assert twins.length_of(mission, nodes) <= budget * (1 + 1e-12)
         if robot not in chosen:
-            assert trail == held[robot]
-    assert is_new == (refilled != held)
-    assert work.held.tolist() == held
+            assert trail == parent[robot]
+    assert is_new == (refilled != parent)
+    assert work.parent.tolist() == parent
     assert Counter(work.trails.tolist()) == Counter(refilled)
     for one, other in pairwise(work.trails.tolist()):
         assert not comes_before(store, other, one)
-    users = Counter(held) + Counter(refilled[robot] for robot in chosen)
+    users = Counter(parent) + Counter(refilled[robot] for robot in chosen)
     assert {i: n for i, n in enumerate(store.trails["n_users"].tolist()) if n} == users
 
 
@@ -412,16 +413,9 @@ def test_a_tour_beyond_the_limits_is_not_stored(rule):
         graph, routes, store, work, rules = parts(search)
         before = store.n.item()
         assert not kernels._make_child(graph, routes, store, work, rules)
-        assert work.refilled.tolist() == work.held.tolist()
+        assert work.refilled.tolist() == work.parent.tolist()
         assert store.n.item() == before
-        assert store.trails["n_users"][work.held].tolist() == [2, 1]
-
-
-def users_of(search, *, held):
-    """How many plans should have each trail: those of the front, and the parent."""
-    front, n_trails = search._front, len(search._store.trails)
-    users = np.bincount(front.plan[read_front(front)[0]].ravel(), minlength=n_trails)
-    return users + (np.bincount(search._work.held, minlength=n_trails) if held else 0)
+        assert store.trails["n_users"][work.parent].tolist() == [2, 1]
 
 
 def assert_clean(search):
@@ -436,35 +430,46 @@ def assert_clean(search):
     assert (work.arcs["position"] == -1).all()
 
 
+def refilling(mission, plans, *, n_waiting=3, **rule):
+    """A search in which plans wait to be refilled,."""
+    search = new_search(mission, p_refill=1.0, **rule)
+    search._store = new_store(3_000, 100_000, 100_000)  # room for all steps of all walks
+    search.insert(PlanBatch.from_plans(plans, mission.robots))
+    front = search._front
+    survivors = read_front(front)[1][:, 1]
+    work = search._work
+    work.memory.n_waiting, work.memory.newest = n_waiting, -1.0
+    work.waiting[:n_waiting] = np.resize(survivors, n_waiting)
+    return search
+
+
+def refill(search, n_most):
+    graph, routes, store, work, rule = parts(search)
+    return kernels.refill(graph, routes, store, search._front, work, rule, n_most)
+
+
 @examples(100)
 @given(
     missions_with_plans(max_nodes=8, max_robots=4),
     FLOORS,
     BUDGETS,
-    st.sampled_from([0.0, 1.0]),
-    st.integers(0, 99),
+    st.booleans(),
+    st.integers(0, 9),
 )
-def test_refills_keep_the_books(case, floor, budget, p_walk, seed):
+def test_refills_keep_the_books(case, floor, budget, is_walk, seed):
     mission, plan = case
-    rule = {"p_refill": 1.0, "p_walk": p_walk, "n_walk": 2, "n_refills": 3}
-    limits = {"min_survival": floor, "max_length": budget}
-    search = new_search(mission, seed=seed, **rule, **limits)
     start = [TrailPlan(limited(mission, plan, floor, budget)), TrailPlan([[0]] * mission.robots)]
-    search.admit(PlanBatch.from_plans(start, mission.robots))
-    graph, routes, store, work, rule = parts(search)
-    front = search._front
-    for n_most in (50, 2, 50):
-        search_kernels._take_parent(graph, store, front, work, rule)
-        assert work.now.chosen >= 1
-        n = kernels.refill(graph, routes, store, front, work, rule, n_most)
-        assert n == min(n_most, 2 * len(mission.nodes) if p_walk else 3)
-        assert store.trails["n_users"].tolist() == users_of(search, held=True).tolist()
-        search_kernels._let_go(graph, store, work)
-        users = users_of(search, held=False)
-        assert store.trails["n_users"].tolist() == users.tolist()
-        spare = store.spare[: store.n.spare].tolist()
-        assert sorted([*spare, *np.flatnonzero(users).tolist()]) == list(range(len(users)))
-        assert_clean(search)
+    limits = {"min_survival": floor, "max_length": budget}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(kernels, "P_WALK", float(is_walk))
+        patch.setattr(kernels, "N_WALK", 2)
+        search = refilling(mission, start, seed=seed, **limits)
+        for n_most in (50, 2, 50):
+            n_waiting = int(search._memory.n_waiting)
+            n = refill(search, n_most)
+            assert n == n_most or search._memory.n_waiting == 0
+            assert n > 0 or n_waiting == 0
+            assert_books(search)
     batch, objectives, _ = search.plans()
     assert np.array_equal(mission.evaluate(batch), objectives)
     for found in batch:
@@ -474,85 +479,98 @@ def test_refills_keep_the_books(case, floor, budget, p_walk, seed):
             assert twins.length_of(mission, trail) <= budget * (1 + 1e-12)
 
 
+def assert_books(search):
+    """Whether every trail is somebody's, and nothing is left of a parent."""
+    front, store = search._front, search._store
+    users = np.bincount(front.plan[read_front(front)[0]].ravel(), minlength=len(store.trails))
+    assert store.trails["n_users"].tolist() == users.tolist()
+    spare = store.spare[: store.n.spare].tolist()
+    assert sorted([*spare, *np.flatnonzero(users).tolist()]) == list(range(len(users)))
+    assert_clean(search)
+
+
 @pytest.mark.parametrize("p_walk", [0.0, 1.0])
-def test_children_that_do_not_enter_use_no_room_up(p_walk):
+def test_children_that_do_not_enter_use_no_room_up(plain, p_walk):
+    plain.setattr(kernels, "P_WALK", p_walk)
+    plain.setattr(kernels, "N_WALK", 1)
+    plain.setattr(kernels, "THRESHOLD", -1.0)
     mission = complete(5, 2, robots=3)
-    search = new_search(mission, p_refill=1.0, p_walk=p_walk, n_walk=1, threshold=-1.0)
     start = [TrailPlan(random_tours(mission, seed)) for seed in range(9)]
-    search.admit(PlanBatch.from_plans([TrailPlan([[0]] * 3), *start], 3))
+    search = refilling(mission, [TrailPlan([[0]] * 3), *start])
     unchanged = 0
     for _ in range(60):
-        search._make_room()
-        graph, routes, store, work, rule = parts(search)
-        front = search._front
-        search_kernels._take_parent(graph, store, front, work, rule)
-        before, entered = store.n.item(), int(front.n.entered)
-        kernels.refill(graph, routes, store, front, work, rule, 7)
-        if front.n.entered == entered:
-            assert store.n.item() == before
+        search._memory.n_waiting = 1
+        before, entered = search._store.n.item(), int(search._front.n.entered)
+        refill(search, 7)
+        if search._front.n.entered == entered:
+            assert search._store.n.item() == before
             unchanged += 1
-        search_kernels._let_go(graph, store, work)
     assert unchanged >= 5
 
 
-def test_room_that_is_used_up_ends_a_walk():
+def test_room_that_is_used_up_ends_a_walk(plain):
+    plain.setattr(kernels, "P_WALK", 1.0)
+    plain.setattr(kernels, "N_WALK", 50)
     mission = complete(8, 3, robots=3)
-    search = new_search(mission, p_refill=1.0, p_walk=1.0, n_walk=50)
-    search.admit(PlanBatch.from_plans([TrailPlan([[0]] * 3)], 3))
-    search.admit(PlanBatch.from_plans([TrailPlan(random_tours(mission, 4))], 3))
-    graph, routes, store, work, rule = parts(search)
+    start = [TrailPlan([[0]] * 3), TrailPlan(random_tours(mission, 4))]
+    search = refilling(mission, start)
     front = search._front
     front.n.spare, spare = 4, front.n.spare
-    search_kernels._take_parent(graph, store, front, work, rule)
-    assert kernels.refill(graph, routes, store, front, work, rule, 1_000) < 400
+    assert refill(search, 1_000) < 400
     assert front.n.spare == 1
-    search_kernels._let_go(graph, store, work)
     front.n.spare += spare - 4
-    assert store.trails["n_users"].tolist() == users_of(search, held=False).tolist()
-    assert_clean(search)
+    assert_books(search)
 
 
 @pytest.mark.parametrize("threshold", [0.0, 0.05, 0.5])
 @pytest.mark.parametrize("robots", [1, 3])
 def test_a_walk_goes_on_from_what_loses_no_more_than_allowed(plain, robots, threshold):
+    for name, value in (("P_WALK", 1.0), ("N_WALK", 10), ("THRESHOLD", threshold)):
+        plain.setattr(kernels, name, value)
     mission = complete(8, 5, robots=robots)
-    rule = {"p_refill": 1.0, "p_walk": 1.0, "n_walk": 10, "threshold": threshold}
-    search = new_search(mission, seed=4, **rule)
-    search._store = new_store(1_000, 100_000, 100_000)  # room for all steps of all walks
     start = [TrailPlan(random_tours(mission, seed)) for seed in range(9)]
-    search.admit(PlanBatch.from_plans([TrailPlan([[0]] * robots), *start], robots))
-    graph, routes, store, work, rule = parts(search)
-    front = search._front
-    make_child, steps = kernels._make_child, []
+    search = refilling(mission, [TrailPlan([[0]] * robots), *start], seed=4)
+    work = search._work
+    make_child, let_go, steps = kernels._make_child, kernels.let_go, []
+    worse = [0]
 
     def plan_of(numbers):
         return [nodes_of(search, trail) for trail in numbers]
 
     def noted(*arguments):
-        before = plan_of(work.held)
+        before = plan_of(work.parent)
         is_new = make_child(*arguments)
         steps.append((before, plan_of(work.refilled), is_new))
         return is_new
 
-    plain.setattr(kernels, "_make_child", noted)
-    worse = 0
-    for _ in range(5):
-        search_kernels._take_parent(graph, store, front, work, rule)
-        slope = float(work.now.slope)
-        n = kernels.refill(graph, routes, store, front, work, rule, 1_000)
-        assert n == len(steps) == 80
-        steps.append((plan_of(work.held), None, None))
-        for i, ((held, child, is_new), (following, _, _)) in enumerate(pairwise(steps)):
+    def check(*arguments):
+        slope, n = float(work.draft.slope), len(steps)
+        steps.append((plan_of(work.parent), None, None))
+        for i, ((parent, child, is_new), (following, _, _)) in enumerate(pairwise(steps)):
             value, new = (
-                np.dot(twins.evaluate(mission, plan), [1.0, slope]) for plan in (held, child)
+                np.dot(twins.evaluate(mission, plan), [1.0, slope]) for plan in (parent, child)
             )
             least = value * (1 - threshold * (1 - i / n))
-            assert following in (held, child)
+            assert following in (parent, child)
             if new < least - 1e-9:
-                assert following == held
+                assert following == parent
             elif new > least + 1e-9 and is_new:
                 assert following == child
-            worse += following == child and new < value - 1e-9
+            worse[0] += following == child and new < value - 1e-9
+        assert n == 80
         steps.clear()
-        search_kernels._let_go(graph, store, work)
-    assert (worse > 0) == (threshold > 0)
+        let_go(*arguments)
+
+    plain.setattr(kernels, "_make_child", noted)
+    plain.setattr(kernels, "let_go", check)
+    assert refill(search, 400) in (240, 320, 400)
+    assert (worse[0] > 0) == (threshold > 0)
+
+
+def test_plans_that_enter_are_refilled_next():
+    mission = complete(8, 3, robots=2)
+    search = refilling(mission, [TrailPlan([[0]] * 2)], n_waiting=1)
+    n = refill(search, 1_000)
+    assert n > 3 * kernels.N_REFILLS  # one plan waited
+    assert n % kernels.N_REFILLS == 0
+    assert search._memory.n_waiting == 0

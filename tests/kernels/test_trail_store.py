@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from botohe_moo import Mission, TrailPlan
 from botohe_moo.kernels.graph.arcs import find_arc
-from botohe_moo.kernels.local_search import admission, workspace
+from botohe_moo.kernels.local_search import insertion, workspace
 from botohe_moo.kernels.local_search import trail_store as kernels
 from tests.examples import examples
 from tests.strategies import missions, missions_with_plans, trails
@@ -23,14 +23,20 @@ class Stored:
         self.mission, self.nodes = mission, {}
         self.store = kernels.new_store(n_trails, 1_000, 1_000)
         self.work = workspace.new_workspace(
-            mission.arrays, mission.robots, memory=None, tally=None, states=None, weights=None
+            mission.arrays,
+            mission.robots,
+            memory=None,
+            waiting=None,
+            tally=None,
+            states=None,
+            weights=None,
         )
 
     def add(self, nodes):
         arcs = [find_arc(self.mission.arrays, u, v) for u, v in pairwise(nodes)]
         self.work.child[: len(arcs)] = arcs
         self.work.child[len(arcs) :] = -1  # there is room for more than is used
-        trail = admission.add_trail(self.mission.arrays, self.store, self.work, len(arcs))
+        trail = insertion.add_trail(self.mission.arrays, self.store, self.work, len(arcs))
         self.nodes[trail] = tuple(nodes)
         return trail
 
@@ -98,7 +104,7 @@ def test_objectives_have_the_bits_of_evaluate(case, random):
     random.shuffle(nodes)
     stored.work.trails[:] = sorted(map(stored.add, nodes), key=stored.nodes.get)
     for _ in range(2):
-        objectives = admission.evaluate_trails(mission.arrays, stored.store, stored.work)
+        objectives = insertion.evaluate_trails(mission.arrays, stored.store, stored.work)
         assert list(objectives) == mission.evaluate([TrailPlan(nodes)])[0].tolist()
 
 

@@ -175,8 +175,12 @@ for schedule, budget in {budgets!r}:
     def test_nor_is_local_search(self, monkeypatch):
         counted = Counted(monkeypatch)
         with plain_local_search() as patch:
-            # Each computes the objectives of a child, or makes one.
-            for module, name in ((search, "appraise"), (search, "adopt"), (refill, "_make_child")):
+            # Each tells what a child brings, or makes one.
+            for module, name in (
+                (search, "appraise"),
+                (search, "appraise_trail"),
+                (refill, "_make_child"),
+            ):
                 patch.setattr(module, name, counted.calls_of(getattr(module, name)))
             for budget in (1, 5, 97, 503):
                 counted.n = 0

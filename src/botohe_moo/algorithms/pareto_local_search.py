@@ -62,10 +62,10 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         segment the other way round. Default: ``DEFAULT_MOVES``.
     prob_refill
         How likely a parent is refilled instead, at least: stops of one robot or several are
-        dropped, and those nodes put in that gain most for their danger. The n-th time that a plan
-        is a parent it is 1 / n² or more, so that each is refilled once. When plans have not entered
-        for some time, now and then it goes on from plans that are a little worse, for eight steps
-        to a node of the mission. With 0, or more than 1 000 nodes, nothing is refilled.
+        dropped, and those nodes put in that gain most for their danger. On a plan's n-th turn as a
+        parent it is 1 / n² or more. Plans wait for this until there are 32. When plans have not
+        entered for some time, now and then it goes on from plans that are a little worse, for eight
+        steps to a node of the mission. With 0, or more than 1 000 nodes, nothing is refilled.
     greedy_start
         Whether to begin with plans that
         :func:`~botohe_moo.search.sequential.plan_sequentially` makes for reward alone, for
@@ -146,10 +146,8 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         super()._setup(problem)
         rule = SearchRule(
             n_children=self.n_children,
-            n_children_busy=(self.n_children + 2) // 3,
             n_drawn=self.n_drawn,
             p_refill=self.prob_refill,
-            n_drawn_busy=1 if self.n_drawn == 1 else 4 * self.n_drawn,
             **problem.planning_limits._asdict(),
         )
         self._search = LocalSearch(
@@ -180,7 +178,7 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         if problem.n_ieq_constr:
             batch = batch.take((problem.constrain_batch(batch) <= 0).all(axis=1))
         self.evaluator.n_eval += min(len(plans), self._n_left())
-        self._search.admit(batch)
+        self._search.insert(batch)
         self._advance()
 
     def _advance(self, **_: Any) -> None:

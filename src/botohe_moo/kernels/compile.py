@@ -80,8 +80,8 @@ def helper(function: Any = None, *, makes_arrays: bool = False) -> Any:
 def inlined(function: Function) -> Function:
     """Let kernels contain a function.
 
-    A call hands over every array of every tuple, one word after another: for what is called in hot
-    loops this costs more than the work.
+    A call hands over every array of every tuple that is not ``shared``, one word after another: for
+    what is called in hot loops this costs more than the work.
     """
     options = _private(makes_arrays=False, forceinline=True)
     shared: Function = register_jitable(**_EVERYWHERE, **options)(function)

@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 
 from botohe_moo._base.types import SeedArray
-from botohe_moo.kernels.compile import helper, inlined
+from botohe_moo.kernels.compile import helper
 
 Words = TypeVar("Words", np.uint64, SeedArray)
 
@@ -49,7 +49,7 @@ def hash_keys(n: int) -> SeedArray:
     return mixed(np.arange(1, n + 1, dtype=np.uint64) * np.uint64(0x9E3779B97F4A7C15))
 
 
-@inlined
+@helper
 def uniform(states: SeedArray, which: int) -> float:
     """Draw a float in [0, 1) and advance state ``which``."""
     low, high = states[which, 0], states[which, 1]
@@ -60,7 +60,7 @@ def uniform(states: SeedArray, which: int) -> float:
     return float(drawn >> _DROP) * _SCALE
 
 
-@inlined
+@helper
 def below(states: SeedArray, n: int) -> int:
     """Draw an integer from 0 to n − 1 by the first state."""
     return int(uniform(states, 0) * n)

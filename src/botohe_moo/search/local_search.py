@@ -11,12 +11,18 @@ import numpy as np
 from botohe_moo._base.types import FloatArray, OffsetArray, SeedArray
 from botohe_moo.kernels.fronts.ordered import copy_front, has_room, new_front, read_front
 from botohe_moo.kernels.graph.graph import Graph, with_costs
-from botohe_moo.kernels.local_search.admission import Given
+from botohe_moo.kernels.local_search.insertion import Given
 from botohe_moo.kernels.local_search.moves import N_KINDS
+from botohe_moo.kernels.local_search.refill import refill
 from botohe_moo.kernels.local_search.routes import FULL_UP_TO, new_routes
 from botohe_moo.kernels.local_search.search import search
 from botohe_moo.kernels.local_search.trail_store import copy_trails, fits, new_store, pieces
-from botohe_moo.kernels.local_search.workspace import SearchRule, new_memory, new_workspace
+from botohe_moo.kernels.local_search.workspace import (
+    REFILLED_AT_ONCE,
+    SearchRule,
+    new_memory,
+    new_workspace,
+)
 from botohe_moo.kernels.rng import draw_state
 from botohe_moo.mission.model import Mission
 from botohe_moo.trails import PlanBatch
@@ -67,6 +73,7 @@ class LocalSearch:
         self._weights: FloatArray = np.cumsum([float(moves.get(name, 0.0)) for name in MOVES])
         self._states: SeedArray = draw_state(random_state)
         self._memory = new_memory()
+        self._waiting = np.zeros(REFILLED_AT_ONCE)
         self._front = new_front(_FIRST_PLANS, mission.robots)
         self._store = self._new_store(0, 0, 0)
         self._prepare()
@@ -80,6 +87,7 @@ class LocalSearch:
             graph,
             self.mission.robots,
             memory=self._memory,
+            waiting=self._waiting,
             tally=self.tally,
             states=self._states,
             weights=self._weights,
@@ -87,13 +95,14 @@ class LocalSearch:
 
     def restart(self) -> None:
         """Forget all plans, but not the random numbers."""
-        self._memory.newest, self._memory.idle = -1.0, 0
+        memory = self._memory
+        memory.newest, memory.idle, memory.n_waiting = -1.0, 0, 0
         self._front = new_front(*self._front.plan.shape)
         store = self._store
         self._store = new_store(len(store.trails), len(store.arc), len(store.node))
 
-    def admit(self, batch: PlanBatch) -> None:
-        """Put valid plans for the mission's team into the front that it does not dominate."""
+    def insert(self, batch: PlanBatch) -> None:
+        """Insert valid plans for the mission's team into the front, unless it dominates them."""
         self._search(batch, len(batch))
 
     def run(self, n_evaluations: int) -> int:
@@ -108,22 +117,16 @@ class LocalSearch:
 
     def _search(self, batch: PlanBatch | None, n_evaluations: int) -> int:
         n, n_robots = 0, self.mission.robots
+        given = Given(np.empty(0, np.int32), np.zeros(1, np.int64))
         while n < n_evaluations:
             self._make_room()
-            given = Given(np.empty(0, np.int32), np.zeros(1, np.int64))
             if batch is not None:
                 given = Given(batch.nodes.copy(), batch.offsets[n * n_robots :].copy())
-            n += search(
-                self._graph,
-                self._routes,
-                self._store,
-                self._front,
-                self._work,
-                self.rule,
-                given,
-                n_evaluations - n,
-            )
-            if n < n_evaluations and self._has_room():
+            state = self._graph, self._routes, self._store, self._front, self._work, self.rule
+            n += search(*state, given, n_evaluations - n)
+            if self._memory.n_waiting == REFILLED_AT_ONCE:
+                n += refill(*state, n_evaluations - n)
+            elif n < n_evaluations and self._has_room():  # no move makes another plan
                 break
         if self.max_size is not None and len(self) > self.max_size:
             slots, objectives = read_front(self._front)
@@ -160,12 +163,12 @@ class LocalSearch:
         return batch, objectives, front.serial[slots]
 
     @property
-    def _most_new(self) -> int:
-        return max(self.rule.most_new, self.mission.robots)
+    def _n_added(self) -> int:
+        return max(self.rule.n_added, self.mission.robots)
 
     def _has_room(self) -> bool:
-        stored = fits(self.mission.arrays, self._store, self._most_new)
-        return stored and has_room(self._front, self.rule.most_new)
+        stored = fits(self.mission.arrays, self._store, self._n_added)
+        return stored and has_room(self._front, self.rule.n_added)
 
     def _make_room(self) -> None:
         """Copy what is in use to where there is room for as much more, if room is wanting."""
@@ -182,10 +185,10 @@ class LocalSearch:
         n_trails = max(int(used.max(initial=0)) + 1, 2 * len(used))
         self._store = self._new_store(n_trails, 4 * lengths, 4 * visits)
         copy_trails(store, self._store)
-        self._front = copy_front(front, slots, 2 * len(slots) + self.rule.most_new + _FIRST_PLANS)
+        self._front = copy_front(front, slots, 2 * len(slots) + self.rule.n_added + _FIRST_PLANS)
 
     def _new_store(self, n_trails: int, n_arcs: int, n_visits: int) -> Any:
-        graph, n_new = self.mission.arrays, 2 * self._most_new
+        graph, n_new = self.mission.arrays, 2 * self._n_added
         return new_store(
             n_trails + 4 * n_new + 1_000,
             n_arcs + n_new * graph.n_arcs,

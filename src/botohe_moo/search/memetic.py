@@ -56,7 +56,7 @@ class IterationSearch:
             chosen = np.concatenate([chosen, drawn])
         search = self._search
         search.restart()
-        search.admit(batch.take(np.sort(chosen)))
+        search.insert(batch.take(np.sort(chosen)))
         n_given = search.version
         n_evaluated = search.run(min(n_left, n_chosen * self.evaluations_each))
         plans, objectives, numbers = search.plans()

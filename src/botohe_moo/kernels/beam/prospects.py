@@ -11,6 +11,7 @@ from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.graph.homing import Budget, way_within
 from botohe_moo.kernels.graph.paths import ANYWHERE, Paths, new_paths, search_paths
 from botohe_moo.kernels.graph.ways import leads_home
+from botohe_moo.kernels.sharing import shared
 
 # Share of what still looks worth its danger that counts when labels are ranked. Measured on the
 # case studies: without, beams run home too early; above a half they put off going home.
@@ -54,6 +55,7 @@ def find_near(graph: Graph, n_near: int) -> Near:
 
 @kernel
 def _write_near(graph: Graph, paths: Paths, used: OffsetArray, near: Near) -> None:
+    graph, paths, near = shared(graph), shared(paths), shared(near)
     for source in range(near.near.shape[0]):
         _search_from(graph, paths, used, near, source)
 

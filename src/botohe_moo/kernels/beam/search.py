@@ -21,6 +21,7 @@ from botohe_moo.kernels.compile import helper, kernel
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.graph.homing import way_within
 from botohe_moo.kernels.plans.order import sort_descending
+from botohe_moo.kernels.sharing import shared
 
 # A search keeps no more labels than this, whatever its width: a few hundred megabytes.
 MAX_LABELS = 5_000_000
@@ -73,6 +74,7 @@ def best_trail(
 @kernel
 def _search(graph: Graph, near: Near, rule: BeamRule, beam: Beam) -> int:
     """Search until the end, or until a level has too many children; return how many those are."""
+    graph, near, rule, beam = shared(graph), shared(near), shared(rule), shared(beam)
     state, labels, level = beam.state[0], beam.labels, beam.level
     if state.high == _STARTING:
         _start_at_base(graph, rule, beam)

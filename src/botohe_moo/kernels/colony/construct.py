@@ -21,6 +21,7 @@ from botohe_moo.kernels.graph.homing import Budget, way_within
 from botohe_moo.kernels.graph.paths import Paths
 from botohe_moo.kernels.graph.ways import end_trail, go_without_choice, survives_home
 from botohe_moo.kernels.rng import uniform
+from botohe_moo.kernels.sharing import shared
 
 
 class Plans(NamedTuple):
@@ -253,6 +254,7 @@ def construct(
 
     Returns the first ant for whose plan there might be no room, or ``end``.
     """
+    graph, weights, rule, plans = shared(graph), shared(weights), shared(rule), shared(plans)
     n_robots = rule.n_robots
     plans.size[0] = plans.offsets[begin * n_robots] = 0
     room = n_robots * (graph.head.shape[0] + 1) * (2 if rule.concurrent else 1)

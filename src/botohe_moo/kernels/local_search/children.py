@@ -6,7 +6,7 @@ is cut out, so that every child is a trail, on any graph.
 
 import numpy as np
 
-from botohe_moo.kernels.compile import helper, inlined
+from botohe_moo.kernels.compile import helper
 from botohe_moo.kernels.fronts.ordered import OrderedFront, best_reward
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.local_search.routes import UNKNOWN, Routes, route_entry, search_routes
@@ -18,32 +18,32 @@ from botohe_moo.kernels.rng import uniform
 _FRESH = 4.0
 
 
-@inlined
+@helper
 def _take_arc(work: Workspace, arc: int) -> None:
     """Let the child take an arc; if it has taken it before, the loop in between is cut out."""
-    now, arcs = work.now, work.arcs
+    draft, arcs = work.draft, work.arcs
     taken = arcs[arc]
-    if 0 <= taken.position < now.prefix:
-        now.prefix, now.middle = taken.position + 1, 0
-        now.mark += 1
-    elif taken.mark == now.mark:
-        for i in range(taken.place + 1, now.middle):
+    if 0 <= taken.position < draft.prefix:
+        draft.prefix, draft.middle = taken.position + 1, 0
+        draft.mark += 1
+    elif taken.mark == draft.mark:
+        for i in range(taken.place + 1, draft.middle):
             arcs[work.middle[i]].mark = -1
-        now.middle = taken.place + 1
+        draft.middle = taken.place + 1
     else:
-        taken.mark, taken.place = now.mark, now.middle
-        work.middle[now.middle] = arc
-        now.middle += 1
+        taken.mark, taken.place = draft.mark, draft.middle
+        work.middle[draft.middle] = arc
+        draft.middle += 1
 
 
-@inlined
+@helper
 def _is_taken(work: Workspace, arc: int) -> bool:
-    now, taken = work.now, work.arcs[arc]
-    kept = taken.position >= 0 and (taken.position < now.prefix or taken.position >= now.suffix)
-    return bool(kept or taken.mark == now.mark)
+    draft, taken = work.draft, work.arcs[arc]
+    kept = taken.position >= 0 and (taken.position < draft.prefix or taken.position >= draft.suffix)
+    return bool(kept or taken.mark == draft.mark)
 
 
-@inlined
+@helper
 def _way_round(graph: Graph, routes: Routes, work: Workspace, goal: int, here: int) -> int:
     """Give the arc from here, not taken yet, from which the goal is reached the safest; or −1."""
     least = np.inf
@@ -60,7 +60,7 @@ def _way_round(graph: Graph, routes: Routes, work: Workspace, goal: int, here: i
     return best
 
 
-@inlined
+@helper
 def _follow(
     graph: Graph, routes: Routes, work: Workspace, here: int, goal: int, n_detours: int
 ) -> bool:
@@ -94,7 +94,7 @@ def _follow(
     return True
 
 
-@inlined
+@helper
 def _take_steps(graph: Graph, work: Workspace, here: int, n_steps: int) -> int:
     """Let the child walk along drawn arcs, preferably to where there is something to collect.
 
@@ -107,7 +107,7 @@ def _take_steps(graph: Graph, work: Workspace, here: int, n_steps: int) -> int:
             if _is_taken(work, arc):
                 continue
             node = work.nodes[graph.head[arc]]
-            weight = _FRESH if node.left > 0.0 and node.met > work.now.prefix else 1.0
+            weight = _FRESH if node.left > 0.0 and node.met > work.draft.prefix else 1.0
             total += weight
             if uniform(work.states, 0) * total < weight:
                 drawn = arc
@@ -118,46 +118,46 @@ def _take_steps(graph: Graph, work: Workspace, here: int, n_steps: int) -> int:
     return here
 
 
-@inlined
+@helper
 def join_child(graph: Graph, routes: Routes, work: Workspace, n_steps: int, n_detours: int) -> bool:
     """Make the child that a move has chosen; False where there is none, or it equals the trail.
 
     Behind the prefix it takes ``n_steps`` steps, visits the goals, and takes the piece.
     """
-    now = work.now
-    now.middle = 0
-    now.mark += 1
-    here, end = work.steps[now.prefix].node, work.steps[now.suffix].node
+    draft = work.draft
+    draft.middle = 0
+    draft.mark += 1
+    here, end = work.steps[draft.prefix].node, work.steps[draft.suffix].node
     if n_steps > 0:
         here = _take_steps(graph, work, here, n_steps)
-    for i in range(now.goals + 1):
-        goal = work.goals[i] if i < now.goals else end
+    for i in range(draft.goals + 1):
+        goal = work.goals[i] if i < draft.goals else end
         if not _follow(graph, routes, work, here, goal, n_detours):
             return False
         here = goal
-        if i == now.goals - 1:
-            for j in range(now.piece):
+        if i == draft.goals - 1:
+            for j in range(draft.piece):
                 _take_arc(work, work.piece[j])
                 here = graph.head[work.piece[j]]
     return _meet_suffix(work)
 
 
-@inlined
+@helper
 def _meet_suffix(work: Workspace) -> bool:
     """Cut out the loop in between where the suffix has an arc of the middle; tell a new child."""
-    now, middle = work.now, work.middle
+    draft, middle = work.draft, work.middle
     again = -1
-    for i in range(now.middle):
+    for i in range(draft.middle):
         position = work.arcs[middle[i]].position
-        if position >= now.suffix:
-            now.suffix = position + 1
+        if position >= draft.suffix:
+            draft.suffix = position + 1
             again = i
     if again >= 0:
-        now.middle = again + 1
-    if now.middle != now.suffix - now.prefix:
+        draft.middle = again + 1
+    if draft.middle != draft.suffix - draft.prefix:
         return True
-    for i in range(now.middle):  # noqa: SIM110 - any() would make a generator
-        if middle[i] != work.steps[now.prefix + i].arc:
+    for i in range(draft.middle):  # noqa: SIM110 - any() would make a generator
+        if middle[i] != work.steps[draft.prefix + i].arc:
             return True
     return False
 
@@ -165,37 +165,27 @@ def _meet_suffix(work: Workspace) -> bool:
 @helper
 def write_child(work: Workspace) -> int:
     """Write the child's arcs; give how many there are."""
-    now, child = work.now, work.child
-    for i in range(now.prefix):
+    draft, child = work.draft, work.child
+    for i in range(draft.prefix):
         child[i] = work.steps[i].arc
-    n = now.prefix
-    for i in range(now.middle):
+    n = draft.prefix
+    for i in range(draft.middle):
         child[n] = work.middle[i]
         n += 1
-    for i in range(now.suffix, now.length):
+    for i in range(draft.suffix, draft.length):
         child[n] = work.steps[i].arc
         n += 1
     return int(n)
 
 
-@inlined
-def appraise(
-    graph: Graph,
-    front: OrderedFront,
-    work: Workspace,
-    rule: SearchRule,
-    others: float,
-    survivors: float,
-) -> tuple[float, float]:
-    """Give what the robot gains by a child, and survives, if this enters the front; −1 if not.
-
-    ``others`` and ``survivors`` are E[R] and E[S] of the other robots.
-    """
-    now, steps, nodes = work.now, work.steps, work.nodes
-    now.mark += 1
-    mark, prefix, suffix, length = now.mark, now.prefix, now.suffix, now.length
+@helper
+def appraise(graph: Graph, front: OrderedFront, work: Workspace, rule: SearchRule) -> float:
+    """Return what the robot gains by a child, if this enters the front; −1 if it does not."""
+    draft, steps, nodes = work.draft, work.steps, work.nodes
+    draft.mark += 1
+    mark, prefix, suffix, length = draft.mark, draft.prefix, draft.suffix, draft.length
     alive, gained = steps[prefix].alive, steps[prefix].gained
-    for i in range(now.middle):
+    for i in range(draft.middle):
         arc = work.middle[i]
         alive *= graph.survival[arc]
         node = nodes[graph.head[arc]]
@@ -205,38 +195,31 @@ def appraise(
     ratio = alive / steps[suffix].alive
     home = steps[length].alive * ratio
     if home < rule.min_survival:
-        return -1.0, home
+        return -1.0
     if rule.max_length < np.inf:
         walked = steps[prefix].walked + steps[length].walked - steps[suffix].walked
-        for i in range(now.middle):
+        for i in range(draft.middle):
             walked += graph.length[work.middle[i]]
         if walked > rule.max_length:
-            return -1.0, home
-    needed = best_reward(front, (survivors + home) * (1.0 - TOLERANCE))
-    bound = (others + gained + alive * steps[suffix].ahead) * (1.0 + TOLERANCE)
+            return -1.0
+    needed = best_reward(front, (draft.survivors + home) * (1.0 - TOLERANCE))
+    bound = (draft.others + gained + alive * steps[suffix].ahead) * (1.0 + TOLERANCE)
     if needed >= bound:
-        return -1.0, home
+        return -1.0
     for i in range(suffix + 1, length + 1):
         node = nodes[steps[i].node]
         if node.met > prefix and node.seen != mark:
             node.seen = mark
             gained += node.left * steps[i].alive * ratio
-    return (gained if (others + gained) * (1.0 - TOLERANCE) > needed else -1.0), home
+    return float(gained) if (draft.others + gained) * (1.0 - TOLERANCE) > needed else -1.0
 
 
-@inlined
-def adopt(
-    store: TrailStore,
-    front: OrderedFront,
-    work: Workspace,
-    trail: int,
-    others: float,
-    survivors: float,
-) -> tuple[float, float]:
-    """Give the same as ``appraise`` for a child that takes a stored trail."""
-    taken = store.trails[trail]
+@helper
+def appraise_trail(store: TrailStore, front: OrderedFront, work: Workspace, trail: int) -> float:
+    """Return the same as ``appraise`` for a child in which the robot takes a stored trail."""
+    draft, taken = work.draft, store.trails[trail]
     gained = 0.0
     for i in range(taken.first_visit, taken.first_visit + taken.n_visits):
         gained += work.nodes[store.node[i]].left * store.reach[i]
-    needed = best_reward(front, (survivors + taken.alive) * (1.0 - TOLERANCE))
-    return (gained if (others + gained) * (1.0 - TOLERANCE) > needed else -1.0), taken.alive
+    needed = best_reward(front, (draft.survivors + taken.alive) * (1.0 - TOLERANCE))
+    return gained if (draft.others + gained) * (1.0 - TOLERANCE) > needed else -1.0

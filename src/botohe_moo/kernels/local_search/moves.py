@@ -6,13 +6,13 @@ to take after these.
 
 import numpy as np
 
-from botohe_moo.kernels.compile import inlined
+from botohe_moo.kernels.compile import helper
 from botohe_moo.kernels.fronts.ordered import OrderedFront, draw_place
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.local_search.children import join_child
 from botohe_moo.kernels.local_search.routes import Routes, search_near
 from botohe_moo.kernels.local_search.trail_store import TrailStore
-from botohe_moo.kernels.local_search.workspace import MOST_GOALS, SearchRule, Workspace
+from botohe_moo.kernels.local_search.workspace import MOST_GOALS, Workspace
 from botohe_moo.kernels.rng import below, uniform
 
 # The kinds of moves, as indices into their weights; the first are numbers of nodes to visit.
@@ -29,32 +29,44 @@ N_KINDS = 8
 # How many nodes nearby are compared, at most, when one is chosen to be visited: one, two or three.
 _MOST_COMPARED = 3
 
-# How often a path may go round an arc that is used already.
-_MAX_DETOURS = 4
+# With what probability safest paths go round arcs that the trail uses already, and how often.
+P_DETOUR, _MAX_DETOURS = 0.3, 4
+
+# With what probability the other plan of a move is one near the parent: of its block of the front,
+# or of one of the two beside that.
+_P_NEIGHBOUR = 0.5
+# With what probability a segment that is cut out is short, and how many arcs it has at most then.
+_P_SHORT, _N_SHORT = 0.6, 4
+# With what probability a node to visit is drawn among those near.
+_P_NEAR = 0.8
+# With what probability each visit is one step instead, along an arc drawn, be it safe or not.
+_P_STEP = 0.3
+# With what probability two visits are followed by another, and that by another, and so on.
+_P_MORE = 0.6
+# With what probability two trails are joined where they meet, if they do at the node drawn.
+_P_MEET = 0.9
 
 
-@inlined
-def _draw_segment(work: Workspace, rule: SearchRule, n_short: int) -> None:
+@helper
+def _draw_segment(work: Workspace, n_short: int) -> None:
     """Draw a segment of the trail to cut out: short, or any."""
-    now, states = work.now, work.states
-    low = below(states, now.length + 1)
-    if uniform(states, 0) < rule.p_short:
-        high = min(now.length, low + below(states, n_short + 1))
+    draft, states = work.draft, work.states
+    low = below(states, draft.length + 1)
+    if uniform(states, 0) < _P_SHORT:
+        high = min(draft.length, low + below(states, n_short + 1))
     else:
-        high = below(states, now.length + 1)
-    now.prefix, now.suffix = min(low, high), max(low, high)
+        high = below(states, draft.length + 1)
+    draft.prefix, draft.suffix = min(low, high), max(low, high)
 
 
-@inlined
-def _draw_visits(
-    graph: Graph, routes: Routes, work: Workspace, rule: SearchRule, n_visits: int
-) -> None:
+@helper
+def _draw_visits(graph: Graph, routes: Routes, work: Workspace, n_visits: int) -> None:
     """Draw nodes to visit: the richest of a few nearby, by what others leave of it, or any."""
     states, near = work.states, routes.near
-    here = work.steps[work.now.prefix].node
+    here = work.steps[work.draft.prefix].node
     n_near = near.shape[1]
     for i in range(n_visits):
-        if uniform(states, 0) >= rule.p_near:
+        if uniform(states, 0) >= _P_NEAR:
             here = below(states, graph.reward.shape[0])
         else:
             if near[here, 0] < 0:
@@ -66,15 +78,15 @@ def _draw_visits(
                     best = node
             here = best
         work.goals[i] = here
-    work.now.goals = n_visits
+    work.draft.goals = n_visits
 
 
-@inlined
-def draw_trail(front: OrderedFront, work: Workspace, rule: SearchRule) -> int:
+@helper
+def draw_trail(front: OrderedFront, work: Workspace) -> int:
     """Draw a trail of another plan: of one near the parent, or of any."""
     states = work.states
-    if uniform(states, 0) < rule.p_neighbour:
-        at = min(front.n.blocks - 1, max(0, work.now.at + below(states, 3) - 1))
+    if uniform(states, 0) < _P_NEIGHBOUR:
+        at = min(front.n.blocks - 1, max(0, work.draft.at + below(states, 3) - 1))
         place = below(states, front.size[front.directory[at]])
     else:
         at, place = draw_place(front, states)
@@ -82,67 +94,65 @@ def draw_trail(front: OrderedFront, work: Workspace, rule: SearchRule) -> int:
     return int(np.int64(front.plan[slot, below(states, front.plan.shape[1])]))
 
 
-@inlined
-def _draw_piece(
-    graph: Graph, store: TrailStore, work: Workspace, donor: int, to_end: bool, p_meet: float
-) -> bool:
+@helper
+def _draw_piece(graph: Graph, store: TrailStore, work: Workspace, donor: int, to_end: bool) -> bool:
     """Draw a segment, or the end, of another trail in place of one of this.
 
-    With probability ``p_meet`` they are joined where the trails meet, if they do at the node drawn.
+    Mostly they are joined where the trails meet, if they do at the node drawn.
     """
-    now, states, nodes = work.now, work.states, work.nodes
-    length, start, donated = now.length, store.trails[donor].first_arc, store.trails[donor].n_arcs
+    draft, states, nodes = work.draft, work.states, work.nodes
+    length, start, donated = draft.length, store.trails[donor].first_arc, store.trails[donor].n_arcs
     if donated == 0:
         return False
     begin = below(states, donated) + 1
     entrance = graph.head[store.arc[start + begin - 1]]
     low = below(states, length + 1)
-    if uniform(states, 0) < p_meet and nodes[entrance].met <= length:
+    if uniform(states, 0) < _P_MEET and nodes[entrance].met <= length:
         low = nodes[entrance].met
     end, high = donated, length
     if not to_end:
         end = begin + below(states, donated - begin + 1)
         leaving = graph.head[store.arc[start + end - 1]]
         high = low + below(states, length + 1 - low)
-        if uniform(states, 0) < p_meet and low <= nodes[leaving].met <= length:
+        if uniform(states, 0) < _P_MEET and low <= nodes[leaving].met <= length:
             high = nodes[leaving].met
-    now.prefix, now.suffix = low, high
-    work.goals[0], now.goals = entrance, 1
+    draft.prefix, draft.suffix = low, high
+    work.goals[0], draft.goals = entrance, 1
     for i in range(begin, end):
         work.piece[i - begin] = store.arc[start + i]
-    now.piece = end - begin
+    draft.piece = end - begin
     return True
 
 
-@inlined
-def _draw_reversed(graph: Graph, work: Workspace, rule: SearchRule) -> bool:
+@helper
+def _draw_reversed(graph: Graph, work: Workspace) -> bool:
     """Draw a segment to walk the other way round.
 
     Croes, "A method for solving traveling-salesman problems", Operations Research 6(6), 1958. Where
     the segment is a loop it stays one.
     """
-    now, steps = work.now, work.steps
-    _draw_segment(work, rule, rule.n_short + 2)
-    low, high = now.prefix, now.suffix
+    draft, steps = work.draft, work.steps
+    _draw_segment(work, _N_SHORT + 2)
+    low, high = draft.prefix, draft.suffix
     if high < low + 2:
         return False
-    work.goals[0], now.goals = steps[high - 1].node, 1
+    work.goals[0], draft.goals = steps[high - 1].node, 1
     for i in range(high - 2, low, -1):
         arc = graph.reverse[steps[i].arc]
         if arc < 0:
             return False
         work.piece[high - 2 - i] = arc
-    now.piece = high - 2 - low
+    draft.piece = high - 2 - low
     return True
 
 
-@inlined
+@helper
 def _draw_loops(work: Workspace) -> bool:
     """Draw two loops, one after the other at a node, to change places: survival stays as it is."""
-    now, steps = work.now, work.steps
-    low = below(work.states, now.length + 1)
+    draft, steps = work.draft, work.steps
+    low = below(work.states, draft.length + 1)
     middle = high = -1
-    for i in range(low + 1, now.length + 1):
+    for i in range(low + 1, draft.length + 1):
         if steps[i].node == steps[low].node:
             if middle >= 0:
                 high = i
@@ -150,44 +160,43 @@ def _draw_loops(work: Workspace) -> bool:
             middle = i
     if high < 0:
         return False
-    now.prefix, now.suffix = low, high
-    work.goals[0], now.goals = steps[low].node, 1
-    now.piece = high - low
+    draft.prefix, draft.suffix = low, high
+    work.goals[0], draft.goals = steps[low].node, 1
+    draft.piece = high - low
     for i in range(low, high):
         later = i - low + high - middle if i < middle else i - middle
         work.piece[later] = steps[i].arc
     return True
 
 
-@inlined
+@helper
 def change(
     graph: Graph,
     routes: Routes,
     store: TrailStore,
     front: OrderedFront,
     work: Workspace,
-    rule: SearchRule,
     kind: int,
 ) -> bool:
     """Make a child by a move; False where there is none, or it equals the trail."""
-    now, states = work.now, work.states
-    n_detours = _MAX_DETOURS if uniform(states, 0) < rule.p_detour else 0
-    n_steps = now.goals = now.piece = 0
+    draft, states = work.draft, work.states
+    n_detours = _MAX_DETOURS if uniform(states, 0) < P_DETOUR else 0
+    n_steps = draft.goals = draft.piece = 0
     made = True
     if kind <= VISIT_TWO:
-        _draw_segment(work, rule, rule.n_short)
+        _draw_segment(work, _N_SHORT)
         n_visits = kind
-        while 1 < n_visits < MOST_GOALS and uniform(states, 0) < rule.p_more:
+        while 1 < n_visits < MOST_GOALS and uniform(states, 0) < _P_MORE:
             n_visits += 1
-        if n_visits > 0 and uniform(states, 0) < rule.p_step:
+        if n_visits > 0 and uniform(states, 0) < _P_STEP:
             n_steps = n_visits
         else:
-            _draw_visits(graph, routes, work, rule, n_visits)
+            _draw_visits(graph, routes, work, n_visits)
     elif kind == SWAP_LOOPS:
         made = _draw_loops(work)
     elif kind == REVERSE:
-        made = _draw_reversed(graph, work, rule)
+        made = _draw_reversed(graph, work)
     else:
-        donor = draw_trail(front, work, rule)
-        made = _draw_piece(graph, store, work, donor, kind == SPLICE, rule.p_meet)
+        donor = draw_trail(front, work)
+        made = _draw_piece(graph, store, work, donor, kind == SPLICE)
     return made and join_child(graph, routes, work, n_steps, n_detours)

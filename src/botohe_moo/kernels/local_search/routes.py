@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray, RecordArray
-from botohe_moo.kernels.compile import helper, inlined
+from botohe_moo.kernels.compile import helper
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.graph.paths import ANYWHERE, Paths, new_paths, search_paths
 
@@ -129,7 +129,7 @@ def search_routes(graph: Graph, routes: Routes, goal: int) -> None:
     routes.n_known[goal] = n
 
 
-@inlined
+@helper
 def route_entry(routes: Routes, goal: int, node: int) -> int:
     """Give the entry of the path from ``node`` in a row that has been searched, or ``UNKNOWN``."""
     if routes.entries.shape[1] == routes.entries.shape[0]:

@@ -9,7 +9,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, Record, RecordArray
-from botohe_moo.kernels.compile import helper, inlined
+from botohe_moo.kernels.compile import helper
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.plans.order import precedes
 
@@ -92,7 +92,7 @@ def fits(graph: Graph, store: TrailStore, n_trails: int) -> bool:
     )
 
 
-@inlined
+@helper
 def release(store: TrailStore, trail: int) -> None:
     """Note that one plan fewer has a trail; where no plan is left, its number is free."""
     store.trails[trail].n_users -= 1
@@ -101,7 +101,7 @@ def release(store: TrailStore, trail: int) -> None:
         store.n.spare += 1
 
 
-@inlined
+@helper
 def take_back(store: TrailStore, trail: int) -> None:
     """Release a trail, and where it is the last that was stored, use its room again."""
     n, last = store.n, store.trails[trail]

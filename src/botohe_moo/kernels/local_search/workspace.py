@@ -13,12 +13,18 @@ TOLERANCE = 1e-12
 
 NEVER = np.int64(1) << 40
 
-_MEMORY = np.dtype([("newest", np.float64), ("idle", np.int64)])
+# The search is busy when a plan has entered the front within this many evaluations.
+BUSY = 100
+
+# Plans that are refilled one after another, when as many wait for it.
+REFILLED_AT_ONCE = 32
+
+_MEMORY = np.dtype([("newest", np.float64), ("idle", np.int64), ("n_waiting", np.int64)])
 _PARENT = ("at", "robot", "chosen", "touched")
 _CHILD = ("length", "prefix", "middle", "suffix", "goals", "piece", "legs", "mark")
-_NOW = np.dtype(
+_DRAFT = np.dtype(
     [(name, np.int64) for name in (*_PARENT, *_CHILD)]
-    + [(name, np.float64) for name in ("others", "survivors", "slope")]
+    + [(name, np.float64) for name in ("others", "survivors", "value", "slope")]
 )
 _STEP = np.dtype(
     [
@@ -52,68 +58,29 @@ MOST_GOALS = 64
 class SearchRule(NamedTuple):
     """How to search; :class:`~botohe_moo.ParetoLocalSearch` documents what users may set."""
 
-    # Children of a parent before the next is drawn; and as long as the search is busy.
-    n_children: int = 24
-    n_children_busy: int = 8
-    busy: int = 100  # it is when a plan has entered the front within so many evaluations
-    # With what probability the next parent is the plan that has just entered the front.
-    p_newest: float = 0.9
-    # With what probability the parent is the plan of most reward; and where all its robots survive.
-    p_end: float = 0.1
-    p_safe_end: float = 0.4
+    n_children: int = 24  # of a parent; a third of that as long as the search is busy
     # Plans among which a parent is chosen, by the area that its neighbours leave it divided by how
-    # often it has been a parent; and as long as the search is busy.
+    # often it has been a parent; four times as many (but 1 stays 1) as long as the search is busy.
     n_drawn: int = 2
-    n_drawn_busy: int = 8
-    # After so many evaluations without a plan that enters the front, with what probability another
-    # robot of a parent takes a trail of another plan, so that two of its trails change.
-    patience: int = 2_000
-    p_other: float = 0.5
-    # With what probability the other plan of a move is one near the parent: of its block of the
-    # front, or of one of the two beside that.
-    p_neighbour: float = 0.5
-    # With what probability a segment that is cut out has at most ``n_short`` arcs.
-    p_short: float = 0.6
-    n_short: int = 4
-    p_near: float = 0.8  # with what probability a node to visit is drawn among those near
-    # With what probability each visit is one step instead, along an arc drawn, be it safe or not.
-    p_step: float = 0.3
-    # With what probability two visits are followed by another, and that by another, and so on.
-    p_more: float = 0.6
-    # With what probability two trails are joined where they meet, if they do at the node drawn.
-    p_meet: float = 0.9
-    # With what probability safest paths go round arcs that the trail uses already.
-    p_detour: float = 0.3
-    # With what probability a parent is refilled instead, ``n_refills`` times, at least: the n-th
-    # time that a plan is a parent, it is 1 / n² or more. Then, with what probability another
-    # robot's trail is refilled with that of the robot at hand, and yet another, and so on.
+    # With what probability a parent is refilled, at least: on its n-th turn it is 1 / n² or more.
     p_refill: float = 0.02
-    n_refills: int = 4
-    p_pair: float = 0.7
-    # With what probability there is room up to the limits; otherwise danger may differ from that of
-    # the trail by so much, on the scale of logarithms.
-    p_full: float = 0.5
-    spread: float = 0.6
-    # Unless the search is busy, with what probability that is a walk, of ``n_walk`` steps for each
-    # node, and which share of a plan's value its first step may lose.
-    p_walk: float = 0.08
-    n_walk: int = 8
-    threshold: float = 0.05
     min_survival: float = 0.0  # survival floor of every robot
     max_length: float = np.inf  # travel budget of every robot
 
     @property
-    def most_new(self) -> int:
+    def n_added(self) -> int:
         """How many trails and plans a parent adds at most: its children, and one to spare."""
-        return max(self.n_children, self.n_children_busy) + 1
+        return self.n_children + 1
 
 
 class Workspace(NamedTuple):
     """What a search remembers, and scratch, which holds nothing between two parents."""
 
-    # E[S] of the plan that has just entered the front, −1 where none has (``newest``), and how many
-    # plans have been evaluated since one entered (``idle``).
+    # E[S] of the plan that has just entered the front, −1 where none has (``newest``), how many
+    # plans have been evaluated since one entered (``idle``), and how many wait to be refilled
+    # (``n_waiting``).
     memory: Record
+    waiting: FloatArray  # E[S] of each of these (REFILLED_AT_ONCE)
     # How often each kind of move gave a child, and one that entered (2, N_KINDS).
     tally: OffsetArray
     states: SeedArray  # the search's random numbers (1, 2)
@@ -123,8 +90,9 @@ class Workspace(NamedTuple):
     # ``survivors``). Of the trail: how many arcs it has (``length``). Of the child: how many arcs
     # are kept from the trail's start (``prefix``), how many are new (``middle``), from which
     # position the trail is kept to its end (``suffix``), how many ``goals`` there are, and arcs in
-    # the ``piece``. And the last ``mark``.
-    now: Record
+    # the ``piece``. Of a refill: how many robots are ``chosen``, how many ``legs`` their tours
+    # have, what the plan is worth (``value``), and a survivor (``slope``). And the last ``mark``.
+    draft: Record
     # At each position of the trail (n_arcs + 1) the ``node`` and the ``arc`` that leaves it; the
     # probability to get there (``alive``); what was collected up to there (``gained``), and what a
     # robot sure to be there that had collected nothing would collect from there on (``ahead``); and
@@ -148,7 +116,7 @@ class Workspace(NamedTuple):
     touched: OffsetArray
     reached: OffsetArray
     # Trails of the parent's plan, and of the child's (n_robots).
-    held: OffsetArray
+    parent: OffsetArray
     trails: OffsetArray
     # Of the robots that are refilled together (``chosen``, the first of them): the trails of all
     # robots then (``refilled``; n_robots), how much more danger, −log of a survival, and length
@@ -169,14 +137,14 @@ class Workspace(NamedTuple):
 
 
 def new_memory() -> Record:
-    """Give the memory of a search that has not begun."""
+    """Return the memory of a search that has not begun."""
     memory: Record = np.zeros(1, _MEMORY).view(np.recarray)[0]
     memory.newest = -1.0
     return memory
 
 
 def new_workspace(graph: Graph, n_robots: int, **remembered: Any) -> Workspace:
-    """Make the scratch of a search, beside what it remembers: ``memory`` to ``weights``."""
+    """Return the scratch of a search, beside what it remembers: ``memory`` to ``weights``."""
     n_nodes, n_arcs = graph.n_nodes, graph.n_arcs
     nodes, arcs = np.zeros(n_nodes, _NODE), np.zeros(n_arcs, _ARC)
     nodes["left"], nodes["unreached"], nodes["met"] = graph.reward, -1.0, NEVER
@@ -184,7 +152,7 @@ def new_workspace(graph: Graph, n_robots: int, **remembered: Any) -> Workspace:
     arcs["position"] = -1
     return Workspace(
         **remembered,
-        now=np.zeros(1, _NOW).view(np.recarray)[0],
+        draft=np.zeros(1, _DRAFT).view(np.recarray)[0],
         steps=np.zeros(n_arcs + 1, _STEP).view(np.recarray),
         nodes=nodes.view(np.recarray),
         arcs=arcs.view(np.recarray),
@@ -194,7 +162,7 @@ def new_workspace(graph: Graph, n_robots: int, **remembered: Any) -> Workspace:
         piece=np.empty(n_arcs, np.int64),
         touched=np.empty(n_nodes, np.int64),
         reached=np.empty(n_nodes, np.int64),
-        held=np.empty(n_robots, np.int64),
+        parent=np.empty(n_robots, np.int64),
         trails=np.empty(n_robots, np.int64),
         chosen=np.zeros(n_robots, np.int64),
         refilled=np.zeros(n_robots, np.int64),

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
-from botohe_moo.kernels.compile import helper, inlined, kernel
+from botohe_moo.kernels.compile import helper, kernel
 from botohe_moo.kernels.graph.arcs import find_arc
 from botohe_moo.kernels.graph.graph import Graph, Limits
 from botohe_moo.kernels.plans.marks import (
@@ -19,6 +19,7 @@ from botohe_moo.kernels.plans.marks import (
 from botohe_moo.kernels.plans.moves import DETOUR, move_trail
 from botohe_moo.kernels.plans.ragged import Trails, write_trails
 from botohe_moo.kernels.rng import below, uniform
+from botohe_moo.kernels.sharing import shared
 
 # How many detours are tried where none of the moves drawn could be made.
 _LAST_TRIES = 10
@@ -35,7 +36,7 @@ class MoveRule(NamedTuple):
     limits: Limits  # which trails keep
 
 
-@inlined
+@helper
 def _draw_kind(weights: FloatArray, states: SeedArray) -> int:
     """Draw a kind of move, −1 where rounding has run past the last kind that may be drawn."""
     n_kinds = weights.shape[0]
@@ -64,7 +65,7 @@ def keeps_limits(graph: Graph, limits: Limits, nodes: OffsetArray, n: int) -> bo
     return alive >= limits.min_survival and length <= limits.max_length
 
 
-@inlined
+@helper
 def change_trail(
     graph: Graph,
     rule: MoveRule,
@@ -118,6 +119,8 @@ def _change_plans(
     have been written to ``out`` before. Gives how many, n, have been written; −1 − n where the next
     plan needs scratch for detours.
     """
+    graph, rule, scratch = shared(graph), shared(rule), shared(scratch)
+    plans, out = shared(plans), shared(out)
     n_trails, room = plans.offsets.shape[0] - 1, graph.head.shape[0] + 1
     trail_nodes = np.empty(room, np.int64)
     for first in range(n_done, n_trails, n_robots):

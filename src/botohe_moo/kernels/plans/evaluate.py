@@ -5,10 +5,11 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
-from botohe_moo.kernels.compile import helper, inlined, kernel
+from botohe_moo.kernels.compile import helper, kernel
 from botohe_moo.kernels.graph.arcs import find_arc
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.plans.order import precedes
+from botohe_moo.kernels.sharing import shared
 
 # What may be wrong with a trail; ``evaluate`` reports the first fault as
 # (kind, plan, robot, position), all zero when there is none.
@@ -76,7 +77,7 @@ def either(one: Chance, other: Chance) -> Chance:
     return one + (1.0 - one) * other
 
 
-@inlined
+@helper
 def _reach(scratch: _Scratch, plan: int, trail: int, node: int, alive: float) -> None:
     """Note that a robot gets to a node with probability ``alive``."""
     if scratch.visited[node] == trail:
@@ -91,7 +92,7 @@ def _reach(scratch: _Scratch, plan: int, trail: int, node: int, alive: float) ->
         scratch.reached[node] = either(scratch.reached[node], alive)
 
 
-@inlined
+@helper
 def _hop(graph: Graph, scratch: _Scratch, trail: int, here: int, there: int) -> tuple[int, int]:
     """Give the arc of a hop, −1 where there is none, and what is wrong with it."""
     n_nodes = graph.reward.shape[0]
@@ -108,7 +109,7 @@ def _hop(graph: Graph, scratch: _Scratch, trail: int, here: int, there: int) -> 
     return arc, VALID
 
 
-@inlined
+@helper
 def _walk(
     graph: Graph,
     scratch: _Scratch,
@@ -177,7 +178,7 @@ def evaluate(
     Gives (kind, plan, robot, position) of the first fault; kind is ``VALID`` where there is none,
     or not ``strict``. ``BAD_OFFSETS`` always ends it.
     """
-    scratch = _new_scratch(graph)
+    graph, values, scratch = shared(graph), shared(values), _new_scratch(graph)
     order = np.empty(n_robots, np.int64)
     for plan in range(values.objectives.shape[0]):
         for k in range(n_robots):

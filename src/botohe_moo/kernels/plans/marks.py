@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo._base.types import OffsetArray
-from botohe_moo.kernels.compile import inlined
+from botohe_moo.kernels.compile import helper
 from botohe_moo.kernels.graph.arcs import find_arc
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.graph.paths import Paths, new_paths
@@ -39,7 +39,7 @@ def new_move_scratch(graph: Graph, *, detours: bool) -> MoveScratch:
     )
 
 
-@inlined
+@helper
 def mark_trail(graph: Graph, scratch: MoveScratch, nodes: OffsetArray, length: int) -> None:
     """Take the next mark, and mark every arc of a trail."""
     scratch.mark[0] += 1

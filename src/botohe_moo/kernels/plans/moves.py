@@ -7,7 +7,7 @@ uses an arc twice; only detours may insert the base, on their way.
 """
 
 from botohe_moo._base.types import OffsetArray, SeedArray
-from botohe_moo.kernels.compile import helper, inlined
+from botohe_moo.kernels.compile import helper
 from botohe_moo.kernels.graph.arcs import find_arc
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.plans.detours import take_detour
@@ -28,7 +28,7 @@ DETOUR = 8
 N_KINDS = 9
 
 
-@inlined
+@helper
 def _between(graph: Graph, scratch: MoveScratch, tail: int, head: int, states: SeedArray) -> int:
     """Draw a node, not the base, to which and from which unused arcs lead; −1 if there is none."""
     used, mark = scratch.used, scratch.mark[0]
@@ -55,7 +55,7 @@ def _cut(nodes: OffsetArray, length: int, start: int, stop: int) -> int:
     return length - (stop - start)
 
 
-@inlined
+@helper
 def _add_node(
     graph: Graph,
     scratch: MoveScratch,
@@ -161,7 +161,7 @@ def _reverse(graph: Graph, nodes: OffsetArray, length: int) -> int:
     return length
 
 
-@inlined
+@helper
 def move_trail(
     graph: Graph,
     scratch: MoveScratch,

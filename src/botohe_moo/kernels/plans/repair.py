@@ -11,6 +11,7 @@ from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.graph.paths import Paths, new_paths, safest_path, way_home
 from botohe_moo.kernels.graph.ways import leads_home
 from botohe_moo.kernels.plans.ragged import Trails, write_trails
+from botohe_moo.kernels.sharing import shared
 
 # The kinds of repairs.
 SAFEST_PATH = 0
@@ -141,6 +142,7 @@ def _repair(
     ``n_done`` drafts have been repaired before, into ``out``. Gives how many have been repaired:
     fewer than all where the next trail, of up to n_arcs + 1 nodes, may find no room.
     """
+    graph, scratch, drafts, out = shared(graph), shared(scratch), shared(drafts), shared(out)
     for trail in range(n_done, changes.shape[0]):
         size = out.offsets[trail]
         if size + graph.head.shape[0] + 1 > out.nodes.shape[0]:

@@ -271,7 +271,7 @@ class Proof:
             random_state=self._random_state,
         )
         at_base = mission.stay_home()
-        search.admit(PlanBatch.from_plans([at_base], mission.robots))
+        search.insert(PlanBatch.from_plans([at_base], mission.robots))
         until = time.monotonic() + _SEARCH_SHARE * self._seconds
         wanted = n = _FIRST_EVALUATIONS
         while n < _EVALUATIONS and search.run(wanted) == wanted and time.monotonic() < until:

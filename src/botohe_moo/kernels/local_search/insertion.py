@@ -1,4 +1,4 @@
-"""How plans enter a front: their trails are stored, and they are evaluated and compared."""
+"""How plans are inserted into a front: their trails are stored, evaluated and compared."""
 
 from typing import NamedTuple
 
@@ -28,36 +28,34 @@ class Given(NamedTuple):
 
 
 @helper
-def take_in(
+def insert_given(
     graph: Graph, store: TrailStore, front: OrderedFront, work: Workspace, given: Given, plan: int
 ) -> None:
-    """Put a given plan into the front, unless that has one as good."""
-    n_robots, trails = work.held.shape[0], work.trails
+    """Insert a given plan into the front, unless that has one as good."""
+    n_robots, trails = work.trails.shape[0], work.trails
     for k in range(n_robots):
         start = given.offsets[plan * n_robots + k]
         length = given.offsets[plan * n_robots + k + 1] - start - 1
         for i in range(start, start + length):
             work.child[i - start] = find_arc(graph, given.nodes[i], given.nodes[i + 1])
-        trail = add_trail(graph, store, work, length)
-        place = k
-        while place > 0 and comes_before(store, trail, trails[place - 1]):
-            trails[place] = trails[place - 1]
-            place -= 1
-        trails[place] = trail
-    bring_in(graph, store, front, work)
+        trails[k] = add_trail(graph, store, work, length)
+    sort_trails(store, trails)
+    reward, survivors = evaluate_trails(graph, store, work)
+    if insert(store, front, trails, reward, survivors):
+        work.memory.newest, work.memory.idle = survivors, 0
     for k in range(n_robots):
         release(store, trails[k])
 
 
 @helper
 def add_trail(graph: Graph, store: TrailStore, work: Workspace, length: int) -> int:
-    """Store a trail, which one plan has, and give its number; the store has room (``fits``).
+    """Store a trail, which one plan has, and return its number; the store has room (``fits``).
 
     Its arcs are the first ones in ``work.child``.
     """
     n, nodes = store.n, work.nodes
-    work.now.mark += 1
-    mark = work.now.mark
+    work.draft.mark += 1
+    mark = work.draft.mark
     n.spare -= 1
     trail = store.spare[n.spare]
     added = store.trails[trail]
@@ -80,47 +78,22 @@ def add_trail(graph: Graph, store: TrailStore, work: Workspace, length: int) -> 
 
 
 @helper
-def put_in_order(store: TrailStore, work: Workspace, trail: int) -> None:
-    """Write the parent's trails to ``work.trails``, with another one for the robot at hand."""
-    n = 0
-    placed = False
-    for k in range(work.held.shape[0]):
-        if k == work.now.robot:
-            continue
-        if not placed and comes_before(store, trail, work.held[k]):
-            work.trails[n] = trail
-            placed = True
-            n += 1
-        work.trails[n] = work.held[k]
-        n += 1
-    if not placed:
-        work.trails[n] = trail
-
-
-@helper
-def bring_in(graph: Graph, store: TrailStore, front: OrderedFront, work: Workspace) -> bool:
-    """Put the plan in ``work.trails`` into the front, unless that has one as good."""
-    reward, survivors = evaluate_trails(graph, store, work)
-    return enter_team(store, front, work, reward, survivors)
-
-
-@helper
-def enter_team(
-    store: TrailStore, front: OrderedFront, work: Workspace, reward: float, survivors: float
-) -> bool:
-    """Put the plan in ``work.trails`` into the front, and remember if it enters."""
-    if not enter(store, front, work.trails, reward, survivors):
-        return False
-    work.memory.newest, work.memory.idle = survivors, 0
-    return True
+def sort_trails(store: TrailStore, trails: OffsetArray) -> None:
+    """Sort a plan's trails in lexicographic order."""
+    for k in range(1, trails.shape[0]):
+        trail, place = trails[k], k
+        while place > 0 and comes_before(store, trail, trails[place - 1]):
+            trails[place] = trails[place - 1]
+            place -= 1
+        trails[place] = trail
 
 
 @helper
 def evaluate_trails(graph: Graph, store: TrailStore, work: Workspace) -> tuple[float, float]:
-    """Give E[R] and E[S] of the plan in ``work.trails``: the bits of ``evaluate``."""
+    """Return E[R] and E[S] of the plan in ``work.trails``: the bits of ``evaluate``."""
     nodes, reached = work.nodes, work.reached
-    work.now.mark += 1
-    mark = work.now.mark
+    work.draft.mark += 1
+    mark = work.draft.mark
     n = 0
     survivors = 0.0
     for k in range(work.trails.shape[0]):
@@ -142,10 +115,13 @@ def evaluate_trails(graph: Graph, store: TrailStore, work: Workspace) -> tuple[f
 
 
 @helper
-def enter(
+def insert(
     store: TrailStore, front: OrderedFront, trails: OffsetArray, reward: float, survivors: float
 ) -> bool:
-    """Put a plan into a front, unless that has one as good; those that it dominates leave."""
+    """Insert a plan into a front, unless that has one as good; return whether it has entered.
+
+    The plans that it dominates leave the front.
+    """
     if best_reward(front, survivors) >= reward:
         return False
     no_more = survivors * (1.0 + TOLERANCE)
@@ -162,17 +138,11 @@ def enter(
                 place = front.size[front.directory[at]] - 1
         if front.places[front.directory[at], place].reward > reward:
             break
-        leave(store, front, at, place)
+        slot = remove_place(front, at, place)
+        for k in range(front.plan.shape[1]):
+            release(store, front.plan[slot, k])
     slot = add_place(front, reward, survivors)
     for k in range(trails.shape[0]):
         front.plan[slot, k] = trails[k]
         store.trails[trails[k]].n_users += 1
     return True
-
-
-@helper
-def leave(store: TrailStore, front: OrderedFront, at: int, place: int) -> None:
-    """Take a plan out of a front."""
-    slot = remove_place(front, at, place)
-    for k in range(front.plan.shape[1]):
-        release(store, front.plan[slot, k])
