@@ -16,7 +16,7 @@ from botohe_moo.kernels.compile import helper, kernel
 from botohe_moo.kernels.graph.arcs import find_arc
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.plans.change import MoveRule, change_trail
-from botohe_moo.kernels.plans.evaluate import either
+from botohe_moo.kernels.plans.evaluate import begin_team, combine, team_reward
 from botohe_moo.kernels.plans.marks import CANNOT, NO_PATHS, MoveScratch
 from botohe_moo.kernels.plans.order import precedes
 from botohe_moo.kernels.rng import below, uniform
@@ -103,7 +103,7 @@ def _evaluate(
     n_robots, width = slots.shape[0], walked.nodes.shape[0] // walked.lengths.shape[0]
     nodes, lengths = walked.nodes, walked.lengths
     met, n_met, reach = walked.met, walked.n_met, walked.reach
-    order, touched, touched_by, reached = team.order, team.touched, team.touched_by, team.reached
+    order = team.order
     for k in range(n_robots):
         slot, place = slots[k], k
         start = slot * width
@@ -116,26 +116,14 @@ def _evaluate(
             order[place] = before
             place -= 1
         order[place] = slot
-    team.n_plans[0] += 1
-    plan = team.n_plans[0]
-    n = 0
+    begin_team(team.team)
     survivors = 0.0
     for k in range(n_robots):
         slot = order[k]
         for j in range(n_met[slot]):
-            node = met[slot, j]
-            if touched_by[node] != plan:
-                touched_by[node] = plan
-                reached[node] = reach[slot, j]
-                touched[n] = node
-                n += 1
-            else:
-                reached[node] = either(reached[node], reach[slot, j])
+            combine(team.team, met[slot, j], reach[slot, j])
         survivors += walked.alive[slot]
-    expected_reward = 0.0
-    for i in range(n):
-        expected_reward += reward[touched[i]] * reached[touched[i]]
-    return expected_reward, survivors
+    return team_reward(reward, team.team), survivors
 
 
 @helper

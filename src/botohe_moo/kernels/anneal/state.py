@@ -7,6 +7,7 @@ import numpy as np
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray, SeedArray
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.plans.change import MoveRule
+from botohe_moo.kernels.plans.evaluate import Team, new_team
 from botohe_moo.kernels.plans.marks import MoveScratch, new_move_scratch
 
 
@@ -55,15 +56,9 @@ class Walked(NamedTuple):
 class TeamScratch(NamedTuple):
     """Scratch of evaluations."""
 
-    # How many trails have been walked, and how many plans evaluated (1 each).
-    n_walks: OffsetArray
-    n_plans: OffsetArray
-    # The last walk, and the last plan, that came to each node (n_nodes).
-    visited: OffsetArray
-    touched_by: OffsetArray
-    # The plan's nodes by first visit, and the chance that its robots reach each node (n_nodes).
-    touched: OffsetArray
-    reached: FloatArray
+    n_walks: OffsetArray  # how many trails have been walked (1)
+    visited: OffsetArray  # the last walk that came to each node (n_nodes)
+    team: Team  # what the plan reaches
     order: OffsetArray  # the plan's slots in the order of their trails (n_robots)
 
 
@@ -120,11 +115,8 @@ def new_state(graph: Graph, n_robots: int, random: SeedArray, *, detours: bool) 
         ),
         team=TeamScratch(
             n_walks=np.zeros(1, np.int64),
-            n_plans=np.zeros(1, np.int64),
             visited=np.zeros(n_nodes, np.int64),
-            touched_by=np.zeros(n_nodes, np.int64),
-            touched=np.zeros(n_nodes, np.int64),
-            reached=np.zeros(n_nodes),
+            team=new_team(n_nodes),
             order=np.zeros(n_robots, np.int64),
         ),
         moves=new_move_scratch(graph, detours=detours),

@@ -17,7 +17,7 @@ from botohe_moo.kernels.graph.arcs import find_arc
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.local_search.trail_store import TrailStore, comes_before, release
 from botohe_moo.kernels.local_search.workspace import TOLERANCE, Workspace
-from botohe_moo.kernels.plans.evaluate import either
+from botohe_moo.kernels.plans.evaluate import begin_team, combine, team_reward
 
 
 class Given(NamedTuple):
@@ -91,27 +91,16 @@ def sort_trails(store: TrailStore, trails: OffsetArray) -> None:
 @helper
 def evaluate_trails(graph: Graph, store: TrailStore, work: Workspace) -> tuple[float, float]:
     """Return E[R] and E[S] of the plan in ``work.trails``: the bits of ``evaluate``."""
-    nodes, reached = work.nodes, work.reached
-    work.draft.mark += 1
-    mark = work.draft.mark
-    n = 0
+    team = work.team
+    begin_team(team)
+    combine(team, graph.base, 1.0)
     survivors = 0.0
     for k in range(work.trails.shape[0]):
         trail = store.trails[work.trails[k]]
         for i in range(trail.first_visit, trail.first_visit + trail.n_visits):
-            node = np.int64(store.node[i])
-            here = nodes[node]
-            if here.seen != mark:
-                here.seen, here.chance = mark, store.reach[i]
-                reached[n] = node
-                n += 1
-            else:
-                here.chance = either(here.chance, store.reach[i])
+            combine(team, np.int64(store.node[i]), store.reach[i])
         survivors += trail.alive
-    expected_reward = graph.reward[graph.base]
-    for i in range(n):
-        expected_reward += graph.reward[reached[i]] * nodes[reached[i]].chance
-    return expected_reward, survivors
+    return team_reward(graph.reward, team), survivors
 
 
 @helper

@@ -6,6 +6,7 @@ import numpy as np
 
 from botohe_moo._base.types import FloatArray, OffsetArray, Record, RecordArray, SeedArray
 from botohe_moo.kernels.graph.graph import Graph
+from botohe_moo.kernels.plans.evaluate import Team, new_team
 
 # A plan that gains less than this, relative, is taken for one that the front has already: the
 # objectives of children are computed in another order of operations than those of the front.
@@ -43,7 +44,6 @@ _NODE = np.dtype(
         ("seen", np.int64),
         ("unreached", np.float64),
         ("later", np.float64),
-        ("chance", np.float64),
     ]
 )
 _ARC = np.dtype([("position", np.int64), ("mark", np.int64), ("place", np.int64)])
@@ -101,7 +101,7 @@ class Workspace(NamedTuple):
     # What the other robots leave of each node's reward, 0 at the base (``left``); the probability
     # that none of them reaches it, −1 where none may (``unreached``); the position of the trail's
     # first visit, ``NEVER`` where there is none (``met``); and scratch: ``seen`` holds marks,
-    # ``later`` what a later visit gains, ``chance`` that the team reaches it.
+    # ``later`` what a later visit gains.
     nodes: RecordArray
     # Of each arc, its ``position`` on the trail or −1; the ``mark`` of the last child that took it,
     # and its ``place`` among that child's new arcs.
@@ -112,9 +112,8 @@ class Workspace(NamedTuple):
     # Nodes that a child visits between its prefix and its suffix, and arcs that it takes then.
     goals: OffsetArray
     piece: OffsetArray
-    # Nodes that the other robots reach, and that the team does (n_nodes).
-    touched: OffsetArray
-    reached: OffsetArray
+    touched: OffsetArray  # nodes that the other robots reach (n_nodes)
+    team: Team  # scratch of evaluations
     # Trails of the parent's plan, and of the child's (n_robots).
     parent: OffsetArray
     trails: OffsetArray
@@ -161,7 +160,7 @@ def new_workspace(graph: Graph, n_robots: int, **remembered: Any) -> Workspace:
         goals=np.empty(max(MOST_GOALS, n_nodes), np.int64),
         piece=np.empty(n_arcs, np.int64),
         touched=np.empty(n_nodes, np.int64),
-        reached=np.empty(n_nodes, np.int64),
+        team=new_team(n_nodes),
         parent=np.empty(n_robots, np.int64),
         trails=np.empty(n_robots, np.int64),
         chosen=np.zeros(n_robots, np.int64),

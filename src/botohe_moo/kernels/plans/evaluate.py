@@ -5,7 +5,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from botohe_moo._base.types import FloatArray, IntArray, OffsetArray
-from botohe_moo.kernels.compile import helper, kernel
+from botohe_moo.kernels.compile import helper, inlined, kernel
 from botohe_moo.kernels.graph.arcs import find_arc
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.plans.order import precedes
@@ -42,15 +42,23 @@ def new_values(n_plans: int, n_robots: int) -> Values:
     return Values(np.empty((n_plans, 2)), np.empty(n_plans), np.empty(teams), np.empty(teams))
 
 
+class Team(NamedTuple):
+    """Scratch: what the robots of a plan reach together."""
+
+    plan: OffsetArray  # the number of the plan (1)
+    seen_by: OffsetArray  # the last plan that reaches each node (n_nodes)
+    chance: FloatArray  # the probability that the plan reaches each node (n_nodes)
+    # The nodes that it reaches, in the order in which they were added (n_nodes), and how many (1).
+    nodes: OffsetArray
+    n: OffsetArray
+
+
 class _Scratch(NamedTuple):
     """Which trail has last used each arc and visited each node, and what a plan reaches."""
 
     used: OffsetArray
     visited: OffsetArray
-    touched_by: OffsetArray
-    reached: FloatArray
-    touched: OffsetArray
-    n_touched: OffsetArray
+    team: Team
 
 
 @helper(makes_arrays=True)
@@ -59,13 +67,51 @@ def _new_scratch(graph: Graph) -> _Scratch:
     scratch = _Scratch(
         np.empty(n_arcs, np.int64),
         np.empty(n_nodes, np.int64),
+        new_team(n_nodes),
+    )
+    scratch.used[:], scratch.visited[:] = -1, -1
+    return scratch
+
+
+@helper(makes_arrays=True)
+def new_team(n_nodes: int) -> Team:
+    """Return scratch for plans on a graph of ``n_nodes`` nodes."""
+    team = Team(
+        np.empty(1, np.int64),
         np.empty(n_nodes, np.int64),
         np.empty(n_nodes),
         np.empty(n_nodes, np.int64),
         np.empty(1, np.int64),
     )
-    scratch.used[:], scratch.visited[:], scratch.touched_by[:] = -1, -1, -1
-    return scratch
+    team.plan[:], team.seen_by[:], team.n[:] = 0, 0, 0
+    return team
+
+
+@helper
+def begin_team(team: Team) -> None:
+    """Begin the next plan, which reaches nothing yet."""
+    team.plan[0] += 1
+    team.n[0] = 0
+
+
+@inlined
+def combine(team: Team, node: int | np.int64, alive: float) -> None:
+    """Note that one more robot of the plan reaches a node with probability ``alive``."""
+    if team.seen_by[node] != team.plan[0]:
+        team.seen_by[node], team.chance[node] = team.plan[0], alive
+        team.nodes[team.n[0]] = node
+        team.n[0] += 1
+    else:
+        team.chance[node] = either(team.chance[node], alive)
+
+
+@helper
+def team_reward(reward: FloatArray, team: Team) -> float:
+    """Return E[R] of the plan: the rewards of its nodes, in the order in which they were added."""
+    total = 0.0
+    for i in range(team.n[0]):
+        total += reward[team.nodes[i]] * team.chance[team.nodes[i]]
+    return total
 
 
 @helper
@@ -77,22 +123,15 @@ def either(one: Chance, other: Chance) -> Chance:
     return one + (1.0 - one) * other
 
 
-@helper
-def _reach(scratch: _Scratch, plan: int, trail: int, node: int, alive: float) -> None:
+@inlined
+def _reach(scratch: _Scratch, trail: int, node: int, alive: float) -> None:
     """Note that a robot gets to a node with probability ``alive``."""
-    if scratch.visited[node] == trail:
-        return
-    scratch.visited[node] = trail
-    if scratch.touched_by[node] != plan:
-        scratch.touched_by[node] = plan
-        scratch.reached[node] = alive
-        scratch.touched[scratch.n_touched[0]] = node
-        scratch.n_touched[0] += 1
-    else:
-        scratch.reached[node] = either(scratch.reached[node], alive)
+    if scratch.visited[node] != trail:
+        scratch.visited[node] = trail
+        combine(scratch.team, node, alive)
 
 
-@helper
+@inlined
 def _hop(graph: Graph, scratch: _Scratch, trail: int, here: int, there: int) -> tuple[int, int]:
     """Give the arc of a hop, −1 where there is none, and what is wrong with it."""
     n_nodes = graph.reward.shape[0]
@@ -109,14 +148,13 @@ def _hop(graph: Graph, scratch: _Scratch, trail: int, here: int, there: int) -> 
     return arc, VALID
 
 
-@helper
+@inlined
 def _walk(
     graph: Graph,
     scratch: _Scratch,
     nodes: IntArray,
     start: int,
     stop: int,
-    plan: int,
     trail: int,
 ) -> tuple[float, float, int, int, int]:
     """Walk a trail up to its first fault, where the robot is lost.
@@ -131,7 +169,7 @@ def _walk(
         known = 0 <= here < graph.reward.shape[0]
         kind = EMPTY_TRAIL if stop <= start else NOT_FROM_BASE if known else UNKNOWN_NODE
     else:
-        _reach(scratch, plan, trail, here, 1.0)
+        _reach(scratch, trail, here, 1.0)
     alive, length = 1.0, 0.0
     i = start + 1
     while kind == VALID and i < stop:
@@ -140,7 +178,7 @@ def _walk(
         if kind == VALID:
             alive *= graph.survival[arc]
             length += graph.length[arc]
-            _reach(scratch, plan, trail, there, alive)
+            _reach(scratch, trail, there, alive)
             here = there
             i += 1
         else:
@@ -194,23 +232,20 @@ def evaluate(
                 order[place] = other
                 place -= 1
             order[place] = trail
-        scratch.n_touched[0] = 0
+        begin_team(scratch.team)
         n_faults = 0
         survivors = 0.0
         for k in range(n_robots):
             trail = order[k]
             start, stop = offsets[trail], offsets[trail + 1]
-            alive, length, n, kind, at = _walk(graph, scratch, nodes, start, stop, plan, trail)
+            alive, length, n, kind, at = _walk(graph, scratch, nodes, start, stop, trail)
             if strict and kind != VALID:
                 return kind, plan, trail - plan * n_robots, at
             n_faults += n
             survivors += alive
             values.alive[plan, trail - plan * n_robots] = alive
             values.lengths[plan, trail - plan * n_robots] = length
-        expected_reward = 0.0
-        for i in range(scratch.n_touched[0]):
-            node = scratch.touched[i]
-            expected_reward += graph.reward[node] * scratch.reached[node]
-        values.objectives[plan, 0], values.objectives[plan, 1] = expected_reward, survivors
+        values.objectives[plan, 0] = team_reward(graph.reward, scratch.team)
+        values.objectives[plan, 1] = survivors
         values.faults[plan] = n_faults
     return VALID, 0, 0, 0
