@@ -48,12 +48,12 @@ class PlanArchive:
     def absorb(self, batch: PlanBatch, objectives: FloatArray) -> OffsetArray:
         """Take in evaluated plans, with E[R] and E[S] (n, 2), that the archive does not dominate.
 
-        Gives the indices of the batch's own Pareto set.
+        Returns the indices of the batch's own Pareto set.
         """
         return self._absorb(batch, objectives)[0]
 
     def _absorb(self, batch: PlanBatch, objectives: FloatArray) -> tuple[OffsetArray, OffsetArray]:
-        """Give the indices of the batch's own Pareto set, and of the plans that have entered."""
+        """Return the indices of the batch's own Pareto set, and of the plans that have entered."""
         new = Batch(objectives, *batch.arrays)
         members, newcomers = screen(new, self.n_robots, self._held, self.max_ties)
         if len(newcomers.plans):
