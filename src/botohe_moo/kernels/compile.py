@@ -102,7 +102,7 @@ def _compiled_records(n: int, dtype: np.dtype[Any]) -> Any:  # noqa: ARG001
 
 
 def _has_place_to_keep() -> bool:
-    """Tell whether there is a place for what is compiled: beside the source, named, or at home.
+    """Return whether there is a place for what is compiled: beside the source, named, or at home.
 
     Where all three are missing, numba makes a folder named "~" in the one that users stand in, and
     would load code from such a folder that it finds there.

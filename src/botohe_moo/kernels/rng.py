@@ -45,7 +45,7 @@ def mixed(word: Words) -> Words:
 
 
 def hash_keys(n: int) -> SeedArray:
-    """Give each of ``n`` indices a key of 64 bits; a set of them hashes to its keys' xor."""
+    """Return each of ``n`` indices a key of 64 bits; a set of them hashes to its keys' xor."""
     return mixed(np.arange(1, n + 1, dtype=np.uint64) * np.uint64(0x9E3779B97F4A7C15))
 
 

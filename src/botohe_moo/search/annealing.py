@@ -96,7 +96,7 @@ class Annealing:
         return np.array([*kinds, one_way.mean()] if one_way.any() else kinds)
 
     def best(self) -> tuple[PlanBatch, FloatArray]:
-        """Give the best plan that has been evaluated for the weight, and its E[R] and E[S] (1, 2).
+        """Return the best plan evaluated for the weight, and its E[R] and E[S] (1, 2).
 
         At first everybody is at base.
         """
@@ -155,7 +155,7 @@ class Annealing:
         self._turn = 0
 
     def _plan_turn(self) -> tuple[float, int]:
-        """Give the weight whose turn it is, and its steps: they differ by one at most."""
+        """Return the weight whose turn it is, and its steps: they differ by one at most."""
         n_steps, n_weights, n_passes = self._sweep
         n_turns = n_weights * n_passes
         downward, place = divmod(self._turn, n_weights)
@@ -165,7 +165,7 @@ class Annealing:
         return place / (n_weights - 1) if n_weights > 1 else 0.5, steps
 
     def scores(self, objectives: FloatArray) -> FloatArray:
-        """Give the scores of plans for the weight, from their E[R] and E[S] (n, 2)."""
+        """Return the scores of plans for the weight, from their E[R] and E[S] (n, 2)."""
         return score(self._rule, self.mission.robots, objectives[:, 0], objectives[:, 1])
 
     def start_from(self, archive: PlanArchive) -> None:
@@ -186,7 +186,7 @@ class Annealing:
     def run(self, n_steps: int) -> tuple[PlanBatch, FloatArray]:
         """Make at most ``steps_left`` steps of the weight's turn, each of which evaluates a plan.
 
-        Gives what may belong to the front, with E[R] and E[S] (n, 2): of the plans evaluated those
+        Returns what may enter the front, with E[R] and E[S] (n, 2): of the plans evaluated those
         that the plans at hand did not dominate; with the journal's schedule the best plan when the
         turn ends.
         """

@@ -108,7 +108,7 @@ class LocalSearch:
     def run(self, n_evaluations: int) -> int:
         """Search from the plans of the front, of which there must be one.
 
-        Gives how many plans were evaluated: fewer than ``n_evaluations`` where no move makes any
+        Returns how many plans were evaluated: fewer than ``n_evaluations`` where no move makes any
         other plan.
         """
         if self.mission.arrays.n_arcs == 0:  # kernels draw arcs and nodes, and look for none before
@@ -142,11 +142,11 @@ class LocalSearch:
         return int(self._front.n.entered)
 
     def objectives(self) -> FloatArray:
-        """Give E[R] and E[S] of the front, by descending E[R] (n_plans, 2), without its plans."""
+        """Return E[R] and E[S] of the front, by descending E[R] (n_plans, 2), without its plans."""
         return read_front(self._front)[1]
 
     def plans(self) -> tuple[PlanBatch, FloatArray, OffsetArray]:
-        """Give the front by descending E[R].
+        """Return the front by descending E[R].
 
         Its plans, their E[R] and E[S] (n_plans, 2), and how many plans had entered before each.
         """

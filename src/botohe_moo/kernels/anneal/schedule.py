@@ -96,7 +96,7 @@ def _go_to_best(
 def _evaluate(
     reward: FloatArray, slots: OffsetArray, walked: Walked, team: TeamScratch
 ) -> tuple[float, float]:
-    """Give E[R] and E[S] of a plan: the arithmetic, and the bits, of ``evaluate``.
+    """Return E[R] and E[S] of a plan: the arithmetic, and the bits, of ``evaluate``.
 
     Its trails have been walked, which is most of the work.
     """
@@ -128,21 +128,21 @@ def _evaluate(
 
 @helper
 def score(rule: AnnealRule, n_robots: int, reward: Number, survivors: Number) -> Number:
-    """Give the weighted sum of the shares of all rewards and of all robots."""
+    """Return the weighted sum of the shares of all rewards and of all robots."""
     share = reward / rule.total_reward
     return rule.weight * share + (1.0 - rule.weight) * (survivors / n_robots)
 
 
 @helper
 def _dominates(objectives: FloatArray, reward: float, survivors: float) -> bool:
-    """Tell whether a plan is at least as good as another in both, and better in one."""
+    """Return whether a plan is at least as good as another in both, and better in one."""
     better, safer = objectives[0] > reward, objectives[1] > survivors
     return bool((better and objectives[1] >= survivors) or (safer and objectives[0] >= reward))
 
 
 @helper
 def _has_room(records: Records, here: OffsetArray, lengths: OffsetArray, n_more: int) -> bool:
-    """Tell whether a plan of ``n_more`` nodes more than the one at hand can be recorded."""
+    """Return whether a plan of ``n_more`` nodes more than the one at hand can be recorded."""
     n_robots, n = here.shape[0], records.n_plans[0]
     if n == records.objectives.shape[0]:
         return False

@@ -45,7 +45,7 @@ def _is_taken(work: Workspace, arc: int) -> bool:
 
 @helper
 def _way_round(graph: Graph, routes: Routes, work: Workspace, goal: int, here: int) -> int:
-    """Give the arc from here, not taken yet, from which the goal is reached the safest; or −1."""
+    """Return the arc from here, not taken yet, from which the goal is reached the safest; or −1."""
     least = np.inf
     best = -1
     for arc in range(graph.first[here], graph.first[here + 1]):
@@ -98,7 +98,7 @@ def _follow(
 def _take_steps(graph: Graph, work: Workspace, here: int, n_steps: int) -> int:
     """Let the child walk along drawn arcs, preferably to where there is something to collect.
 
-    Gives the node that it comes to; it stops early where all arcs are taken.
+    Returns the node that it comes to; it stops early where all arcs are taken.
     """
     for _ in range(n_steps):
         total = 0.0
@@ -164,7 +164,7 @@ def _meet_suffix(work: Workspace) -> bool:
 
 @helper
 def write_child(work: Workspace) -> int:
-    """Write the child's arcs; give how many there are."""
+    """Write the child's arcs; return how many there are."""
     draft, child = work.draft, work.child
     for i in range(draft.prefix):
         child[i] = work.steps[i].arc

@@ -131,7 +131,7 @@ def search_routes(graph: Graph, routes: Routes, goal: int) -> None:
 
 @helper
 def route_entry(routes: Routes, goal: int, node: int) -> int:
-    """Give the entry of the path from ``node`` in a row that has been searched, or ``UNKNOWN``."""
+    """Return the entry of the path from ``node`` in a row that was searched, or ``UNKNOWN``."""
     if routes.entries.shape[1] == routes.entries.shape[0]:
         return node
     low, high = 0, routes.n_known[goal]

@@ -101,7 +101,7 @@ def _give_room(
 
 @helper
 def _draw_stops(store: TrailStore, work: Workspace, which: int) -> int:
-    """Write those stops of a trail that are not dropped to ``work.goals``; give how many."""
+    """Write those stops of a trail that are not dropped to ``work.goals``; return how many."""
     goals, states = work.goals, work.states
     trail = store.trails[work.parent[work.chosen[which]]]
     n = 0
@@ -176,10 +176,10 @@ def _walk_tour(work: Workspace, which: int) -> None:
 
 @helper
 def _best_node(graph: Graph, routes: Routes, work: Workspace) -> int:
-    """Give the node that gains most for its cost of those that there is room for; or ``NONE``.
+    """Return the node that gains most for its cost of those that there is room for; or ``NONE``.
 
     What a node gains is its worth, less what the danger on the way to it and back takes from the
-    stops behind it; for a small cost c, 1 / (1 + c) stands for exp(−c).
+    stops behind it; for a small cost c, 1 / (1 + c) is used for exp(−c).
     """
     extra, worth, place, legs = work.extra, work.worth, work.place, work.legs
     leaving, rooms = routes.leaving, work.rooms

@@ -75,7 +75,7 @@ def copy_trails(store: TrailStore, into: TrailStore) -> None:
 
 
 def pieces(array: Numbers, first: OffsetArray, lengths: OffsetArray) -> list[Numbers]:
-    """Give some stretches of an array, and an empty one in front."""
+    """Return some stretches of an array, and an empty one in front."""
     found = [array[:0]]
     found += [array[i:j] for i, j in zip(first.tolist(), (first + lengths).tolist(), strict=True)]
     return found
@@ -83,7 +83,7 @@ def pieces(array: Numbers, first: OffsetArray, lengths: OffsetArray) -> list[Num
 
 @helper
 def fits(graph: Graph, store: TrailStore, n_trails: int) -> bool:
-    """Tell whether so many trails can be stored, however long they are."""
+    """Return whether so many trails can be stored, however long they are."""
     n, longest, most_visits = store.n, graph.head.shape[0], graph.reward.shape[0]
     return bool(
         n.spare >= n_trails
@@ -113,7 +113,7 @@ def take_back(store: TrailStore, trail: int) -> None:
 
 @helper
 def comes_before(store: TrailStore, one: int, other: int) -> bool:
-    """Tell whether a trail comes before another in lexicographic order.
+    """Return whether a trail comes before another in lexicographic order.
 
     Arcs are numbered by tail, then by head: the order by arcs is that by nodes.
     """

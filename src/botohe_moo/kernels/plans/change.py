@@ -53,7 +53,7 @@ def _draw_kind(weights: FloatArray, states: SeedArray) -> int:
 
 @helper
 def keeps_limits(graph: Graph, limits: Limits, nodes: OffsetArray, n: int) -> bool:
-    """Tell whether a trail of ``n`` nodes keeps limits.
+    """Return whether a trail of ``n`` nodes keeps limits.
 
     Survivals are multiplied, and lengths added, in the order and with the bits of ``evaluate``.
     """
@@ -150,7 +150,7 @@ def _change_plans(
 
 
 def needs_detours(graph: Graph) -> bool:
-    """Tell whether there are arcs without a reverse, which the other moves can hardly use."""
+    """Return whether there are arcs without a reverse, which the other moves can hardly use."""
     return bool((graph.reverse < 0).any())
 
 

@@ -19,7 +19,7 @@ def _add_path(
 ) -> int:
     """Add the safest path over arcs that are not marked to a way of ``n`` arcs.
 
-    Gives the new number of arcs, −1 where there is no path.
+    Returns the new number of arcs, −1 where there is no path.
     """
     n_added = safest_path(graph, paths, scratch.used, scratch.mark[0], source, target)
     for i in range(n_added):

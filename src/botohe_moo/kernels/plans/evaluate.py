@@ -116,7 +116,7 @@ def team_reward(reward: FloatArray, team: Team) -> float:
 
 @helper
 def either(one: Chance, other: Chance) -> Chance:
-    """Give the chance that one of two robots or the other reaches a node: 1 − (1 − p)(1 − q).
+    """Return the chance that one of two robots or the other reaches a node: 1 − (1 − p)(1 − q).
 
     No term is negative, so that small chances keep their digits, which differences from 1 lose.
     """
@@ -133,7 +133,7 @@ def _reach(scratch: _Scratch, trail: int, node: int, alive: float) -> None:
 
 @inlined
 def _hop(graph: Graph, scratch: _Scratch, trail: int, here: int, there: int) -> tuple[int, int]:
-    """Give the arc of a hop, −1 where there is none, and what is wrong with it."""
+    """Return the arc of a hop, −1 where there is none, and what is wrong with it."""
     n_nodes = graph.reward.shape[0]
     if there < 0 or there >= n_nodes:
         return -1, UNKNOWN_NODE
@@ -159,7 +159,7 @@ def _walk(
 ) -> tuple[float, float, int, int, int]:
     """Walk a trail up to its first fault, where the robot is lost.
 
-    Gives with what probability it survives, how long the trail is, how many faults there are, and
+    Returns with what probability it survives, how long the trail is, how many faults there are, and
     kind and position of the first.
     """
     here = int(nodes[start]) if stop > start else -1
@@ -213,7 +213,7 @@ def evaluate(
     ``(i + 1) * n_robots``. If ``strict``, it ends at the first plan with a fault, and leaves its
     row and those behind it as they are.
 
-    Gives (kind, plan, robot, position) of the first fault; kind is ``VALID`` where there is none,
+    Returns (kind, plan, robot, position) of the first fault; kind is ``VALID`` where there is none,
     or not ``strict``. ``BAD_OFFSETS`` always ends it.
     """
     graph, values, scratch = shared(graph), shared(values), _new_scratch(graph)

@@ -191,7 +191,7 @@ def move_trail(
     ``nodes`` is a buffer of at least n_arcs + 1 nodes that begins with a valid trail. Only this
     trail's arcs are marked before (``mark_trail``), and also after the move.
 
-    Gives the trail's new length; ``CANNOT`` where the move cannot be made, ``NO_PATHS`` where it is
+    Returns the new length; ``CANNOT`` where the move cannot be made, ``NO_PATHS`` where it is
     a detour for which there is no scratch: nothing has changed.
     """
     if kind == DETOUR:

@@ -11,7 +11,7 @@ from botohe_moo.kernels.compile import helper
 def precedes(
     items: NDArray[np.integer], start: int, stop: int, other_start: int, other_stop: int
 ) -> bool:
-    """Tell whether one stretch of an array comes before another in lexicographic order."""
+    """Return whether one stretch of an array comes before another in lexicographic order."""
     length, other_length = stop - start, other_stop - other_start
     for i in range(min(length, other_length)):
         item, other = items[start + i], items[other_start + i]

@@ -29,7 +29,7 @@ class RepairScratch(NamedTuple):
 
 @helper
 def _take_path(graph: Graph, scratch: RepairScratch, n: int, out: Trails, size: int) -> int:
-    """Append the first ``n`` arcs of ``paths.path`` to a trail; give the new size."""
+    """Append the first ``n`` arcs of ``paths.path`` to a trail; return the new size."""
     for i in range(n):
         out.nodes[size + i] = graph.head[scratch.paths.path[i]]
     return size + n
@@ -37,7 +37,7 @@ def _take_path(graph: Graph, scratch: RepairScratch, n: int, out: Trails, size: 
 
 @helper
 def _take_back(graph: Graph, scratch: RepairScratch, out: Trails, size: int) -> int:
-    """Take the last hop off a trail; give the new size."""
+    """Take the last hop off a trail; return the new size."""
     tail, head = out.nodes[size - 2], out.nodes[size - 1]
     scratch.used[find_arc(graph, tail, head)] = -1
     return size - 1
@@ -47,7 +47,7 @@ def _take_back(graph: Graph, scratch: RepairScratch, out: Trails, size: int) -> 
 def _bridge_gaps(
     graph: Graph, scratch: RepairScratch, drafts: Trails, trail: int, out: Trails, size: int
 ) -> int:
-    """Visit a draft's nodes in order, by safest paths where arcs are missing; give the new size."""
+    """Visit the nodes of a draft, by safest paths over gaps; return the new size."""
     used, paths, nodes = scratch.used, scratch.paths, out.nodes
     here = graph.base
     for i in range(drafts.offsets[trail], drafts.offsets[trail + 1]):
@@ -81,7 +81,7 @@ def _bridge_gaps(
 def _keep_prefix(
     graph: Graph, scratch: RepairScratch, drafts: Trails, trail: int, out: Trails, size: int
 ) -> int:
-    """Take the longest valid prefix of a draft from which a way leads home; give the new size."""
+    """Take the longest valid prefix of a draft from which a way leads home; return the new size."""
     used, nodes = scratch.used, out.nodes
     start, stop = drafts.offsets[trail], drafts.offsets[trail + 1]
     if start == stop or drafts.nodes[start] != graph.base:

@@ -20,7 +20,7 @@ SPLICE = 1
 
 
 def whole_trails(offsets: OffsetArray) -> OffsetArray:
-    """Give the pieces of drafts that are the plans as they are."""
+    """Return the pieces of drafts that are the plans as they are."""
     pieces = np.zeros((len(offsets) - 1, N_PIECES, 2), np.int64)
     pieces[:, 0, 0], pieces[:, 0, 1] = offsets[:-1], offsets[1:]
     return pieces
