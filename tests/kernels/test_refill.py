@@ -465,9 +465,9 @@ def test_refills_keep_the_books(case, floor, budget, is_walk, seed):
         patch.setattr(kernels, "N_WALK", 2)
         search = refilling(mission, start, seed=seed, **limits)
         for n_most in (50, 2, 50):
-            n_waiting = int(search._memory.n_waiting)
+            n_waiting = int(search._memory[0].n_waiting)
             n = refill(search, n_most)
-            assert n == n_most or search._memory.n_waiting == 0
+            assert n == n_most or search._memory[0].n_waiting == 0
             assert n > 0 or n_waiting == 0
             assert_books(search)
     batch, objectives, _ = search.plans()
@@ -499,7 +499,7 @@ def test_children_that_do_not_enter_use_no_room_up(plain, p_walk):
     search = refilling(mission, [TrailPlan([[0]] * 3), *start])
     unchanged = 0
     for _ in range(60):
-        search._memory.n_waiting = 1
+        search._memory[0].n_waiting = 1
         before, entered = search._store.n.item(), int(search._front.n.entered)
         refill(search, 7)
         if search._front.n.entered == entered:
@@ -573,4 +573,4 @@ def test_plans_that_enter_are_refilled_next():
     n = refill(search, 1_000)
     assert n > 3 * kernels.N_REFILLS  # one plan waited
     assert n % kernels.N_REFILLS == 0
-    assert search._memory.n_waiting == 0
+    assert search._memory[0].n_waiting == 0

@@ -86,7 +86,7 @@ class LocalSearch:
         self._work = new_workspace(
             graph,
             self.mission.robots,
-            memory=self._memory,
+            memory=self._memory[0],
             waiting=self._waiting,
             tally=self.tally,
             states=self._states,
@@ -95,7 +95,7 @@ class LocalSearch:
 
     def restart(self) -> None:
         """Forget all plans, but not the random numbers."""
-        memory = self._memory
+        memory = self._memory[0]
         memory.newest, memory.idle, memory.n_waiting = -1.0, 0, 0
         self._front = new_front(*self._front.plan.shape)
         store = self._store
@@ -124,7 +124,7 @@ class LocalSearch:
                 given = Given(batch.nodes.copy(), batch.offsets[n * n_robots :].copy())
             state = self._graph, self._routes, self._store, self._front, self._work, self.rule
             n += search(*state, given, n_evaluations - n)
-            if self._memory.n_waiting == REFILLED_AT_ONCE:
+            if self._memory[0].n_waiting == REFILLED_AT_ONCE:
                 n += refill(*state, n_evaluations - n)
             elif n < n_evaluations and self._has_room():  # no move makes another plan
                 break
