@@ -462,7 +462,9 @@ def test_what_a_node_gives_beside_prices(mission, n_robots, n_levels, seed):
     """In fractions: nothing that any levels give is above, without a tolerance."""
     team = Team(new_net(mission.arrays, Limits()), n_robots, n_levels)
     prices = drawn_prices(team, seed)
-    for paid in (prices, prices * np.random.default_rng(seed).uniform(0.5, 1)):
+    for paid in (prices, team.tidy(prices)):
+        assert (paid == 0)[:, :1].all()
+        assert (np.diff(paid, 2) >= -1e-12).all()
         most = team.most(paid)
         for row, node in enumerate(team.nodes.tolist()):
             reward = Fraction(float(mission.arrays.reward[node]))
@@ -474,6 +476,9 @@ def test_what_a_node_gives_beside_prices(mission, n_robots, n_levels, seed):
             )
             assert Fraction(float(most[row])) >= exact
             assert float(most[row]) == pytest.approx(float(exact), abs=1e-12)
+    tidied = team.tidy(prices)
+    assert (tidied <= prices + 1e-12).all()
+    assert team.most(tidied).sum() == pytest.approx(team.most(prices).sum(), abs=1e-9)
     fine = refine(prices, 3)
     assert fine[:, ::3] == pytest.approx(prices)
 

@@ -23,7 +23,7 @@ from botohe_moo.kernels.colony.pheromone import (
     learn,
 )
 from botohe_moo.kernels.colony.weighing import AntScratch, BuildRule, Weights, new_scratch
-from botohe_moo.kernels.graph.arcs import Links
+from botohe_moo.kernels.graph.arcs import Links, roads_of
 from botohe_moo.kernels.graph.graph import NO_LIMITS, Limits
 from botohe_moo.kernels.graph.homing import new_budget
 from botohe_moo.kernels.graph.paths import Paths, new_paths
@@ -108,11 +108,15 @@ class Colony:
         self._graph = mission.arrays
         self._budget = new_budget(mission.arrays, limits)
         self._links = Links(mission.arrays.first, mission.arrays.head)
+        self._is_careful = not mission.arrays.balanced or limits.bind
+        # What is handed over in microseconds where ants need not look for ways home.
+        self._roads: Any = mission.arrays if self._is_careful else roads_of(mission.arrays)
         self._states = seed_states(random_state, n_ants)
         self._pheromone = _new_pheromone(mission, rule)
         self._weights = _new_weights(mission, rule, self._pheromone)
         self._rooms: dict[int, tuple[Plans, Paths | None, AntScratch]] = {}  # of each thread
         self._deposited_version = -1  # of the archive, when its deposit was last summed up
+        self._archived: Depositors  # the archive of that version
         # The depositors of the last iteration, as ``learn`` takes them, until they are learned.
         self._to_learn: tuple[Depositors, Depositors, bool] | None = None
         self.weigh()
@@ -152,16 +156,15 @@ class Colony:
             n_robots, n_ants, concurrent, rule.exploration, limits.min_survival, budget
         )
         if part not in self._rooms:
-            careful = not graph.balanced or limits.bind
             plans = new_plans(4096, len(self._states) * n_robots)
             scratch = new_scratch(graph, build, len(self._weights.log_reward), self._states)
-            self._rooms[part] = plans, new_paths(graph) if careful else None, scratch
+            self._rooms[part] = plans, new_paths(graph) if self._is_careful else None, scratch
         plans, paths, scratch = self._rooms[part]
         for last in (scratch.tabulated, scratch.used, scratch.visited):
             last.fill(-1)
         found = []
         while True:
-            done = construct(graph, self._weights, build, paths, scratch, plans, begin, end)
+            done = construct(self._roads, self._weights, build, paths, scratch, plans, begin, end)
             offsets = plans.offsets[begin * n_robots : done * n_robots + 1].copy()
             nodes = plans.nodes[: plans.size[0]].copy()
             found.append(PlanBatch._wrap(nodes, offsets, n_robots))
@@ -182,13 +185,15 @@ class Colony:
         if not self.rule.pheromone or len(archive) == 0:
             return
         self._catch_up()
-        everyone, archived = np.arange(len(archive)), archive.held
-        self._to_learn = (
-            Depositors(objectives, members, *batch.arrays),
-            Depositors(archived.objectives, everyone, archived.nodes, archived.offsets),
-            archive.version != self._deposited_version,
-        )
-        self._deposited_version = archive.version
+        is_new = archive.version != self._deposited_version
+        if is_new:
+            everyone, archived = np.arange(len(archive)), archive.held
+            self._archived = Depositors(
+                archived.objectives, everyone, archived.nodes, archived.offsets
+            )
+            self._deposited_version = archive.version
+        iteration = Depositors(objectives, members, *batch.arrays)
+        self._to_learn = iteration, self._archived, is_new
 
     def _catch_up(self) -> None:
         """Learn what the last iteration has found.

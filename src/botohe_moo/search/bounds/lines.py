@@ -152,7 +152,7 @@ class Lines:
             if centre is not None:
                 here = stay * centre[0] + (1 - stay) * prices
                 slope = stay * centre[1] + (1 - stay) * mu
-            here = self.team.convex(here)
+            here = self.team.tidy(here)
             ahead = self._relaxation.look_ahead(self.team.spread(here, rule.n_levels), slope)
             reached = self._keep(here, slope, ahead.most, "relaxed", deadline) - slope * x
             found = self._relaxation.best_trails(ahead)
@@ -168,7 +168,7 @@ class Lines:
                 break
             stay = rule.smoothing if is_new else 0.0
         if centre is None:
-            centre = self.team.convex(prices), mu
+            centre = self.team.tidy(prices), mu
         return centre
 
     def _by_search(
@@ -187,7 +187,7 @@ class Lines:
             best = self.bound(x)
             if best - least < rule.tolerance * best or time.monotonic() > deadline:
                 break
-            here = self.team.convex((1 - step) * centre[0] + step * known)
+            here = self.team.tidy((1 - step) * centre[0] + step * known)
             there = (1 - step) * centre[1] + step * slope
             ahead = self._relaxation.look_ahead(self.team.spread(here, 2 * rule.n_levels), there)
             worth = pool.values(here[:, 1:], there)

@@ -16,6 +16,7 @@ from botohe_moo.kernels.bounds.states import Net
 from botohe_moo.search.bounds.envelopes import convex_below
 
 _EPSILON = float(np.finfo(float).eps)
+_TIDIED = 3  # times that prices are lowered before the convex envelope is taken
 _TINY = float(np.finfo(float).tiny)  # rounding where a relative error no longer holds
 
 
@@ -39,15 +40,16 @@ class Team:
         self.nodes: OffsetArray = np.flatnonzero(graph.reward > 0.0)
         self.reward: FloatArray = graph.reward[self.nodes]
         self.alive = np.outer(net.reach[self.nodes], np.arange(n_levels + 1) / n_levels)
-        self.counts, missed = self._configurations()
+        self.counts, missed = self._configurations(n_robots)
+        self._others, self._others_miss = self._configurations(n_robots - 1)
         self.gains = self.reward[:, None] * (1.0 - missed)  # (n_nodes, n_configurations)
 
-    def _configurations(self) -> tuple[FloatArray, FloatArray]:
+    def _configurations(self, n_robots: int) -> tuple[FloatArray, FloatArray]:
         """How many robots are at each level, and with what probability none gets to each node."""
         # Robots in a row, and bars between those of one level and those of the next.
-        bars = list(combinations(range(self.n_robots + self.n_levels), self.n_levels))
+        bars = list(combinations(range(n_robots + self.n_levels), self.n_levels))
         ends = np.pad(np.array(bars), ((0, 0), (1, 1)), constant_values=-1)
-        ends[:, -1] = self.n_robots + self.n_levels
+        ends[:, -1] = n_robots + self.n_levels
         counts = (np.diff(ends) - 1).astype(float)
         missed = np.ones((len(self.nodes), len(counts)))
         for alive, count in zip(self.alive.T, counts.T, strict=True):
@@ -66,8 +68,23 @@ class Team:
         most: FloatArray = self.beside(prices).max(axis=1) + spare + _TINY
         return most
 
-    def convex(self, prices: FloatArray) -> FloatArray:
-        """Return the largest convex prices that are nowhere above these."""
+    def tidy(self, prices: FloatArray) -> FloatArray:
+        """Lower prices as far as the most that is gained beside them stays, and make them convex.
+
+        The price at one level may fall until some levels of the other robots would gain more. All
+        robots' prices fall together, so each falls by its share.
+        """
+        most = self.beside(prices).max(axis=1)
+        slope = self.reward[:, None] * self._others_miss
+        prices = prices.copy()
+        for _ in range(_TIDIED):
+            at_none = (self.reward - most)[:, None] - prices @ self._others.T
+            least = np.stack(
+                [(at_none - (1.0 - alive)[:, None] * slope).max(axis=1) for alive in self.alive.T],
+                axis=1,
+            )
+            prices += (np.clip(least, 0.0, prices) - prices) / self.n_robots
+            prices[:, 0] = 0.0
         return np.array([convex_below(row) for row in prices]).reshape(prices.shape)
 
     def to_all(self, values: FloatArray) -> FloatArray:
