@@ -215,6 +215,7 @@ class TestSolve:
         assert [list(row[1:]) for row in front] == evaluated
         assert [(p["plan_id"], p["reward"], p["survivors"]) for p in plans] == front
 
+    @pytest.mark.slow
     def test_the_seed_decides(self, solved, botohe, tmp_path):
         _, folder = solved
         again = ["solve", "toy", "-n", 250, "-a", "bo-aco"]
@@ -225,6 +226,7 @@ class TestSolve:
             assert (tmp_path / "seed3" / name).read_bytes() == same
             assert name.startswith("mission.") or (tmp_path / "seed4" / name).read_bytes() != same
 
+    @pytest.mark.slow
     def test_a_travel_budget(self, botohe, refused, tmp_path):
         (tmp_path / "sites.txt").write_text("n 3\nm 1\ntmax 4.5\n0 0 0\n2 0 5\n0 3 1\n")
         found = {}
@@ -317,6 +319,7 @@ class TestSolve:
         assert {"botohe_moo.solution", "numba"} <= loaded
         assert not loaded & {"seaborn", "matplotlib.pyplot", "pandas", "scipy.spatial"}
 
+    @pytest.mark.slow
     def test_output_that_holds_odd_characters(self, botohe, pier, tmp_path):
         code = "import sys; sys.stdout.reconfigure(encoding='latin-1', errors='strict')"
         ended = botohe("solve", pier(title="λ and more"), "-n", 9, "-o", "out\udcff", code=code)
@@ -473,6 +476,7 @@ class TestSignals:
         assert "stopped after" in out
         assert plans_in(tmp_path / "out")["interrupted"] is True
 
+    @pytest.mark.slow
     def test_before_the_first_iteration(self, botohe, tmp_path):
         code = when_called("botohe_moo.solving", "search")
         ended = botohe("solve", "toy", "-a", "bo-aco", "-n", 10**6, "-o", "out", code=code)
@@ -480,6 +484,7 @@ class TestSignals:
         assert plans_in(tmp_path / "out")["evaluations"] == 100
         assert names_in(tmp_path / "out") == FILES
 
+    @pytest.mark.slow
     def test_once_while_writing(self, botohe, tmp_path):
         code = when_called("botohe_moo.plots", "plot_mission")
         ended = botohe("solve", "toy", "-n", 9, "-o", "out", code=code)
@@ -487,6 +492,7 @@ class TestSignals:
         assert names_in(tmp_path / "out") == FILES
         assert plans_in(tmp_path / "out")["interrupted"] is False
 
+    @pytest.mark.slow
     def test_twice_while_searching(self, botohe, tmp_path):
         code = when_called("botohe_moo.cli.progress", "showing_search", times=2)
         ended = botohe("solve", "toy", "-o", "out", code=code)
@@ -599,6 +605,7 @@ class TestBadOptions:
         message = refused(*args)
         assert all(name in message for name in named), message
 
+    @pytest.mark.slow
     def test_too_much_for_the_memory(self, botohe, tmp_path):
         code = """
             import botohe_moo.solving
@@ -663,6 +670,7 @@ def odd(tmp_path_factory):
     return f"import sys; sys.path.insert(0, {str(site)!r})"
 
 
+@pytest.mark.slow
 class TestOtherPackages:
     def test_nothing_is_found(self, botohe, tmp_path, odd):
         ended = botohe("solve", "toy", "-a", "nothing", "-n", 30, code=odd)
@@ -858,6 +866,7 @@ class TestChoose:
         for word in words:
             assert word in message
 
+    @pytest.mark.slow
     def test_after_solving(self, botohe, tmp_path):
         args = ["solve", "toy", "-a", "greedy", "-n", 50, "--out", "out"]
         ended = botohe(*args, "--choose", "survivors >= 1.5", "--choose", "reward >= 1")
@@ -894,6 +903,7 @@ class TestBound:
             assert most == pytest.approx(bound.bound(survivors), rel=1e-3)
             assert found <= most * 1.001
 
+    @pytest.mark.slow
     def test_ctrl_c_shows_what_is_proved(self, botohe):
         code = when_called("botohe_moo.search.bounds.proof", "LocalSearch")
         ended = botohe("bound", "art_museum", "--time-limit", 500, code=code)
@@ -913,6 +923,7 @@ class TestBound:
         message = refused("bound", *args)
         assert all(name in message for name in named), message
 
+    @pytest.mark.slow
     def test_the_limits_of_the_front_count(self, botohe, refused, tmp_path):
         args = ["solve", "toy", "-n", 500, "--min-survival", 0.4, "--max-length", 6]
         assert botohe(*args, "--out", "kept").status == 0
@@ -932,6 +943,7 @@ class TestBound:
         assert "it has 2, the mission 3" in message
 
 
+@pytest.mark.slow
 class TestCertify:
     SOLVE = ("solve", "toy", "-a", "greedy", "-n", 50, "--out", "out")
 
@@ -991,6 +1003,7 @@ class TestExplore:
         assert ended.out == f"wrote page.html\n{(tmp_path / 'page.html').as_uri()}\n"
         assert "no browser here that could be started; open page.html" in ended.err
 
+    @pytest.mark.slow
     def test_after_solving(self, botohe, tmp_path):
         args = ["solve", "toy", "-a", "greedy", "-n", 50, "--out", "out"]
         ended = botohe(
@@ -1044,6 +1057,7 @@ class TestImport:
         shapes = json.loads((tmp_path / "plan.geojson").read_text())["features"]
         assert shapes[0]["geometry"]["coordinates"][0] == [0, 0]
 
+    @pytest.mark.slow
     @pytest.mark.usefixtures("site")
     @pytest.mark.parametrize(
         ("file", "damage", "words"),
@@ -1083,6 +1097,7 @@ class TestImport:
         assert "Missing option '--out'" in refused(*args)
 
 
+@pytest.mark.slow
 class TestWhatATerminalWouldObey:
     CODES = "\x1b]0;x\x07\x9b31m\u202e"
 
@@ -1158,7 +1173,7 @@ class TestHelp:
         assert done.returncode == 0
         loaded = set(done.stderr.split())
         assert {"typer", "botohe_moo"} <= loaded
-        slow = {"numpy", "numba", "pandas", "pymoo", "matplotlib", "seaborn", "networkx", "yaml"}
+        slow = {"numpy", "numba", "pandas", "pymoo", "matplotlib", "seaborn", "networkx", "ruamel"}
         assert not loaded & slow
 
 

@@ -53,6 +53,7 @@ def loaded(folder, **options):
     return load_study(path)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("in_process")
 def test_it_is_in_tables_reports_and_figures(columns, tmp_path):
     mpl.use("Agg")

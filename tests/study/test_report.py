@@ -172,6 +172,7 @@ class TestFiles:
         assert sorted(folder.rglob("*.*")) == sorted(expected)
         assert all(path.stat().st_size for path in paths)
 
+    @pytest.mark.slow
     @pytest.mark.usefixtures("one_format")
     def test_other_files_in_the_folder_stay(self, tmp_path):
         figures = tmp_path / "report" / "figures"
@@ -215,6 +216,7 @@ class TestPage:
         assert outcome.startswith(f"Outcome algorithm toy {ODD} +/=/− average rank BO-ACO 0.")
         assert "4 runs are not done , and scored all the same" in outcome
 
+    @pytest.mark.slow
     @pytest.mark.usefixtures("one_format")
     def test_travel_budgets_where_there_are_any(self, odd, tmp_path):
         assert "travel budget" not in page_of(odd[0]).text
@@ -270,6 +272,7 @@ class TestPage:
         text = page_of(odd[0]).text
         assert "botohe_moo 0.1.0 Python 3.12.1, numpy==2.4.0 pymoo==0.6.2 Linux, made" in text
 
+    @pytest.mark.slow
     @pytest.mark.usefixtures("one_format")
     def test_many_comparisons_fold(self, tmp_path):
         records = random_records(["toy"], [f"a{i}" for i in range(9)], (1,), n_records=1)
@@ -291,6 +294,7 @@ class TestPage:
         assert not [verdict for verdict in found["verdict"] if verdict in page.text]
 
 
+@pytest.mark.slow
 class TestHardStudies:
     def test_one_mission_one_algorithm_one_seed(self, tmp_path):
         tables = study(tmp_path, ["toy"], random_records(["toy"], "A", (1,)))

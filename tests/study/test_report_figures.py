@@ -83,6 +83,7 @@ class TestDrawFigures:
             assert all(path.stat().st_size for path in figure.paths)
             assert figure.path == figure.paths[0]
 
+    @pytest.mark.slow
     @pytest.mark.usefixtures("one_format")
     def test_what_is_missing_everywhere_has_no_figure(self, tmp_path):
         tables = grid_study(tmp_path)
@@ -93,6 +94,7 @@ class TestDrawFigures:
         assert "igd_plus" in drawn
         assert "epsilon" not in drawn
 
+    @pytest.mark.slow
     @pytest.mark.filterwarnings("ignore:Glyph")  # of scripts that the font has not
     def test_labels_of_any_script_and_length_can_be_drawn(self, tmp_path):
         labels = [
@@ -112,6 +114,7 @@ class TestDrawFigures:
         assert len(figures) >= 8
         assert all(path.stat().st_size for figure in figures for path in figure.paths)
 
+    @pytest.mark.slow
     def test_ranks_that_were_tested_have_the_critical_difference(self, tmp_path):
         tables = grid_study(tmp_path)
         ranks = dict(zip(tables.ranks["algorithm"], tables.ranks["average_rank"], strict=True))

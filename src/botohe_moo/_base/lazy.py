@@ -2,20 +2,17 @@
 
 import ast
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
 
-def lazy_names(
-    package: str, moved: Mapping[str, Sequence[str]] | None = None
-) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
+def lazy_names(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
     """Make the ``__getattr__`` and ``__dir__`` (PEP 562) and the ``__all__`` of a package.
 
     Its public names are those that its ``__init__`` imports for type checkers, in the form that
     these require of exports: ``from HOME import NAME as NAME``, HOME from the top. They are read
-    from its source, so that each is named once. Names in ``moved``, by their home, can be imported,
-    too, but are not listed.
+    from its source, so that each is named once.
 
     Examples
     --------
@@ -30,11 +27,10 @@ def lazy_names(
         alias.asname: str(node.module) for node in imports for alias in node.names if alias.asname
     }
     listed = sorted(homes)
-    homes |= {name: home for home, names in (moved or {}).items() for name in names}
 
     def get(name: str) -> Any:
         if name not in homes:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        return getattr(import_module(homes[name], package), name)
+        return getattr(import_module(homes[name]), name)
 
     return get, listed.copy, listed
