@@ -62,6 +62,8 @@ class Document:
             raise DocumentError(line, f"{error.reason} (#x{error.character:04x})") from None
         except MarkedYAMLError as error:
             raise DocumentError(*_explained(error)) from None
+        except TypeError:  # a list of lists as a key
+            raise DocumentError(1, "a key of a mapping is not a text or a number") from None
         except (YAMLError, ValueError, ArithmeticError, LookupError, RecursionError) as error:
             raise DocumentError(1, str(error)) from None
 
