@@ -86,6 +86,7 @@ def same_result(one, other):
     )
 
 
+@pytest.mark.slow
 @variants
 class TestContract:
     def test_result(self, make, museum):
@@ -156,6 +157,7 @@ class TestContract:
         assert 0 <= area_indicator(-result.F, mission) <= 1 + 1e-12
 
 
+@pytest.mark.slow
 @variants
 def test_extreme_rewards_and_survivals(make):
     """Weights must stay above 0 and finite: an ant that cannot draw would leave the graph."""

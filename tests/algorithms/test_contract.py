@@ -28,6 +28,8 @@ from tests.examples import examples
 from tests.strategies import lengths, small_missions
 from tests.twins import all_objectives, within
 
+pytestmark = pytest.mark.slow
+
 # Those of this package; other packages' are theirs to test.
 NAMES = (
     "bo-aco",

@@ -172,6 +172,7 @@ RULE = {
 N_STEPS, N_TIMES = 3, 12_000
 
 
+@pytest.mark.slow
 @pytest.mark.compiled_only
 @pytest.mark.parametrize("every_robot", [False, True])
 @pytest.mark.parametrize("cooling", [1.0, 0.3])

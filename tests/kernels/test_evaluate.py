@@ -157,6 +157,7 @@ def test_a_batch_is_its_plans_one_by_one(mission, data):
         assert mission.evaluate([plan])[0].tobytes() == row.tobytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12))
 @pytest.mark.parametrize("name", ["random", "two_communities"])
 def test_simulated_means_agree(name, seed):

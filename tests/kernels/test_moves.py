@@ -207,6 +207,7 @@ def move(graph, scratch, nodes, length, kind, states):
     return moves.move_trail(graph, scratch, nodes, length, kind, states)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_one_move_has_the_outcomes_of_the_twin(kind):
     mission = crossroads()
@@ -233,6 +234,7 @@ def test_one_move_has_the_outcomes_of_the_twin(kind):
     assert makeable >= 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("weights", [PUBLISHED, np.array([1, 0, 0.5, 2, 1, 1, 0, 3.0])])
 @pytest.mark.parametrize("trail", TRAILS)
 def test_moves_are_drawn_again_until_one_can_be_made(trail, weights):

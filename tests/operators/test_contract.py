@@ -32,6 +32,8 @@ from botohe_moo.trails import PlanBatch
 from tests.examples import examples
 from tests.strategies import lengths, missions, plans
 
+pytestmark = pytest.mark.slow
+
 SAMPLINGS = {
     "random": RandomTrailSampling,
     "guided": GuidedTrailSampling,

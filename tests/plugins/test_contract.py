@@ -15,6 +15,8 @@ from botohe_moo.algorithms.registry import algorithm_faults, algorithm_parameter
 from botohe_moo.cli.app import app
 from botohe_moo.mission.library import mission_faults, mission_parameters
 
+pytestmark = pytest.mark.slow
+
 OURS = distribution("botohe-moo").entry_points
 ALGORITHMS = sorted(OURS.select(group="botohe_moo.algorithms").names)
 GENERATORS = ["complete", "random", "terrain", "two_communities"]

@@ -219,6 +219,7 @@ def test_every_plan_of_every_call_keeps_floor_and_budget(museum, rule, floor, bu
         assert reached > budget / 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rule", [{}, {"p_refill": 0.0}, REFILLING])
 @pytest.mark.parametrize(
     ("budget", "floor", "expected"),
@@ -330,6 +331,7 @@ def test_nothing_is_dangerous(reward):
     assert longest_and_least(search)[0].max() <= 4.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("limits", [{}, {"max_length": 5.0}, {"min_survival": 1e-310}])
 @pytest.mark.parametrize("survival", [1e-300, 1e-150, 5e-324])
 def test_hardly_anybody_survives(survival, limits):

@@ -28,6 +28,7 @@ def test_conforms(algorithm):
     assert [each for each in check_algorithm(algorithm) if each.status != "passed"] == []
 
 
+@pytest.mark.slow
 @parametrize_with_checks([broken.Walks])
 def test_each_rule_is_a_test(check):
     check()
@@ -59,6 +60,7 @@ BROKEN = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("algorithm", BROKEN, ids=lambda algorithm: algorithm.__name__)
 def test_each_fails_for_its_reason_and_for_no_other(algorithm):
     said, *rules = BROKEN[algorithm]
