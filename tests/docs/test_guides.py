@@ -29,7 +29,7 @@ def runs(page):
     return any(language in ("python", "console") for language, _ in blocks(page))
 
 
-@pytest.mark.parametrize("page", filter(runs, PAGES), ids=lambda path: path.stem)
+@pytest.mark.parametrize("page", [*filter(runs, PAGES)], ids=lambda path: path.stem)
 def test_guides_run(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with plt.rc_context():  # some set a theme

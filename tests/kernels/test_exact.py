@@ -218,6 +218,14 @@ class TestTrails:
         # At base, at either end, and back at base with one end left to see.
         assert search.n_labels == 5
 
+    def test_the_other_way_round_is_no_better(self):
+        """On a ring only direction and how far to go matter; going round twice is not possible."""
+        graph = nx.cycle_graph(4, nx.DiGraph)
+        nx.set_node_attributes(graph, 1.0, "reward")
+        nx.set_edge_attributes(graph, 0.5, "survival")
+        found = found_trails(search_for(Mission(graph, base=0, robots=2)))
+        assert found.tolist() == [[0, 0, 0, 1], [0.5, 0.25, 0.125, 0.0625]]
+
 
 class TestChains:
     def test_they_are_made_again_with_more_room(self):
@@ -364,4 +372,5 @@ class TestTeams:
         every = np.array(list(every_team(*pool)))
         best = every[every[:, 1] >= least * (1 - 1e-11), 0].max(initial=height)
         strict = every[every[:, 1] >= least, 0].max(initial=height)
-        assert strict * (1 - 1e-12) <= best_reward(front, inf) <= best * (1 + 1e-12)
+        rounded = 1e-15 * reward.sum()  # 1 − (1 − p) for a small p
+        assert strict * (1 - 1e-12) <= best_reward(front, inf) <= best * (1 + 1e-12) + rounded

@@ -49,7 +49,7 @@ def outcome(search):
         serials.tolist(),
         search.tally.tolist(),
         search._states.tolist(),
-        search._memory.item(),
+        search._memory[0].item(),
         int(search._store.trails["n_users"].sum()),
     )
 

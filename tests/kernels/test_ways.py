@@ -110,3 +110,14 @@ def test_ways_that_are_remembered_may_go_round_in_circles():
     assert leads_home(graph, scratch, used, TRAIL, 1)  # by the node whose way is known by now
     used[there] = TRAIL
     assert not leads_home(graph, scratch, used, TRAIL, 1)
+
+
+def test_what_is_known_of_a_trail_ends_with_it():
+    """Of two trails of one number the first one finds a node from which none leads home."""
+    graph = two_nodes()
+    scratch, used = paths.new_paths(graph), np.zeros(graph.n_arcs, np.int64)
+    used[find_arc(graph, 1, 0)] = used[find_arc(graph, 2, 0)] = TRAIL
+    assert not survives_home(graph, scratch, used, TRAIL, 1, 0.9, 0.0)
+    used[:] = 0
+    end_trail(scratch)
+    assert survives_home(graph, scratch, used, TRAIL, 1, 0.9, 0.0)

@@ -70,6 +70,12 @@ class TestTruth:
         if longest is not None:
             assert (mission.trail_lengths(plans) <= longest * (1 + 1e-12)).all()
 
+    @examples(40)
+    @given(small_missions(max_robots=1, max_trails=1000))
+    def test_it_equals_enumeration_for_one_robot(self, case):
+        mission, trails = case
+        assert_is_front(mission, exact_front(mission), all_objectives(mission, trails))
+
     def test_two_robots_and_two_spurs(self):
         """4 behind survival 0.9, 3 behind 0.5, each way; counted by hand.
 

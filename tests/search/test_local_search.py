@@ -344,3 +344,15 @@ def test_hardly_anybody_survives(survival, limits):
     assert search.run(3_000) == 3_000
     check(search)
     assert search.objectives()[-1].tolist() == [1.0, 2.0]
+
+
+def test_a_pickled_search_starts_again_as_the_other(museum):
+    search = started(museum)
+    search.run(60)
+    other = pickle.loads(pickle.dumps(search))
+    home = PlanBatch.from_plans([museum.stay_home()], museum.robots)
+    for each in (search, other):
+        each.restart()
+        each.admit(home)
+        each.run(60)
+    assert same(search, other)

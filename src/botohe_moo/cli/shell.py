@@ -1,5 +1,6 @@
 """Messages and exit statuses of commands."""
 
+import errno
 import gc
 import logging
 import os
@@ -7,8 +8,8 @@ import re
 import sys
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
-from typing import NoReturn
+from contextlib import contextmanager
+from typing import NoReturn, TextIO
 
 import typer
 
@@ -60,14 +61,23 @@ def tell(message: object) -> None:
     """Print a result on standard output, as long as somebody reads it."""
     try:
         typer.echo(harmless(message))
-    except BrokenPipeError:  # `| head` must not lose a search
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except OSError as error:  # `| head` and a closed terminal must not lose a search
+        if error.errno not in (errno.EPIPE, errno.EIO):
+            raise
+        _drop(sys.stdout)
 
 
 def say(message: object) -> None:
     """Print a message on standard error, if it is still open."""
-    with suppress(OSError):
+    try:
         typer.echo(harmless(f"botohe: {message}"), err=True)
+    except OSError:
+        _drop(sys.stderr)
+
+
+def _drop(stream: TextIO) -> None:
+    """Drop what is written from now on, or the interpreter would end with status 120."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def fail(message: object, status: int = BAD_INPUT) -> NoReturn:

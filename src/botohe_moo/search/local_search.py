@@ -79,7 +79,7 @@ class LocalSearch:
         self._work = new_workspace(
             graph,
             self.mission.robots,
-            memory=self._memory,
+            memory=self._memory[0],
             tally=self.tally,
             states=self._states,
             weights=self._weights,
@@ -87,7 +87,8 @@ class LocalSearch:
 
     def restart(self) -> None:
         """Forget all plans, but not the random numbers."""
-        self._memory.newest, self._memory.idle = -1.0, 0
+        memory = self._memory[0]
+        memory.newest, memory.idle = -1.0, 0
         self._front = new_front(*self._front.plan.shape)
         store = self._store
         self._store = new_store(len(store.trails), len(store.arc), len(store.node))

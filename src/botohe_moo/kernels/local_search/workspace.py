@@ -168,9 +168,12 @@ class Workspace(NamedTuple):
     worth: FloatArray
 
 
-def new_memory() -> Record:
-    """Give the memory of a search that has not begun."""
-    memory: Record = np.zeros(1, _MEMORY).view(np.recarray)[0]
+def new_memory() -> RecordArray:
+    """Return the memory of a search that has not begun, as an array of one record.
+
+    A record alone would not do: numpy writes to a copy of one that was unpickled.
+    """
+    memory = np.zeros(1, _MEMORY).view(np.recarray)
     memory.newest = -1.0
     return memory
 
