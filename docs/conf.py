@@ -42,7 +42,6 @@ nitpick_ignore_regex = [
 ]
 numpydoc_show_class_members = False
 numpydoc_attributes_as_param_list = True
-numpydoc_validation_checks = {"PR02"}  # parameters that no longer exist
 
 smartquotes = False  # --robots is an option, and no dash
 

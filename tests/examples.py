@@ -1,6 +1,7 @@
-"""How many examples property tests draw: half of those they state, forty times as many at length.
+"""How many examples property tests draw, as a share of those that they state.
 
-``make test-long`` sets BOTOHE_EXAMPLES, the share of them. Each run draws others.
+BOTOHE_EXAMPLES sets it: a tenth in ``make test``, half in ``make test-all``, which draw the same
+ones each time, and twenty times as many in ``make test-long``, which draws others each time.
 """
 
 import os

@@ -578,6 +578,7 @@ class TestBadOptions:
                 ],
             ),
             (["-p", "sampling=3"], ["sampling can be given from Python only"]),
+            (["--out", ""], ["'--out'", "expected a path, got an empty text"]),
             (["-p", "n_ants"], ["Expected a parameter as NAME=VALUE, got 'n_ants'."]),
             (["-p", "n_ants=1", "-p", "n_ants=1"], ["each parameter once, got 'n_ants' twice"]),
             (["-p", "n_ants=[1"], ["a number, true, false or text for 'n_ants', got '[1'"]),

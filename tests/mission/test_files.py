@@ -162,6 +162,10 @@ class TestJSON:
             (b'{"a": "\xff"}', "expected text in UTF-8, found the byte 0xff at position 7"),
             ('{\n "directed": tru', "line 2, column 14: expected JSON"),
             ("[]", "expected node-link data, a JSON object, got []"),
+            (
+                '{"graph": {"base": 1, "base": 2}}',
+                "expected each key once in an object, found 'base'",
+            ),
             ('{"nodes": %s}' % ("9" * 5000), "expected JSON of numbers in range"),
             ("[" * 100_000, "nested too deeply"),
             (content(directed=False), "expected directed arcs"),

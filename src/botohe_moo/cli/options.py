@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from contextlib import suppress
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -9,7 +10,14 @@ import typer
 
 def out_option(metavar: str, help: str) -> Any:  # noqa: A002
     """Make an option for what is written."""
-    return typer.Option("--out", "-o", metavar=metavar, help=help)
+    return typer.Option("--out", "-o", metavar=metavar, help=help, parser=_path)
+
+
+def _path(text: str) -> Path:
+    """Return a path; an empty text, which a variable that is not set leaves, is refused."""
+    if not text:
+        raise typer.BadParameter("expected a path, got an empty text")
+    return Path(text)
 
 
 MissionArgument = Annotated[

@@ -34,7 +34,7 @@ N_REFILLS = 4
 P_PAIR = 0.7
 # Unless the search is busy, with what probability the children are the steps of a walk instead,
 # how many steps it has for each node, and which share of a plan's value its first step may lose.
-P_WALK, N_WALK, THRESHOLD = 0.08, 8, 0.05
+P_WALK, N_WALK, THRESHOLD = 0.03, 8, 0.05
 
 
 @kernel

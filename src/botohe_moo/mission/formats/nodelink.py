@@ -31,7 +31,9 @@ def read_node_link(data: bytes, /) -> nx.Graph[Any]:
     """
     text = decode(data)
     try:
-        content = json.loads(text)
+        content = json.loads(text, object_pairs_hook=_object)
+    except MissionError:
+        raise
     except json.JSONDecodeError as error:
         where = f"line {error.lineno}, column {error.colno}"
         raise MissionError(f"{where}: expected JSON, found: {error.msg}") from None
@@ -52,6 +54,16 @@ def read_node_link(data: bytes, /) -> nx.Graph[Any]:
     if "base" in own:
         own["base"] = read_label(own["base"])
     return graph_of(own, nodes, arcs)
+
+
+def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return an object of JSON, which has each key once."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        keys = [key for key, _ in pairs]
+        again = next(key for key in keys if keys.count(key) > 1)
+        raise MissionError(f"expected each key once in an object, found {quoted(again)} again")
+    return found
 
 
 def decode(data: bytes, remedy: str = "") -> str:

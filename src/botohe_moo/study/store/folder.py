@@ -3,6 +3,7 @@
 import contextlib
 import errno
 import os
+import warnings
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -109,13 +110,20 @@ class StudyFolder:
         return self.path / part / f"{run.digest}.npz"
 
     def bound(self, mission: StudyMission) -> tuple[FrontBound, float] | None:
-        """Read the bound of a mission that was allowed the most seconds, and how many they were."""
+        """Read the bound of a mission that was allowed the most seconds, and how many they were.
+
+        A file that is damaged counts as not there, and a warning names it.
+        """
         found = (self.path / BOUNDS).glob(f"{mission.bound_digest}-*.json")
         allowed = {float(path.stem.partition("-")[2]): path for path in found}
         if not allowed:
             return None
         seconds = max(allowed)
-        return FrontBound.load(allowed[seconds], mission.mission), seconds
+        try:
+            return FrontBound.load(allowed[seconds], mission.mission), seconds
+        except ValueError:
+            warnings.warn(f"{allowed[seconds]}: damaged, and left out.", stacklevel=2)
+            return None
 
     def save_bound(self, mission: StudyMission, bound: FrontBound, seconds: float) -> None:
         """Write the bound of a mission that was allowed that many seconds."""

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from pydantic import TypeAdapter
+from pydantic import TypeAdapter, ValidationError
 
 from botohe_moo._base.checks import nearest_first
 from botohe_moo._base.files import read_bytes
@@ -57,6 +57,11 @@ def restore_study(folder: Path) -> Study:
         for mission in kept["missions"]:
             mission["mission"] = read_mission(folder / "missions" / f"{mission['digest']}.json")
         return _STUDY.validate_python(kept)
+    except ValidationError:
+        raise StudyError(
+            f"{folder / MANIFEST}: written by another version; `botohe study run` with the study's "
+            "file takes its runs over."
+        ) from None
     except (OSError, ValueError, LookupError, TypeError) as error:
         raise _unreadable(folder / MANIFEST, error) from error
 
