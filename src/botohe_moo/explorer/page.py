@@ -19,7 +19,6 @@ from botohe_moo._base.files import check_parent, replace_file
 from botohe_moo.decide import Choice
 from botohe_moo.decide.wishes import Wish
 from botohe_moo.explorer.data import Front, page_data
-from botohe_moo.explorer.labels import visible
 
 SCRIPTS = ("data", "state", "front", "map", "tables", "files", "main")
 _HEIGHT = 900  # pixels of a frame in a notebook
@@ -117,8 +116,7 @@ def render(title: str, data: Mapping[str, Any]) -> str:
     )
     script = own_script()
     return environment.get_template("page.html.j2").render(
-        # Half of a surrogate pair, which JSON may hold, cannot be written as UTF-8.
-        title=visible(title.encode("utf-16", "surrogatepass").decode("utf-16", "replace")),
+        title=title,
         policy=_policy([library, script], style),
         style=style,
         library=library,
