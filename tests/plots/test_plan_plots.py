@@ -23,7 +23,7 @@ from botohe_moo.plots import (
     save_plot,
 )
 from botohe_moo.plots.draw.places import node_positions
-from botohe_moo.plots.draw.style import reach_palette
+from botohe_moo.plots.draw.style import REACH
 from botohe_moo.plots.draw.trails import robot_styles
 from tests.examples import examples
 from tests.plots.test_plots import (
@@ -152,7 +152,7 @@ class TestPlan:
         mission = load("art_museum")
         plan = mission.plan(MUSEUM_TRAILS)
         team, *own = maps_of(plot_plan(mission, plan))
-        palette = reach_palette()
+        palette = REACH
         missed = defaultdict(lambda: 1.0)
         for ax, trail in zip(own, plan.trails, strict=False):
             reach = reach_of(mission, trail)

@@ -29,9 +29,8 @@ from botohe_moo.plots import (
 )
 from botohe_moo.plots.draw.algorithms import log_axis, plain_number
 from botohe_moo.plots.study.attainment import attainment_difference, attainment_surface
-from botohe_moo.plots.study.curves import progress
-from botohe_moo.plots.study.ranks import overruled
-from botohe_moo.plots.study.reached import first_reached
+from botohe_moo.plots.study.comparisons import overruled
+from botohe_moo.plots.study.curves import first_reached, progress
 from tests.examples import examples
 
 
@@ -171,11 +170,10 @@ class TestProgress:
     @pytest.mark.parametrize(
         ("change", "options", "message"),
         [
-            ({}, {"x": "hours"}, "Expected x to be evaluations or seconds, got 'hours'"),
+            ({}, {"x": "hours"}, "Expected x among seconds, evaluations, got 'hours'"),
             ({"epsilon": np.nan}, {"value": "epsilon"}, "at least one row of trace, got none"),
-            ({}, {"algorithms": ["a"]}, "an algorithm of trace, got 'a'; known are A, B"),
+            ({}, {"algorithms": ["a"]}, "an algorithm of trace among A, B, got 'a'"),
             ({"mission": list("xxxxxy")}, {}, "trace of one mission, got 'x', 'y'"),
-            ({"evaluations": -1}, {}, r"evaluations in \[0, inf\), got -1"),
             ({}, {"bound": 0.5, "value": "igd_plus"}, "no bound, which is of areas, with igd_plus"),
         ],
     )

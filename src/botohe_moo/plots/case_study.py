@@ -16,13 +16,12 @@ from botohe_moo.decide import representatives
 from botohe_moo.decide.fronts import check_row
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.plots.draw.canvas import frame_of, open_axes
+from botohe_moo.plots.draw.maps import add_reach_bar
 from botohe_moo.plots.draw.places import node_positions
-from botohe_moo.plots.draw.sheets import add_reach_bar
 from botohe_moo.plots.draw.style import theme
-from botohe_moo.plots.draw.titles import title_above
+from botohe_moo.plots.draw.texts import title_above
 from botohe_moo.plots.front import plot_front
-from botohe_moo.plots.mission import plot_mission
-from botohe_moo.plots.pheromone import Kind, plot_pheromone
+from botohe_moo.plots.mission import Kind, plot_mission, plot_pheromone
 from botohe_moo.plots.plan import PlanOnMap
 from botohe_moo.plots.study.curves import plot_curves
 from botohe_moo.trails import Plans, TrailPlan

@@ -6,20 +6,21 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import moocore
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from botohe_moo._base.checks import quoted
 from botohe_moo._base.types import FloatArray
 from botohe_moo._base.words import counted
-from botohe_moo.decide.fronts import check_objectives
+from botohe_moo.decide.fronts import check_objectives, check_row, front_rows
+from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.digest import numbers_digest
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.plots.draw.space import Space
 from botohe_moo.plots.draw.style import INK, MARKERS, MUTED, colours, new_axes, theme, tint
-from botohe_moo.plots.draw.titles import title_above
+from botohe_moo.plots.draw.texts import Space, title_above
 
 if TYPE_CHECKING:
     from botohe_moo.search.bounds import FrontBound
@@ -89,7 +90,7 @@ def plot_front(
         mission = _mission_of(bound, mission)
         bound.check("objectives", points)
     corners = staircase(points)
-    summary = front_summary(points, corners, mission)
+    summary = front_summary(points, mission)
     with theme():
         if ax is None:
             ax = new_axes(7.2, 5.2)
@@ -116,7 +117,7 @@ def staircase(objectives: FloatArray) -> FloatArray:
     >>> staircase(np.array([[1.0, 2.0], [3.0, 1.0], [1.0, 1.0]])).tolist()
     [[0.0, 2.0], [1.0, 2.0], [1.0, 1.0], [3.0, 1.0], [3.0, 0.0], [0.0, 0.0]]
     """
-    front = np.unique(objectives[~_dominated(objectives)], axis=0)
+    front = objectives[front_rows(objectives)[::-1]]
     if not len(front):
         return np.empty((0, 2))
     reward, survivors = front.T
@@ -143,41 +144,29 @@ def _rows(
     highlight: int | Sequence[int] | Mapping[int, str] | None, n_plans: int
 ) -> dict[int, str]:
     """Return the rows to mark, with their texts."""
-    names: Mapping[int, str] = highlight if isinstance(highlight, Mapping) else {}
-    given: Any = highlight
-    if highlight is None or isinstance(highlight, Mapping):
-        given = list(names)
-    rows = np.atleast_1d(given).tolist()
-    for row in rows:
-        if type(row) is not int or not 0 <= row < n_plans:
-            raise ValueError(f"Expected highlight among the {n_plans} rows from 0, got {row!r}.")
-    return {row: f"plan {row}: {names[row]}" if row in names else f"plan {row}" for row in rows}
+    names: Any = highlight
+    if not isinstance(highlight, Mapping):
+        rows = [] if highlight is None else np.atleast_1d(highlight).tolist()
+        names = dict.fromkeys(rows, "")
+    for row in names:
+        check_row("highlight", row, n_plans)
+    return {row: f"plan {row}: {name}" if name else f"plan {row}" for row, name in names.items()}
 
 
-def _dominated(points: FloatArray) -> NDArray[np.bool_]:
-    """Return which rows another one exceeds in one objective and matches in the other."""
-    import moocore  # late: the other pictures of a mission do without it
-
-    return ~np.asarray(moocore.is_nondominated(points, maximise=True, keep_weakly=True))
-
-
-def front_summary(points: FloatArray, corners: FloatArray, mission: Mission | None) -> str:
+def front_summary(points: FloatArray, mission: Mission | None) -> str:
     """Write the area that plans dominate, and their number."""
-    plans = counted(len(points), "plan")
-    if mission is None:
-        widths = np.diff(corners[1:-1:2, 0], prepend=0.0)
-        return f"area {float(widths @ corners[1:-1:2, 1]):.3g}, {plans}"
-    # Late, because drawing needs none of what measuring imports.
-    from botohe_moo.indicators import area_indicator
-
-    return f"area {area_indicator(points, mission):.4f}, {plans}"
+    if mission is not None:
+        area = f"{area_indicator(points, mission):.4f}"
+    else:
+        area = f"{moocore.hypervolume(points, ref=[0, 0], maximise=True) if len(points) else 0:.3g}"
+    return f"area {area}, {counted(len(points), 'plan')}"
 
 
 def _draw(ax: Axes, points: FloatArray, corners: FloatArray, drawn: int, label: str | None) -> None:
     colour, marker = colours(drawn + 1)[-1], MARKERS[drawn % len(MARKERS)]
     ax.fill(*corners.T, facecolor=colour, alpha=0.16, linewidth=0, zorder=1, label="_area")
     ax.plot(*corners[:-1].T, color=colour, linewidth=1.0, zorder=2, label=_STAIRS)
-    dominated = _dominated(points)
+    dominated = ~np.asarray(moocore.is_nondominated(points, maximise=True, keep_weakly=True))
     crowded = len(points) > _CROWD
     style: dict[str, Any] = {
         "marker": marker,

@@ -89,7 +89,9 @@ def plot_outcomes(
     colour = palette_of(map(str, names), palette)
     bars: list[dict[str, Any]] = []
     with theme():
-        left, right = _two_axes() if axes is None else axes
+        if axes is None:
+            _, axes = plt.subplots(1, 2, figsize=(10.0, 4.6), layout="constrained")
+        left, right = axes
         for i, (name, own) in enumerate(colour.items()):
             reward, alive = (judged.distribution(what, i) for what in ("reward", "survivors"))
             expected = f"E[R] = {reward.mean:.2f}, E[S] = {alive.mean:.2f}"
@@ -138,10 +140,4 @@ def plot_outcomes(
         right.grid(visible=False, axis="x")
         left.legend(loc="upper left", bbox_to_anchor=(0.0, -0.16))
         left.set_title(mission.title if title is None else title)
-    return left, right
-
-
-def _two_axes() -> tuple[Axes, Axes]:
-    """Open a figure with two axes beside each other."""
-    _, (left, right) = plt.subplots(1, 2, figsize=(10.0, 4.6), layout="constrained")
     return left, right

@@ -10,14 +10,16 @@ from matplotlib.axes import Axes
 
 from botohe_moo.indicators import INDICATORS, area_indicator, further_indicators
 from botohe_moo.plots.draw.style import palette_of, save_plot
-from botohe_moo.plots.study.areas import plot_areas
-from botohe_moo.plots.study.attainment import plot_attainment
-from botohe_moo.plots.study.curves import NAMES, Progress, plot_curves
-from botohe_moo.plots.study.difference import plot_attainment_difference
+from botohe_moo.plots.study.attainment import plot_attainment, plot_attainment_difference
+from botohe_moo.plots.study.comparisons import (
+    overruled,
+    plot_areas,
+    plot_heat,
+    plot_ranks,
+    two_parameter_grids,
+)
+from botohe_moo.plots.study.curves import NAMES, Progress, plot_curves, plot_reached
 from botohe_moo.plots.study.fronts import plot_fronts
-from botohe_moo.plots.study.heat import plot_heat, two_parameter_grids
-from botohe_moo.plots.study.ranks import overruled, plot_ranks
-from botohe_moo.plots.study.reached import plot_reached
 from botohe_moo.study.report.page import ReportFigure
 from botohe_moo.study.report.words import level, main_indicator, slug
 from botohe_moo.study.store.tables import StudyTables
