@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from botohe_moo import load_mission
 from botohe_moo.study.report import pictures
-from botohe_moo.study.report.folder import write_report
+from botohe_moo.study.report.page import write_report
 from botohe_moo.study.report.pictures import FORMATS, rivals
 from botohe_moo.study.report.words import (
     budget_words,

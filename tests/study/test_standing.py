@@ -9,9 +9,10 @@ from botohe_moo.study import read_study
 from botohe_moo.study.file.loading import load_study
 from botohe_moo.study.judge.collect import collect_tables
 from botohe_moo.study.report.latex import summary_latex
-from botohe_moo.study.report.page import ReportFigure, render_page
-from botohe_moo.study.report.standing import matrix, matrix_caption
-from botohe_moo.study.report.words import distinct, significant
+from botohe_moo.study.report.page import render_page
+from botohe_moo.study.report.pictures import ReportFigure
+from botohe_moo.study.report.text_tables import matrix
+from botohe_moo.study.report.words import distinct, matrix_caption, significant
 from botohe_moo.study.store.folder import StudyFolder
 from tests.study.test_collect import outcome_of
 from tests.study.test_report import checked
