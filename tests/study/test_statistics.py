@@ -14,10 +14,11 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from botohe_moo.indicators import INDICATORS, TIE
-from botohe_moo.study.judge.comparisons import compare_algorithms, effect_size
-from botohe_moo.study.judge.ranks import (
+from botohe_moo.study.judge.comparisons import (
     MIN_BLOCKS,
+    compare_algorithms,
     compare_ranks,
+    effect_size,
     nemenyi,
     rank_algorithms,
 )

@@ -7,13 +7,17 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 
 from botohe_moo._base.types import FloatArray
 from botohe_moo.indicators import TIE
 from botohe_moo.search.bounds import FrontBound
 from botohe_moo.study.file.model import Run, Study, StudyError
-from botohe_moo.study.judge.comparisons import compare_algorithms
-from botohe_moo.study.judge.ranks import compare_ranks, rank_algorithms
+from botohe_moo.study.judge.comparisons import (
+    compare_algorithms,
+    compare_ranks,
+    rank_algorithms,
+)
 from botohe_moo.study.judge.scores import reference_fronts, score_records, score_runs
 from botohe_moo.study.judge.summary import (
     algorithm_table,
@@ -27,7 +31,7 @@ from botohe_moo.study.run.task import Outcome
 from botohe_moo.study.store.folder import StudyFolder, writing
 from botohe_moo.study.store.run_files import outcome_fields
 from botohe_moo.study.store.schemas import SCHEMAS
-from botohe_moo.study.store.tables import write_tables
+from botohe_moo.study.store.tables import to_arrow, write_tables
 
 
 def collect_tables(study: Study, folder: StudyFolder, made_from: str = "") -> None:
@@ -203,14 +207,6 @@ def _with_points(frame: pd.DataFrame, fronts: Sequence[FloatArray]) -> pd.DataFr
 
 def _typed(name: str, frame: pd.DataFrame) -> pd.DataFrame:
     """Put columns in order, and give them the types of the schema."""
-    text = pd.Series(["text"]).dtype  # str, or object before pandas 3, whose str is never missing
-    dtypes = {"int64": "int64", "double": "float64", "string": text, "bool": "bool"}
-    ordered: pd.DataFrame = frame[SCHEMAS[name].names]
-    return ordered.astype(
-        {
-            field.name: "Int64"
-            if field.nullable and str(field.type) == "int64"
-            else dtypes[str(field.type)]
-            for field in SCHEMAS[name]
-        }
-    )
+    counts = [field.name for field in SCHEMAS[name] if field.nullable and field.type == pa.int64()]
+    table: pd.DataFrame = to_arrow(name, frame).to_pandas(integer_object_nulls=True)
+    return table.astype(dict.fromkeys(counts, "Int64"))
