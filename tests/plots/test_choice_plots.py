@@ -136,13 +136,6 @@ class TestChoices:
             assert sign.get_xydata().tolist() == [[mark.reward, mark.survivors]]
         assert words(ax).endswith("numbered: the knee, and 2 representatives")
 
-    def test_wrong_arguments_are_named(self):
-        mission, plans = toy_plans()
-        with pytest.raises(TypeError, match="Expected a Mission, got 'toy'"):
-            plot_choices("toy", plans)
-        with pytest.raises(ValueError, match="Expected at least one plan, got none"):
-            plot_choices(mission, [])
-
 
 def trace():
     rows = [("A", 1, n, area) for n, area in ((10, 0.2), (100, 0.4))]

@@ -15,7 +15,6 @@ from hypothesis import given
 from matplotlib.text import Text
 
 from botohe_moo import Mission, load_mission
-from botohe_moo.mission import PlanError
 from botohe_moo.plots import (
     plot_choices,
     plot_mission,
@@ -249,15 +248,6 @@ class TestPlan:
             if not re.search("no room|small", map_name(ax)):
                 assert visits_drawn(mission, ax) == visits_of(trail)
         plt.close("all")
-
-    def test_wrong_arguments_are_named(self):
-        mission = load("toy")
-        with pytest.raises(TypeError, match="Expected a Mission, got 'toy'"):
-            plot_plan("toy", mission.stay_home())
-        with pytest.raises(TypeError, match=r"expected a TrailPlan, got \[\[1\], \[1\]\]"):
-            plot_plan(mission, [[1], [1]])
-        with pytest.raises(PlanError, match="expected 3 trails, got 2"):
-            plot_plan(load("art_museum"), mission.stay_home())
 
 
 def tour(mission, most=math.inf):
