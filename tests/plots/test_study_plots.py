@@ -285,8 +285,9 @@ class TestPlotAreas:
         assert by_row == {0: [0.1, 0.2, 0.3], 1: [0.5], 2: [0.0, 0.4]}
         medians = next(line for line in ax.lines if line.get_marker() == "d")
         assert medians.get_xdata() == pytest.approx([0.2, 0.5, 0.2])
-        ends = [line.get_xdata().tolist() for line in ax.lines if line is not medians]
-        assert ends == [[0.1, 0.3], [0.5, 0.5], [0, 0.4]]
+        (bars,) = of_kind(ax, LineCollection)
+        ends = [bar[:, 0].tolist() for bar in bars.get_segments()]
+        assert ends == [pytest.approx(pair) for pair in ([0.1, 0.3], [0.5, 0.5], [0, 0.4])]
         assert [label.get_text() for label in ax.get_yticklabels()] == ["A", "B", "C"]
         assert ax.get_ylim()[0] > ax.get_ylim()[1]  # the first is on top
         assert ax.get_title(loc="left") == "A site"

@@ -132,12 +132,14 @@ def _mission_of(bound: FrontBound, mission: Mission | None) -> Mission:
 
     if not isinstance(bound, FrontBound):
         raise TypeError(f"Expected bound to be a FrontBound, got {quoted(bound)}.")
-    own = bound.mission
-    if mission is None or numbers_digest(check_mission(mission)) == numbers_digest(own):
-        return own if mission is None else mission
-    expected = f"a bound of the mission {mission.name!r} with {counted(mission.robots, 'robot')}"
-    found = f"{own.name!r} with {counted(own.robots, 'robot')}"
-    raise ValueError(f"Expected {expected}, got one of another mission, {found}.")
+    if mission is None:
+        return bound.mission
+    if numbers_digest(check_mission(mission)) != numbers_digest(bound.mission):
+        wanted, found = (
+            f"{one.name!r} with {counted(one.robots, 'robot')}" for one in (mission, bound.mission)
+        )
+        raise ValueError(f"Expected a bound of the mission {wanted}, got one of {found}.")
+    return mission
 
 
 def _rows(

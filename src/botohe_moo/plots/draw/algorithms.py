@@ -86,7 +86,7 @@ def axes_of(labels: Sequence[str], ax: Axes | None) -> dict[str, Axes]:
         own.tick_params(labelsize="x-small")
     for empty in grid.flat[len(labels) :]:
         empty.set_visible(False)
-    for own in grid[-2, len(labels) % _COLUMNS or _COLUMNS :] if n_rows > 1 else ():
+    for own in grid[-2, len(labels) % _COLUMNS or _COLUMNS :]:
         own.xaxis.set_tick_params(labelbottom=True)
     return panels
 

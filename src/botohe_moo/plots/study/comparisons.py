@@ -75,9 +75,7 @@ def plot_areas(
     # Spread by number: stripplot's jitter would come from numpy's global generator.
     spread = rows.groupby("algorithm").cumcount() * _GOLDEN % 1 - 0.5
     rows = rows.assign(row=row + 0.1 + 0.4 * spread, is_done=rows["status"] == "done")
-    # The median of the three is the median, and their range the interval; above the runs.
-    medians = summary[["algorithm", *interval]].melt("algorithm", value_name="area")
-    medians["row"] = medians["algorithm"].map({label: i - 0.32 for i, label in enumerate(labels)})
+    median, low, high = summary.set_index("algorithm").loc[labels, interval].to_numpy(float).T
     with theme():
         ax = ax or new_axes(7.5, 0.9 + 0.4 * max(len(labels), 2))
         sns.scatterplot(
@@ -93,20 +91,15 @@ def plot_areas(
             clip_on=False,
             ax=ax,
         )
-        sns.pointplot(
-            medians,
-            x="area",
-            y="row",
-            estimator="median",
-            errorbar=("pi", 100),
-            orient="y",
-            native_scale=True,
-            linestyle="none",
+        ax.errorbar(
+            median,
+            np.arange(len(labels)) - 0.32,  # above the runs
+            xerr=[median - low, high - median],
+            fmt="d",
             color=INK,
-            marker="d",
             markersize=6,
-            err_kws={"linewidth": 1.5},
-            ax=ax,
+            elinewidth=1.5,
+            zorder=3,
         )
         ax.set_ylim(len(labels) - 0.5, -0.7)
         ax.tick_params(axis="y", length=0)
@@ -114,8 +107,8 @@ def plot_areas(
         ax.set(xlabel="area of the final front (normalised hypervolume)", ylabel="")
         ax.set_title(title or "")
         if bound is not None:
-            low, high = ax.get_xlim()
-            ax.set_xlim(low, draw_bound([ax], bound, low, high, "x"))
+            left, right = ax.get_xlim()
+            ax.set_xlim(left, draw_bound([ax], bound, left, right, "x"))
             add_legend_beside(ax)
     return ax
 
