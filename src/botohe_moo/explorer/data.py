@@ -193,23 +193,21 @@ def _plans(candidates: Candidates, rows: Sequence[int]) -> dict[str, Any]:
         ],
         "rewards_in": [bin_codes(found, edges) for found in rewards],
         "bins": [f"{low:g} to {high:g}" for low, high in pairwise(edges.tolist())],
-        "facts": _facts(rewards, total),
+        "facts": {
+            "Reward reached in 9 of 10 missions": number_texts(map(_safe, rewards), total),
+            "Median reward": number_texts((r.quantile(0.5) for r in rewards), total),
+            "Mean of the lowest tenth of rewards": number_texts(
+                (r.cvar(0.1) for r in rewards), total
+            ),
+        },
         "simulated": [not found.exact for found in rewards],
         "n_samples": f"{N_SAMPLES:,}",
     }
 
 
-def _facts(rewards: Sequence[Distribution], total: float) -> dict[str, list[str]]:
-    return {
-        "Reward reached in 9 of 10 missions": number_texts((_safe(r, 0.9) for r in rewards), total),
-        "Median reward": number_texts((r.quantile(0.5) for r in rewards), total),
-        "Mean of the lowest tenth of rewards": number_texts((r.cvar(0.1) for r in rewards), total),
-    }
-
-
-def _safe(rewards: Distribution, probability: float) -> float:
-    """Return the largest reward that is reached with at least a probability."""
-    reached = rewards.at_least(rewards.values) >= probability - 1e-9
+def _safe(rewards: Distribution) -> float:
+    """Return the largest reward that is reached in at least nine of ten missions."""
+    reached = rewards.at_least(rewards.values) >= 0.9 - 1e-9
     return float(rewards.values[reached][-1])
 
 

@@ -97,7 +97,7 @@ def plot_front(
         drawn = sum(line.get_label() == _STAIRS for line in ax.lines)
         _draw(ax, points, corners, drawn, f"{label}: {summary}" if label else None)
         if bound is not None:
-            _draw_open(ax, corners, bound, _open_words(bound, points, label))
+            _draw_open(ax, corners, bound, bound.gap(points), label)
         if label or bound is not None:
             ax.legend(loc="upper right", framealpha=0.9)
         _dress(ax, mission)
@@ -184,21 +184,18 @@ def _draw(ax: Axes, points: FloatArray, corners: FloatArray, drawn: int, label: 
     ax.plot(*points[~dominated].T, **style, color=colour, zorder=3, label=label or "_front")
 
 
-def _open_words(bound: FrontBound, points: FloatArray, label: str | None) -> str:
-    gap = bound.gap(points)
+def _draw_open(
+    ax: Axes, corners: FloatArray, bound: FrontBound, gap: float, label: str | None
+) -> None:
+    """Shade what lies between a front, whose corners are given, and a bound."""
     more = f"at most {100 * gap:.2f} % more area"
     if math.isinf(gap):
         more = f"area at most {bound.area:.4f}"
-    return f"{label}, open: {more}" if label else f"open: {more}"
-
-
-def _draw_open(ax: Axes, corners: FloatArray, bound: FrontBound, label: str) -> None:
-    """Shade what lies between a front, whose corners are given, and a bound."""
     highest = staircase(bound.points)
     # Back along the front, so that what it dominates is left out.
     between = np.concatenate([highest, corners[::-1]])
     look: dict[str, Any] = {"facecolor": MUTED, "alpha": 0.25, "linewidth": 0, "zorder": 1}
-    ax.fill(*between.T, **look, label=label)
+    ax.fill(*between.T, **look, label=f"{label}, open: {more}" if label else f"open: {more}")
     ax.plot(*highest[:-1].T, color=MUTED, linewidth=1.0, zorder=1.5, label="_bound")
 
 

@@ -18,7 +18,7 @@ from botohe_moo._base.types import FloatArray
 from botohe_moo._base.words import chance, counted
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.plots.draw.algorithms import check_table
-from botohe_moo.plots.draw.canvas import Canvas, add_colour_bar, bowed_arcs, open_axes
+from botohe_moo.plots.draw.canvas import Canvas, bowed_arcs, coloured, open_axes
 from botohe_moo.plots.draw.maps import draw_nodes, key_of
 from botohe_moo.plots.draw.places import layout_notes, node_positions
 from botohe_moo.plots.draw.style import (
@@ -28,7 +28,6 @@ from botohe_moo.plots.draw.style import (
     SURVIVAL,
     Colour,
     colours,
-    shades,
     theme,
     tint,
 )
@@ -85,15 +84,16 @@ def plot_mission(
     check_mission(mission)
     notes = layout_notes(mission)
     if plan is not None:
-        reward, survivors = mission.evaluate([plan])[0]
-        notes.insert(0, f"E[R] = {reward:.2f}, E[S] = {survivors:.2f}")
+        notes.insert(0, "E[R] = {:.2f}, E[S] = {:.2f}".format(*mission.evaluate([plan])[0]))
     xy = node_positions(mission)
     with theme():
         ax = open_axes(xy, ax)
-        fills = _reward_fills(ax, mission)
+        reward = mission.arrays.reward
+        paid, fills = reward > 0, np.ones((len(reward), 4))
+        fills[paid] = coloured(ax, reward[paid], REWARD, "reward", slot=0, low=0.0)
         zones = _zones(mission)
         _add_legend(ax, mission, plan, zones)
-        arc_colours = _arc_colours(ax, mission)
+        arc_colours = coloured(ax, mission.arrays.survival, SURVIVAL, "survival", slot=1)
         canvas = Canvas.measure(ax, xy)
         _shade_zones(canvas, mission, zones)
         lines = _draw_arcs(canvas, mission, arc_colours, faint=plan is not None)
@@ -104,25 +104,6 @@ def plot_mission(
         notes += draw_nodes(canvas, mission, fills, lines)
         title_above(ax, mission.title if title is None else title, "; ".join(notes))
     return ax
-
-
-def _reward_fills(ax: Axes, mission: Mission) -> NDArray[Any]:
-    reward = mission.arrays.reward
-    fills = np.ones((len(reward), 4))
-    if reward.any():
-        colouring = shades(REWARD, reward, low=0.0)
-        add_colour_bar(ax, colouring, "reward", slot=0)
-        fills[reward > 0] = colouring.to_rgba(reward[reward > 0])
-    return fills
-
-
-def _arc_colours(ax: Axes, mission: Mission) -> NDArray[Any]:
-    survival = mission.arrays.survival
-    if not len(survival):
-        return np.empty((0, 4))
-    colouring = shades(SURVIVAL, survival)
-    add_colour_bar(ax, colouring, "survival", slot=1)
-    return np.asarray(colouring.to_rgba(survival))
 
 
 def _draw_arcs(
@@ -255,10 +236,8 @@ def plot_pheromone(
     notes = [f"pheromone for {kind}", *layout_notes(mission)]
     with theme():
         ax = open_axes(xy, ax)
-        arrays = mission.arrays
-        if len(values):
-            colouring = shades(PHEROMONE, values, low=0.0)
-            add_colour_bar(ax, colouring, rf"pheromone $\tau_{kind[0].upper()}$", slot=0)
+        label, arrays = rf"pheromone $\tau_{kind[0].upper()}$", mission.arrays
+        arc_colours = coloured(ax, values, PHEROMONE, label, slot=0, low=0.0)
         canvas = Canvas.measure(ax, xy)
         if len(values):
             # What is darkest is drawn last, on top.
@@ -267,7 +246,7 @@ def plot_pheromone(
             canvas.draw_arrows(
                 arrays.tail[order],
                 arrays.head[order],
-                colours=np.asarray(colouring.to_rgba(values[order])),
+                colours=arc_colours[order],
                 widths=0.3 + share * min(_WIDEST, 0.5 * canvas.radius),
                 zorder=1,
             )

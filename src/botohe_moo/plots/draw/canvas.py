@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PathCollection
+from matplotlib.colors import Normalize
 from matplotlib.path import Path
 from matplotlib.transforms import IdentityTransform
 from numpy.typing import NDArray
@@ -60,6 +61,27 @@ def add_colour_bar(ax: Axes, colours: ScalarMappable, label: str, slot: int | No
     drawn.outline.set_visible(False)
     bar.yaxis.label.set_parse_math(True)  # the theme does not, for the sake of users' texts
     bar.tick_params(length=2.5)
+
+
+def coloured(
+    ax: Axes,
+    values: FloatArray,
+    palette: str,
+    label: str,
+    *,
+    slot: int,
+    low: float | None = None,
+) -> NDArray[Any]:
+    """Return the colours (n, 4) of values, and add their key; they begin at ``low`` if given."""
+    if not len(values):
+        return np.empty((0, 4))
+    bottom, top = float(values.min() if low is None else low), float(values.max())
+    if top <= bottom:  # one value alone gets a range, too
+        half = 0.05 * (abs(bottom) or 1.0)
+        bottom, top = bottom - half, bottom + half
+    colours = ScalarMappable(Normalize(bottom, top), palette)
+    add_colour_bar(ax, colours, label, slot)
+    return np.asarray(colours.to_rgba(values))
 
 
 def crowding(xy: FloatArray) -> float:

@@ -12,13 +12,11 @@ import matplotlib.pyplot as plt
 import seaborn as sns  # registers its palettes with matplotlib, too
 from cycler import cycler
 from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Colormap, LinearSegmentedColormap, Normalize, to_rgb
+from matplotlib.colors import LinearSegmentedColormap, to_rgb
 from matplotlib.figure import Figure
 from seaborn.utils import relative_luminance
 
 from botohe_moo._base.files import replace_file
-from botohe_moo._base.types import FloatArray
 
 Colour = tuple[float, float, float]
 Palette = str | Sequence[Any] | Mapping[str, Any]
@@ -72,17 +70,6 @@ def tint(colour: Any, strength: float) -> Colour:
 def readable_on(colour: Any) -> str:
     """Return the text colour, light or dark, that is legible on ``colour``."""
     return "white" if relative_luminance(colour) < 0.2 else INK
-
-
-def shades(
-    palette: str | Colormap, values: FloatArray, *, low: float | None = None
-) -> ScalarMappable:
-    """Span a palette over ``values``, from ``low`` if given; one value alone gets a range, too."""
-    bottom = float(values.min()) if low is None else low
-    top = float(values.max())
-    if top <= bottom:
-        bottom, top = bottom - 0.05 * (abs(bottom) or 1.0), bottom + 0.05 * (abs(bottom) or 1.0)
-    return ScalarMappable(Normalize(bottom, top), palette)
 
 
 @contextmanager
