@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from botohe_moo.indicators import INDICATORS, area_indicator, further_indicators
+from botohe_moo.indicators import INDICATORS, further_indicators
 from botohe_moo.plots.draw.style import palette_of, save_plot
 from botohe_moo.plots.study.attainment import plot_attainment, plot_attainment_difference
 from botohe_moo.plots.study.comparisons import (
@@ -72,12 +72,10 @@ def _saved(folder: Path, name: str, ax: Axes, caption: str, where: str = "") -> 
 
 def _ranks(tables: StudyTables, palette: dict[str, Any]) -> Iterator[Picture]:
     """Draw the ranks by the main indicator, if their differences were tested."""
-    if tables.posthoc.empty or tables.ranks.empty:
-        return
     main = main_indicator(tables.ranks)
     rows = tables.ranks[tables.ranks["indicator"] == main]
     pairs = tables.posthoc[tables.posthoc["indicator"] == main]
-    if pairs.empty or len(rows) < 2:
+    if pairs.empty:
         return
     caption = (
         f"Average ranks over missions of the algorithms' medians by {INDICATORS[main].label}; 1 is "
@@ -158,11 +156,10 @@ class MissionPictures:
             yield kind, ax, caption
 
     def _reached(self, trace: pd.DataFrame) -> Iterator[Picture]:
-        reference = self._rows(self._tables.references)[["reward", "survivors"]].to_numpy(float)
-        scale = self._tables.mission(self._mission) if self._own is None else tuple(self._own)
-        whole = area_indicator(reference, scale) if len(reference) else 0.0
-        if not whole > 0:
+        known = self._rows(self._tables.targets)
+        if known.empty:  # the reference front has no area
             return
+        whole = float(known["target"].iloc[0] / known["share"].iloc[0])
         kinds: dict[Progress, str] = {"evaluations": "reached", "seconds": "reached-seconds"}
         for x, kind in kinds.items():
             caption = (
