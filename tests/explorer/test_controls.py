@@ -80,12 +80,12 @@ class TestNames:
             n_left = 60
             while page.is_enabled("#larger"):
                 assert set(drawn_names(page)) <= set(names)
-                n_now = 60 - len(drawn_names(page))
-                said = f"Names of {n_now} of 60 nodes have no room on the map: point at "
-                told = page.inner_text("#unnamed")
-                assert told.startswith(said) if n_now else told == ""
-                assert n_now < n_left
-                n_left = n_now
+                n_hidden = 60 - len(drawn_names(page))
+                said = f"Names of {n_hidden} of 60 nodes have no room on the map: point at "
+                text = page.inner_text("#unnamed")
+                assert text.startswith(said) if n_hidden else text == ""
+                assert n_hidden < n_left
+                n_left = n_hidden
                 page.click("#larger")
             assert n_left < 10
 
@@ -98,7 +98,7 @@ class TestNames:
             name = next(n for n in names[51:] if n not in shown)  # that plan 0 reaches
             at = where(page, name, names)
             (page.touchscreen.tap if touch else page.mouse.move)(*at)
-            told = page.locator("#node")
+            text = page.locator("#node")
             for plan in (0, 1, 2, 3):
                 go_to(page, f"plan={plan}")
                 shows(page, plan)
@@ -107,4 +107,4 @@ class TestNames:
                 rows = page.locator("#nodes tbody tr").all()
                 found = {row.locator("th").inner_text(): row.locator("td").nth(1) for row in rows}
                 reached = found[name].inner_text() if name in found else "0.000"
-                expect(told).to_have_text(f"{name}: reward 1, reached with {reached}")
+                expect(text).to_have_text(f"{name}: reward 1, reached with {reached}")

@@ -89,8 +89,8 @@ class TestOutcomes:
         monkeypatch.setattr(judging, "MAX_OUTCOMES", 1)
         monkeypatch.setattr(judging, "N_SAMPLES", 500)
         left, _ = plot_outcomes(mission, mission.plan(MUSEUM_TRAILS))
-        (told,) = legend_texts(left)
-        assert told.endswith("; R from 500 simulated missions")
+        (entry,) = legend_texts(left)
+        assert entry.endswith("; R from 500 simulated missions")
 
     @examples(10)
     @given(missions_with_plans())

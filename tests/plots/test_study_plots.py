@@ -157,12 +157,12 @@ class TestProgress:
         trace = trace_of({key: list(records.items()) for key, records in runs.items()})
         rows = list(range(len(trace)))
         chance.shuffle(rows)
-        held = progress(trace.iloc[rows])
-        assert held["evaluations"].max() == max(max(records) for records in runs.values())
-        for label, rows in held.groupby("algorithm"):
+        found = progress(trace.iloc[rows])
+        assert found["evaluations"].max() == max(max(records) for records in runs.values())
+        for label, rows in found.groupby("algorithm"):
             own = [records for (algorithm, _), records in runs.items() if algorithm == label]
             assert rows["evaluations"].min() == max(min(records) for records in own)
-        for algorithm, seed, x, area in held.itertuples(index=False):
+        for algorithm, seed, x, area in found.itertuples(index=False):
             records = runs[algorithm, seed]
             assert area == records[max(at for at in records if at <= x)]
 
@@ -508,8 +508,8 @@ class TestHeat:
 
     def test_every_cell_says_its_median_and_the_largest_is_bold(self):
         ax = plot_heat(self.MEDIANS, title="A site")
-        told = {text.get_text(): text.get_fontweight() for text in ax.texts}
-        assert told == {"0.1000": "normal", "0.2500": "normal", "0.5000": "bold"}
+        shown = {text.get_text(): text.get_fontweight() for text in ax.texts}
+        assert shown == {"0.1000": "normal", "0.2500": "normal", "0.5000": "bold"}
         assert (ax.get_xlabel(), ax.get_ylabel()) == ("evaporation", "n_ants")
         assert [t.get_text() for t in ax.get_xticklabels()] == ["0.04", "0.1"]
         assert [t.get_text() for t in ax.get_yticklabels()] == ["50", "100"]

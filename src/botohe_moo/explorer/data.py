@@ -36,7 +36,7 @@ _N_REPRESENTATIVES = 5
 
 
 class Front(Protocol):
-    """What can be explored: a :class:`Solution`."""
+    """A front to explore: a :class:`Solution`."""
 
     @property
     def mission(self) -> Mission:

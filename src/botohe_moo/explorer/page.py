@@ -79,7 +79,7 @@ def check_page_file(path: str | os.PathLike[str]) -> Path:
 
 
 def explorer_page(front: Front, *, wishes: Iterable[str | Wish | Choice] = ()) -> str:
-    """Make the page that :func:`explore` writes, as text.
+    """Return the page that :func:`explore` writes, as text.
 
     Fronts of more than 500 plans are thinned: the plans stay that dominate the most area alone,
     the ends, those that are marked, and those with which a chosen plan is compared. Where the exact
@@ -102,7 +102,7 @@ def explorer_page(front: Front, *, wishes: Iterable[str | Wish | Choice] = ()) -
 
 
 def render(title: str, data: Mapping[str, Any]) -> str:
-    """Put data into the page."""
+    """Return the page with its data."""
     packed = zlib.compress(json.dumps(data, separators=(",", ":"), allow_nan=False).encode(), 9)
     folder = files("botohe_moo.explorer")
     style = folder.joinpath("assets", "style.css").read_text("utf-8")
@@ -150,7 +150,7 @@ def _digest(text: str) -> str:
 
 
 def notebook_frame(front: Front) -> str:
-    """Make the HTML that shows the page in a notebook, in a frame that cannot reach out of it.
+    """Return the HTML that shows the page in a notebook, in a frame that cannot reach out of it.
 
     Fronts of more than 100 plans are thinned.
     """

@@ -207,12 +207,12 @@ class PlanOnMap:
 
     @property
     def out(self) -> list[int]:
-        """The robots that leave the base."""
+        """Return the robots that leave the base."""
         return [robot for robot, trail in enumerate(self.plan.trails) if len(trail) > 1]
 
     @property
     def at_base(self) -> list[str]:
-        """Which robots stay at base, if any."""
+        """Write which robots stay at base, if any."""
         home = [style.name for i, style in enumerate(self.styles) if i not in self.out]
         if len(home) == len(self.styles):
             return [f"all {len(home)} robots stay at base" if len(home) > 1 else "R0 stays at base"]

@@ -32,7 +32,7 @@ class RobotStyle:
 
     @property
     def line(self) -> Any:
-        """The line style as matplotlib takes it."""
+        """Return the line style as matplotlib takes it."""
         return 0.0, self.dash or None
 
 

@@ -42,7 +42,7 @@ class ReportFigure:
 
     @property
     def data(self) -> str:
-        """The PNG file as text, as a page holds it."""
+        """Return the PNG file as text, as a page holds it."""
         return base64.b64encode(self.path.read_bytes()).decode()
 
 
@@ -106,7 +106,7 @@ def rivals(tables: StudyTables, mission: str) -> tuple[str, str] | None:
 
 
 class MissionPictures:
-    """The pictures of one mission, drawn one by one."""
+    """Pictures of one mission, drawn one by one."""
 
     def __init__(self, tables: StudyTables, mission: str, palette: dict[str, Any]) -> None:
         self._tables, self._mission = tables, mission

@@ -211,7 +211,7 @@ def missing_table(tables: StudyTables) -> TextTable:
 
 @dataclass(frozen=True)
 class Cell:
-    """The cell of an algorithm and a mission."""
+    """A cell of the matrix: an algorithm on a mission."""
 
     text: str = "–"  # the median; a dash where there are no runs
     mark: str = ""  # +, − or =: better than what it is compared with, worse, or neither
