@@ -151,17 +151,15 @@ def plain_number(value: float) -> str:
     return f"{value / 1e6:,.10g}M" if value >= 1e6 else f"{value:,.10f}".rstrip("0").rstrip(".")
 
 
-def draw_bound(
-    axes: Iterable[Axes], bound: float, low: float, high: float, which: Literal["x", "y"]
-) -> float:
-    """Draw a dashed line at the area ``bound``, and return where the axis has to end.
+def draw_bound(axes: Iterable[Axes], bound: float, which: Literal["x", "y"]) -> None:
+    """Draw a dashed line at the area ``bound`` on axes with the same limits, which then reach it.
 
-    The areas that are shown are from ``low`` to ``high``; a line that would more than double that
-    is left out.
+    A line that would more than double the areas that are shown is left out.
     """
-    if bound > high + max(high - low, _LEAST_ROOM):
-        return high
     for ax in axes:
-        draw = ax.axhline if which == "y" else ax.axvline
-        draw(bound, color=MUTED, ls="--", lw=1.0, zorder=1, label=f"no front exceeds {bound:.4f}")
-    return max(high, bound)
+        low, high = ax.get_xlim() if which == "x" else ax.get_ylim()
+        if bound <= high + max(high - low, _LEAST_ROOM):
+            draw = ax.axhline if which == "y" else ax.axvline
+            label = f"no front exceeds {bound:.4f}"
+            draw(bound, color=MUTED, ls="--", lw=1.0, zorder=1, label=label)
+            ax.set(**{f"{which}lim": (low, max(high, bound))})

@@ -107,8 +107,7 @@ def plot_areas(
         ax.set(xlabel="area of the final front (normalised hypervolume)", ylabel="")
         ax.set_title(title or "")
         if bound is not None:
-            left, right = ax.get_xlim()
-            ax.set_xlim(left, draw_bound([ax], bound, left, right, "x"))
+            draw_bound([ax], bound, "x")
             add_legend_beside(ax)
     return ax
 

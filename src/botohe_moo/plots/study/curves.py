@@ -137,8 +137,7 @@ def plot_curves(
         if value == "area":
             _begin_at_upper_half(first, middle)
             if bound is not None:
-                low, high = first.get_ylim()
-                first.set_ylim(low, draw_bound(dict.fromkeys(axes.values()), bound, low, high, "y"))
+                draw_bound(dict.fromkeys(axes.values()), bound, "y")
         elif (steps[value] > 0).any():
             log_axis(first, "y")
         finish(axes, title, NAMES[x], INDICATORS[value].in_words)
