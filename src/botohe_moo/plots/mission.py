@@ -31,7 +31,7 @@ from botohe_moo.plots.draw.style import (
     theme,
     tint,
 )
-from botohe_moo.plots.draw.texts import title_above
+from botohe_moo.plots.draw.texts import objectives_text, title_above
 from botohe_moo.plots.draw.trails import draw_trails, robot_styles
 from botohe_moo.trails import TrailPlan
 
@@ -84,7 +84,7 @@ def plot_mission(
     check_mission(mission)
     notes = layout_notes(mission)
     if plan is not None:
-        notes.insert(0, "E[R] = {:.2f}, E[S] = {:.2f}".format(*mission.evaluate([plan])[0]))
+        notes.insert(0, objectives_text(*mission.evaluate([plan])[0]))
     xy = node_positions(mission)
     with theme():
         ax = open_axes(xy, ax)

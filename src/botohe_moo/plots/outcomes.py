@@ -14,6 +14,7 @@ from botohe_moo.decide.judging import Candidates
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.plots.draw.algorithms import DASHES
 from botohe_moo.plots.draw.style import Palette, palette_of, theme
+from botohe_moo.plots.draw.texts import objectives_text
 from botohe_moo.trails import TrailPlan
 
 _FEW = 12  # bars whose heights are written above them
@@ -94,7 +95,7 @@ def plot_outcomes(
         left, right = axes
         for i, (name, own) in enumerate(colour.items()):
             reward, alive = (judged.distribution(what, i) for what in ("reward", "survivors"))
-            expected = f"E[R] = {reward.mean:.2f}, E[S] = {alive.mean:.2f}"
+            expected = objectives_text(reward.mean, alive.mean)
             n_samples = reward.n_samples
             source = f"; R from {n_samples:,} simulated missions" if n_samples else ""
             sns.ecdfplot(

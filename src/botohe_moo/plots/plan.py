@@ -23,7 +23,7 @@ from botohe_moo.plots.draw.maps import (
 )
 from botohe_moo.plots.draw.places import node_positions
 from botohe_moo.plots.draw.style import INK, theme
-from botohe_moo.plots.draw.texts import title_above
+from botohe_moo.plots.draw.texts import objectives_text, title_above
 from botohe_moo.plots.draw.trails import robot_styles
 from botohe_moo.plots.front import front_summary, plot_front
 from botohe_moo.trails import Plans, TrailPlan
@@ -198,9 +198,8 @@ class PlanOnMap:
 
     def __init__(self, mission: Mission, plan: TrailPlan) -> None:
         check_mission(mission)
-        reward, survivors = mission.evaluate([plan])[0]
         self.mission, self.plan = mission, plan
-        self.objectives = f"E[R] = {reward:.2f}, E[S] = {survivors:.2f}"
+        self.objectives = objectives_text(*mission.evaluate([plan])[0])
         self.survival = mission.robot_survival([plan])[0]  # (n_robots,)
         self.reach = reach_probabilities(mission, plan)  # (n_robots, n_nodes)
         self.styles = robot_styles(plan.n_robots)

@@ -59,6 +59,11 @@ def _fitting(width: float, size: float) -> int:
     return max(8, int(width * 72 / (0.56 * size)))
 
 
+def objectives_text(reward: float, survivors: float) -> str:
+    """Write the objectives of a plan."""
+    return f"E[R] = {reward:.2f}, E[S] = {survivors:.2f}"
+
+
 @cache
 def text_size(text: str, size: float, *, bold: bool = False) -> tuple[float, float]:
     """Return width and height of a text in letters of ``size`` points, with some air around it."""
