@@ -134,7 +134,7 @@ _LIBRARIES = (
     "alive_progress", "matplotlib.backends.backend_agg", "pandas", "psutil",
     "pyarrow.csv", "pyarrow.parquet", "rich.progress", "ruamel.yaml", "scipy.stats", "typer",
 )  # fmt: skip
-_OURS = ("file.loading", "file.schema", "merge", "report.folder", "runner")
+_OURS = ("file.loading", "file.schema", "merge", "report.page", "runner")
 
 
 def load():

@@ -152,7 +152,7 @@ def _front_size(objectives: FloatArray, mission: Scale) -> float:  # noqa: ARG00
 
 @dataclass(frozen=True)
 class Indicator:
-    """What studies know of an indicator: their tables, reports and files follow from it.
+    """An indicator as studies use it: their tables, reports and files follow from it.
 
     Parameters
     ----------
@@ -193,12 +193,12 @@ class Indicator:
 
     @property
     def in_words(self) -> str:
-        """The long label."""
+        """Return the long label."""
         return self.long_label or self.label
 
     @property
     def is_distance(self) -> bool:
-        """Whether less is better, and the reference front best: figures show how it falls."""
+        """Return whether less is better and the reference front best: figures show its fall."""
         return self.needs_reference and self.higher_is_better is False
 
     def measure(self, points: FloatArray, reference: FloatArray | None, mission: Scale) -> float:

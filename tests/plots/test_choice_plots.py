@@ -89,8 +89,8 @@ class TestOutcomes:
         monkeypatch.setattr(judging, "MAX_OUTCOMES", 1)
         monkeypatch.setattr(judging, "N_SAMPLES", 500)
         left, _ = plot_outcomes(mission, mission.plan(MUSEUM_TRAILS))
-        (told,) = legend_texts(left)
-        assert told.endswith("; R from 500 simulated missions")
+        (entry,) = legend_texts(left)
+        assert entry.endswith("; R from 500 simulated missions")
 
     @examples(10)
     @given(missions_with_plans())
@@ -135,13 +135,6 @@ class TestChoices:
         ):
             assert sign.get_xydata().tolist() == [[mark.reward, mark.survivors]]
         assert words(ax).endswith("numbered: the knee, and 2 representatives")
-
-    def test_wrong_arguments_are_named(self):
-        mission, plans = toy_plans()
-        with pytest.raises(TypeError, match="Expected a Mission, got 'toy'"):
-            plot_choices("toy", plans)
-        with pytest.raises(ValueError, match="Expected at least one plan, got none"):
-            plot_choices(mission, [])
 
 
 def trace():

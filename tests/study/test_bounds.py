@@ -24,9 +24,8 @@ from botohe_moo.study import (
 )
 from botohe_moo.study.planning import make_bound_task
 from botohe_moo.study.report import pictures
-from botohe_moo.study.report.folder import write_report
 from botohe_moo.study.report.latex import summary_latex
-from botohe_moo.study.report.page import render_page
+from botohe_moo.study.report.page import render_page, write_report
 from botohe_moo.study.run.bound import find_bound
 from botohe_moo.study.run.pool import WorkerPool
 from botohe_moo.study.store.folder import StudyFolder

@@ -12,7 +12,7 @@ from botohe_moo.indicators import INDICATORS, Indicator
 from botohe_moo.plots import plot_curves
 from botohe_moo.study import SCHEMAS, StudyError, load_study, read_study, run_study
 from botohe_moo.study.file.schema import study_schema
-from botohe_moo.study.report.folder import write_report
+from botohe_moo.study.report.page import write_report
 
 STUDY = {
     "name": "gains",

@@ -13,7 +13,7 @@ from botohe_moo.study import StudyError, load_study, make_tables, merge_studies,
 from botohe_moo.study import run_study as run
 from botohe_moo.study.file.digest import code_mismatch
 from botohe_moo.study.planning import make_task
-from botohe_moo.study.report.folder import write_report
+from botohe_moo.study.report.page import write_report
 from botohe_moo.study.run.perform import perform, verify
 from tests.study import problems_made
 from tests.study.problems_made import Weakest

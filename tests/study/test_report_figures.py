@@ -12,8 +12,7 @@ import pandas as pd
 import pytest
 
 from botohe_moo import load_mission
-from botohe_moo.plots.study.heat import two_parameter_grids
-from botohe_moo.study.report import pictures
+from botohe_moo.plots.study.comparisons import two_parameter_grids
 from botohe_moo.study.report.pictures import FORMATS, draw_figures
 from tests.study.made import make_study, random_record
 
@@ -25,12 +24,6 @@ def _backend():
     mpl.use("Agg")
     yield
     plt.close("all")
-
-
-@pytest.fixture
-def one_format(monkeypatch):
-    """Save figures in one format only, for tests that look at none."""
-    monkeypatch.setattr(pictures, "FORMATS", FORMATS[:1])
 
 
 def grid_study(folder, *, missions=("toy",), n_records=3):
@@ -82,17 +75,6 @@ class TestDrawFigures:
             assert [path.suffix[1:] for path in figure.paths] == list(FORMATS)
             assert all(path.stat().st_size for path in figure.paths)
             assert figure.path == figure.paths[0]
-
-    @pytest.mark.slow
-    @pytest.mark.usefixtures("one_format")
-    def test_what_is_missing_everywhere_has_no_figure(self, tmp_path):
-        tables = grid_study(tmp_path)
-        bare = replace(tables, trace=tables.trace.assign(igd_plus=np.nan, epsilon=np.nan))
-        assert not {"igd_plus", "epsilon"} & set(kinds(draw_figures(bare, tmp_path), "toy"))
-        half = replace(tables, trace=tables.trace.assign(epsilon=np.nan))
-        drawn = kinds(draw_figures(half, tmp_path), "toy")
-        assert "igd_plus" in drawn
-        assert "epsilon" not in drawn
 
     @pytest.mark.slow
     @pytest.mark.filterwarnings("ignore:Glyph")  # of scripts that the font has not
@@ -150,18 +132,15 @@ class TestTwoParameterGrids:
         assert list(grid.columns) == [0.04, 0.1]
         assert grid.loc[50, 0.1] == "BO-ACO (n_ants=50, evaporation=0.1)"
 
-    @pytest.mark.parametrize(
-        "rows",
-        [
+    def test_anything_else_is_none(self):
+        for rows in (
             [],
             [("A", "x", 1, 1), ("B", "x", 1, 2)],  # one parameter
             [("A", "x", 1, 1), ("B", "y", 2, 2)],  # two algorithms
             [("A", "x", 1, 1), ("B", "x", 2, 2), ("C", "x", 1, 1)],  # one cell twice
-        ],
-    )
-    def test_anything_else_is_none(self, rows):
-        frame = pd.DataFrame(rows, columns=["algorithm", "name", "p", "q"]).assign(family="F")
-        assert two_parameter_grids(frame) == {}
+        ):
+            frame = pd.DataFrame(rows, columns=["algorithm", "name", "p", "q"]).assign(family="F")
+            assert two_parameter_grids(frame) == {}
 
     def test_values_that_are_no_numbers_stand_as_in_the_file(self):
         rows = [(f"F (p={p}, q={q})", "x", p, q) for p in ("slow", "fast") for q in (2, 1)]

@@ -237,7 +237,7 @@ def _say_missing(tables: StudyTables) -> None:
 def report(folder: FolderArgument) -> None:
     """Make the report: a page, figures and LaTeX tables."""
     from botohe_moo.cli.progress import showing
-    from botohe_moo.study.report.folder import write_report
+    from botohe_moo.study.report.page import write_report
     from botohe_moo.study.store.tables import read_study
 
     with failing():

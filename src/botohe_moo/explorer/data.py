@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Sequence
+from contextlib import suppress
 from itertools import combinations, pairwise
 from typing import Any, Protocol
 
 import numpy as np
 
 from botohe_moo._base.checks import quoted
-from botohe_moo._base.types import FloatArray
+from botohe_moo._base.types import FloatArray, OffsetArray
 from botohe_moo._base.words import counted
 from botohe_moo.decide import Choice, compare, knees, representatives
 from botohe_moo.decide.choosing import best
 from botohe_moo.decide.judging import N_SAMPLES, Candidates
 from botohe_moo.decide.wishes import Wish
-from botohe_moo.explorer.labels import file_labels, isolating, shown_names
-from botohe_moo.explorer.numbers import bin_codes, bin_edges, probability_codes, texts
-from botohe_moo.explorer.thinning import thinned
+from botohe_moo.explorer.texts import (
+    bin_codes,
+    bin_edges,
+    isolating,
+    number_texts,
+    probability_codes,
+    shown_names,
+)
+from botohe_moo.mission.formats.nodelink import plain_label
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.places import given_places
 from botohe_moo.outcomes import Distribution, reach_probabilities, team_reach
@@ -29,7 +36,7 @@ _N_REPRESENTATIVES = 5
 
 
 class Front(Protocol):
-    """What can be explored: a :class:`Solution`."""
+    """A front to explore: a :class:`Solution`."""
 
     @property
     def mission(self) -> Mission:
@@ -80,11 +87,15 @@ def page_data(
     kept_places = [place[row] for row in kept]
     rows = order[thinned(front.objectives[order], kept_places, max_plans)].tolist()
     place = {row: i for i, row in enumerate(rows)}
-    isolated = isolating(mission.nodes)
+    isolate = isolating(mission.nodes)
     for mark in marks:
         mark["plan"] = place[mark["plan"]]
-        mark["name"], *mark["text"] = map(isolated, [mark["name"], *mark["text"]])
+        mark["name"], *mark["text"] = map(isolate, [mark["name"], *mark["text"]])
+    marked = sorted({mark["plan"] for mark in marks})
     plans = [front.plans[row] for row in rows]
+    # Differences in words between neighbours and between marked plans: all pairs are too many.
+    pairs = sorted({*pairwise(range(len(plans))), *combinations(marked, 2)})
+    words = {(i, j): compare(mission, plans[i], plans[j]).sentences for i, j in pairs}
     spent = f"seed {front.seed}, {counted(front.evaluations, 'evaluation')}"
     thin = (
         f"The page shows {len(rows):,} of the {n_plans:,} plans: those that dominate the most area "
@@ -102,32 +113,51 @@ def page_data(
         **_plans(candidates, rows),
         "ids": rows,
         "marks": marks,
-        "words": _words(mission, plans, sorted({mark["plan"] for mark in marks})),
+        "words": {f"{i}-{j}": tuple(map(isolate, texts)) for (i, j), texts in words.items()},
     }
 
 
+def thinned(objectives: FloatArray, kept: Collection[int], n_plans: int) -> OffsetArray:
+    """Choose ``n_plans`` rows of a front that ascends in reward and descends in survivors.
+
+    One after another, the plan goes that dominates the least area alone. Both ends and the rows
+    ``kept`` stay, even if these are more than ``n_plans``.
+    """
+    rows: OffsetArray = np.arange(len(objectives))
+    while len(rows) > n_plans:
+        reward, survivors = objectives[rows].T
+        alone = np.diff(reward[:-1]) * -np.diff(survivors[1:])
+        alone[np.isin(rows[1:-1], list(kept))] = np.inf
+        if not np.isfinite(alone).any():
+            break
+        rows = np.delete(rows, 1 + np.argmin(alone))
+    return rows
+
+
 def _site(mission: Mission) -> dict[str, Any]:
-    """Nodes, their places on the map and their positions, and arcs."""
+    """Return nodes, their places on the map and their positions, and arcs."""
     places = node_positions(mission)
     given = given_places(mission.graph)
     pos = [None if (xy := given[node]) is None else [*xy] for node in mission.nodes]
-    as_given = pos == places.tolist()
     arrays = mission.arrays
+    labels: list[object] | None = None  # what JSON cannot hold is not written to files
+    with suppress(ValueError):
+        labels = list(map(plain_label, mission.nodes))
     return {
         "names": shown_names(mission.nodes),
-        "labels": file_labels(mission.nodes),
+        "labels": labels,
         "base": mission.index(mission.base),
         "rewards": arrays.reward.tolist(),
         "reward_texts": [f"{reward:g}" for reward in arrays.reward.tolist()],
         "places": places.tolist(),
-        "pos": None if as_given else pos,  # None: the same as the places
+        "pos": None if pos == places.tolist() else pos,  # None: the same as the places
         "placing": "".join(f"{note[0].upper()}{note[1:]}." for note in layout_notes(mission)),
         "arcs": [arrays.tail.tolist(), arrays.head.tolist(), probability_codes(arrays.survival)],
     }
 
 
 def _trails(mission: Mission, plans: Sequence[TrailPlan]) -> dict[str, Any]:
-    """Each trail once, with its survival and length, and which ones each plan has."""
+    """Return each trail once, with its survival and length, and which ones each plan has."""
     survival: dict[tuple[int, ...], float] = {}
     length: dict[tuple[int, ...], float] = {}
     survivals, lengths = mission.robot_survival(plans), mission.trail_lengths(plans)
@@ -145,7 +175,7 @@ def _trails(mission: Mission, plans: Sequence[TrailPlan]) -> dict[str, Any]:
 
 
 def _plans(candidates: Candidates, rows: Sequence[int]) -> dict[str, Any]:
-    """Objectives, distributions and other facts of each plan."""
+    """Return objectives, distributions and other facts of each plan."""
     mission, objectives = candidates.mission, candidates.objectives[rows]
     rewards = [candidates.distribution("reward", row) for row in rows]
     survivors = [candidates.distribution("survivors", row) for row in rows]
@@ -155,10 +185,7 @@ def _plans(candidates: Candidates, rows: Sequence[int]) -> dict[str, Any]:
     total = mission.total_reward
     return {
         "objectives": objectives.tolist(),
-        "objective_texts": [
-            texts(objectives[:, 0], total),
-            texts(objectives[:, 1], mission.robots),
-        ],
+        "objective_texts": list(map(number_texts, objectives.T, (total, mission.robots))),
         "reached": [probability_codes(values) for values in reach],
         "reached_values": [np.round(values, 6).tolist() for values in reach],
         "survivors": [
@@ -166,28 +193,26 @@ def _plans(candidates: Candidates, rows: Sequence[int]) -> dict[str, Any]:
         ],
         "rewards_in": [bin_codes(found, edges) for found in rewards],
         "bins": [f"{low:g} to {high:g}" for low, high in pairwise(edges.tolist())],
-        "facts": _facts(rewards, total),
+        "facts": {
+            "Reward reached in 9 of 10 missions": number_texts(map(_safe, rewards), total),
+            "Median reward": number_texts((r.quantile(0.5) for r in rewards), total),
+            "Mean of the lowest tenth of rewards": number_texts(
+                (r.cvar(0.1) for r in rewards), total
+            ),
+        },
         "simulated": [not found.exact for found in rewards],
         "n_samples": f"{N_SAMPLES:,}",
     }
 
 
-def _facts(rewards: Sequence[Distribution], total: float) -> dict[str, list[str]]:
-    return {
-        "Reward reached in 9 of 10 missions": texts((_safe(r, 0.9) for r in rewards), total),
-        "Median reward": texts((r.quantile(0.5) for r in rewards), total),
-        "Mean of the lowest tenth of rewards": texts((r.cvar(0.1) for r in rewards), total),
-    }
-
-
-def _safe(rewards: Distribution, probability: float) -> float:
-    """Return the largest reward that is reached with at least a probability."""
-    reached = rewards.at_least(rewards.values) >= probability - 1e-9
+def _safe(rewards: Distribution) -> float:
+    """Return the largest reward that is reached in at least nine of ten missions."""
+    reached = rewards.at_least(rewards.values) >= 0.9 - 1e-9
     return float(rewards.values[reached][-1])
 
 
 def _reached(mission: Mission, plan: TrailPlan) -> FloatArray:
-    """Probability that some robot reaches a node, for all nodes on trails by index."""
+    """Return the probability that some robot reaches a node, for all nodes on trails by index."""
     reached: FloatArray = team_reach(reach_probabilities(mission, plan))[np.unique(plan.nodes)]
     return reached
 
@@ -201,13 +226,13 @@ def _chosen(candidates: Candidates, wish: str | Wish | Choice) -> Choice:
 
 
 def _named(choice: Choice) -> set[int]:
-    """Rows of the plans that the sentences about a choice name."""
+    """Return the rows of the plans that the sentences about a choice name."""
     steps = (choice.cost.richer, choice.cost.safer, choice.rate.richer, choice.rate.safer)
     return {step.index for step in steps if step is not None}
 
 
 def _marks(front: Front, choices: Iterable[Choice]) -> list[dict[str, Any]]:
-    """Plans that are marked, by their rows, what they are and why."""
+    """Return the plans that are marked, by their rows, what they are and why."""
     mission, objectives = front.mission, front.objectives
     marks: list[dict[str, Any]] = []
     for found in choices:
@@ -232,15 +257,3 @@ def _marks(front: Front, choices: Iterable[Choice]) -> list[dict[str, Any]]:
 
 def _mark(kind: str, row: int, name: str, *text: str) -> dict[str, Any]:
     return {"kind": kind, "plan": row, "name": name, "text": list(text)}
-
-
-def _words(
-    mission: Mission, plans: Sequence[TrailPlan], marked: Sequence[int]
-) -> Mapping[str, Sequence[str]]:
-    """Differences in words, between neighbours and between marked plans: all pairs are too many."""
-    pairs = {*pairwise(range(len(plans))), *combinations(marked, 2)}
-    isolated = isolating(mission.nodes)
-    return {
-        f"{i}-{j}": tuple(map(isolated, compare(mission, plans[i], plans[j]).sentences))
-        for i, j in sorted(pairs)
-    }

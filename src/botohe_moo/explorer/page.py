@@ -19,7 +19,6 @@ from botohe_moo._base.files import check_parent, replace_file
 from botohe_moo.decide import Choice
 from botohe_moo.decide.wishes import Wish
 from botohe_moo.explorer.data import Front, page_data
-from botohe_moo.explorer.labels import visible
 
 SCRIPTS = ("data", "state", "front", "map", "tables", "files", "main")
 _HEIGHT = 900  # pixels of a frame in a notebook
@@ -80,7 +79,7 @@ def check_page_file(path: str | os.PathLike[str]) -> Path:
 
 
 def explorer_page(front: Front, *, wishes: Iterable[str | Wish | Choice] = ()) -> str:
-    """Make the page that :func:`explore` writes, as text.
+    """Return the page that :func:`explore` writes, as text.
 
     Fronts of more than 500 plans are thinned: the plans stay that dominate the most area alone,
     the ends, those that are marked, and those with which a chosen plan is compared. Where the exact
@@ -103,7 +102,7 @@ def explorer_page(front: Front, *, wishes: Iterable[str | Wish | Choice] = ()) -
 
 
 def render(title: str, data: Mapping[str, Any]) -> str:
-    """Put data into the page."""
+    """Return the page with its data."""
     packed = zlib.compress(json.dumps(data, separators=(",", ":"), allow_nan=False).encode(), 9)
     folder = files("botohe_moo.explorer")
     style = folder.joinpath("assets", "style.css").read_text("utf-8")
@@ -117,8 +116,7 @@ def render(title: str, data: Mapping[str, Any]) -> str:
     )
     script = own_script()
     return environment.get_template("page.html.j2").render(
-        # Half of a surrogate pair, which JSON may hold, cannot be written as UTF-8.
-        title=visible(title.encode("utf-16", "surrogatepass").decode("utf-16", "replace")),
+        title=title,
         policy=_policy([library, script], style),
         style=style,
         library=library,
@@ -152,7 +150,7 @@ def _digest(text: str) -> str:
 
 
 def notebook_frame(front: Front) -> str:
-    """Make the HTML that shows the page in a notebook, in a frame that cannot reach out of it.
+    """Return the HTML that shows the page in a notebook, in a frame that cannot reach out of it.
 
     Fronts of more than 100 plans are thinned.
     """

@@ -16,13 +16,12 @@ from botohe_moo.decide import representatives
 from botohe_moo.decide.fronts import check_row
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.plots.draw.canvas import frame_of, open_axes
+from botohe_moo.plots.draw.maps import add_reach_bar
 from botohe_moo.plots.draw.places import node_positions
-from botohe_moo.plots.draw.sheets import add_reach_bar
 from botohe_moo.plots.draw.style import theme
-from botohe_moo.plots.draw.titles import title_above
+from botohe_moo.plots.draw.texts import title_above
 from botohe_moo.plots.front import plot_front
-from botohe_moo.plots.mission import plot_mission
-from botohe_moo.plots.pheromone import Kind, plot_pheromone
+from botohe_moo.plots.mission import Kind, plot_mission, plot_pheromone
 from botohe_moo.plots.plan import PlanOnMap
 from botohe_moo.plots.study.curves import plot_curves
 from botohe_moo.trails import Plans, TrailPlan
@@ -95,14 +94,16 @@ def plot_case_study(
         raise ValueError("Expected chosen to name at least one plan, got none.")
     for row in rows:
         check_row("chosen", row, len(batch))
-    front = _chart("the front", partial(plot_front, objectives, mission, highlight=rows))
+    draw_front = partial(plot_front, objectives, mission, highlight=rows)
+    front = _Panel("the front", draw_front, right=0.3, is_map=False)
     found = [_plan_panel(mission, batch[row], f"plan {row}", row == rows[-1]) for row in rows]
     lines = [[_Panel("the mission", partial(plot_mission, mission), right=1.4)]]
     if trace is None:
         lines[0].append(front)
     else:
         # Names of algorithms may stand right of the curves.
-        lines[0].append(_chart("progress", partial(plot_curves, trace), right=1.9))
+        curves = partial(plot_curves, trace)
+        lines[0].append(_Panel("progress", curves, right=1.9, is_map=False))
         found = [front, *found]
     parts = np.array_split(np.arange(len(found)), -(-len(found) // _MOST))
     lines += [[found[i] for i in part] for part in parts]
@@ -119,17 +120,17 @@ def plot_case_study(
 
 @dataclass(frozen=True)
 class _Panel:
-    """A part of the page, drawn on axes; left and right of them are inches for what is outside."""
+    """A part of the page, drawn on axes; beside them are inches for what is outside."""
 
     name: str
     draw: Callable[..., object]  # with a title, on axes
-    left: float = 0.1
     right: float = 0.1
     is_map: bool = True
 
-
-def _chart(name: str, draw: Callable[..., object], *, right: float = 0.3) -> _Panel:
-    return _Panel(name, draw, 0.85, right, is_map=False)
+    @property
+    def left(self) -> float:
+        """Inches for the names and numbers of an axis, if there is one."""
+        return 0.1 if self.is_map else 0.85
 
 
 def _plan_panel(mission: Mission, plan: TrailPlan, name: str, has_key: bool) -> _Panel:

@@ -6,20 +6,21 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import moocore
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from botohe_moo._base.checks import quoted
 from botohe_moo._base.types import FloatArray
 from botohe_moo._base.words import counted
-from botohe_moo.decide.fronts import check_objectives
+from botohe_moo.decide.fronts import check_objectives, check_row, front_rows
+from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.digest import numbers_digest
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.plots.draw.space import Space
 from botohe_moo.plots.draw.style import INK, MARKERS, MUTED, colours, new_axes, theme, tint
-from botohe_moo.plots.draw.titles import title_above
+from botohe_moo.plots.draw.texts import Space, title_above
 
 if TYPE_CHECKING:
     from botohe_moo.search.bounds import FrontBound
@@ -89,14 +90,14 @@ def plot_front(
         mission = _mission_of(bound, mission)
         bound.check("objectives", points)
     corners = staircase(points)
-    summary = front_summary(points, corners, mission)
+    summary = front_summary(points, mission)
     with theme():
         if ax is None:
             ax = new_axes(7.2, 5.2)
         drawn = sum(line.get_label() == _STAIRS for line in ax.lines)
         _draw(ax, points, corners, drawn, f"{label}: {summary}" if label else None)
         if bound is not None:
-            _draw_open(ax, corners, bound, _open_words(bound, points, label))
+            _draw_open(ax, corners, bound, bound.gap(points), label)
         if label or bound is not None:
             ax.legend(loc="upper right", framealpha=0.9)
         _dress(ax, mission)
@@ -116,7 +117,7 @@ def staircase(objectives: FloatArray) -> FloatArray:
     >>> staircase(np.array([[1.0, 2.0], [3.0, 1.0], [1.0, 1.0]])).tolist()
     [[0.0, 2.0], [1.0, 2.0], [1.0, 1.0], [3.0, 1.0], [3.0, 0.0], [0.0, 0.0]]
     """
-    front = np.unique(objectives[~_dominated(objectives)], axis=0)
+    front = objectives[front_rows(objectives)[::-1]]
     if not len(front):
         return np.empty((0, 2))
     reward, survivors = front.T
@@ -131,53 +132,43 @@ def _mission_of(bound: FrontBound, mission: Mission | None) -> Mission:
 
     if not isinstance(bound, FrontBound):
         raise TypeError(f"Expected bound to be a FrontBound, got {quoted(bound)}.")
-    own = bound.mission
-    if mission is None or numbers_digest(check_mission(mission)) == numbers_digest(own):
-        return own if mission is None else mission
-    expected = f"a bound of the mission {mission.name!r} with {counted(mission.robots, 'robot')}"
-    found = f"{own.name!r} with {counted(own.robots, 'robot')}"
-    raise ValueError(f"Expected {expected}, got one of another mission, {found}.")
+    if mission is None:
+        return bound.mission
+    if numbers_digest(check_mission(mission)) != numbers_digest(bound.mission):
+        wanted, found = (
+            f"{one.name!r} with {counted(one.robots, 'robot')}" for one in (mission, bound.mission)
+        )
+        raise ValueError(f"Expected a bound of the mission {wanted}, got one of {found}.")
+    return mission
 
 
 def _rows(
     highlight: int | Sequence[int] | Mapping[int, str] | None, n_plans: int
 ) -> dict[int, str]:
     """Return the rows to mark, with their texts."""
-    names: Mapping[int, str] = highlight if isinstance(highlight, Mapping) else {}
-    given: Any = highlight
-    if highlight is None or isinstance(highlight, Mapping):
-        given = list(names)
-    rows = np.atleast_1d(given).tolist()
-    for row in rows:
-        if type(row) is not int or not 0 <= row < n_plans:
-            raise ValueError(f"Expected highlight among the {n_plans} rows from 0, got {row!r}.")
-    return {row: f"plan {row}: {names[row]}" if row in names else f"plan {row}" for row in rows}
+    names: Any = highlight
+    if not isinstance(highlight, Mapping):
+        rows = [] if highlight is None else np.atleast_1d(highlight).tolist()
+        names = dict.fromkeys(rows, "")
+    for row in names:
+        check_row("highlight", row, n_plans)
+    return {row: f"plan {row}: {name}" if name else f"plan {row}" for row, name in names.items()}
 
 
-def _dominated(points: FloatArray) -> NDArray[np.bool_]:
-    """Return which rows another one exceeds in one objective and matches in the other."""
-    import moocore  # late: the other pictures of a mission do without it
-
-    return ~np.asarray(moocore.is_nondominated(points, maximise=True, keep_weakly=True))
-
-
-def front_summary(points: FloatArray, corners: FloatArray, mission: Mission | None) -> str:
+def front_summary(points: FloatArray, mission: Mission | None) -> str:
     """Write the area that plans dominate, and their number."""
-    plans = counted(len(points), "plan")
-    if mission is None:
-        widths = np.diff(corners[1:-1:2, 0], prepend=0.0)
-        return f"area {float(widths @ corners[1:-1:2, 1]):.3g}, {plans}"
-    # Late, because drawing needs none of what measuring imports.
-    from botohe_moo.indicators import area_indicator
-
-    return f"area {area_indicator(points, mission):.4f}, {plans}"
+    if mission is not None:
+        area = f"{area_indicator(points, mission):.4f}"
+    else:
+        area = f"{moocore.hypervolume(points, ref=[0, 0], maximise=True) if len(points) else 0:.3g}"
+    return f"area {area}, {counted(len(points), 'plan')}"
 
 
 def _draw(ax: Axes, points: FloatArray, corners: FloatArray, drawn: int, label: str | None) -> None:
     colour, marker = colours(drawn + 1)[-1], MARKERS[drawn % len(MARKERS)]
     ax.fill(*corners.T, facecolor=colour, alpha=0.16, linewidth=0, zorder=1, label="_area")
     ax.plot(*corners[:-1].T, color=colour, linewidth=1.0, zorder=2, label=_STAIRS)
-    dominated = _dominated(points)
+    dominated = ~np.asarray(moocore.is_nondominated(points, maximise=True, keep_weakly=True))
     crowded = len(points) > _CROWD
     style: dict[str, Any] = {
         "marker": marker,
@@ -193,21 +184,18 @@ def _draw(ax: Axes, points: FloatArray, corners: FloatArray, drawn: int, label: 
     ax.plot(*points[~dominated].T, **style, color=colour, zorder=3, label=label or "_front")
 
 
-def _open_words(bound: FrontBound, points: FloatArray, label: str | None) -> str:
-    gap = bound.gap(points)
+def _draw_open(
+    ax: Axes, corners: FloatArray, bound: FrontBound, gap: float, label: str | None
+) -> None:
+    """Shade what lies between a front, whose corners are given, and a bound."""
     more = f"at most {100 * gap:.2f} % more area"
     if math.isinf(gap):
         more = f"area at most {bound.area:.4f}"
-    return f"{label}, open: {more}" if label else f"open: {more}"
-
-
-def _draw_open(ax: Axes, corners: FloatArray, bound: FrontBound, label: str) -> None:
-    """Shade what lies between a front, whose corners are given, and a bound."""
     highest = staircase(bound.points)
     # Back along the front, so that what it dominates is left out.
     between = np.concatenate([highest, corners[::-1]])
     look: dict[str, Any] = {"facecolor": MUTED, "alpha": 0.25, "linewidth": 0, "zorder": 1}
-    ax.fill(*between.T, **look, label=label)
+    ax.fill(*between.T, **look, label=f"{label}, open: {more}" if label else f"open: {more}")
     ax.plot(*highest[:-1].T, color=MUTED, linewidth=1.0, zorder=1.5, label="_bound")
 
 

@@ -1,11 +1,11 @@
-"""The picture of a mission: rewards, dangers, base and team, and the trails of a plan."""
+"""Pictures of a mission: rewards, dangers and team, the trails of a plan, and pheromone."""
 
-import math
-from itertools import pairwise
-from typing import Any
+from collections import Counter
+from typing import Any, Literal, get_args
 
 import networkx as nx
 import numpy as np
+import pandas as pd
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
@@ -13,32 +13,32 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from botohe_moo._base.checks import check_choice
 from botohe_moo._base.types import FloatArray
-from botohe_moo._base.words import counted
+from botohe_moo._base.words import chance, counted
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.plots.draw.canvas import (
-    Canvas,
-    add_colour_bar,
-    bowed_arcs,
-    open_axes,
-)
-from botohe_moo.plots.draw.maps import draw_nodes
+from botohe_moo.plots.draw.algorithms import check_table
+from botohe_moo.plots.draw.canvas import Canvas, bowed_arcs, coloured, open_axes
+from botohe_moo.plots.draw.maps import draw_nodes, key_of
 from botohe_moo.plots.draw.places import layout_notes, node_positions
 from botohe_moo.plots.draw.style import (
     MUTED,
+    PHEROMONE,
+    REWARD,
+    SURVIVAL,
     Colour,
-    colour_range,
     colours,
-    reward_palette,
-    survival_palette,
     theme,
     tint,
 )
-from botohe_moo.plots.draw.titles import title_above
+from botohe_moo.plots.draw.texts import objectives_text, title_above
 from botohe_moo.plots.draw.trails import draw_trails, robot_styles
 from botohe_moo.trails import TrailPlan
 
+Kind = Literal["reward", "survival"]
+
 _MAX_ZONES = 8
+_WIDEST = 5.0  # points: the arc of most pheromone
 
 
 def plot_mission(
@@ -84,15 +84,16 @@ def plot_mission(
     check_mission(mission)
     notes = layout_notes(mission)
     if plan is not None:
-        reward, survivors = mission.evaluate([plan])[0]
-        notes.insert(0, f"E[R] = {reward:.2f}, E[S] = {survivors:.2f}")
+        notes.insert(0, objectives_text(*mission.evaluate([plan])[0]))
     xy = node_positions(mission)
     with theme():
         ax = open_axes(xy, ax)
-        fills = _reward_fills(ax, mission)
+        reward = mission.arrays.reward
+        paid, fills = reward > 0, np.ones((len(reward), 4))
+        fills[paid] = coloured(ax, reward[paid], REWARD, "reward", slot=0, low=0.0)
         zones = _zones(mission)
         _add_legend(ax, mission, plan, zones)
-        arc_colours = _arc_colours(ax, mission)
+        arc_colours = coloured(ax, mission.arrays.survival, SURVIVAL, "survival", slot=1)
         canvas = Canvas.measure(ax, xy)
         _shade_zones(canvas, mission, zones)
         lines = _draw_arcs(canvas, mission, arc_colours, faint=plan is not None)
@@ -103,25 +104,6 @@ def plot_mission(
         notes += draw_nodes(canvas, mission, fills, lines)
         title_above(ax, mission.title if title is None else title, "; ".join(notes))
     return ax
-
-
-def _reward_fills(ax: Axes, mission: Mission) -> NDArray[Any]:
-    reward = mission.arrays.reward
-    fills = np.ones((len(reward), 4))
-    if reward.any():
-        palette, norm = reward_palette(), colour_range(reward, low=0.0)
-        add_colour_bar(ax, palette, norm, "reward", slot=0)
-        fills[reward > 0] = palette(norm(reward[reward > 0]))
-    return fills
-
-
-def _arc_colours(ax: Axes, mission: Mission) -> NDArray[Any]:
-    survival = mission.arrays.survival
-    if not len(survival):
-        return np.empty((0, 4))
-    palette, norm = survival_palette(), colour_range(survival)
-    add_colour_bar(ax, palette, norm, "survival", slot=1)
-    return np.asarray(palette(norm(survival)))
 
 
 def _draw_arcs(
@@ -149,7 +131,7 @@ def _draw_arcs(
 
 
 def _zones(mission: Mission) -> dict[str, Colour]:
-    """Zones worth shading, with their colours; none for one alone or too many to tell apart."""
+    """Return the colours of zones; none for one zone alone, or too many to tell apart."""
     named = [zone for _, zone in mission.graph.nodes(data="zone") if zone is not None]
     zones = list(dict.fromkeys(str(zone) for zone in named))
     if not 2 <= len(zones) <= _MAX_ZONES:
@@ -200,12 +182,93 @@ def _add_legend(
 
 def _trail_handles(mission: Mission, plan: TrailPlan) -> list[Artist]:
     handles: list[Artist] = []
-    for robot, (trail, style) in enumerate(
-        zip(mission.labels(plan), robot_styles(plan.n_robots), strict=True)
-    ):
-        odds = math.prod(mission.graph.edges[arc]["survival"] for arc in pairwise(trail))
-        shown = f"{odds:.2f}" if odds >= 0.005 else "<0.01"
-        says = f"survives with {shown}" if len(trail) > 1 else "stays at base"
-        look: dict[str, Any] = {"color": style.colour, "linestyle": style.line, "linewidth": 2.4}
-        handles.append(Line2D([], [], label=f"robot {robot}: {says}", **look))
+    survival = mission.robot_survival([plan])[0].tolist()
+    for robot, style in enumerate(robot_styles(plan.n_robots)):
+        stays = len(plan.trails[robot]) == 1
+        says = "stays at base" if stays else f"survives with {chance(survival[robot], 2)}"
+        handles.append(key_of(f"robot {robot}: {says}", style))
     return handles
+
+
+def plot_pheromone(
+    mission: Mission,
+    pheromone: pd.DataFrame,
+    *,
+    kind: Kind = "reward",
+    title: str | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw every arc as wide and as dark as its pheromone.
+
+    Parameters
+    ----------
+    mission
+        Mission that the pheromone lies on.
+    pheromone
+        One row per arc: node labels ``tail`` and ``head``, and ``reward`` and ``survival``, the
+        pheromone of either kind (finite, at least 0). The base's self-loop is not drawn.
+    kind
+        Which of the two to draw.
+    title
+        Name of the picture. Default: the mission's title.
+    ax
+        Axes to draw on, colour bar included. One will be created if not given.
+
+    Raises
+    ------
+    ValueError
+        If ``kind`` is unknown, a column or an arc of the mission is missing, an arc is there
+        twice, or a value is out of range.
+
+    Examples
+    --------
+    >>> from pymoo.optimize import minimize
+    >>> from botohe_moo import BOACO, BOTOHE, load_mission
+    >>> from botohe_moo.plots import plot_pheromone, save_plot
+    >>> toy = load_mission("toy")
+    >>> colony = minimize(BOTOHE(toy), BOACO(n_ants=20), ("n_gen", 5), seed=1).algorithm
+    >>> save_plot(plot_pheromone(toy, colony.pheromone_maps, kind="survival"), "pheromone.png")
+    """
+    check_choice("kind", kind, get_args(Kind))
+    check_mission(mission)
+    values = _arc_values(mission, pheromone, kind)
+    xy = node_positions(mission)
+    notes = [f"pheromone for {kind}", *layout_notes(mission)]
+    with theme():
+        ax = open_axes(xy, ax)
+        label, arrays = rf"pheromone $\tau_{kind[0].upper()}$", mission.arrays
+        arc_colours = coloured(ax, values, PHEROMONE, label, slot=0, low=0.0)
+        canvas = Canvas.measure(ax, xy)
+        if len(values):
+            # What is darkest is drawn last, on top.
+            order = np.argsort(values, kind="stable")
+            share = values[order] / (values.max() or 1.0)
+            canvas.draw_arrows(
+                arrays.tail[order],
+                arrays.head[order],
+                colours=arc_colours[order],
+                widths=0.3 + share * min(_WIDEST, 0.5 * canvas.radius),
+                zorder=1,
+            )
+        arcs = canvas.curves(arrays.tail, arrays.head, np.ones(arrays.n_arcs, dtype=bool))
+        notes += draw_nodes(canvas, mission, np.ones((len(xy), 4)), arcs)
+        title_above(ax, mission.title if title is None else title, "; ".join(notes))
+    return ax
+
+
+def _arc_values(mission: Mission, pheromone: pd.DataFrame, kind: Kind) -> FloatArray:
+    """Return the pheromone of the mission's arcs, in the order of its arrays."""
+    check_table("pheromone", pheromone, ("tail", "head", kind))
+    ends = list(zip(pheromone["tail"].tolist(), pheromone["head"].tolist(), strict=True))
+    for (tail, head), n_rows in Counter(ends).items():
+        if n_rows > 1:
+            raise ValueError(f"Expected one row per arc, got {tail!r} -> {head!r} twice.")
+    found = dict(zip(ends, pheromone[kind].tolist(), strict=True))
+    arrays, nodes = mission.arrays, mission.nodes
+    arcs = [(nodes[u], nodes[v]) for u, v in zip(arrays.tail, arrays.head, strict=True)]
+    if absent := [f"{tail!r} -> {head!r}" for tail, head in arcs if (tail, head) not in found]:
+        raise ValueError(f"Expected a row for every arc, missing: {', '.join(absent)}.")
+    values = np.array([found[arc] for arc in arcs], float)
+    if not (np.isfinite(values) & (values >= 0)).all():
+        raise ValueError(f"Expected finite pheromone of at least 0, got {values.tolist()}.")
+    return values

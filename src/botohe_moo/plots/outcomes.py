@@ -14,6 +14,7 @@ from botohe_moo.decide.judging import Candidates
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.plots.draw.algorithms import DASHES
 from botohe_moo.plots.draw.style import Palette, palette_of, theme
+from botohe_moo.plots.draw.texts import objectives_text
 from botohe_moo.trails import TrailPlan
 
 _FEW = 12  # bars whose heights are written above them
@@ -89,10 +90,12 @@ def plot_outcomes(
     colour = palette_of(map(str, names), palette)
     bars: list[dict[str, Any]] = []
     with theme():
-        left, right = _two_axes() if axes is None else axes
+        if axes is None:
+            _, axes = plt.subplots(1, 2, figsize=(10.0, 4.6), layout="constrained")
+        left, right = axes
         for i, (name, own) in enumerate(colour.items()):
             reward, alive = (judged.distribution(what, i) for what in ("reward", "survivors"))
-            expected = f"E[R] = {reward.mean:.2f}, E[S] = {alive.mean:.2f}"
+            expected = objectives_text(reward.mean, alive.mean)
             n_samples = reward.n_samples
             source = f"; R from {n_samples:,} simulated missions" if n_samples else ""
             sns.ecdfplot(
@@ -138,10 +141,4 @@ def plot_outcomes(
         right.grid(visible=False, axis="x")
         left.legend(loc="upper left", bbox_to_anchor=(0.0, -0.16))
         left.set_title(mission.title if title is None else title)
-    return left, right
-
-
-def _two_axes() -> tuple[Axes, Axes]:
-    """Open a figure with two axes beside each other."""
-    _, (left, right) = plt.subplots(1, 2, figsize=(10.0, 4.6), layout="constrained")
     return left, right

@@ -14,9 +14,9 @@ from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
-from botohe_moo._base.checks import check_frame, nearest_first
+from botohe_moo._base.checks import check_choice, check_frame
 from botohe_moo._base.types import FloatArray
-from botohe_moo.plots.draw.style import MUTED, new_axes
+from botohe_moo.plots.draw.style import MARKERS, MUTED, Palette, new_axes, palette_of
 
 MANY = 12  # from as many algorithms on, one plot would be a tangle
 _COLUMNS = 4  # of panels
@@ -25,25 +25,29 @@ _NAME = 30  # letters of a line of an algorithm's name
 _LEAST_ROOM = 0.01  # of areas, beyond the largest one that was found
 
 
+def check_table(name: str, frame: pd.DataFrame, columns: Sequence[str]) -> None:
+    """Refuse what is not a table, lacks a column, or is of several missions."""
+    check_frame(name, frame)
+    if missing := [column for column in columns if column not in frame.columns]:
+        raise ValueError(f"Expected {name} with columns {tuple(columns)}, it lacks {missing}.")
+    missions = frame["mission"].unique() if "mission" in frame.columns else ()
+    if len(missions) > 1:
+        found = ", ".join(map(repr, missions))
+        raise ValueError(f"Expected {name} of one mission, got {found}.")
+
+
 def chosen_algorithms(
     name: str, frame: pd.DataFrame, columns: Sequence[str], algorithms: Sequence[str] | None
 ) -> list[str]:
     """Check a table of one mission, and return the algorithms to draw: all by default."""
-    check_frame(name, frame)
-    if missing := [column for column in columns if column not in frame.columns]:
-        raise ValueError(f"Expected {name} with columns {tuple(columns)}, it lacks {missing}.")
-    missions = list(frame["mission"].unique()) if "mission" in frame.columns else []
-    if len(missions) > 1:
-        found = ", ".join(map(repr, missions))
-        raise ValueError(f"Expected {name} of one mission, got {found}.")
+    check_table(name, frame, columns)
     known = list(frame["algorithm"].unique())
-    if algorithms is None:
-        return known
-    for label in algorithms:
-        if label not in known:
-            among = ", ".join(nearest_first(str(label), known))
-            raise ValueError(f"Expected an algorithm of {name}, got {label!r}; known are {among}.")
-    return list(dict.fromkeys(algorithms))
+    for label in algorithms or ():
+        check_choice(f"an algorithm of {name}", label, known)
+    labels = known if algorithms is None else list(dict.fromkeys(algorithms))
+    if not labels:
+        raise ValueError("Expected at least one algorithm, got none.")
+    return labels
 
 
 def wrapped(labels: Iterable[str]) -> list[str]:
@@ -51,27 +55,22 @@ def wrapped(labels: Iterable[str]) -> list[str]:
     return [textwrap.fill(str(label), _NAME) for label in labels]
 
 
-def dashes_of(colours: Mapping[str, Any]) -> dict[str, str]:
-    """Return a line style for each label: those of the same colour differ."""
-    found: dict[str, str] = {}
+def line_styles(labels: Iterable[str], palette: Palette | None) -> dict[str, dict[str, Any]]:
+    """Return colour, dash, marker and name of each line; dashes of the same colour differ."""
+    styles: dict[str, dict[str, Any]] = {}
     taken: Counter[Any] = Counter()
-    for label, colour in colours.items():
-        found[label] = DASHES[taken[colour] % len(DASHES)]
+    for i, (label, colour) in enumerate(palette_of(labels, palette).items()):
+        dash = DASHES[taken[colour] % len(DASHES)]
         taken[colour] += 1
-    return found
+        marker = MARKERS[i % len(MARKERS)]
+        styles[label] = {"color": colour, "linestyle": dash, "marker": marker, "label": label}
+    return styles
 
 
-def axes_of(
-    labels: Sequence[str], ax: Axes | None, size: tuple[float, float] = (7.5, 4.0)
-) -> dict[str, Axes]:
-    """Return the axes of each algorithm: the same for all, or a panel each if there are many.
-
-    A new figure is of ``size`` inches, if it has no panels.
-    """
-    if not labels:
-        raise ValueError("Expected at least one algorithm, got none.")
+def axes_of(labels: Sequence[str], ax: Axes | None) -> dict[str, Axes]:
+    """Return the axes of each algorithm: the same for all, or a panel each if there are many."""
     if ax is not None or len(labels) < MANY:
-        return dict.fromkeys(labels, ax or new_axes(*size))
+        return dict.fromkeys(labels, ax or new_axes(7.5, 4.0))
     n_rows = -(-len(labels) // _COLUMNS)
     _, grid = plt.subplots(
         n_rows,
@@ -87,7 +86,7 @@ def axes_of(
         own.tick_params(labelsize="x-small")
     for empty in grid.flat[len(labels) :]:
         empty.set_visible(False)
-    for own in grid[-2, len(labels) % _COLUMNS or _COLUMNS :] if n_rows > 1 else ():
+    for own in grid[-2, len(labels) % _COLUMNS or _COLUMNS :]:
         own.xaxis.set_tick_params(labelbottom=True)
     return panels
 
@@ -99,10 +98,8 @@ def finish(axes: Mapping[str, Axes], title: str | None, x: str, y: str) -> Axes:
     """
     first = next(iter(axes.values()))
     if len(set(axes.values())) == 1:
-        first.set(xlabel=x, ylabel=y)
-        first.set_title(title or "")
-        handles, names = first.get_legend_handles_labels()
-        first.legend(handles, wrapped(names), loc="upper left", bbox_to_anchor=(1.0, 1.0))
+        first.set(xlabel=x, ylabel=y, title=title or "")
+        add_legend_beside(first)
         return first
     lines = {label: _corners(own.lines[0]) for label, own in axes.items() if own.lines}
     handles = first.get_legend_handles_labels()[0]
@@ -121,6 +118,13 @@ def finish(axes: Mapping[str, Axes], title: str | None, x: str, y: str) -> Axes:
     if further:
         fig.legend(handles=further, loc="outside lower right")
     return first
+
+
+def add_legend_beside(ax: Axes) -> None:
+    """Put the legend right of ``ax``, if there is something to say."""
+    handles, names = ax.get_legend_handles_labels()
+    if handles:
+        ax.legend(handles, wrapped(names), loc="upper left", bbox_to_anchor=(1.0, 1.0))
 
 
 def _corners(line: Line2D) -> FloatArray:
@@ -147,17 +151,15 @@ def plain_number(value: float) -> str:
     return f"{value / 1e6:,.10g}M" if value >= 1e6 else f"{value:,.10f}".rstrip("0").rstrip(".")
 
 
-def draw_bound(
-    axes: Iterable[Axes], bound: float, low: float, high: float, which: Literal["x", "y"]
-) -> float:
-    """Draw a dashed line at the area ``bound``, and return where the axis has to end.
+def draw_bound(axes: Iterable[Axes], bound: float, which: Literal["x", "y"]) -> None:
+    """Draw a dashed line at the area ``bound`` on axes with the same limits, which then reach it.
 
-    The areas that are shown are from ``low`` to ``high``; a line that would more than double that
-    is left out.
+    A line that would more than double the areas that are shown is left out.
     """
-    if bound > high + max(high - low, _LEAST_ROOM):
-        return high
     for ax in axes:
-        draw = ax.axhline if which == "y" else ax.axvline
-        draw(bound, color=MUTED, ls="--", lw=1.0, zorder=1, label=f"no front exceeds {bound:.4f}")
-    return max(high, bound)
+        low, high = ax.get_xlim() if which == "x" else ax.get_ylim()
+        if bound <= high + max(high - low, _LEAST_ROOM):
+            draw = ax.axhline if which == "y" else ax.axvline
+            label = f"no front exceeds {bound:.4f}"
+            draw(bound, color=MUTED, ls="--", lw=1.0, zorder=1, label=label)
+            ax.set(**{f"{which}lim": (low, max(high, bound))})

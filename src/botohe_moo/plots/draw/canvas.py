@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PathCollection
-from matplotlib.colors import Colormap, Normalize
+from matplotlib.colors import Normalize
 from matplotlib.path import Path
 from matplotlib.transforms import IdentityTransform
 from numpy.typing import NDArray
@@ -53,16 +53,35 @@ def open_axes(xy: FloatArray, ax: Axes | None) -> Axes:
     return ax
 
 
-def add_colour_bar(
-    ax: Axes, palette: Colormap, norm: Normalize, label: str, slot: int | None = None
-) -> None:
+def add_colour_bar(ax: Axes, colours: ScalarMappable, label: str, slot: int | None = None) -> None:
     """Put a colour bar right of ``ax``, as part of it: in ``slot`` 0, the upper, 1, or in both."""
     low, height = (0.1, 0.8) if slot is None else (0.55 - 0.53 * slot, 0.43)
     bar = ax.inset_axes((1.02, low, 0.022, height))
-    drawn = ax.figure.colorbar(ScalarMappable(norm, palette), cax=bar, label=label)
+    drawn = ax.figure.colorbar(colours, cax=bar, label=label)
     drawn.outline.set_visible(False)
     bar.yaxis.label.set_parse_math(True)  # the theme does not, for the sake of users' texts
     bar.tick_params(length=2.5)
+
+
+def coloured(
+    ax: Axes,
+    values: FloatArray,
+    palette: str,
+    label: str,
+    *,
+    slot: int,
+    low: float | None = None,
+) -> NDArray[Any]:
+    """Return the colours (n, 4) of values, and add their key; they begin at ``low`` if given."""
+    if not len(values):
+        return np.empty((0, 4))
+    bottom, top = float(values.min() if low is None else low), float(values.max())
+    if top <= bottom:  # one value alone gets a range, too
+        half = 0.05 * (abs(bottom) or 1.0)
+        bottom, top = bottom - half, bottom + half
+    colours = ScalarMappable(Normalize(bottom, top), palette)
+    add_colour_bar(ax, colours, label, slot)
+    return np.asarray(colours.to_rgba(values))
 
 
 def crowding(xy: FloatArray) -> float:
@@ -82,7 +101,7 @@ class Canvas:
 
     @classmethod
     def measure(cls, ax: Axes, xy: FloatArray, *, smallest: float = 3.8) -> Self:
-        """Find the scale that ``ax`` will be drawn at, and the node size that suits it."""
+        """Compute the scale that ``ax`` will be drawn at, and the node size that suits it."""
         root = ax.figure.figure
         if (engine := root.get_layout_engine()) is not None:
             engine.execute(root)
@@ -122,7 +141,7 @@ class Canvas:
         )
 
     def curves(self, tail: IntArray, head: IntArray, bowed: NDArray[np.bool_]) -> FloatArray:
-        """Points along arcs (n, n_points, 2): straight, or bowed to the right where ``bowed``."""
+        """Return points along arcs (n, n_points, 2): straight, or ``bowed`` to the right."""
         start, end = self.xy[tail][:, None], self.xy[head][:, None]
         along = end - start
         right = np.stack([along[..., 1], -along[..., 0]], axis=-1)

@@ -12,11 +12,11 @@ import matplotlib.pyplot as plt
 import seaborn as sns  # registers its palettes with matplotlib, too
 from cycler import cycler
 from matplotlib.axes import Axes
-from matplotlib.colors import Colormap, LinearSegmentedColormap, Normalize, to_rgb
+from matplotlib.colors import LinearSegmentedColormap, to_rgb
 from matplotlib.figure import Figure
+from seaborn.utils import relative_luminance
 
 from botohe_moo._base.files import replace_file
-from botohe_moo._base.types import FloatArray
 
 Colour = tuple[float, float, float]
 Palette = str | Sequence[Any] | Mapping[str, Any]
@@ -27,30 +27,14 @@ MUTED = "#8c8c8c"
 FORMATS = (".png", ".pdf", ".svg")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")  # so that fronts differ in a grey print too
 
+# Sequential palettes: the darker, the more reward, danger or pheromone, or the more likely reached.
+REWARD, SURVIVAL, PHEROMONE = "crest", "flare_r", "flare"
+REACH = LinearSegmentedColormap.from_list("slate", ["#ffffff", "#c3ccd8", "#7f90a8", "#26364e"])
+
 # Seaborn's ticks with a pale grid; seaborn's own grid is too dark behind many lines.
 _STYLE = {"axes.grid": True, "grid.color": "0.92"}
 _STYLE |= {"axes.spines.top": False, "axes.spines.right": False, "axes.titlelocation": "left"}
 _STYLE |= {"axes.titleweight": "bold", "legend.frameon": False, "lines.solid_capstyle": "round"}
-
-
-def reward_palette() -> Colormap:
-    """Return the sequential palette of rewards: the darker, the more reward."""
-    return mpl.colormaps["crest"]
-
-
-def survival_palette() -> Colormap:
-    """Return the sequential palette of survivals: the darker, the more dangerous."""
-    return mpl.colormaps["flare_r"]
-
-
-def pheromone_palette() -> Colormap:
-    """Return the sequential palette of pheromone: the darker, the more pheromone."""
-    return mpl.colormaps["flare"]
-
-
-def reach_palette() -> Colormap:
-    """Return white to slate: the darker, the more likely a node is reached."""
-    return LinearSegmentedColormap.from_list("slate", ["#ffffff", "#c3ccd8", "#7f90a8", "#26364e"])
 
 
 def colours(n: int) -> list[Colour]:
@@ -85,18 +69,7 @@ def tint(colour: Any, strength: float) -> Colour:
 
 def readable_on(colour: Any) -> str:
     """Return the text colour, light or dark, that is legible on ``colour``."""
-    red, green, blue = (part**2.2 for part in to_rgb(colour))
-    # At this luminance either text has the same contrast (WCAG).
-    return "white" if 0.2126 * red + 0.7152 * green + 0.0722 * blue < 0.2 else INK
-
-
-def colour_range(values: FloatArray, *, low: float | None = None) -> Normalize:
-    """Span the colours over ``values``, from ``low`` if given; one value alone gets a range too."""
-    bottom = float(values.min()) if low is None else low
-    top = float(values.max())
-    if top <= bottom:
-        bottom, top = bottom - 0.05 * (abs(bottom) or 1.0), bottom + 0.05 * (abs(bottom) or 1.0)
-    return Normalize(bottom, top)
+    return "white" if relative_luminance(colour) < 0.2 else INK
 
 
 @contextmanager

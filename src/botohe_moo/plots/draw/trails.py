@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from seaborn.utils import relative_luminance
 
 from botohe_moo._base.types import FloatArray, IntArray
 from botohe_moo.plots.draw.canvas import Canvas
@@ -31,12 +32,12 @@ class RobotStyle:
 
     @property
     def line(self) -> Any:
-        """The line style as matplotlib takes it."""
+        """Return the line style as matplotlib takes it."""
         return 0.0, self.dash or None
 
 
 def robot_styles(n_robots: int) -> list[RobotStyle]:
-    """Return every robot a name, a colour and a dash; of the latter two, fifty pairs differ."""
+    """Return a name, a colour and a dash for each robot; of the latter two, fifty pairs differ."""
     return [
         RobotStyle(f"R{i}", _as_ink(colour), _DASHES[(i + i // _CYCLE) % len(_DASHES)])
         for i, colour in enumerate(colours(n_robots))
@@ -45,8 +46,8 @@ def robot_styles(n_robots: int) -> list[RobotStyle]:
 
 def _as_ink(colour: Colour) -> Colour:
     """Darken a colour that would be too light for a line on white."""
-    luminance = float(np.dot(np.power(colour, 2.2), (0.2126, 0.7152, 0.0722)))
-    red, green, blue = (part * min(1.0, _LIGHTEST / luminance) ** (1 / 2.2) for part in colour)
+    factor = min(1.0, _LIGHTEST / relative_luminance(colour)) ** (1 / 2.2)
+    red, green, blue = (part * factor for part in colour)
     return red, green, blue
 
 
@@ -74,7 +75,7 @@ def draw_trails(
     """Draw the trails of ``plan`` on the right-hand side of their arcs, with arrowheads.
 
     Arcs are straight lines, but those in ``bowed``, pairs of node indices, bow to their right.
-    Gives the points of each passage (n_passages, n_points, 2), in the order of the trails.
+    Returns the points of each passage (n_passages, n_points, 2), in the order of the trails.
     """
     passages = lanes(plan)
     if not passages:
@@ -109,7 +110,7 @@ def draw_trails(
 def _running_dashes(
     robot: IntArray, length: FloatArray, styles: Sequence[RobotStyle]
 ) -> list[tuple[float, tuple[float, ...] | None]]:
-    """Return every passage the dashes of its robot, which go on where the passage before ended."""
+    """Return the dashes of each passage, which go on where its robot's last passage ended."""
     walked, lines = Counter[int](), []
     for i, more in zip(robot.tolist(), length.tolist(), strict=True):
         dash = styles[i].dash

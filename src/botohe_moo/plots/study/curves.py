@@ -1,24 +1,26 @@
-"""The picture of how the area of fronts grows, or their distance shrinks, while algorithms run."""
+"""Pictures of runs over time: how areas grow or distances shrink, and targets that are reached."""
 
 from collections.abc import Sequence
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
 import seaborn as sns
 from matplotlib.axes import Axes
 
-from botohe_moo._base.checks import check_number
-from botohe_moo.indicators import INDICATORS, further_indicators
+from botohe_moo._base.checks import check_choice, check_number
+from botohe_moo._base.types import FloatArray
+from botohe_moo.indicators import INDICATORS, TIE, further_indicators
 from botohe_moo.plots.draw.algorithms import (
     axes_of,
+    check_table,
     chosen_algorithms,
-    dashes_of,
     draw_bound,
     finish,
+    line_styles,
     log_axis,
 )
-from botohe_moo.plots.draw.style import MARKERS, Palette, palette_of, theme
+from botohe_moo.plots.draw.style import Palette, theme
 
 Progress = Literal["evaluations", "seconds"]
 Band = Literal["quartiles", "sd", "range"]
@@ -102,44 +104,40 @@ def plot_curves(
         check_number("bound", bound, at_least=0, at_most=1)
         if value != "area":
             raise ValueError(f"Expected no bound, which is of areas, with {value}, got {bound}.")
-    if band not in get_args(Band):
-        raise ValueError(f"Expected band to be {' or '.join(get_args(Band))}, got {band!r}.")
+    check_choice("band", band, _BANDS)
     steps = progress(trace, x=x, value=value, algorithms=algorithms)
     estimator, errorbar = _BANDS[band]
     middle = steps.pivot_table(values=value, index=x, columns="algorithm", aggfunc=estimator)
     chosen = [a for a in chosen_algorithms("trace", trace, (), algorithms) if a in middle]
-    colour = palette_of(chosen, palette)
-    dashes = dashes_of(colour)
+    styles = line_styles(chosen, palette)
     labels = sorted(chosen, key=lambda label: -middle[label].iloc[-1])
     with theme():
         axes = axes_of(labels, ax)
         marked = len(set(axes.values())) == 1 and len(labels) > _COLOURS_ALONE
         for label in labels:
-            i, own = chosen.index(label), steps[steps["algorithm"] == label]
+            own, style = steps[steps["algorithm"] == label], styles[label]
             n_points = own[x].nunique()
-            # Markers stand at other places on each curve.
-            places = (5 * i % min(40, n_points), 40)
-            marks = {"marker": MARKERS[i % len(MARKERS)], "markevery": places}
+            if marked or n_points == 1:
+                # Markers are at other places on each curve.
+                style["markevery"] = (5 * chosen.index(label) % min(40, n_points), 40)
+            else:
+                style["marker"] = None
             sns.lineplot(
                 own,
                 x=x,
                 y=value,
                 estimator=estimator,
                 errorbar=errorbar,
-                color=colour[label],
-                linestyle=dashes[label],
-                label=label,
                 drawstyle="steps-post",
                 ax=axes[label],
-                **(marks if marked or n_points == 1 else {}),
+                **style,
             )
         first = axes[labels[0]]
         log_axis(first)
         if value == "area":
             _begin_at_upper_half(first, middle)
             if bound is not None:
-                low, high = first.get_ylim()
-                first.set_ylim(low, draw_bound(dict.fromkeys(axes.values()), bound, low, high, "y"))
+                draw_bound(dict.fromkeys(axes.values()), bound, "y")
         elif (steps[value] > 0).any():
             log_axis(first, "y")
         finish(axes, title, NAMES[x], INDICATORS[value].in_words)
@@ -165,18 +163,14 @@ def progress(
     Columns ``algorithm``, ``seed``, those of ``x`` and ``value``; the rows of an algorithm begin
     where all of its runs have a record. Options and errors are those of ``plot_curves``.
     """
-    options = {"x": (x, get_args(Progress)), "value": (value, ("area", *further_indicators()))}
-    for name, (given, known) in options.items():
-        if given not in known:
-            raise ValueError(f"Expected {name} to be {' or '.join(known)}, got {given!r}.")
+    check_choice("x", x, NAMES)
+    check_choice("value", value, ("area", *further_indicators()))
     labels = chosen_algorithms("trace", trace, ("algorithm", "seed", x, value), algorithms)
     run = ["algorithm", "seed"]
     records = trace.loc[trace["algorithm"].isin(labels), [*run, x, value]].dropna(subset=value)
     if records.empty:
         raise ValueError("Expected at least one row of trace, got none.")
-    at = records[x].to_numpy(float, na_value=np.nan)
-    if not (np.isfinite(at).all() and (at >= 0).all()):
-        raise ValueError(f"Expected {x} in [0, inf), got {at[~(np.isfinite(at) & (at >= 0))][0]}.")
+    at = records[x].to_numpy(float)
     # A logarithmic axis has no 0.
     records = records.assign(**{x: np.maximum(at, at[at > 0].min(initial=at.max() or 1.0))})
     records = records.sort_values(x, kind="stable")
@@ -188,3 +182,104 @@ def progress(
     every = records[run].drop_duplicates().merge(pd.DataFrame({x: points}), how="cross")
     steps = pd.merge_asof(every.sort_values(x, kind="stable"), records, on=x, by=run)
     return steps[steps[x] >= steps["algorithm"].map(starts)]
+
+
+def plot_reached(
+    trace: pd.DataFrame,
+    runs: pd.DataFrame,
+    targets: Sequence[float] | FloatArray,
+    *,
+    x: Progress = "evaluations",
+    algorithms: Sequence[str] | None = None,
+    palette: Palette | None = None,
+    title: str | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw the share of all pairs of a run and a target that are reached, over evaluations.
+
+    A run reaches a target with its first recorded front of at least that area; one that never does,
+    or has no record, counts, too. The legend lists the algorithms as their curves end.
+
+    Parameters
+    ----------
+    trace
+        Rows of one mission in a study's trace: columns ``algorithm``, ``seed``, ``area`` and that
+        of ``x``.
+    runs
+        Rows of the same mission in its runs: columns ``algorithm`` and ``seed``.
+    targets
+        Areas to be reached, at least one.
+    x
+        What the horizontal, logarithmic axis shows.
+    algorithms, palette, title, ax
+        As in :func:`plot_curves`, with panels from twelve algorithms on.
+
+    Raises
+    ------
+    ValueError
+        If a column or a target is missing, there are rows of several missions, or an algorithm is
+        not known or none has a record.
+
+    References
+    ----------
+    Hansen, Auger, Ros, Mersmann, Tušar and Brockhoff, "COCO: a platform for comparing continuous
+    optimizers in a black-box setting", Optimization Methods and Software 36, 2021: runtime
+    distributions over pairs of runs and targets.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from botohe_moo.plots import plot_reached, save_plot
+    >>> trace = pd.DataFrame(
+    ...     [("ants", 1, 10, 0.3), ("ants", 1, 100, 0.5), ("greedy", 1, 20, 0.4)],
+    ...     columns=["algorithm", "seed", "evaluations", "area"],
+    ... )  # of a study: tables.trace.query("mission == 'museum'")
+    >>> runs = pd.DataFrame({"algorithm": ["ants", "greedy"], "seed": 1})
+    >>> save_plot(plot_reached(trace, runs, targets=[0.35, 0.45]), "reached.png")
+    """
+    check_table("trace", trace, ("algorithm", "seed", x, "area"))
+    spent = first_reached(trace, runs, targets, x=x, algorithms=algorithms)
+    shown = trace.loc[trace["algorithm"].isin(list(spent)) & (trace[x] > 0), x]
+    if shown.empty:
+        raise ValueError("Expected at least one row of trace, got none.")
+    low, high = float(shown.min()), float(shown.max())
+    styles = line_styles(spent, palette)
+    labels = sorted(spent, key=lambda label: -np.isfinite(spent[label]).mean())
+    with theme():
+        axes = axes_of(labels, ax)
+        for label in labels:
+            # What is never reached lies beyond the edge, since seaborn leaves out the infinite.
+            within = np.clip(spent[label], low, 2 * high)
+            sns.ecdfplot(x=within, ax=axes[label], **{**styles[label], "marker": None})
+        first = axes[labels[0]]
+        first.set(xlim=(low, high * 1.01), ylim=(-0.02, 1.02))
+        log_axis(first)
+        return finish(axes, title, NAMES[x], "share of runs × targets reached")
+
+
+def first_reached(
+    trace: pd.DataFrame,
+    runs: pd.DataFrame,
+    targets: Sequence[float] | FloatArray,
+    *,
+    x: Progress = "evaluations",
+    algorithms: Sequence[str] | None = None,
+) -> dict[str, FloatArray]:
+    """Return for each algorithm what each pair of a run and a target took; infinite for never.
+
+    Shape (n_runs * n_targets,). Options and errors are those of ``plot_reached``.
+    """
+    labels = chosen_algorithms("runs", runs, ("algorithm", "seed"), algorithms)
+    wanted = np.sort(np.asarray(targets, float))
+    if not len(wanted) or not np.isfinite(wanted).all():
+        raise ValueError(f"Expected at least one target, all finite, got {list(targets)}.")
+    records = dict(
+        iter(trace.sort_values(x, kind="stable").groupby(["algorithm", "seed"], observed=True))
+    )
+    spent: dict[str, list[FloatArray]] = {label: [] for label in labels}
+    for label, seed in runs.loc[runs["algorithm"].isin(labels), ["algorithm", "seed"]].to_numpy():
+        run = records.get((label, seed), trace.iloc[:0])
+        best = np.maximum.accumulate(run["area"].to_numpy(float))
+        first = np.searchsorted(best, wanted - TIE)
+        spent[label].append(np.append(run[x].to_numpy(float), np.inf)[first])
+    return {label: np.concatenate(of_runs) for label, of_runs in spent.items()}

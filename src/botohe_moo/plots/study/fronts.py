@@ -8,8 +8,14 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from botohe_moo._base.types import FloatArray
-from botohe_moo.plots.draw.algorithms import axes_of, chosen_algorithms, dashes_of, finish
-from botohe_moo.plots.draw.style import INK, MARKERS, MUTED, Palette, palette_of, theme
+from botohe_moo.plots.draw.algorithms import (
+    axes_of,
+    check_table,
+    chosen_algorithms,
+    finish,
+    line_styles,
+)
+from botohe_moo.plots.draw.style import INK, MUTED, Palette, theme
 from botohe_moo.plots.front import OBJECTIVES, staircase
 
 
@@ -63,26 +69,15 @@ def plot_fronts(
     """
     fronts = final_fronts(plans, runs, algorithms)
     seeds = {label: median_run(runs[runs["algorithm"] == label]) for label in fronts}
-    colour = palette_of(fronts, palette)
-    dashes = dashes_of(colour)
     with theme():
         axes = axes_of(list(fronts), ax)
-        for i, (label, found) in enumerate(fronts.items()):
-            front = found[seeds[label]]
-            name = f"{label} (seed {seeds[label]})" + ("" if len(front) else ": no plans")
+        for label, style in line_styles(fronts, palette).items():
+            front = fronts[label][seeds[label]]
+            style["label"] += f" (seed {seeds[label]})" + ("" if len(front) else ": no plans")
             # The corners that are plans are every second one, from the upper end of the front.
-            axes[label].plot(
-                *staircase(front)[:-1].T,
-                color=colour[label],
-                linestyle=dashes[label],
-                linewidth=1.2,
-                marker=MARKERS[i % len(MARKERS)],
-                markevery=(1, 2),
-                markersize=4,
-                markeredgecolor="white",
-                markeredgewidth=0.3,
-                label=name,
-            )
+            style |= {"markevery": (1, 2), "markersize": 4, "linewidth": 1.2}
+            style |= {"markeredgecolor": "white", "markeredgewidth": 0.3}
+            axes[label].plot(*staircase(front)[:-1].T, **style)
         thin: tuple[tuple[pd.DataFrame | None, str, dict[str, Any]], ...] = (
             (reference, "all runs together", {"color": INK, "linewidth": 0.6}),
             (bound, "no plan lies beyond", {"color": MUTED, "linewidth": 1.0, "linestyle": "--"}),
@@ -103,7 +98,7 @@ def final_fronts(
     """Return the final front (n_plans, 2) of every run, perhaps empty, by label and seed."""
     labels = chosen_algorithms("runs", runs, ("algorithm", "seed", "area"), algorithms)
     point = ["reward", "survivors"]
-    chosen_algorithms("plans", plans, ("algorithm", "seed", *point), None)
+    check_table("plans", plans, ("algorithm", "seed", *point))
     points = plans[point].to_numpy(float)
     of_runs = plans.groupby(["algorithm", "seed"], observed=True).indices
     found = {key: points[rows] for key, rows in of_runs.items()}

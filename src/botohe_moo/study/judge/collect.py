@@ -1,19 +1,23 @@
 """Making the tables of a study from the files of its runs."""
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Mapping, Sequence
+from itertools import chain
+from typing import Any, TypeAlias
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 
 from botohe_moo._base.types import FloatArray
 from botohe_moo.indicators import TIE
 from botohe_moo.search.bounds import FrontBound
 from botohe_moo.study.file.model import Run, Study, StudyError
-from botohe_moo.study.judge.comparisons import compare_algorithms
-from botohe_moo.study.judge.ranks import compare_ranks, rank_algorithms
+from botohe_moo.study.judge.comparisons import (
+    compare_algorithms,
+    compare_ranks,
+    rank_algorithms,
+)
 from botohe_moo.study.judge.scores import reference_fronts, score_records, score_runs
 from botohe_moo.study.judge.summary import (
     algorithm_table,
@@ -27,7 +31,9 @@ from botohe_moo.study.run.task import Outcome
 from botohe_moo.study.store.folder import StudyFolder, writing
 from botohe_moo.study.store.run_files import outcome_fields
 from botohe_moo.study.store.schemas import SCHEMAS
-from botohe_moo.study.store.tables import write_tables
+from botohe_moo.study.store.tables import to_arrow, write_tables
+
+_Found: TypeAlias = Sequence[tuple[Run, Outcome]]
 
 
 def collect_tables(study: Study, folder: StudyFolder, made_from: str = "") -> None:
@@ -36,10 +42,7 @@ def collect_tables(study: Study, folder: StudyFolder, made_from: str = "") -> No
     ``made_from`` is the digest of what they are made from. A StudyError names a file that is
     damaged, or a bound that a run refutes, or says that the folder cannot be written to.
     """
-    found = _Found()
-    for run in study.runs():
-        if outcome := folder.load(run):
-            found.add(run, outcome)
+    found = [(run, outcome) for run in study.runs() if (outcome := folder.load(run))]
     missions = {mission.label: mission.mission for mission in study.missions}
     manifest = study.manifest()
     bounds = {
@@ -68,31 +71,6 @@ def _check_bounds(bounds: Mapping[str, FrontBound], runs: pd.DataFrame) -> None:
             )
 
 
-@dataclass
-class _Found:
-    """The contents of all run files, as the columns of tables."""
-
-    runs: list[dict[str, Any]] = field(default_factory=list)  # rows, without areas
-    fronts: list[list[FloatArray]] = field(default_factory=list)  # of each run, the last one final
-    spent: list[tuple[int, float, int]] = field(default_factory=list)  # of each record, with ties
-    plans: list[FloatArray] = field(default_factory=list)  # objectives of each run's final plans
-    trails: list[str] = field(default_factory=list)  # of all final plans, as JSON
-    environments: dict[str, dict[str, Any]] = field(default_factory=dict)  # by digest
-
-    def add(self, run: Run, outcome: Outcome) -> None:
-        """Add the outcome of a run."""
-        where = outcome.environment or environment()
-        self.environments[where["environment"]] = where
-        records = outcome.records
-        self.runs.append(_run_row(run, outcome, where["environment"]))
-        self.fronts.append([record.objectives for record in records])
-        self.spent += [(record.evaluations, record.seconds, record.ties) for record in records]
-        batch, objectives = (records[-1].plans if records else None) or ((), np.empty((0, 2)))
-        labels = run.mission.mission.labels
-        self.plans.append(objectives)
-        self.trails += [json.dumps(labels(plan), ensure_ascii=False) for plan in batch]
-
-
 def _run_row(run: Run, outcome: Outcome, where: str) -> dict[str, Any]:
     budget = run.mission.budget
     last = outcome.records[-1] if outcome.records else None
@@ -113,26 +91,28 @@ def _run_row(run: Run, outcome: Outcome, where: str) -> dict[str, Any]:
 
 
 def _judged(
-    study: Study,
-    found: _Found,
-    bounds: dict[str, FrontBound],
+    study: Study, found: _Found, bounds: Mapping[str, FrontBound]
 ) -> dict[str, pd.DataFrame]:
     """Return all tables but ``missions``, ``bounds`` and ``algorithms``."""
     missions = {mission.label: mission.scale for mission in study.missions}
     comparison, indicators = study.file.comparison, study.file.indicators
     level = comparison.significance
     labels = [algorithm.label for algorithm in study.algorithms]
-    runs = pd.DataFrame(found.runs, columns=SCHEMAS["runs"].names)
+    tables = _recorded(found)
     # The last front of each run, without points where there is none.
-    finals = [fronts[-1] if fronts else np.empty((0, 2)) for fronts in found.fronts]
-    references = reference_fronts(runs, finals)
-    records = [
-        (label, front)
-        for label, fronts in zip(runs["mission"], found.fronts, strict=True)
-        for front in fronts
-    ]
-    scores_of_records = score_records(records, references, missions=missions, indicators=indicators)
-    tables = _recorded(found, runs, scores_of_records)
+    fronts = [[record.objectives for record in outcome.records] for _, outcome in found]
+    finals = [of_run[-1] if of_run else np.empty((0, 2)) for of_run in fronts]
+    references = reference_fronts(tables["runs"], finals)
+    measured = score_records(
+        zip(tables["trace"]["mission"], chain.from_iterable(fronts), strict=True),
+        references,
+        missions=missions,
+        indicators=indicators,
+    )
+    trace = tables["trace"].assign(**measured)
+    areas = tables["runs"]["run"].map(trace.groupby("run")["area"].last()).fillna(0.0)
+    tables |= {"runs": tables["runs"].assign(area=areas), "trace": trace}
+    tables = {name: _typed(name, frame) for name, frame in tables.items()}
     runs = tables["runs"]
     scores = score_runs(runs, finals, references, missions=missions, indicators=indicators)
     ranks = rank_algorithms(
@@ -163,54 +143,59 @@ def _judged(
     }
 
 
-def _recorded(
-    found: _Found, runs: pd.DataFrame, scores: Mapping[str, Sequence[float]]
-) -> dict[str, pd.DataFrame]:
-    """Return the tables of runs and records; ``scores`` has a value for each recorded front."""
-    records = [front for fronts in found.fronts for front in fronts]
-    sizes = list(map(len, records))
-    spent = pd.DataFrame(found.spent, columns=["evaluations", "seconds", "ties"])
-    trace = _repeated(runs, map(len, found.fronts)).join(spent)
-    trace = trace.assign(front_size=sizes, **scores)
-    final = trace.groupby("run")["area"].last()
-    plans = _repeated(runs, map(len, found.plans)).assign(trails=found.trails)
-    numbers = [np.arange(len(objectives)) for objectives in found.plans]
-    plans["plan_id"] = np.concatenate([np.empty(0, int), *numbers])
-    where = found.environments
-    frames = {
-        "runs": runs.assign(area=runs["run"].map(final).fillna(0.0)),
+def _recorded(found: _Found) -> dict[str, pd.DataFrame]:
+    """Return the tables of runs, records, points, plans and environments, without scores."""
+    places = [outcome.environment or environment() for _, outcome in found]
+    runs = pd.DataFrame(
+        [
+            _run_row(run, outcome, place["environment"])
+            for (run, outcome), place in zip(found, places, strict=True)
+        ],
+        columns=SCHEMAS["runs"].names,
+    )
+    records = [record for _, outcome in found for record in outcome.records]
+    trace = _repeated(runs, [len(outcome.records) for _, outcome in found]).assign(
+        evaluations=[record.evaluations for record in records],
+        seconds=[record.seconds for record in records],
+        front_size=[len(record.objectives) for record in records],
+        ties=[record.ties for record in records],
+    )
+    finals = [(outcome.records[-1].plans if outcome.records else None) for _, outcome in found]
+    kept = [final or ((), np.empty((0, 2))) for final in finals]
+    plans = _with_points(runs, [objectives for _, objectives in kept])
+    trails = [
+        json.dumps(run.mission.mission.labels(plan), ensure_ascii=False)
+        for (run, _), (batch, _) in zip(found, kept, strict=True)
+        for plan in batch
+    ]
+    known = {place["environment"]: place for place in places}
+    return {
+        "runs": runs,
         "trace": trace,
-        "fronts": _with_points(_repeated(trace, sizes, "evaluations"), records),
-        "plans": _with_points(plans, found.plans),
+        "fronts": _with_points(trace, [record.objectives for record in records], "evaluations"),
+        "plans": plans.assign(trails=trails, plan_id=plans.groupby("run").cumcount()),
         "environments": pd.DataFrame(
-            [where[key] for key in sorted(where)], columns=SCHEMAS["environments"].names
+            [known[key] for key in sorted(known)], columns=SCHEMAS["environments"].names
         ),
     }
-    return {name: _typed(name, frame) for name, frame in frames.items()}
 
 
-def _repeated(frame: pd.DataFrame, counts: Iterable[int], *further: str) -> pd.DataFrame:
+def _repeated(frame: pd.DataFrame, counts: Sequence[int], *further: str) -> pd.DataFrame:
     """Repeat the identity of each run, once for each of its rows in another table."""
-    rows = np.repeat(np.arange(len(frame)), np.array(list(counts), int))
+    rows = np.repeat(np.arange(len(frame)), np.array(counts, int))
     identity = ["run", "mission", "algorithm", "seed"]
     return frame.loc[:, [*identity, *further]].take(rows).reset_index(drop=True)
 
 
-def _with_points(frame: pd.DataFrame, fronts: Sequence[FloatArray]) -> pd.DataFrame:
+def _with_points(frame: pd.DataFrame, fronts: Sequence[FloatArray], *further: str) -> pd.DataFrame:
+    """Return a row for each point of the fronts, one for each row of ``frame``."""
     points = np.concatenate([np.empty((0, 2)), *fronts])
-    return frame.assign(reward=points[:, 0], survivors=points[:, 1])
+    repeated = _repeated(frame, list(map(len, fronts)), *further)
+    return repeated.assign(reward=points[:, 0], survivors=points[:, 1])
 
 
 def _typed(name: str, frame: pd.DataFrame) -> pd.DataFrame:
     """Put columns in order, and give them the types of the schema."""
-    text = pd.Series(["text"]).dtype  # str, or object before pandas 3, whose str is never missing
-    dtypes = {"int64": "int64", "double": "float64", "string": text, "bool": "bool"}
-    ordered: pd.DataFrame = frame[SCHEMAS[name].names]
-    return ordered.astype(
-        {
-            field.name: "Int64"
-            if field.nullable and str(field.type) == "int64"
-            else dtypes[str(field.type)]
-            for field in SCHEMAS[name]
-        }
-    )
+    counts = [field.name for field in SCHEMAS[name] if field.nullable and field.type == pa.int64()]
+    table: pd.DataFrame = to_arrow(name, frame).to_pandas(integer_object_nulls=True)
+    return table.astype(dict.fromkeys(counts, "Int64"))

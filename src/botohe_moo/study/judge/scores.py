@@ -138,9 +138,9 @@ def sign_of(indicator: str) -> int:
     return {True: 1, False: -1, None: 0}[INDICATORS[indicator].higher_is_better]
 
 
-def best_first(indicator: str, samples: Sequence[FloatArray]) -> FloatArray:
-    """Return medians, ties merged, with a sign that makes the smallest the best."""
-    return -sign_of(indicator) * merge_ties([np.median(values) for values in samples])
+def best_first(indicator: str, medians: ArrayLike) -> FloatArray:
+    """Return medians (n,), ties merged, with a sign that makes the smallest the best."""
+    return -sign_of(indicator) * merge_ties(medians)
 
 
 def points_by_mission(references: pd.DataFrame) -> dict[str, FloatArray]:

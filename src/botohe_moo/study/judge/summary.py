@@ -103,17 +103,11 @@ def _widened(
 
 
 def _typed(values: list[Any]) -> "pd.Series[Any]":
-    """Return a column the common type of its values; texts where there is none."""
+    """Return a column of the common type of its values; texts where there is none."""
     kinds = {type(value) for value in values if value is not None}
-    if kinds == {bool}:
-        return pd.Series(values, dtype="boolean")
-    try:
-        if kinds == {int}:
-            return pd.Series(values, dtype="Int64")
-        if kinds and kinds <= {int, float}:
-            return pd.Series(values, dtype="float64")
-    except OverflowError:  # an integer of more than 64 bits
-        pass
+    for dtype, numbers in (("boolean", {bool}), ("Int64", {int}), ("float64", {int, float})):
+        if kinds and kinds <= numbers:
+            return pd.Series(values, dtype=dtype)
     texts = [value if value is None else value_text(value) for value in values]
     return pd.Series(texts, dtype="str")
 
@@ -146,8 +140,9 @@ def summarise(
     rows: list[dict[str, Any]] = []
     for mission in missions:
         labels = [label for label in algorithms if (mission, label) in found]
-        areas_of = [found[mission, label]["area"].to_numpy(float) for label in labels]
-        ranks = stats.rankdata(best_first("area", areas_of))
+        ranks = stats.rankdata(
+            best_first("area", [found[mission, label]["area"].median() for label in labels])
+        )
         for label, rank in zip(labels, ranks, strict=True):
             row: dict[str, Any] = {"mission": mission, "algorithm": label, "rank": float(rank)}
             for name in further_indicators():

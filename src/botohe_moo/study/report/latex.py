@@ -7,13 +7,15 @@ from typing import Any
 import pandas as pd
 
 from botohe_moo.indicators import INDICATORS
-from botohe_moo.study.report.standing import Cell, matrix, matrix_caption
 from botohe_moo.study.report.text_tables import (
+    Cell,
     TextTable,
     comparison_table,
+    matrix,
     rank_table,
     summary_table,
 )
+from botohe_moo.study.report.words import matrix_caption
 from botohe_moo.study.store.tables import StudyTables
 
 _NAMED = ["backslash", "asciitilde", "asciicircum", "less", "greater", "bar"]

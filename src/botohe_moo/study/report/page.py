@@ -1,33 +1,46 @@
-"""The page of a report: one HTML file with figures and styles in it."""
+"""The report of a study: a page with figures and styles in it, and LaTeX tables."""
 
-import base64
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import jinja2
 
+from botohe_moo._base.files import replace_file
 from botohe_moo._base.words import counted
 from botohe_moo.indicators import INDICATORS
 from botohe_moo.study.report import text_tables, words
-from botohe_moo.study.report.standing import matrix, matrix_caption
+from botohe_moo.study.report.latex import (
+    comparisons_latex,
+    outcome_latex,
+    ranks_latex,
+    summary_latex,
+)
+from botohe_moo.study.report.pictures import ReportFigure, draw_figures
 from botohe_moo.study.store.tables import StudyTables
 
 
-@dataclass(frozen=True)
-class ReportFigure:
-    """A figure of a report."""
+def write_report(tables: StudyTables) -> list[Path]:
+    """Write the report of a study into the folder ``report`` in the study's own; return its files.
 
-    path: Path  # the PNG file
-    paths: tuple[Path, ...]  # the same as PNG, PDF and SVG
-    caption: str  # what it shows, what its lines and bands mean, and what is not in it
-    alternative: str  # text for readers who cannot see it
-
-    @property
-    def data(self) -> str:
-        """The PNG file as text, as a page holds it."""
-        return base64.b64encode(self.path.read_bytes()).decode()
+    They are ``report.html``, ``outcome.tex``, ``summary.tex``, ``comparisons.tex``, ``ranks.tex``,
+    and in the folder ``figures`` the figures. Files of other names stay.
+    """
+    folder = tables.folder / "report"
+    drawings = folder / "figures"
+    drawings.mkdir(parents=True, exist_ok=True)
+    figures = draw_figures(tables, drawings)
+    texts = {
+        "report.html": render_page(tables, figures),
+        "outcome.tex": outcome_latex(tables),
+        "summary.tex": summary_latex(tables),
+        "comparisons.tex": comparisons_latex(tables),
+        "ranks.tex": ranks_latex(tables),
+    }
+    for name, text in texts.items():
+        replace_file(folder / name, text.encode())
+    drawn = [path for shown in figures.values() for figure in shown for path in figure.paths]
+    return [*(folder / name for name in texts), *drawn]
 
 
 def render_page(tables: StudyTables, figures: Mapping[str, Sequence[ReportFigure]]) -> str:
@@ -45,8 +58,8 @@ def render_page(tables: StudyTables, figures: Mapping[str, Sequence[ReportFigure
     )
     page = environment.get_template("report.html.j2").render(
         study=tables,
-        matrix=matrix(tables),
-        caption=matrix_caption(tables),
+        matrix=text_tables.matrix(tables),
+        caption=words.matrix_caption(tables),
         sections=[_section(tables, label, figures) for label in tables.mission_labels],
         ranks=_ranks(tables),
         figures=figures.get("", ()),

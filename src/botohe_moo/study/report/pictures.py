@@ -1,6 +1,8 @@
 """The pictures of a report, with their captions."""
 
+import base64
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -8,17 +10,18 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from botohe_moo.indicators import INDICATORS, area_indicator, further_indicators
+from botohe_moo.indicators import INDICATORS, further_indicators
 from botohe_moo.plots.draw.style import palette_of, save_plot
-from botohe_moo.plots.study.areas import plot_areas
-from botohe_moo.plots.study.attainment import plot_attainment
-from botohe_moo.plots.study.curves import NAMES, Progress, plot_curves
-from botohe_moo.plots.study.difference import plot_attainment_difference
+from botohe_moo.plots.study.attainment import plot_attainment, plot_attainment_difference
+from botohe_moo.plots.study.comparisons import (
+    overruled,
+    plot_areas,
+    plot_heat,
+    plot_ranks,
+    two_parameter_grids,
+)
+from botohe_moo.plots.study.curves import NAMES, Progress, plot_curves, plot_reached
 from botohe_moo.plots.study.fronts import plot_fronts
-from botohe_moo.plots.study.heat import plot_heat, two_parameter_grids
-from botohe_moo.plots.study.ranks import overruled, plot_ranks
-from botohe_moo.plots.study.reached import plot_reached
-from botohe_moo.study.report.page import ReportFigure
 from botohe_moo.study.report.words import level, main_indicator, slug
 from botohe_moo.study.store.tables import StudyTables
 
@@ -26,6 +29,21 @@ FORMATS = ("png", "pdf", "svg")
 _SHARES = np.arange(50, 100) / 100  # of the reference front's area: the targets
 
 Picture = tuple[str, Axes, str]  # kind, axes, caption
+
+
+@dataclass(frozen=True)
+class ReportFigure:
+    """A figure of a report."""
+
+    path: Path  # the PNG file
+    paths: tuple[Path, ...]  # the same as PNG, PDF and SVG
+    caption: str  # what it shows, what its lines and bands mean, and what is not in it
+    alternative: str  # text for readers who cannot see it
+
+    @property
+    def data(self) -> str:
+        """Return the PNG file as text, as a page holds it."""
+        return base64.b64encode(self.path.read_bytes()).decode()
 
 
 def draw_figures(tables: StudyTables, folder: Path) -> dict[str, list[ReportFigure]]:
@@ -54,12 +72,10 @@ def _saved(folder: Path, name: str, ax: Axes, caption: str, where: str = "") -> 
 
 def _ranks(tables: StudyTables, palette: dict[str, Any]) -> Iterator[Picture]:
     """Draw the ranks by the main indicator, if their differences were tested."""
-    if tables.posthoc.empty or tables.ranks.empty:
-        return
     main = main_indicator(tables.ranks)
     rows = tables.ranks[tables.ranks["indicator"] == main]
     pairs = tables.posthoc[tables.posthoc["indicator"] == main]
-    if pairs.empty or len(rows) < 2:
+    if pairs.empty:
         return
     caption = (
         f"Average ranks over missions of the algorithms' medians by {INDICATORS[main].label}; 1 is "
@@ -80,28 +96,22 @@ def rivals(tables: StudyTables, mission: str) -> tuple[str, str] | None:
     median areas, in the order of the study file.
     """
     rows = tables.summary[tables.summary["mission"] == mission]
-    order = [label for label in tables.algorithm_labels if label in set(rows["algorithm"])]
-    if len(order) < 2:
+    ranked = rows.sort_values("area_median", ascending=False, kind="stable")["algorithm"].tolist()
+    if len(ranked) < 2:
         return None
-    medians = rows.set_index("algorithm")["area_median"]
-    ranked = sorted(order, key=lambda label: -float(medians[label]))
-    if tables.control in order:
-        other = next(label for label in ranked if label != tables.control)
-        return tables.control, other
-    first, second = sorted(ranked[:2], key=order.index)
+    if (control := tables.control) is not None and control in ranked:
+        return control, next(label for label in ranked if label != control)
+    first, second = sorted(ranked[:2], key=tables.algorithm_labels.index)
     return first, second
 
 
 class MissionPictures:
-    """The pictures of one mission, drawn one by one."""
+    """Pictures of one mission, drawn one by one."""
 
     def __init__(self, tables: StudyTables, mission: str, palette: dict[str, Any]) -> None:
         self._tables, self._mission = tables, mission
         self._own = tables.manifest["missions"][mission].get("objective_bounds")
-        self._runs = self._rows(tables.runs)
-        known = set(self._runs["algorithm"])
-        self._labels = [label for label in tables.algorithm_labels if label in known]
-        self._look: dict[str, Any] = {"algorithms": self._labels, "palette": palette}
+        self._runs, self._palette = self._rows(tables.runs), palette
         most = self._rows(tables.missions)["bound_area"].iloc[0]
         self._most = None if pd.isna(most) else float(most)
 
@@ -109,7 +119,7 @@ class MissionPictures:
         return table[table["mission"] == self._mission]
 
     def __iter__(self) -> Iterator[Picture]:
-        if self._labels:
+        if not self._runs.empty:
             trace = self._rows(self._tables.trace)
             if not trace.empty:
                 yield from self._curves(trace)
@@ -122,16 +132,10 @@ class MissionPictures:
             yield from self._fronts()
 
     def _without_front(self, table: pd.DataFrame) -> str:
-        """Say how many runs of which algorithms have no row in a table."""
-        missing = self._runs.loc[~self._runs["run"].isin(table["run"]), "algorithm"].value_counts()
-        return ", ".join(
-            f"{missing[label]} of {label}" for label in self._labels if label in missing
-        )
-
-    def _recorded(self, trace: pd.DataFrame) -> dict[str, Any]:
-        recorded = set(trace["algorithm"])
-        labels = [label for label in self._labels if label in recorded]
-        return {**self._look, "algorithms": labels}
+        """Write how many runs of which algorithms have no row in a table."""
+        missing = self._runs.loc[~self._runs["run"].isin(table["run"]), "algorithm"]
+        counts: Any = missing.groupby(missing, sort=False).size()
+        return ", ".join(f"{n} of {label}" for label, n in counts.items())
 
     def _curves(self, trace: pd.DataFrame) -> Iterator[Picture]:
         reading = (
@@ -142,21 +146,20 @@ class MissionPictures:
         if absent := self._without_front(trace):
             reading += f" Runs without any recorded front are not in it: {absent}."
         further = "Lines and bands as above; without the time that recording takes."
-        look = {**self._recorded(trace), "bound": self._most}
         kinds: dict[Progress, tuple[str, str]] = {
             "evaluations": ("curves", reading),
             "seconds": ("seconds", further),
         }
         for x, (kind, how) in kinds.items():
             caption = f"The area of the front over {NAMES[x]}. {how}"
-            yield kind, plot_curves(trace, x=x, **look), caption
+            ax = plot_curves(trace, x=x, bound=self._most, palette=self._palette)
+            yield kind, ax, caption
 
     def _reached(self, trace: pd.DataFrame) -> Iterator[Picture]:
-        reference = self._rows(self._tables.references)[["reward", "survivors"]].to_numpy(float)
-        scale = self._tables.mission(self._mission) if self._own is None else tuple(self._own)
-        whole = area_indicator(reference, scale) if len(reference) else 0.0
-        if not whole > 0:
+        known = self._rows(self._tables.targets)
+        if known.empty:  # the reference front has no area
             return
+        whole = float(known["target"].iloc[0] / known["share"].iloc[0])
         kinds: dict[Progress, str] = {"evaluations": "reached", "seconds": "reached-seconds"}
         for x, kind in kinds.items():
             caption = (
@@ -164,7 +167,7 @@ class MissionPictures:
                 f"Targets are the {len(_SHARES)} whole percents from 50 to 99 of the reference "
                 f"front's area, {whole:.4f}. All runs count, also those that never get there."
             )
-            ax = plot_reached(trace, self._runs, _SHARES * whole, x=x, **self._look)
+            ax = plot_reached(trace, self._runs, _SHARES * whole, x=x, palette=self._palette)
             yield kind, ax, caption
 
     def _distances(self, trace: pd.DataFrame) -> Iterator[Picture]:
@@ -176,7 +179,7 @@ class MissionPictures:
                     "evaluations. Less is better; 0 lies below the axis. Lines are medians over "
                     "runs, bands reach from their lower to their upper quartile."
                 )
-                yield value, plot_curves(rows, value=value, **self._recorded(rows)), caption
+                yield value, plot_curves(rows, value=value, palette=self._palette), caption
 
     def _areas(self) -> Iterator[Picture]:
         summary = self._rows(self._tables.summary)
@@ -186,7 +189,8 @@ class MissionPictures:
         )
         if (self._runs["status"] != "done").any():
             caption += " Crosses are runs that are not done; without a front their area is 0."
-        yield "areas", plot_areas(self._runs, summary, bound=self._most, **self._look), caption
+        ax = plot_areas(self._runs, summary, bound=self._most, palette=self._palette)
+        yield "areas", ax, caption
 
     def _grids(self) -> Iterator[Picture]:
         medians = self._rows(self._tables.summary).set_index("algorithm")["area_median"]
@@ -203,7 +207,7 @@ class MissionPictures:
     def _fronts(self) -> Iterator[Picture]:
         plans, reference = self._rows(self._tables.plans), self._rows(self._tables.references)
         bound = None if self._most is None else self._rows(self._tables.bounds)
-        ax = plot_fronts(plans, self._runs, reference=reference, bound=bound, **self._look)
+        ax = plot_fronts(plans, self._runs, reference=reference, bound=bound, palette=self._palette)
         caption = (
             "For each algorithm the final front of the run with the median area, of the middle two "
             "the one with less. The thin line is the reference front: what all runs on this "
@@ -212,7 +216,7 @@ class MissionPictures:
         if bound is not None:
             caption += " No plan lies beyond the dashed line: that is proved."
         yield "fronts", ax, caption
-        ax = plot_attainment(plans, self._runs, **self._look)
+        ax = plot_attainment(plans, self._runs, palette=self._palette)
         caption = (
             "Empirical attainment surfaces. What lies below and left of a line, at least half of "
             "the runs reach; bands lie between what a quarter and what three quarters of them "
@@ -223,8 +227,7 @@ class MissionPictures:
         yield "attainment", ax, caption
         if pair := rivals(self._tables, self._mission):
             first, second = pair
-            palette = self._look["palette"]
-            ax, _ = plot_attainment_difference(plans, self._runs, *pair, palette=palette)
+            ax, _ = plot_attainment_difference(plans, self._runs, *pair, palette=self._palette)
             why = (
                 "the control and the best of the others"
                 if first == self._tables.control

@@ -1,25 +1,35 @@
-"""The tables of a report with their cells as text: its page and its LaTeX show the same ones."""
+"""The tables of a report with their cells as text: its page and its LaTeX show the same ones.
 
+The first one is the matrix of all missions and algorithms that opens a report.
+"""
+
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import pandas as pd
+from scipy import stats
 
 from botohe_moo.indicators import INDICATORS, further_indicators
 from botohe_moo.study.judge.comparisons import effect_size
+from botohe_moo.study.judge.scores import best_first
 from botohe_moo.study.report.words import (
+    MARKS,
     budget_words,
     count,
     distinct,
     fixed,
     interval,
+    main_indicator,
     p_value,
     parameter_words,
     percent,
     significant,
 )
 from botohe_moo.study.store.tables import StudyTables
+
+_BETTER, _EQUAL, _WORSE = MARKS
 
 
 @dataclass(frozen=True)
@@ -197,3 +207,90 @@ def missing_table(tables: StudyTables) -> TextTable:
     """Return the runs of the study that are not in its tables, by mission and algorithm."""
     cells = tables.missing.rename(columns={"missing": "missing runs"})
     return TextTable(cells.astype(str), texts=2)
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A cell of the matrix: an algorithm on a mission."""
+
+    text: str = "–"  # the median; a dash where there are no runs
+    mark: str = ""  # +, − or =: better than what it is compared with, worse, or neither
+    rank: str = ""  # of the median on the mission
+    best: bool = False
+
+
+@dataclass(frozen=True)
+class Matrix:
+    """Medians of all algorithms on all missions; the longer list goes down the page."""
+
+    header: Sequence[str]  # what the rows are, and the names of the columns
+    rows: Sequence[tuple[str, Sequence[Cell]]]
+
+
+def matrix(tables: StudyTables) -> Matrix:
+    """Return the matrix of missions and algorithms."""
+    missions, algorithms = tables.mission_labels, tables.algorithm_labels
+    columns = {mission: _cells(tables, mission) for mission in missions}
+    columns |= _further(tables, columns)
+    if len(algorithms) >= len(missions):
+        rows = [(a, [of_one[a] for of_one in columns.values()]) for a in algorithms]
+        return Matrix(["algorithm", *columns], rows)
+    rows = [(name, [of_one[a] for a in algorithms]) for name, of_one in columns.items()]
+    return Matrix(["mission", *algorithms], rows)
+
+
+def _cells(tables: StudyTables, mission: str) -> dict[str, Cell]:
+    """Return the cell of each algorithm on a mission, by the report's main indicator."""
+    cells = dict.fromkeys(tables.algorithm_labels, Cell())
+    indicator = main_indicator(tables.comparisons)
+    rows = tables.summary[tables.summary["mission"] == mission]
+    medians = rows.set_index("algorithm")[f"{indicator}_median"].dropna()
+    if medians.empty:
+        return cells
+    if INDICATORS[indicator].higher_is_better:
+        texts = distinct(medians, fixed)
+    else:
+        texts = distinct(medians, significant, digits=3)
+    ranks = stats.rankdata(best_first(indicator, medians.to_list()))
+    best = ranks == ranks.min()
+    marks = _marks(tables, mission, rival=tables.control or medians.index[best][0])
+    for i, label in enumerate(medians.index):
+        cells[label] = Cell(texts[i], marks.get(label, ""), count(ranks[i]), bool(best[i]))
+    return cells
+
+
+def _marks(tables: StudyTables, mission: str, *, rival: str) -> dict[str, str]:
+    """Return the marks of the algorithms that were tested against a rival on a mission."""
+    rows = tables.comparisons
+    rows = rows[(rows["mission"] == mission) & (rows["indicator"] == main_indicator(rows))]
+    marks = {}
+    for row in rows.to_dict("records"):
+        pair = [row["algorithm"], row["other"]]
+        if rival in pair and min(row["n"], row["n_other"]) >= 2:
+            # A12 above 0.5 speaks for the first one.
+            better = _BETTER if (row["a12"] > 0.5) == (row["other"] == rival) else _WORSE
+            pair.remove(rival)
+            marks[pair[0]] = better if row["significant"] else _EQUAL
+    return marks
+
+
+def _further(
+    tables: StudyTables, columns: Mapping[str, Mapping[str, Cell]]
+) -> dict[str, dict[str, Cell]]:
+    """Return what sums up the missions: the count of each mark, and average ranks."""
+    labels = tables.algorithm_labels
+    further: dict[str, dict[str, Cell]] = {}
+    if len(columns) == 1:
+        return further
+    if tables.control is not None:
+        marks = {a: Counter(of_one[a].mark for of_one in columns.values()) for a in labels}
+        counts = {a: Cell("/".join(str(marks[a][mark]) for mark in MARKS)) for a in labels}
+        further["/".join(MARKS)] = {**counts, tables.control: Cell()}
+    ranks = tables.ranks[tables.ranks["indicator"] == main_indicator(tables.comparisons)]
+    if len(ranks):
+        averages = dict(zip(ranks["algorithm"], ranks["average_rank"], strict=True))
+        further["average rank"] = {
+            a: Cell(fixed(averages.get(a), 2), best=averages.get(a) == min(averages.values()))
+            for a in labels
+        }
+    return further

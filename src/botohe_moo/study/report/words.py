@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from botohe_moo.indicators import INDICATORS
 from botohe_moo.study.file.digest import value_text
 from botohe_moo.study.judge.scores import merge_ties
 from botohe_moo.study.store.tables import StudyTables
 
+MARKS = BETTER, EQUAL, WORSE = ("+", "=", "−")  # of medians
 _DASH = "–"
 _LONGEST_SLUG = 60
 _MOST_DIGITS = 13  # with which all values that are not ties differ
@@ -122,3 +124,17 @@ def main_indicator(comparisons: pd.DataFrame) -> str:
     """Return the indicator that a report speaks of first."""
     found = list(comparisons["indicator"].unique())
     return "area" if "area" in found or not found else str(found[0])
+
+
+def matrix_caption(tables: StudyTables) -> str:
+    """Return what the matrix shows, and how to read it."""
+    name = INDICATORS[main_indicator(tables.comparisons)].label
+    rival = tables.control or "the best on the mission"
+    n_lost = int((tables.runs["status"] != "done").sum())
+    lost = f" Of all runs {n_lost} are not done; without a front their area is 0." if n_lost else ""
+    return (
+        f"Median {name} over runs, the best on a mission bold, its rank there in brackets. "
+        f"{BETTER} is better than {rival}, {WORSE} worse, {EQUAL} not told apart from it "
+        f"(Mann-Whitney, Holm, {tables.significance:g}); without a mark it is not tested. "
+        f"Medians that look different are not ties.{lost}"
+    )

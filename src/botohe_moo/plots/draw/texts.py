@@ -1,5 +1,6 @@
-"""Free room on a picture: texts go where they cover neither a mark nor another text."""
+"""Texts on pictures: titles above them, and labels that cover neither marks nor each other."""
 
+import textwrap
 from functools import cache
 from typing import Any
 
@@ -12,12 +13,55 @@ from matplotlib.textpath import text_to_path
 from botohe_moo._base.types import FloatArray
 from botohe_moo.plots.draw.style import INK, MUTED, readable_on
 
+_WORDS, _SUBTITLE = "_words", "_subtitle"
 _SIDES = np.array([(1, 0), (1, 1), (1, -1), (0, 1), (0, -1), (-1, 1), (-1, -1), (-1, 0)])
 _AWAY = (1.5, 6.0, 12.0, 20.0, 30.0, 45.0, 60.0)  # points between a mark and its text
 _LEADER = 4.0  # points from which on a line ties them
 _FARTHER = 4.0  # points by which other marks are farther from a text that is not tied
 _LEAST = 5.8  # points: letters in a mark
 _PAD = 1.5  # points that texts keep from each other, on either side
+
+
+def title_above(
+    ax: Axes, title: str | None, words: str, *, width: float | None = None, lift: float = 0.0
+) -> None:
+    """Write a title above a picture and pale ``words`` below it, or write them anew.
+
+    What follows a line break in the title is pale, too. Lines are broken at ``width`` inches, by
+    default those of ``ax``; all is lifted by ``lift`` points.
+    """
+    for text in [text for text in ax.texts if text.get_label() in (_WORDS, _SUBTITLE)]:
+        text.remove()
+    if width is None:
+        width = ax.get_window_extent().width / ax.figure.figure.dpi
+    head, _, rest = (title or "").partition("\n")
+    at = 7.0 + lift
+    for pale, size, name in ((words, 9.5, _WORDS), (rest, 10.0, _SUBTITLE)):
+        if pale:
+            lines = textwrap.wrap(pale, _fitting(width, size))
+            ax.annotate(
+                "\n".join(lines),
+                (0, 1),
+                (0, at),
+                xycoords="axes fraction",
+                textcoords="offset points",
+                fontsize=size,
+                color="0.4",
+                label=name,
+            )
+            at += 1.25 * size * len(lines) + 1.5
+    head = textwrap.fill(head, _fitting(width, 12.0))
+    ax.set_title(head, loc="left", fontsize=12, fontweight="bold", pad=at + 1.5)
+
+
+def _fitting(width: float, size: float) -> int:
+    """Return how many letters of ``size`` points fit on ``width`` inches."""
+    return max(8, int(width * 72 / (0.56 * size)))
+
+
+def objectives_text(reward: float, survivors: float) -> str:
+    """Write the objectives of a plan."""
+    return f"E[R] = {reward:.2f}, E[S] = {survivors:.2f}"
 
 
 @cache

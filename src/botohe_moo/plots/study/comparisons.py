@@ -1,0 +1,272 @@
+"""Pictures that compare algorithms at the end of their runs: areas, ranks, and grids of medians."""
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import seaborn as sns
+from matplotlib.axes import Axes
+
+from botohe_moo._base.checks import check_number
+from botohe_moo.plots.draw.algorithms import (
+    add_legend_beside,
+    check_table,
+    chosen_algorithms,
+    draw_bound,
+    wrapped,
+)
+from botohe_moo.plots.draw.style import INK, Palette, new_axes, palette_of, theme
+
+_GOLDEN = (5**0.5 - 1) / 2  # its multiples spread evenly, whatever their number
+_NO_PARAMETERS = {"algorithm", "name", "family", "package", "version"}
+
+
+def plot_areas(
+    runs: pd.DataFrame,
+    summary: pd.DataFrame,
+    *,
+    algorithms: Sequence[str] | None = None,
+    palette: Palette | None = None,
+    bound: float | None = None,
+    title: str | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw the final area of every run as a point, and each algorithm's median with its interval.
+
+    Parameters
+    ----------
+    runs
+        Rows of one mission in a study's runs: columns ``algorithm``, ``seed``, ``status`` and
+        ``area``. Runs that are not done are crosses, where they are scored: at 0 without a front.
+    summary
+        Rows of the same mission in the summary: columns ``algorithm``, ``area_median``,
+        ``area_low`` and ``area_high``.
+    algorithms, palette, bound, title, ax
+        As in :func:`plot_curves`; algorithms from top to bottom.
+
+    Raises
+    ------
+    ValueError
+        If a column is missing, there are rows of several missions, or an algorithm is not known or
+        has no row in ``summary``, or ``bound`` is not in [0, 1].
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from botohe_moo.plots import plot_areas, save_plot
+    >>> runs = pd.DataFrame(
+    ...     [("ants", 1, "done", 0.5), ("ants", 2, "done", 0.4), ("greedy", 1, "done", 0.3)],
+    ...     columns=["algorithm", "seed", "status", "area"],
+    ... )  # of a study: tables.runs.query("mission == 'museum'")
+    >>> summary = pd.DataFrame(
+    ...     [("ants", 0.45, 0.4, 0.5), ("greedy", 0.3, 0.3, 0.3)],
+    ...     columns=["algorithm", "area_median", "area_low", "area_high"],
+    ... )
+    >>> save_plot(plot_areas(runs, summary), "areas.png")
+    """
+    if bound is not None:
+        check_number("bound", bound, at_least=0, at_most=1)
+    labels = chosen_algorithms("runs", runs, ("algorithm", "seed", "status", "area"), algorithms)
+    interval = ["area_median", "area_low", "area_high"]
+    chosen_algorithms("summary", summary, ("algorithm", *interval), labels)
+    rows = runs[runs["algorithm"].isin(labels)].sort_values("seed", kind="stable")
+    row = rows["algorithm"].map({label: i for i, label in enumerate(labels)})
+    # Spread by number: stripplot's jitter would come from numpy's global generator.
+    spread = rows.groupby("algorithm").cumcount() * _GOLDEN % 1 - 0.5
+    rows = rows.assign(row=row + 0.1 + 0.4 * spread, is_done=rows["status"] == "done")
+    median, low, high = summary.set_index("algorithm").loc[labels, interval].to_numpy(float).T
+    with theme():
+        ax = ax or new_axes(7.5, 0.9 + 0.4 * max(len(labels), 2))
+        sns.scatterplot(
+            rows,
+            x="area",
+            y="row",
+            hue="algorithm",
+            palette=palette_of(labels, palette),
+            style="is_done",
+            markers={True: "o", False: "X"},
+            alpha=0.6,
+            legend=False,
+            clip_on=False,
+            ax=ax,
+        )
+        ax.errorbar(
+            median,
+            np.arange(len(labels)) - 0.32,  # above the runs
+            xerr=[median - low, high - median],
+            fmt="d",
+            color=INK,
+            markersize=6,
+            elinewidth=1.5,
+            zorder=3,
+        )
+        ax.set_ylim(len(labels) - 0.5, -0.7)
+        ax.tick_params(axis="y", length=0)
+        ax.set_yticks(range(len(labels)), wrapped(labels))
+        ax.set(xlabel="area of the final front (normalised hypervolume)", ylabel="")
+        ax.set_title(title or "")
+        if bound is not None:
+            draw_bound([ax], bound, "x")
+            add_legend_beside(ax)
+    return ax
+
+
+def plot_ranks(
+    ranks: pd.DataFrame,
+    posthoc: pd.DataFrame,
+    *,
+    palette: Palette | None = None,
+    title: str | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw average ranks on a line, the best left, and bars over those that do not differ.
+
+    Parameters
+    ----------
+    ranks
+        Rows of one indicator in a study's ranks: columns ``algorithm`` and ``average_rank``.
+    posthoc
+        Rows of the same indicator in its post-hoc tests: columns ``algorithm``, ``other`` and
+        ``significant``, one row a pair.
+    palette, title, ax
+        As in :func:`plot_curves`.
+
+    Raises
+    ------
+    ValueError
+        If a column is missing, or there are fewer than two algorithms.
+
+    References
+    ----------
+    Demšar, "Statistical comparisons of classifiers over multiple data sets", Journal of Machine
+    Learning Research 7, 2006; drawn by ``scikit_posthocs.critical_difference_diagram``.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from botohe_moo.plots import plot_ranks, save_plot
+    >>> ranks = pd.DataFrame(
+    ...     {"algorithm": ["ants", "greedy"], "average_rank": [1.2, 1.8]}
+    ... )
+    >>> posthoc = pd.DataFrame(
+    ...     [("ants", "greedy", False)],
+    ...     columns=["algorithm", "other", "significant"],
+    ... )
+    >>> save_plot(plot_ranks(ranks, posthoc), "ranks.png")
+    """
+    labels = chosen_algorithms("ranks", ranks, ("algorithm", "average_rank"), None)
+    check_table("posthoc", posthoc, ("algorithm", "other", "significant"))
+    if len(labels) < 2:
+        raise ValueError(f"Expected ranks of at least two algorithms, got {len(labels)}.")
+    # Late, as it imports statsmodels, which no other picture needs.
+    from scikit_posthocs import critical_difference_diagram
+
+    average = ranks.set_index("algorithm")["average_rank"].astype(float)
+    p_values = pd.DataFrame(1.0, index=labels, columns=labels)
+    drawn = posthoc["algorithm"].isin(labels) & posthoc["other"].isin(labels)
+    apart = posthoc.loc[drawn & posthoc["significant"], ["algorithm", "other"]]
+    for one, other in apart.to_numpy():
+        p_values.loc[one, other] = p_values.loc[other, one] = 0.0
+    with theme():
+        ax = ax or new_axes(8.5, 0.9 + 0.16 * len(labels))
+        critical_difference_diagram(
+            average,
+            p_values,
+            ax=ax,
+            label_fmt_left="{label}  ({rank:.2f})",
+            label_fmt_right="({rank:.2f})  {label}",
+            color_palette=palette_of(labels, palette),
+        )
+        ax.grid(visible=False)
+        ax.spines["top"].set_visible(True)
+        ax.set_xlim(1, len(labels))
+        ax.set_title(title or "", pad=24)
+    return ax
+
+
+def overruled(posthoc: pd.DataFrame) -> bool:
+    """Return whether Friedman's test finds no difference, so that pairs apart do not count."""
+    apart = posthoc["difference"].abs() > posthoc["critical_difference"] + 1e-9  # by rounding
+    return bool(apart.any() and not posthoc["significant"].any())
+
+
+def plot_heat(
+    medians: pd.DataFrame,
+    *,
+    palette: str = "crest",
+    title: str | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw the median of every combination of two parameters, the darker the larger.
+
+    The largest is bold.
+
+    Parameters
+    ----------
+    medians
+        One row for each value of the first parameter, one column for each of the second; the names
+        of index and columns are those of the parameters. What is missing stays empty.
+    palette
+        Name of a sequential palette.
+    title, ax
+        As in :func:`plot_curves`.
+
+    Raises
+    ------
+    ValueError
+        If no combination has a median.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from botohe_moo.plots import plot_heat, save_plot
+    >>> medians = pd.DataFrame(
+    ...     [[0.48, 0.51], [0.50, 0.52]],
+    ...     index=pd.Index([50, 100], name="n_ants"),
+    ...     columns=pd.Index([0.04, 0.1], name="evaporation"),
+    ... )
+    >>> save_plot(plot_heat(medians), "grid.png")
+    """
+    values = medians.astype(float)
+    if not values.notna().any(axis=None):
+        raise ValueError("Expected the median of at least one combination, got none.")
+    n_rows, n_columns = values.shape
+    with theme():
+        ax = ax or new_axes(1.8 + 1.0 * n_columns, 1.2 + 0.55 * n_rows)
+        sns.heatmap(values, annot=True, fmt=".4f", cmap=palette, cbar=False, ax=ax)
+        ax.grid(visible=False)
+        ax.tick_params(length=0, rotation=0)
+        ax.set_title(title or "")
+        for text in ax.texts:
+            if text.get_text() == f"{np.nanmax(values):.4f}":
+                text.set_fontweight("bold")
+    return ax
+
+
+def two_parameter_grids(algorithms: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """Find families of algorithms in which exactly two parameters vary, and nothing else does.
+
+    Returns for each family the algorithms' labels: a row for each value of the first parameter, a
+    column for each of the second, in ascending order, or in that of ``algorithms``, the study's
+    table, if they are not numbers; missing where there is no such algorithm.
+    """
+    parameters = [column for column in algorithms.columns if column not in _NO_PARAMETERS]
+    if algorithms.empty or len(parameters) < 2:
+        return {}
+    grids = {}
+    for family, rows in algorithms.groupby("family", sort=False):
+        shown = rows[parameters].astype(object).where(rows[parameters].notna(), "default")
+        varying = [name for name in parameters if len(set(shown[name])) > 1]
+        if len(varying) != 2 or len(set(rows["name"])) > 1 or shown.duplicated(varying).any():
+            continue
+        labels = rows["algorithm"].set_axis(pd.MultiIndex.from_frame(shown[varying])).unstack()  # noqa: PD010
+        index, columns = (_ordered(shown[name]) for name in varying)
+        grids[str(family)] = labels.reindex(index=index, columns=columns)
+    return grids
+
+
+def _ordered(values: Iterable[Any]) -> list[Any]:
+    found = list(dict.fromkeys(values))
+    numbers = all(isinstance(value, int | float | np.number) for value in found)
+    return sorted(found) if numbers else found
