@@ -63,9 +63,8 @@ class ParetoLocalSearch(ArchiveAlgorithm):
     prob_refill
         How likely a parent is refilled instead, at least: stops of one robot or several are
         dropped, and those nodes put in that gain most for their danger. On a plan's n-th turn as a
-        parent it is 1 / n² or more. Plans wait for this until there are 32. When plans have not
-        entered for some time, now and then it goes on from plans that are a little worse, for eight
-        steps to a node of the mission. With 0, or more than 1 000 nodes, nothing is refilled.
+        parent it is 1 / n² or more. Plans wait for this until there are 32. With 0, or more than
+        1 000 nodes, nothing is refilled.
     greedy_start
         Whether to begin with plans that
         :func:`~botohe_moo.search.sequential.plan_sequentially` makes for reward alone, for

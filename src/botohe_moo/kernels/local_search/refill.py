@@ -1,15 +1,13 @@
 """Refilling plans: stops of some robots are dropped, and the best nodes put in instead.
 
 Ruin and recreate: Schrimpf, Schneider, Stamm-Wilbrandt and Dueck, "Record breaking optimization
-results using the ruin and recreate principle", Journal of Computational Physics 159(2), 2000. A
-walk goes on from plans that are a little worse, less and less so: Dueck and Scheuer, "Threshold
-accepting", Journal of Computational Physics 90(1), 1990.
+results using the ruin and recreate principle", Journal of Computational Physics 159(2), 2000.
 
 It is a kernel of its own: runs that end before plans wait to be refilled do not compile it.
 """
 
 from botohe_moo.kernels.compile import helper, kernel
-from botohe_moo.kernels.fronts.ordered import OrderedFront, best_reward, slope_at
+from botohe_moo.kernels.fronts.ordered import OrderedFront, best_reward
 from botohe_moo.kernels.graph.graph import Graph
 from botohe_moo.kernels.local_search.insertion import evaluate_trails, insert, sort_trails
 from botohe_moo.kernels.local_search.layout import (
@@ -22,8 +20,8 @@ from botohe_moo.kernels.local_search.layout import (
 )
 from botohe_moo.kernels.local_search.routes import Routes
 from botohe_moo.kernels.local_search.tours import fill_tours, open_tour, store_tour
-from botohe_moo.kernels.local_search.trail_store import TrailStore, fits, release, take_back
-from botohe_moo.kernels.local_search.workspace import BUSY, TOLERANCE, SearchRule, Workspace
+from botohe_moo.kernels.local_search.trail_store import TrailStore, fits, take_back
+from botohe_moo.kernels.local_search.workspace import TOLERANCE, SearchRule, Workspace
 from botohe_moo.kernels.rng import below, uniform
 from botohe_moo.kernels.sharing import shared
 
@@ -32,9 +30,6 @@ N_REFILLS = 4
 # With what probability another robot's trail is refilled with that of the robot at hand, and yet
 # another, and so on.
 P_PAIR = 0.7
-# Unless the search is busy, with what probability the children are the steps of a walk instead,
-# how many steps it has for each node, and which share of a plan's value its first step may lose.
-P_WALK, N_WALK, THRESHOLD = 0.03, 8, 0.05
 
 
 @kernel
@@ -76,17 +71,10 @@ def _has_room(graph: Graph, store: TrailStore, front: OrderedFront, work: Worksp
 def _take_plan(
     graph: Graph, store: TrailStore, front: OrderedFront, work: Workspace, survivors: float
 ) -> None:
-    """Hold a plan, find its value, and set aside the robots that are not refilled.
-
-    A walk weighs E[R] and E[S] as the front weighs them at the plan.
-    """
-    draft = work.draft
+    """Hold a plan, and set aside the robots that are not refilled."""
     at, place = find_plan(front, survivors)
     hold(store, front, work, at, place)
-    draft.slope = slope_at(front, at, place) if at > 0 or place > 0 else 0.0
-    found = front.places[front.directory[at], place]
-    front.tried[found.slot] += 1
-    draft.value = found.reward + draft.slope * found.survivors
+    front.tried[front.places[front.directory[at], place].slot] += 1
     _choose_robots(work)
     set_aside(graph, store, work)
 
@@ -115,19 +103,12 @@ def _refill_plan(
     rule: SearchRule,
     n_most: int,
 ) -> int:
-    """Make children of the parent, or a walk from it; return how many plans were made."""
-    draft, memory, n_robots = work.draft, work.memory, work.parent.shape[0]
-    is_walk = memory.idle > BUSY and uniform(work.states, 0) < max(P_WALK, 1.0 / front.n.plans)
-    n_steps = min(n_most, N_WALK * graph.reward.shape[0] if is_walk else N_REFILLS)
-    for step in range(n_steps):
+    """Make children of the parent, and return how many."""
+    draft, memory = work.draft, work.memory
+    n_children = min(n_most, N_REFILLS)
+    for child in range(n_children):
         if not _has_room(graph, store, front, work):
-            return step
-        if is_walk and step > 0:
-            clear_others(graph, work)
-            draft.robot = below(work.states, n_robots)
-            _choose_robots(work)
-            set_aside(graph, store, work)
-        goes_on = False
+            return child
         memory.idle += 1
         if _make_child(graph, routes, store, work, rule):
             reward, survivors = evaluate_trails(graph, store, work)
@@ -135,17 +116,9 @@ def _refill_plan(
             is_better = reward * (1.0 - TOLERANCE) > needed
             if is_better and insert(store, front, work.trails, reward, survivors):
                 memory.newest, memory.idle = survivors, 0
-            value = reward + draft.slope * survivors
-            goes_on = is_walk and value >= draft.value * (1.0 - THRESHOLD * (1.0 - step / n_steps))
-            draft.value = value if goes_on else draft.value
         for which in range(draft.chosen - 1, -1, -1):
-            robot = work.chosen[which]
-            if goes_on:
-                release(store, work.parent[robot])
-                work.parent[robot] = work.refilled[robot]
-            else:
-                take_back(store, work.refilled[robot])
-    return n_steps
+            take_back(store, work.refilled[work.chosen[which]])
+    return n_children
 
 
 @helper

@@ -25,7 +25,7 @@ _PARENT = ("at", "robot", "chosen", "touched")
 _CHILD = ("length", "prefix", "middle", "suffix", "goals", "piece", "legs", "mark")
 _DRAFT = np.dtype(
     [(name, np.int64) for name in (*_PARENT, *_CHILD)]
-    + [(name, np.float64) for name in ("others", "survivors", "value", "slope")]
+    + [(name, np.float64) for name in ("others", "survivors")]
 )
 _STEP = np.dtype(
     [
@@ -91,7 +91,7 @@ class Workspace(NamedTuple):
     # are kept from the trail's start (``prefix``), how many are new (``middle``), from which
     # position the trail is kept to its end (``suffix``), how many ``goals`` there are, and arcs in
     # the ``piece``. Of a refill: how many robots are ``chosen``, how many ``legs`` their tours
-    # have, what the plan is worth (``value``), and a survivor (``slope``). And the last ``mark``.
+    # have. And the last ``mark``.
     draft: Record
     # At each position of the trail (n_arcs + 1) the ``node`` and the ``arc`` that leaves it; the
     # probability to get there (``alive``); what was collected up to there (``gained``), and what a
