@@ -6,7 +6,7 @@ from hypothesis import given
 from pymoo.optimize import minimize
 
 from botohe_moo import BOACO, BOTOHE, area_indicator, load_mission
-from botohe_moo.algorithms.greedy import Greedy
+from botohe_moo.algorithms.baselines import Greedy
 from botohe_moo.search.sequential import MAX_BEAM_WIDTH, SequentialPlanner
 from tests.examples import examples
 from tests.strategies import small_missions

@@ -16,12 +16,11 @@ from pymoo.core.duplicate import DuplicateElimination, NoDuplicateElimination
 from pymoo.core.mutation import Mutation
 from pymoo.core.population import Population
 from pymoo.core.sampling import Sampling
-from pymoo.core.survival import Survival
 
 from botohe_moo._base.types import FloatArray, ObjectArray
 from botohe_moo._plugins.checks import check_keywords, checked
 from botohe_moo._plugins.stated import signature_parameters
-from botohe_moo._plugins.types import Count, Probability
+from botohe_moo._plugins.types import Probability
 from botohe_moo.algorithms.base import (
     PYMOO_OPTIONS,
     BudgetedAlgorithm,
@@ -174,7 +173,14 @@ class PopulationAlgorithm(BudgetedAlgorithm):
             ),
             "mutation": make_mutation(mutation, prob=prob_mutation, repair=made),
         }
-        super().__init__(**{"output": FrontOutput(), **arguments, **operators, **options})
+        # Copies: the survivals that pymoo's signatures hold remember the fronts of other runs.
+        defaults = {
+            name: copy.deepcopy(parameter.default)
+            for name, parameter in inspect.signature(pymoos[0]).parameters.items()
+            if parameter.default is not parameter.empty
+        }
+        given = {**defaults, "output": FrontOutput(), **arguments, **operators, **options}
+        super().__init__(**given)
         self.archive = PopulationArchive(1)
         self.repair = made
         mine, crossing = type(self).__name__, operators["crossover"]
@@ -254,34 +260,6 @@ class PopulationAlgorithm(BudgetedAlgorithm):
         self._least_infeasible = value
 
 
-class PlanGeneticAlgorithm(PopulationAlgorithm):
-    """A population-based algorithm of pymoo's with two sizes and a survival operator.
-
-    To be put before a class of pymoo's, as :class:`PopulationAlgorithm`, whose options it takes.
-
-    Parameters
-    ----------
-    pop_size
-        Plans in the population.
-    n_offsprings
-        Plans that a generation adds; default: as many as the population holds.
-    **options
-        Operators, and pymoo's own options.
-    """
-
-    @checked
-    def __init__(
-        self, *, pop_size: PopulationSize = 100, n_offsprings: Count | None = None, **options: Any
-    ) -> None:
-        sizes = genetic_sizes(pop_size, n_offsprings)
-        super().__init__({**sizes, "survival": self._new_survival()}, **options)
-
-    @staticmethod
-    def _new_survival() -> Survival:
-        """Make a survival for one algorithm: those in pymoo's signatures remember other runs."""
-        raise NotImplementedError
-
-
 def _call(module: str, function: str, /, *args: Any, **kwargs: Any) -> Any:
     """Call a function by its name, as a partial that can be pickled."""
     return getattr(sys.modules[module], function)(*args, **kwargs)
@@ -301,11 +279,6 @@ def _picklable(selection: Any, kinds: Iterable[type]) -> Any:
                 selection.func_comp = functools.partial(_call, module, name)
                 return selection
     return selection
-
-
-def genetic_sizes(pop_size: int, n_offsprings: int | None) -> dict[str, Any]:
-    """Return the sizes that genetic algorithms of pymoo's take; each has its own other default."""
-    return {"pop_size": pop_size} | ({"n_offsprings": n_offsprings} if n_offsprings else {})
 
 
 def even_weights(n: int) -> FloatArray:
