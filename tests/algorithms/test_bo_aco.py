@@ -1,8 +1,6 @@
 """BO-ACO through pymoo: the contract every user relies on, and the published curves in short."""
 
 import itertools
-import multiprocessing
-import os
 import pickle
 
 import networkx as nx
@@ -23,12 +21,6 @@ from tests.strategies import missions
 @pytest.fixture(scope="module")
 def museum():
     return load_mission("art_museum")
-
-
-def finish_run(algorithm, sender):
-    while algorithm.has_next():
-        algorithm.next()
-    sender.send(algorithm.result().F.tolist())
 
 
 class Watched(BOTOHE):
@@ -193,29 +185,6 @@ class TestInsidePymoo:
             algorithm.next()
         assert algorithm.archive._individuals == {}
         assert len(algorithm.result().F) == len(algorithm.archive) == len(algorithm.opt) > 0
-
-    @pytest.mark.slow
-    @pytest.mark.skipif(not hasattr(os, "fork"), reason="nothing forks here")
-    def test_a_forked_process_has_threads_of_its_own(self, museum):
-        """Whether it is forked before its first generation or later."""
-        fork = multiprocessing.get_context("fork")
-        whole = minimize(BOTOHE(museum), BOACO(n_ants=10), ("n_gen", 6), seed=1)
-        algorithm = BOACO(n_ants=10, n_threads=2)
-        algorithm.setup(BOTOHE(museum), termination=("n_gen", 6), seed=1)
-        for n_generations in (0, 3, 2):
-            for _ in range(n_generations):
-                algorithm.next()
-            receiver, sender = fork.Pipe(duplex=False)
-            child = fork.Process(target=finish_run, args=(algorithm, sender), daemon=True)
-            child.start()
-            try:
-                assert receiver.poll(30), "the forked process hangs"
-                assert receiver.recv() == whole.F.tolist()
-                child.join(60)
-                assert child.exitcode == 0
-            finally:
-                child.kill()
-        algorithm.finalize()
 
     def test_an_override_that_gives_another_shape(self, museum):
         class Broken(BOTOHE):

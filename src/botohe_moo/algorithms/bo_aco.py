@@ -15,7 +15,7 @@ from botohe_moo._plugins.types import Count, NotNegative, Positive, Probability,
 from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies, settings_of
 from botohe_moo.problem import BOTOHE
 from botohe_moo.search.archive import PlanArchive
-from botohe_moo.search.colony import Allocation, AntThreads, Colony, ColonyRule, exchange_archives
+from botohe_moo.search.colony import Allocation, Colony, ColonyRule, exchange_archives
 from botohe_moo.search.memetic import IterationSearch
 from botohe_moo.trails import PlanBatch, TrailPlan
 
@@ -273,13 +273,12 @@ class BOACO(ArchiveAlgorithm):
                 limits=problem.planning_limits,
                 random_state=self.random_state,
             )
-        self._threads = AntThreads(self.n_threads)
         self.colonies = [
             Colony(
                 mission,
                 rule,
                 n_ants=share,
-                threads=self._threads,
+                n_threads=self.n_threads,
                 limits=problem.planning_limits,
                 random_state=self.random_state,
             )
@@ -333,9 +332,6 @@ class BOACO(ArchiveAlgorithm):
         whole = PlanBatch.concatenate([batch, improved])
         objectives = np.vstack([objectives, gained])
         return whole, objectives, self.archive.insert(whole, objectives)
-
-    def _finalize(self) -> None:
-        self._threads.close()
 
 
 def _shares(n: int, parts: int) -> list[int]:

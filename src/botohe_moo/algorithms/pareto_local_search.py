@@ -215,14 +215,14 @@ class _SearchArchive(PopulationArchive):
     @property
     def objectives(self) -> FloatArray:
         if self._read_version != self._search.version:
-            self._held = self._held._replace(objectives=self._search.objectives())
+            self._arrays = self._arrays._replace(objectives=self._search.objectives())
             self._read_version = self._search.version
         return super().objectives
 
     @property
-    def held(self) -> Archive:
+    def arrays(self) -> Archive:
         self._write()
-        return super().held
+        return super().arrays
 
     @property
     def plans(self) -> PlanBatch:
@@ -249,6 +249,6 @@ class _SearchArchive(PopulationArchive):
         if self._written_version == self._search.version:
             return
         batch, objectives, numbers = self._search.plans()
-        self._held = Archive(objectives, self._held.hashes, numbers, *batch.arrays)
+        self._arrays = Archive(objectives, self._arrays.hashes, numbers, *batch.arrays)
         self._population = None
         self._read_version = self._written_version = self._search.version

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-import os
-from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -55,40 +54,11 @@ class ColonyRule:
     allocation: Allocation = "sequential"
 
 
-class AntThreads:
-    """Threads that build plans, which several colonies may share; they start when needed.
-
-    The calling one is among the ``n_threads``. A forked process starts threads of its own, since
-    those of its parent are not forked.
-    """
-
-    def __init__(self, n_threads: int) -> None:
-        self.n_threads = n_threads
-        self._pool: ThreadPoolExecutor | None = None
-        self._process = 0  # whose threads these are
-
-    def submit(self, job: Callable[..., Any], *args: Any) -> Future[Any]:
-        """Run a job in another thread than the calling one."""
-        if self._pool is None or self._process != os.getpid():
-            self._pool = ThreadPoolExecutor(self.n_threads - 1, "botohe-ants")
-            self._process = os.getpid()
-        return self._pool.submit(job, *args)
-
-    def close(self) -> None:
-        """End the threads; the next job starts new ones."""
-        if self._pool is not None and self._process == os.getpid():
-            self._pool.shutdown()
-        self._pool = None
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_pool": None}
-
-
 class Colony:
     """Ants that build plans, and the pheromone they leave.
 
-    Plans are built by ``threads``, by default by the calling one alone; results do not depend on
-    them: each ant's own generator takes its seed from ``random_state``.
+    Results do not depend on ``n_threads``, which build plans: each ant has its own generator,
+    whose seed is drawn from ``random_state``.
     """
 
     def __init__(
@@ -97,13 +67,13 @@ class Colony:
         rule: ColonyRule,
         *,
         n_ants: int,
-        threads: AntThreads | None = None,
+        n_threads: int = 1,
         limits: Limits = NO_LIMITS,
         random_state: np.random.Generator,
     ) -> None:
         self.rule = rule
         self.n_robots = mission.robots
-        self.threads = threads or AntThreads(1)
+        self.n_threads = n_threads
         self.limits = limits
         self._graph = mission.arrays
         self._budget = new_budget(mission.arrays, limits)
@@ -136,16 +106,14 @@ class Colony:
         The ants' weights on the objectives are spread evenly.
         """
         self._catch_up()
-        n_threads = min(self.threads.n_threads, n_ants)
+        n_threads = min(self.n_threads, n_ants)
         if n_threads == 1:
             return self._construct_span(0, n_ants, 0, n_ants)
         cuts = [n_ants * i // n_threads for i in range(n_threads + 1)]
-        waiting = [
-            self.threads.submit(self._construct_span, part, n_ants, cuts[part], cuts[part + 1])
-            for part in range(1, n_threads)
-        ]
-        mine = self._construct_span(0, n_ants, 0, cuts[1])
-        return PlanBatch.concatenate([mine, *(future.result() for future in waiting)])
+        spans = range(n_threads), [n_ants] * n_threads, cuts[:-1], cuts[1:]
+        # Threads that end with the iteration: none is left to pickle, to fork or to close.
+        with ThreadPoolExecutor(n_threads) as pool:
+            return PlanBatch.concatenate([*pool.map(self._construct_span, *spans)])
 
     def _construct_span(self, part: int, n_ants: int, begin: int, end: int) -> PlanBatch:
         """Build the plans of the ants ``begin`` to ``end``."""
@@ -187,7 +155,7 @@ class Colony:
         self._catch_up()
         is_new = archive.version != self._deposited_version
         if is_new:
-            everyone, archived = np.arange(len(archive)), archive.held
+            everyone, archived = np.arange(len(archive)), archive.arrays
             self._archived = Depositors(
                 archived.objectives, everyone, archived.nodes, archived.offsets
             )
