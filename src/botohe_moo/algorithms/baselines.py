@@ -13,8 +13,8 @@ from botohe_moo._plugins.types import Count, Positive
 from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies
 from botohe_moo.algorithms.bo_aco import BOACO, Threads
 from botohe_moo.problem import BOTOHE
-from botohe_moo.search.exact import MEMORY_LIMIT, TIME_LIMIT, FrontSearch
-from botohe_moo.search.sequential import BEAM_WIDTH, MAX_BEAM_WIDTH, SequentialPlanner
+from botohe_moo.search.exact import MEMORY_LIMIT, TIME_LIMIT, FrontSearch, MemoryLimit
+from botohe_moo.search.sequential import BEAM_WIDTH, BeamWidth, SequentialPlanner
 from botohe_moo.trails import TrailPlan
 
 
@@ -127,7 +127,7 @@ class Greedy(ArchiveAlgorithm):
         self,
         *,
         n_weights: Annotated[int, Field(ge=2, le=1_000_000)] = 100,
-        beam_width: Annotated[int, Field(ge=1, le=MAX_BEAM_WIDTH)] = BEAM_WIDTH,
+        beam_width: BeamWidth = BEAM_WIDTH,
         max_ties: MaxTies = 1_000,
         sampling: Iterable[TrailPlan] | ObjectArray | None = None,
         **options: Any,
@@ -139,7 +139,7 @@ class Greedy(ArchiveAlgorithm):
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
         super()._setup(problem)
         self.planner = SequentialPlanner(
-            problem.mission, beam_width=self.beam_width, **problem.planning_limits._asdict()
+            problem.mission, problem.planning_limits, beam_width=self.beam_width
         )
         self._waiting = _coarse_first(self.n_weights)[::-1]
         self._evaluated = set(self.sampling)
@@ -233,7 +233,7 @@ class Exact(ArchiveAlgorithm):
         self,
         *,
         time_limit: Positive = TIME_LIMIT,
-        memory_limit: Positive = MEMORY_LIMIT,
+        memory_limit: MemoryLimit = MEMORY_LIMIT,
         max_ties: MaxTies = 1_000,
         sampling: Iterable[TrailPlan] | ObjectArray | None = None,
         **options: Any,
@@ -246,7 +246,7 @@ class Exact(ArchiveAlgorithm):
         super()._setup(problem)
         self._search = FrontSearch(
             problem.mission,
-            **problem.planning_limits._asdict(),
+            problem.planning_limits,
             time_limit=self.time_limit,
             memory_limit=self.memory_limit,
         )

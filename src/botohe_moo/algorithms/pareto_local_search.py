@@ -168,8 +168,8 @@ class ParetoLocalSearch(ArchiveAlgorithm):
             wide = len(mission.nodes) * mission.robots <= _WIDE_UP_TO
             planner = SequentialPlanner(
                 mission,
+                problem.planning_limits,
                 beam_width=_WIDE_BEAM if wide else _NARROW_BEAM,
-                **problem.planning_limits._asdict(),
             )
             plans += planner.plans(1.0)
         batch = mission.batch(plans)

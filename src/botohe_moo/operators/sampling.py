@@ -148,7 +148,7 @@ class CornerSampling(PlanSampling):
     def _sample(self, problem: BOTOHE, n_samples: int, rng: Rng) -> PlanBatch:
         mission = problem.mission
         home = mission.stay_home()
-        greedy = SequentialPlanner(mission, **problem.planning_limits._asdict()).plan(1.0)
+        greedy = SequentialPlanner(mission, problem.planning_limits).plan(1.0)
         corners = PlanBatch.from_plans([home, greedy], mission.robots)
         return _filled(corners[:n_samples], self.rest, problem, n_samples, rng)
 

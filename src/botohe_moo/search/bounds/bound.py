@@ -3,32 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Annotated, Any
 
 from numpy.typing import ArrayLike
+from pydantic import Field
 
-from botohe_moo._base.checks import check_integer, check_number, quoted
+from botohe_moo._base.checks import quoted
+from botohe_moo._plugins.checks import checked
+from botohe_moo._plugins.types import NotNegative, Positive, Probability, TravelBudget
 from botohe_moo.indicators import check_objectives
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.search.bounds.front_bound import FrontBound
 from botohe_moo.search.bounds.proof import Proof
-from botohe_moo.search.limits import MOST_MEMORY, check_limits
+from botohe_moo.search.exact import MemoryLimit
+from botohe_moo.search.sequential import limits_of
 
 TIME_LIMIT = 60.0
 MEMORY_LIMIT = 1024.0
 MOST_ROBOTS = 5_000
 
 
+@checked
 def bound_front(
     mission: Mission,
     *,
     front: ArrayLike | None = None,
-    time_limit: float = TIME_LIMIT,
-    memory_limit: float = MEMORY_LIMIT,
-    gap: float = 0.0,
-    min_survival: float = 0.0,
-    max_length: float | None = None,
-    seed: int = 1,
+    time_limit: Positive = TIME_LIMIT,
+    memory_limit: MemoryLimit = MEMORY_LIMIT,
+    gap: NotNegative = 0.0,
+    min_survival: Probability = 0.0,
+    max_length: TravelBudget | None = None,
+    seed: Annotated[int, Field(ge=0)] = 1,
     callback: Callable[[FrontBound], Any] | None = None,
 ) -> FrontBound:
     """Bound the front of a mission from above: for each E[S], an E[R] that no plan exceeds.
@@ -99,12 +104,11 @@ def bound_front(
         )
     proof = Proof(
         mission,
-        check_limits(min_survival, mission.max_length if max_length is None else max_length),
-        seed=check_integer("seed", seed, at_least=0),
-        seconds=check_number("time_limit", time_limit, above=0),
-        memory=check_number("memory_limit", memory_limit, above=0, at_most=MOST_MEMORY),
+        limits_of(min_survival, mission.max_length if max_length is None else max_length),
+        seed=seed,
+        seconds=time_limit,
+        memory=memory_limit,
     )
-    wanted = check_number("gap", gap, at_least=0)
     if callback is not None and not callable(callback):
         raise TypeError(f"Expected callback to be callable, got {quoted(callback)}.")
     known = check_objectives("front", () if front is None else front)
@@ -112,7 +116,7 @@ def bound_front(
     proof.know(known)
     try:
         if not proof.find_front():
-            proof.find(wanted, callback)
+            proof.find(gap, callback)
     except KeyboardInterrupt:
         pass
     bound = proof.bound()

@@ -132,12 +132,11 @@ class Proof:
 
     def find_front(self) -> bool:
         """Take the true front for the bound, if it is found in a share of the time."""
-        mission, limits = self._mission, self._limits
+        mission = self._mission
         try:
             front = exact_front(
                 mission,
-                min_survival=limits.min_survival,
-                max_length=None if limits.max_length == math.inf else limits.max_length,
+                **self._limits._asdict(),
                 time_limit=_EXACT_SHARE * self._seconds,
                 memory_limit=self._memory,
             )
