@@ -30,8 +30,7 @@ from botohe_moo.algorithms.base import (
     check_problem,
 )
 from botohe_moo.algorithms.individuals import ManyObjectiveArchive, PopulationArchive
-from botohe_moo.operators.duplicates import PlanDuplicates
-from botohe_moo.operators.repair import PenaltyOnly, PlanRepair
+from botohe_moo.operators.repair import PenaltyOnly, PlanDuplicates, PlanRepair
 from botohe_moo.operators.wiring import (
     DEFAULT_CROSSOVER,
     DEFAULT_MUTATION,
