@@ -17,7 +17,6 @@ from botohe_moo.search.bounds.proof import Proof
 from botohe_moo.search.bounds.record import Line, Step
 from botohe_moo.search.bounds.steps import (
     Steps,
-    StepSearch,
     add_stairs,
     least_total,
     stairs_of,
@@ -172,11 +171,10 @@ def test_no_team_of_all_trails_exceeds_a_step(short_search):
         proof._prepare(nearest, n_bits, int(rng.integers(1, 7)), 1 << 10)
         if seed % 2:
             proof._find_trails()
-        coarse = StepSearch(n_steps=int(rng.integers(2, 12)), n_heights=int(rng.integers(1, 20)))
-        for moving, rule in product(range(1, mission.robots + 1) if trails else (), (None, coarse)):
+        coarse = {"n_steps": int(rng.integers(2, 12)), "n_heights": int(rng.integers(1, 20))}
+        for moving, rule in product(range(1, mission.robots + 1) if trails else (), ({}, coarse)):
             collected, sums = all_teams(mission, trails, moving)
-            made = proof._relaxation, proof._pool, proof._lines[moving - 1]
-            steps = Steps(*made, rule or StepSearch(), proof._most_survival)
+            steps = Steps(proof._lines[moving - 1], proof._most_survival, **rule)
             for _ in range(4):
                 most = moving * proof._most_survival
                 x = rng.choice([0.0, rng.choice(sums), rng.choice(sums) * (1 + 1e-9), most])
@@ -218,8 +216,7 @@ def test_what_a_trail_has_to_be_worth_by_hand():
     worth 7 at most: of a goal of 8 there is 1 left.
     """
     proof = Proof(load_mission("toy", robots=2), limits_of(0.0, None), **_AT_EASE)
-    made = proof._relaxation, proof._pool, proof._lines[1]
-    steps = Steps(*made, StepSearch(n_steps=4, n_heights=4), 0.8)
+    steps = Steps(proof._lines[1], 0.8, n_steps=4, n_heights=4)
     line = SimpleNamespace(most=10.0, mu=5.0)
     assert steps._needed(1.0, 8.0, [line], None) == pytest.approx([2.0, 1.0, 0.0, -1.0], abs=1e-6)
     # Stairs say that nobody is worth more than 6 and survives with 0.4 or more.

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,6 +19,18 @@ from botohe_moo.search.bounds.envelopes import convex_below
 _EPSILON = float(np.finfo(float).eps)
 _TIDIED = 3  # times that prices are lowered before the convex envelope is taken
 _TINY = float(np.finfo(float).tiny)  # rounding where a relative error no longer holds
+
+
+class Prices(NamedTuple):
+    """What a trail is worth: what its visits are paid, and ``mu`` for its survival."""
+
+    visits: FloatArray  # (n_nodes that pay, n_levels + 1)
+    mu: float
+
+    def towards(self, other: Prices, share: float) -> Prices:
+        """Return prices that lie a share of the way from these to others."""
+        visits = (1 - share) * self.visits + share * other.visits
+        return Prices(visits, (1 - share) * self.mu + share * other.mu)
 
 
 def most_levels(n_robots: int, n_levels: int, most: int) -> int:

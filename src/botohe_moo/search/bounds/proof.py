@@ -16,14 +16,14 @@ from botohe_moo.kernels.graph.graph import Limits
 from botohe_moo.kernels.local_search.workspace import SearchRule
 from botohe_moo.mission.model import Mission
 from botohe_moo.search.bounds.front_bound import FrontBound
-from botohe_moo.search.bounds.lines import Lines, LineSearch
+from botohe_moo.search.bounds.lines import LEVELS, Lines
+from botohe_moo.search.bounds.master import Pool
 from botohe_moo.search.bounds.memory import Remembered
 from botohe_moo.search.bounds.net import new_net
-from botohe_moo.search.bounds.pool import Pool
 from botohe_moo.search.bounds.prices import most_levels
 from botohe_moo.search.bounds.record import Step
 from botohe_moo.search.bounds.relaxation import Relaxation
-from botohe_moo.search.bounds.steps import Steps, StepSearch
+from botohe_moo.search.bounds.steps import BYTES_A_STATE, Steps
 from botohe_moo.search.bounds.targets import Known, LineTargets, StepTargets
 from botohe_moo.search.exact import TooLargeError, exact_front
 from botohe_moo.search.local_search import DEFAULT_MOVES, LocalSearch
@@ -89,9 +89,9 @@ class Proof:
 
     def _prepare(self, nearest: int, n_bits: int, n_levels: int, n_searched: int) -> None:
         net, mission = self._net, self._mission
-        rule, n_bytes = LineSearch(), self._memory * _MIB
+        n_bytes = self._memory * _MIB
         # Two tables of what lies ahead, at the most levels that are looked at, and the links.
-        per_state = 16.0 * (2 * rule.n_levels + n_levels + 1)
+        per_state = 16.0 * (2 * LEVELS + n_levels + 1)
         per_state += _BYTES_A_LINK * max(1.0, net.graph.n_arcs / net.graph.n_nodes)
         fits = int(n_bytes / per_state)
         self._relaxation = Relaxation(
@@ -105,15 +105,13 @@ class Proof:
         )
         nodes: OffsetArray = np.flatnonzero(net.graph.reward > 0.0)
         self._pool = Pool(net, nodes, n_levels)
-        made = self._relaxation, self._pool
         self._lines = [
-            Lines(*made, moving, self._base_reward, rule) for moving in range(1, mission.robots + 1)
+            Lines(self._relaxation, self._pool, moving, self._base_reward)
+            for moving in range(1, mission.robots + 1)
         ]
         for lines in self._lines:
             lines.others = [other for other in self._lines if other is not lines]
-        self._steps = [
-            Steps(*made, lines, StepSearch(), self._most_survival) for lines in self._lines
-        ]
+        self._steps = [Steps(lines, self._most_survival) for lines in self._lines]
 
     def _levels(self) -> int:
         """Choose how many levels prices have, by what programmes and the memory have room for.
@@ -222,9 +220,9 @@ class Proof:
     ) -> None:
         """Find steps for up to ``most_moving`` robots, until the time is over or all are tried."""
         if most_moving > 1 and time.monotonic() < until:
-            fits = int(self._memory * _MIB / 2 / StepSearch().bytes_a_state)
+            fits = int(self._memory * _MIB / 2 / BYTES_A_STATE)
             self._relaxation.widen(_STEP_BITS, min(_MOST_STEP_STATES, fits))
-            self._lines[0].drop_forgotten()
+            self._lines[0].drop_forbidden()
         while time.monotonic() < until and (bound := self._wanted(gap, callback)) is not None:
             left = until - time.monotonic()
             target = targets.next(bound, most_moving, left / _SECONDS_OF_EFFORT)
