@@ -172,9 +172,11 @@ def test_names_of_this_package_stay(install):
     assert [kind_of(part) for part in algorithm.mating.mutation.mixture.parts] == ["RuinRecreate"]
 
 
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
+def test_what_cannot_be_had_is_one_error(install):
+    others = {"gone": "Gone", "wreck": "Wreck", "odd": "odd", "single": "Single"}
+    install(tide="Tide", wave="Wave", both="Tide", **others)
+    install("sand", both="Wave")
+    for given, message in [
         ({"mutation": {"tid": 1}}, "Expected mutation among tide, .*ruin.*, got 'tid'"),
         ({"mutation": "splice"}, "Expected mutation among .*, got 'splice'"),
         ({"crossover": "tide"}, "'tide': expected a class derived from pymoo's Crossover"),
@@ -187,17 +189,12 @@ def test_names_of_this_package_stay(install):
         ({"mutation": {"tide": 0}}, "Expected a mutation of weight above 0"),
         ({"crossover": {"single": 1, "splice": 1}}, "as many parents and children as each other"),
         ({"mutation": "pymoo.operators.mutation.pm:PM"}, "pymoo's own operators do not work"),
-    ],
-)
-def test_what_cannot_be_had_is_one_error(install, given, message):
-    others = {"gone": "Gone", "wreck": "Wreck", "odd": "odd", "single": "Single"}
-    install(tide="Tide", wave="Wave", both="Tide", **others)
-    install("sand", both="Wave")
-    ((blamed, said),) = algorithm_faults("nsga2", given)
-    assert blamed == next(iter(given))
-    with pytest.raises(ValueError, match=message) as raised:
-        made(**given)
-    assert str(raised.value).endswith(said)
+    ]:
+        ((blamed, said),) = algorithm_faults("nsga2", given)
+        assert blamed == next(iter(given))
+        with pytest.raises(ValueError, match=message) as raised:
+            made(**given)
+        assert str(raised.value).endswith(said)
 
 
 STUDY = """
