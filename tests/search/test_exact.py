@@ -115,12 +115,6 @@ class TestTruth:
         assert [plan.trails[0] for plan in plans] == [(0, 1, 2, 3, 1, 0), (0, 1, 0), (0,)]
         assert mission.evaluate(plans).tolist() == [[1.0, 1 / 32], [0.5, 0.25], [0.0, 1.0]]
 
-    def test_the_toy(self):
-        toy = load_mission("toy", robots=4)
-        found = toy.evaluate(exact_front(toy))
-        assert len(found) == 16
-        assert found[-1].tolist() == [0.0, 4.0]
-
     def test_generated_missions_of_twenty_nodes_for_one_robot(self):
         """As measured; no other method of this package has found anything better."""
         sizes = {}

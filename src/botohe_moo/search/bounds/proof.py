@@ -232,7 +232,7 @@ class Proof:
             steps = self._steps[target.moving - 1]
             goal = target.goal / self._unit
             is_proved = steps.tighten(x, goal, target.effort, until)
-            targets.tell(target, is_proved=is_proved)
+            targets.close(target, is_proved=is_proved)
 
     def bound(self) -> FrontBound:
         """Return what has been proved, without lines that are nowhere the lowest."""

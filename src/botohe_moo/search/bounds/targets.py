@@ -143,7 +143,7 @@ class StepTargets:
         scaled: FloatArray = gains / self._effort
         return scaled
 
-    def tell(self, target: StepTarget, *, is_proved: bool) -> None:
+    def close(self, target: StepTarget, *, is_proved: bool) -> None:
         """Say what became of a target."""
         moving, corner = target.moving, target.corner
         share, effort = self._share[moving], self._effort[moving]
