@@ -29,34 +29,36 @@ from botohe_moo.search.exact import TooLargeError, exact_front
 from botohe_moo.search.local_search import DEFAULT_MOVES, LocalSearch
 from botohe_moo.trails import PlanBatch
 
-# No constant here decides whether a bound is valid: they share out time and memory. They were
-# chosen for small gaps in `benchmarks/bounds.py`, on missions of 20 to 200 nodes.
+# These constants share out time and memory; every bound is valid whatever they are. Where no other
+# source is given, they were chosen by experiment, for small gaps on the missions of 20 to 200 nodes
+# in `python -m benchmarks bounds`.
 
-# Shares of the time: for the true front, and to find trails.
+# Shares of the time limit: for the true front, and to find trails.
 _EXACT_SHARE, _SEARCH_SHARE = 0.2, 0.05
-# Shares of what is left of it: for lines and steps of one robot (on 200 nodes they took all of it),
-# for lines before steps, and for steps.
+# Shares of the time that is left: for lines and steps of one robot (without a limit they took all
+# of it on 200 nodes), for lines before steps, and for steps.
 _FIRST_SHARE, _LINES_SHARE, _STEPS_SHARE = 0.1, 0.4, 0.5
-# Relaxed trails get a memory where there is this many times the time that it takes without one.
+# Relaxed trails get a memory where this many times the preparation without one still fits.
 _PREPARING = 4
-_LEAST_GAIN = 1e-3  # relative; a line that is lowered by more is worth another try
-_EFFORT_OF_LINES = 16  # times the usual search, once all steps that are easy are known
-_SECONDS_OF_EFFORT = 0.3  # that a search for a step takes, for each unit of effort
-# Where the first lines of one robot are found, in shares of its best survival.
+_LEAST_GAIN = 1e-3  # a line that is lowered by a larger share is worth another try
+_EFFORT_OF_LINES = 16  # times the usual search, once the easy steps are known
+_SECONDS_OF_EFFORT = 0.3  # that a search for a step took, for each unit of effort
+# Where the first lines of one robot are found, in shares of its best survival: three suffice for
+# its steps.
 _FIRST_LINES = (0.5, 0.75, 0.25)
-# Plans that are evaluated in the search for trails: at most, and before it looks at the clock.
+# Plans that are evaluated in the search for trails: at most, and before the clock is looked at.
 _EVALUATIONS, _FIRST_EVALUATIONS = 100_000, 100
-# Levels of prices, at least and at most. In between a linear programme has no more prices than
-# _MOST_PRICES, and a team no more configurations of levels, which are looked at for each node.
+# Levels of prices, at least and at most; prices of a linear programme; and configurations of a
+# team's levels, all of which are looked at for each node.
 _LEAST_LEVELS, _MOST_LEVELS, _MOST_PRICES, _MOST_CONFIGURATIONS = 4, 12, 400, 6_000
-# Bits that each node remembers: near rewards, these and bridges at first, all at most, and for
-# steps; and states of relaxed trails at most, usually and for steps.
+# Bits that a node remembers: of rewards near by, with bridges at first, at most, and for steps.
 _NEAREST, _FIRST_BITS, _MOST_BITS, _STEP_BITS = 8, 10, 14, 12
+# States of relaxed trails at most, usually and for steps.
 _MOST_STATES, _MOST_STEP_STATES = 40_000, 120_000
-_MOST_COMPARED = 3_000  # nodes, of which all pairs are compared: a second, and a tenth of a GiB
+_MOST_COMPARED = 3_000  # nodes of which all pairs are compared: a second, and 0.1 GiB
 _BYTES_A_LINK = 40.0  # three integers of 8 bytes and a flag, and two figures of a level
 _MIB = 2**20
-_ROUNDING = 1e-12
+_ROUNDING = 1e-12  # the largest survival is raised by this share: products are rounded
 
 Callback = Callable[[FrontBound], Any] | None
 
