@@ -151,10 +151,10 @@ class Relaxation:
         """
         stairs = Stairs(np.array([least]), np.inf, 0.0)
         line = Completions(ahead.values[None], np.zeros(1), np.zeros((1, len(ahead.prices))))
-        given = Worth(ahead.prices, ahead.mu), line, stairs, TrailRule(False, 0.0, n_most)
-        n = find_trails(self.net, self.states, *given, self._depths)
+        rule = TrailRule(False, 0.0, n_most)
+        ended = self._search(Worth(ahead.prices, ahead.mu), line, stairs, rule)
         found = self._found()
-        return n >= 0, float(stairs.heights[0]) + ahead.spare, found[-1] if found else []
+        return ended, float(stairs.heights[0]) + ahead.spare, found[-1] if found else []
 
     def raise_stairs(
         self,
@@ -169,10 +169,9 @@ class Relaxation:
         search has ended, and trails found.
         """
         rule = TrailRule(False, _SLACK * self.total, n_most)
-        given = Worth(prices, 0.0), _completions(lines), stairs, rule
-        n = find_trails(self.net, self.states, *given, self._depths)
+        ended = self._search(Worth(prices, 0.0), _completions(lines), stairs, rule)
         stairs.heights[:] += max(ahead.spare for ahead, _ in lines)
-        return n >= 0, self._found()
+        return ended, self._found()
 
     def find_all(
         self,
@@ -187,11 +186,15 @@ class Relaxation:
         """
         spare = max(ahead.spare for ahead, _ in lines) + _SLACK * self.total
         lowered = stairs._replace(heights=stairs.heights - spare)
-        given = Worth(prices, 0.0), _completions(lines), lowered, TrailRule(True, 0.0, n_most)
-        if find_trails(self.net, self.states, *given, self._depths) < 0:
+        rule = TrailRule(True, 0.0, n_most)
+        if not self._search(Worth(prices, 0.0), _completions(lines), lowered, rule):
             return None
         depths, n = self._depths, int(self._depths.found.n_trails)
         return depths.arcs[:n], depths.n_arcs[:n]
+
+    def _search(self, worth: Worth, ahead: Completions, stairs: Stairs, rule: TrailRule) -> bool:
+        """Search for trails; return whether the search ended."""
+        return find_trails(self.net, self.states, worth, ahead, stairs, rule, self._depths) >= 0
 
     def _found(self) -> list[list[int]]:
         """List the trails of the last search, the last one last."""
