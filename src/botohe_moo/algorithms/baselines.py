@@ -65,21 +65,21 @@ class Greedy(ArchiveAlgorithm):
     """Greedy sequential planning: one robot after another, for a sweep of weights on reward.
 
     Every iteration (a pymoo generation) takes one weight w in [0, 1] and plans the robots one
-    after another, each for the trail that adds most to w · E[R] / (total reward) +
-    (1 − w) · E[S] / robots given the trails of those before it. The weights are spread evenly, and
-    taken in an order that is coarse first: 0, 1, 1/2, 1/4, 3/4, ... With the team's plan those are
+    after another. Each gets the trail that adds most to w · E[R] / (total reward) +
+    (1 − w) · E[S] / robots, given the trails of those before it. The weights are spread evenly, in
+    an order that is coarse first: 0, 1, 1/2, 1/4, 3/4, ... Besides the team's plan, plans are
     evaluated in which only the first robots leave the base.
 
-    When all weights have been taken the run ends by itself, also where budget is left. Nothing is
-    random: every seed gives the same front.
+    After all weights the run ends by itself, even if budget is left. Nothing is random: every seed
+    gives the same front.
 
     Parameters
     ----------
     n_weights
         How many weights.
     beam_width
-        Partial trails that the search for each robot's trail keeps: the wider, the better the
-        trails, and the longer it takes, in proportion.
+        Partial trails that the search for each robot's trail keeps. A wider beam finds better
+        trails and takes longer, in proportion.
     max_ties
         Plans with equal objectives but different trails that the archive keeps.
     sampling
@@ -99,15 +99,14 @@ class Greedy(ArchiveAlgorithm):
     Pavone, "The team surviving orienteers problem: routing teams of robots in uncertain
     environments with survival constraints", Autonomous Robots 42(4), 2018. See
     :func:`~botohe_moo.search.sequential.plan_sequentially` for its guarantee. Plans that are best
-    for some weight lie on the convex hull of the front; plans for fewer robots fill some of what is
-    between.
+    for some weight lie on the convex hull of the front; plans for fewer robots lie between them.
 
-    Where the problem has a travel budget, robots go home by the safest way or by the shortest one;
-    trails that could only end by a compromise between both are not found.
+    With a travel budget, robots go home by the safest way or by the shortest one; trails that need
+    a compromise between both are not found.
 
-    A plan that comes up again is not evaluated again, and partial trails do not count as
-    evaluations: to compare efforts, compare times. Robots are planned for the mission's own
-    objectives, also where a problem overrides ``evaluate_batch``.
+    No plan is evaluated twice, and partial trails do not count as evaluations: to compare efforts,
+    compare times. Robots are planned for the mission's own objectives, even if a problem overrides
+    ``evaluate_batch``.
 
     Examples
     --------
@@ -158,7 +157,7 @@ class Greedy(ArchiveAlgorithm):
 
 
 def _coarse_first(n: int) -> list[int]:
-    """Order 0 to n − 1: both ends, then the middles of ever smaller gaps, level by level."""
+    """Return 0 to n − 1 in the order: both ends, then the middles of ever smaller gaps."""
     order, gaps = [0, n - 1], [(0, n - 1)]
     for low, high in gaps:  # grows as it is read
         if high - low > 1:
@@ -171,10 +170,10 @@ def _coarse_first(n: int) -> list[int]:
 class Exact(ArchiveAlgorithm):
     """The true Pareto front, for small missions.
 
-    The plan with everybody at base is evaluated first. Then every iteration (a pymoo generation)
-    does a portion of the search. When that is done the plans of the front, one for each of its
-    points, are evaluated by descending E[R], and the run ends by itself, also where budget is left.
-    Nothing is random: every seed gives the same front.
+    The plan in which everybody stays at base is evaluated first. Then every iteration (a pymoo
+    generation) does a portion of the search. At its end the plans of the front, one for each point,
+    are evaluated by descending E[R], and the run ends by itself, even if budget is left. Nothing is
+    random: every seed gives the same front.
 
     Parameters
     ----------
@@ -210,10 +209,9 @@ class Exact(ArchiveAlgorithm):
     See :func:`~botohe_moo.search.exact.exact_front` for the method, and for what is exact where
     numbers are rounded.
 
-    Evaluations are those of the plans of the front and of the plan with everybody at base; partial
-    trails and teams do not count: to compare efforts, compare times. A budget of fewer evaluations
-    than the front has points gives those with most reward. A run that ends before the search is
-    done gives what was evaluated first.
+    Partial trails and teams do not count as evaluations: to compare efforts, compare times. With a
+    budget of fewer evaluations than the front has points, the result has those with most reward. A
+    run that ends before the search has what was evaluated first.
 
     Examples
     --------

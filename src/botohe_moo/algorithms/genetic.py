@@ -119,15 +119,15 @@ class PlanSPEA2(PlanGeneticAlgorithm, SPEA2):
     """
 
 
-# What the wiring, or the caller of ``minimize``, gives to every class of pymoo's.
+# Parameters of pymoo's that this package sets, or the caller of ``minimize``.
 _TAKEN_CARE_OF = frozenset(
     {"sampling", "crossover", "mutation", "repair", "eliminate_duplicates", "output", "mating"}
     | {"pop_size", "n_offsprings"}
 )
-# Objects that belong to the algorithm: passed on as pymoo has them, not for users to give.
+# Objects that belong to the algorithm: users do not give them.
 _INNER = frozenset({"selection", "survival"})
 
-# Classes that cannot keep what is promised of all, by the module that defines them.
+# Classes that cannot keep what all algorithms promise, and why, by module.
 _REFUSED = {
     "pymoo.algorithms.soo": "it minimises one objective",
     "pymoo.algorithms.moo.ctaea": (
@@ -156,7 +156,7 @@ _DIRECTIONS = """ref_dirs
 
 
 def wired(path: str, found: Callable[..., Any]) -> Callable[..., Any]:
-    """Wire a class of pymoo's with this package's operators; return others as they are.
+    """Return a class of pymoo's with this package's operators; return other factories as they are.
 
     A ValueError is raised for a class of pymoo's that is not population-based or cannot be wired.
     """
@@ -175,7 +175,7 @@ def wired(path: str, found: Callable[..., Any]) -> Callable[..., Any]:
 
 @functools.cache
 def _wire(path: str, wrapped: type[GeneticAlgorithm]) -> type[PlanGeneticAlgorithm]:
-    """Derive a class from one of pymoo's, whose own parameters it states."""
+    """Derive a class from one of pymoo's; it states the parameters of both."""
     own = {
         name: parameter
         for name, parameter in inspect.signature(wrapped).parameters.items()
@@ -214,7 +214,7 @@ def _wire(path: str, wrapped: type[GeneticAlgorithm]) -> type[PlanGeneticAlgorit
 
 
 def _stated(parameter: inspect.Parameter) -> inspect.Parameter:
-    """Return a parameter by name; where pymoo states no type, its default may show it."""
+    """Return a keyword-only parameter, with the type of its default where pymoo states none."""
     shown = type(parameter.default)
     annotation = parameter.annotation
     if annotation is parameter.empty and shown in (int, float, bool, str):
@@ -223,6 +223,6 @@ def _stated(parameter: inspect.Parameter) -> inspect.Parameter:
 
 
 def _revive(path: str) -> PlanGeneticAlgorithm:
-    """Make an empty instance for unpickling: classes made here have no name to be found by."""
+    """Make an empty instance for unpickling: pickle does not find derived classes by name."""
     found = _wire(path, named(path))
     return found.__new__(found)

@@ -1,4 +1,4 @@
-"""pymoo's population-based algorithms, wired with operators for trail plans and an archive."""
+"""The base of pymoo's population-based algorithms with operators for trail plans."""
 
 import copy
 import functools
@@ -46,22 +46,21 @@ PopulationSize: TypeAlias = Annotated[int, Field(ge=2, le=1_000_000)]
 
 
 class PopulationAlgorithm(BudgetedAlgorithm):
-    """What this package adds to a population-based algorithm of pymoo's.
+    """A population-based algorithm of pymoo's with operators for trail plans.
 
-    Operators for trail plans, an archive of all non-dominated feasible plans that were evaluated,
-    which is the result, and an exact budget. The population and its selection stay pymoo's.
-
-    To be put before a class of pymoo's: ``class PlanNSGA2(PopulationAlgorithm, NSGA2)``.
+    Its result is an archive of all non-dominated feasible plans that were evaluated, and its budget
+    is exact. The population and its selection stay pymoo's. Write it before a class of pymoo's:
+    ``class PlanNSGA2(PopulationAlgorithm, NSGA2)``.
 
     Parameters
     ----------
     arguments
-        What the pymoo class is made with besides its operators; by default nothing. A class with
-        an ``__init__`` of its own gives them, as below.
+        What the pymoo class is made with besides its operators, as in the example; by default
+        nothing.
     sampling
         Plans to start from: ``guided``, ``random``, a mapping from these to weights, a pymoo
-        sampling, or trail plans, to which guided ones are added where they are too few. All
-        operators may also be named as other packages register them, or as ``module:Class``.
+        sampling, or trail plans; if these are too few, guided ones are added. All operators may
+        also be named as other packages register them, or as ``module:Class``.
     corners
         Whether the corners of the front, everybody at home and the greedy plan for reward alone,
         are among the plans to start from.
@@ -71,9 +70,9 @@ class PopulationAlgorithm(BudgetedAlgorithm):
         ``home``, ``moves``, ``ruin``, ``share``, a mapping from these to weights, or a pymoo
         mutation.
     repair
-        What makes valid plans of the operators' drafts: ``safest-path``, ``truncate`` or
-        ``penalty`` (nothing; faults count as constraint violation), or a :class:`PlanRepair`.
-        Operators that are given as objects have their own.
+        How drafts of operators become valid plans: ``safest-path``, ``truncate``, ``penalty`` (not
+        at all; faults count as constraint violation), or a :class:`PlanRepair`. Operators that are
+        given as objects have repairs of their own.
     prob_crossover, prob_mutation
         Probability of crossing a pair and of changing a child.
     max_ties
@@ -84,7 +83,7 @@ class PopulationAlgorithm(BudgetedAlgorithm):
     Raises
     ------
     TypeError
-        If an option is unknown, or something else is given in place of an operator.
+        If an option is unknown.
 
     Attributes
     ----------
@@ -202,8 +201,8 @@ class PopulationAlgorithm(BudgetedAlgorithm):
         Parameters
         ----------
         problem
-            What to solve: a :class:`BOTOHE`, or a TypeError is raised; also for one of other than
-            two objectives, if the algorithm has directions for two.
+            A :class:`BOTOHE`. A TypeError is raised for another problem, and for more than two
+            objectives if the algorithm has directions for two.
         **kwargs
             pymoo's options, such as ``termination`` (default: 100 000 evaluations; a ValueError is
             raised for less than one) and ``seed``.
@@ -218,7 +217,7 @@ class PopulationAlgorithm(BudgetedAlgorithm):
         return super().setup(problem, **kwargs)
 
     def _repairs(self) -> list[object]:
-        """List the repairs of all operators, also of those that were given as objects."""
+        """Return the repairs of all operators, also of those that were given as objects."""
         operators = (self.mating.crossover, self.mating.mutation)
         mixtures = [getattr(operator, "mixture", None) for operator in operators]
         parts = [getattr(m, "parts", (o,)) for m, o in zip(mixtures, operators, strict=True)]
@@ -265,9 +264,9 @@ def _call(module: str, function: str, /, *args: Any, **kwargs: Any) -> Any:
 
 
 def _picklable(selection: Any, kinds: Iterable[type]) -> Any:
-    """Return a tournament that refers to its comparison by name, in a module of the classes.
+    """Return a tournament that finds its comparison by name, in a module of the classes.
 
-    pymoo decorates some of them in a way that pickle cannot follow; a run that cannot be pickled
+    pymoo decorates some comparisons so that they cannot be pickled. A run that cannot be pickled
     cannot be resumed or sent to another process.
     """
     compare = getattr(selection, "func_comp", None)

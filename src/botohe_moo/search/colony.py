@@ -38,19 +38,22 @@ _log = np.frompyfunc(math.log, 1, 1)  # with the bits of the kernels' logarithm;
 
 @dataclass(frozen=True)
 class ColonyRule:
-    """How ants weigh arcs and how pheromone changes; :class:`BOACO` documents the parameters."""
+    """The rule by which ants weigh arcs and pheromone changes.
 
-    evaporation: float
-    heuristic: bool
-    pheromone: bool
-    pheromone_per_robot: bool
-    initial_reward_pheromone: float
-    initial_survival_pheromone: float
-    reward_epsilon: float
-    survival_epsilon: float
-    unvisited_bonus: float
-    exploration: float
-    pooled_deposit: bool
+    :class:`BOACO` documents the parameters. Defaults are those of :meth:`BOACO.journal`.
+    """
+
+    evaporation: float = 0.1
+    heuristic: bool = True
+    pheromone: bool = True
+    pheromone_per_robot: bool = False
+    initial_reward_pheromone: float = 1.0
+    initial_survival_pheromone: float = 1.0
+    reward_epsilon: float = 0.05
+    survival_epsilon: float = 0.01
+    unvisited_bonus: float = 0.05
+    exploration: float = 0.01
+    pooled_deposit: bool = False
     allocation: Allocation = "sequential"
 
 
@@ -79,7 +82,7 @@ class Colony:
         self._budget = new_budget(mission.arrays, limits)
         self._links = Links(mission.arrays.first, mission.arrays.head)
         self._is_careful = not mission.arrays.balanced or limits.bind
-        # What is handed over in microseconds where ants need not look for ways home.
+        # Where ants need not look for ways home, they get less, which is quicker to hand over.
         self._roads: Any = mission.arrays if self._is_careful else roads_of(mission.arrays)
         self._states = seed_states(random_state, n_ants)
         self._pheromone = _new_pheromone(mission, rule)
@@ -101,7 +104,7 @@ class Colony:
         return self._pheromone.levels
 
     def construct(self, n_ants: int) -> PlanBatch:
-        """Build one plan for each of ``n_ants`` ants; robots are in the order of planning.
+        """Build a plan for each of ``n_ants`` ants; robots are in the order of planning.
 
         The ants' weights on the objectives are spread evenly.
         """
@@ -145,10 +148,10 @@ class Colony:
     def learn(
         self, batch: PlanBatch, objectives: FloatArray, members: OffsetArray, archive: PlanArchive
     ) -> None:
-        """Evaporate and deposit pheromone, unless the colony does without.
+        """Evaporate and deposit pheromone, if the colony has any.
 
         ``objectives`` are E[R] and E[S] of the iteration's plans, and ``members`` the indices of
-        its Pareto set; ``archive`` is the global one, of all plans or of those the colony knows of.
+        its Pareto set. ``archive`` holds the global Pareto set, or what the colony knows of it.
         """
         if not self.rule.pheromone or len(archive) == 0:
             return
@@ -164,9 +167,9 @@ class Colony:
         self._to_learn = iteration, self._archived, is_new
 
     def _catch_up(self) -> None:
-        """Learn what the last iteration has found.
+        """Learn what the last iteration has found, if it has not been learned yet.
 
-        This waits until ants build again: a first front needs none of it, nor any compiling for it.
+        This waits until ants build again, so that a first front need not compile it.
         """
         if self._to_learn is not None:
             rule = LearningRule(self.rule.evaporation, self.rule.pooled_deposit)
@@ -175,7 +178,7 @@ class Colony:
             self._to_learn = None
 
     def weigh(self) -> None:
-        """Weigh arcs by the pheromone as it is, before anything has been deposited."""
+        """Weigh arcs by the pheromone at the start, before any deposit."""
         pheromone, weights = self._pheromone, self._weights
         logs = np.asarray(_log(np.maximum(pheromone.levels, LEAST)), np.float64)
         weights.log_reward[:] = logs[..., 0] + pheromone.log_eta_reward
@@ -219,9 +222,9 @@ def _new_weights(mission: Mission, rule: ColonyRule, pheromone: Pheromone) -> We
 
 
 def exchange_archives(archives: Sequence[PlanArchive]) -> None:
-    """Insert the plans of each archive into the next one, those of the last into the first.
+    """Insert the plans of each archive into the next one, and those of the last into the first.
 
-    All of them at once: a plan goes no further than to the next archive of the ring.
+    All archives exchange at once, so that a plan goes no further than to the next archive.
 
     Notes
     -----

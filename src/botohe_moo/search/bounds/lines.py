@@ -113,7 +113,7 @@ class Lines:
         return True
 
     def drop_forbidden(self) -> None:
-        """Drop what is no relaxed trail any more, since more is remembered."""
+        """Drop trails that break the rules of relaxed trails, since these remember more."""
         for number in self.pool.drop_forbidden(self.relaxation.allows):
             for lines in (self, *self.others):
                 if lines._made is not None:

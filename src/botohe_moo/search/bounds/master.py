@@ -18,7 +18,7 @@ _MOST_MU = 20.0  # in total rewards
 
 
 class Visits(NamedTuple):
-    """What a trail is to a linear programme: its value is ``weights`` · prices + mu · survival."""
+    """A trail as a row of a linear programme: it is worth ``weights`` · prices + mu · survival."""
 
     columns: OffsetArray  # of prices (n_nodes × n_levels), level 0 left out
     weights: FloatArray
@@ -26,7 +26,7 @@ class Visits(NamedTuple):
 
 
 class Pool:
-    """Trails, each known once; those that are relaxed ones only may be dropped."""
+    """Known trails and relaxed trails, each once; relaxed ones may be dropped."""
 
     def __init__(self, net: Net, nodes: OffsetArray, n_levels: int) -> None:
         self._net, self.nodes, self.n_levels = net, nodes, n_levels
@@ -36,7 +36,7 @@ class Pool:
         self._known: dict[bytes, int] = {}
         self._matrix: Any = None
         self.visits: list[Visits] = []
-        # Of relaxed ones, their arcs and which of these pay; None of trails.
+        # The arcs of relaxed trails, and which of these pay; None for trails.
         self.relaxed: list[tuple[list[int], list[bool]] | None] = []
         self.dropped: list[bool] = []
 
@@ -46,8 +46,8 @@ class Pool:
     def add(self, arcs: list[int], paid: list[bool] | None = None) -> tuple[int, bool]:
         """Add a trail, or a relaxed one with the visits that pay.
 
-        Returns its number, and whether it is new. A relaxed one is a trail where it comes home
-        within the limits, pays no node twice and takes no arc twice.
+        Returns its number, and whether it is new. A relaxed trail is a trail if it comes home
+        within the limits, no node pays twice and no arc is taken twice.
         """
         net, graph = self._net, self._net.graph
         alive, seen, at = 1.0, {graph.base}, []

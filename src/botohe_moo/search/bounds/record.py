@@ -1,4 +1,4 @@
-"""What is proved of a front, and how it is written to files."""
+"""Lines and steps, what is proved of a front, and the files that hold them."""
 
 from __future__ import annotations
 

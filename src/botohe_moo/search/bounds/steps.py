@@ -69,7 +69,7 @@ class Steps:
         return self._for_team(x, goal - self._lines.base_reward, effort)
 
     def _keep(self, least: float, most: float) -> None:
-        """Keep a step, if it is below what is proved there."""
+        """Keep a step if it is below the lines and the other steps."""
         base_reward = self._lines.base_reward
         graph = self._relaxation.net.graph
         # Products of a team's survivals are rounded at each factor, and so is the sum over nodes.
@@ -226,7 +226,7 @@ def stairs_of(values: FloatArray, survival: FloatArray, width: float, n_steps: i
 
 
 def step_of(survival: FloatArray, width: float, n_steps: int) -> OffsetArray:
-    """Return on which step survivals lie."""
+    """Return the step that each survival lies on."""
     steps: OffsetArray = np.minimum((survival / width * (1 + _EDGE)).astype(np.int64), n_steps - 1)
     return steps
 
@@ -254,7 +254,7 @@ def add_stairs(stairs: FloatArray, n_trails: int) -> FloatArray:
     for _ in range(n_trails - 1):
         after = np.full(len(most) + len(stairs) - 1, -np.inf)
         for step in last_steps(stairs).tolist():
-            there = after[step : step + len(most)]
-            np.maximum(there, most + stairs[step], out=there)
+            reached = after[step : step + len(most)]
+            np.maximum(reached, most + stairs[step], out=reached)
         most = _falling(after)
     return most
