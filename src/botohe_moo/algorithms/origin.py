@@ -74,7 +74,7 @@ def _attributes(made: Any) -> dict[str, Any]:
 
 
 def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return values as a text file holds them, ``NotImplemented`` for objects and lists of plans."""
+    """Return values as text files hold them, ``NotImplemented`` for objects and lists of plans."""
     plain = {name: plain_value(value) for name, value in values.items()}
     return {k: NotImplemented if isinstance(v, list) else v for k, v in plain.items()}
 

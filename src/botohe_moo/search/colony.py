@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -30,6 +30,9 @@ from botohe_moo.kernels.rng import seed_states
 from botohe_moo.mission.model import Mission
 from botohe_moo.search.archive import PlanArchive
 from botohe_moo.trails import PlanBatch
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Allocation = Literal["sequential", "concurrent"]
 
@@ -219,6 +222,26 @@ def _new_weights(mission: Mission, rule: ColonyRule, pheromone: Pheromone) -> We
             gain = (rule.unvisited_bonus + survival * reward) / rule.reward_epsilon
     gain = np.minimum(gain, np.exp(LOG_HIGH))
     return Weights(np.empty(shape), np.empty(shape), gain, np.log1p(gain))
+
+
+def tabulate_pheromone(mission: Mission, colonies: Sequence[Colony]) -> pd.DataFrame:
+    """Return the pheromone of colonies, a row for each arc, as :attr:`BOACO.pheromone_maps`."""
+    import pandas as pd  # late: importing it takes as long as importing all else
+
+    graph, nodes = mission.arrays, mission.nodes
+    tails, heads = (
+        pd.Series([nodes[i] for i in [*ends, graph.base]], dtype=object)
+        for ends in (graph.tail, graph.head)
+    )
+    columns = ["colony", "robot", "tail", "head", "reward", "survival"]
+    maps = [
+        pd.DataFrame(dict(zip(columns, [number, robot, tails, heads, *levels.T], strict=True)))
+        for number, colony in enumerate(colonies)
+        for robot, levels in enumerate(colony.pheromone)
+    ]
+    several = {"colony": len(colonies) > 1, "robot": colonies[0].rule.pheromone_per_robot}
+    single = [name for name, is_there in several.items() if not is_there]
+    return pd.concat(maps, ignore_index=True).drop(columns=single)
 
 
 def exchange_archives(archives: Sequence[PlanArchive]) -> None:
