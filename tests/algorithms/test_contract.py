@@ -82,26 +82,6 @@ def mission_for(name):
     return load_mission("art_museum")
 
 
-def one_way(seed):
-    """Six nodes, strongly connected by ears of one to three nodes; hardly an arc has a reverse."""
-    rng = np.random.default_rng(seed)
-    graph = nx.DiGraph(base=0, robots=1 + seed % 3)
-    graph.add_node(0, reward=0.0)
-    while (n := len(graph)) < 6:
-        ear = [*range(n, min(6, n + int(rng.integers(1, 4))))]
-        nx.add_path(graph, [int(rng.integers(n)), *ear, int(rng.integers(n))])
-    for tail, head in rng.permutation([(u, v) for u in graph for v in graph if u != v])[
-        :6
-    ].tolist():
-        if not graph.has_edge(head, tail):
-            graph.add_edge(tail, head)
-    for node in range(1, 6):
-        graph.nodes[node]["reward"] = float(rng.integers(1, 10))
-    for arc in graph.edges:
-        graph.edges[arc]["survival"] = float(rng.uniform(0.6, 1.0))
-    return Mission(graph)
-
-
 def test_all_names_are_under_contract():
     ours = distribution("botohe-moo").entry_points.select(group="botohe_moo.algorithms")
     assert set(NAMES) == {entry.name for entry in ours}
@@ -205,17 +185,16 @@ def supported(objectives, mission):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_one_way_missions_are_solved(name):
-    for mission in (blind_alley(), one_way(0), one_way(1)):
-        front = mission.evaluate(exact_front(mission))
-        if name == "greedy":
-            # It ends with its sweep, and promises no more than plans that are best for some weight:
-            # with few robots much of the front may lie between them.
-            front = supported(front, mission)
-        wanted = 0.9 * area_indicator(front, mission)
-        reached = Until(wanted)
-        algorithm = make_algorithm(name)
-        minimize(BOTOHE(mission), algorithm, ("n_eval", 50_000), seed=1, callback=reached)
-        assert reached.area >= wanted
+    mission = blind_alley()
+    front = mission.evaluate(exact_front(mission))
+    if name == "greedy":
+        # It ends with its sweep, and promises no more than plans that are best for some weight:
+        # with few robots much of the front may lie between them.
+        front = supported(front, mission)
+    reached = Until(0.9 * area_indicator(front, mission))
+    algorithm = make_algorithm(name)
+    minimize(BOTOHE(mission), algorithm, ("n_eval", 50_000), seed=1, callback=reached)
+    assert reached.area >= reached.wanted
 
 
 def test_verbose_runs_print_the_area(capsys):

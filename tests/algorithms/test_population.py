@@ -139,7 +139,7 @@ def test_moead_replaces_by_violation_first(museum):
     assert broken > 100
 
 
-def test_classes_of_ones_own_need_no_init():
+def test_classes_of_your_own_need_no_init():
     class Plain(PopulationAlgorithm, NSGA2):
         pass
 

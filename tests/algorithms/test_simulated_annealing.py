@@ -6,8 +6,6 @@ import pickle
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from pymoo.core.callback import Callback
 from pymoo.core.termination import NoTermination
 from pymoo.optimize import minimize
@@ -16,8 +14,6 @@ from botohe_moo import BOTOHE, Mission, RandomTrails, area_indicator, load_missi
 from botohe_moo.algorithms.simulated_annealing import SimulatedAnnealing
 from botohe_moo.kernels.plans import moves
 from botohe_moo.search.annealing import Annealing
-from tests.examples import examples
-from tests.strategies import missions
 
 schedules = pytest.mark.parametrize("schedule", ["cooled", "journal"])
 
@@ -82,19 +78,6 @@ class TestContract:
             copied.next()
         assert same(whole, algorithm.result())
         assert same(whole, copied.result())
-
-    @examples(40)
-    @given(
-        mission=missions(min_nodes=1, max_nodes=7),
-        floor=st.sampled_from([0.0, 0.4, 0.9, 1.0]),
-        seed=st.integers(0, 2**31),
-    )
-    def test_any_mission_and_floor(self, schedule, mission, floor, seed):
-        problem = BOTOHE(mission, min_survival=floor)
-        result = minimize(problem, SimulatedAnnealing(schedule=schedule), ("n_eval", 60), seed=seed)
-        assert np.array_equal(-result.F, mission.evaluate(result.X))
-        assert (mission.robot_survival(result.X) >= floor * (1 - 1e-12)).all()
-        assert result.algorithm.evaluator.n_eval == 60
 
     def test_a_weight_starts_from_the_best_given_plan(self, schedule, museum):
         good = solve(museum, 40_000, seed=9)

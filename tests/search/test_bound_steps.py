@@ -31,7 +31,7 @@ worths = st.lists(st.tuples(st.floats(0, 10), st.floats(0, 1)), min_size=1, max_
 
 @given(worths, st.integers(1, 3), st.floats(0, 3))
 def test_stairs_of_several_trails_are_above_them_together(known, n_trails, x):
-    """No sum of so many trails, whose survivals sum to x, is above what is added up."""
+    """No trails whose survivals sum to x are worth more than the sum of stairs."""
     values, survival = np.array(known).T
     n_steps, width = 8, 1.0000001 / 8
     most = add_stairs(stairs_of(values, survival, width, n_steps), n_trails)
