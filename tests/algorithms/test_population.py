@@ -63,17 +63,6 @@ def test_penalty_is_seen_in_operators_given_as_objects(museum):
         museum.evaluate(result.X)
 
 
-def test_objectives_that_are_no_numbers_are_refused(museum):
-    class Broken(BOTOHE):
-        def evaluate_batch(self, batch):
-            F = super().evaluate_batch(batch).copy()
-            F[0, 0] = np.nan
-            return F
-
-    with pytest.raises(Exception, match="Expected evaluate_batch of Broken to give finite F"):
-        minimize(Broken(museum), make_algorithm("nsga2", pop_size=10), ("n_eval", 30), seed=1)
-
-
 def test_moead_wants_one_child_of_each_pair(museum):
     with pytest.raises(ValueError, match=r"Expected a crossover with n_offsprings = 1 .* got 2"):
         make_algorithm("moead", crossover=TrailSplice())

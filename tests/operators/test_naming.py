@@ -212,15 +212,8 @@ seeds: 1
 
 
 @pytest.mark.slow
-def test_they_are_named_on_the_command_line_and_in_studies(install, tmp_path):
+def test_they_are_named_in_studies(install, tmp_path):
     site = install(tide="Tide", swap="Swap")
-    options = ["--algorithm", "nsga2", "--evaluations", "60", "-p", "pop_size=10"]
-    solve = ["solve", "toy", *options, "--out", "found"]
-    done = botohe(*solve, "-p", "mutation={tide: 1, ruin: 1}", site=site, cwd=tmp_path)
-    assert done.status == 0, done.err
-    done = botohe(*solve, "-p", "crossover=tide", site=site, cwd=tmp_path)
-    assert (done.status, done.err.count("\n")) == (2, 1)
-    assert "Crossover 'tide': expected a class derived from pymoo's Crossover." in done.err
     (tmp_path / "reefs.yaml").write_text(STUDY)
     ended = botohe("study", "run", "reefs.yaml", "--out", "done", site=site, cwd=tmp_path)
     assert ended.status == 0, ended.err

@@ -1,6 +1,5 @@
 """The exact front: equal to enumeration on tiny missions, within limits on all others."""
 
-import pickle
 import time
 from math import inf
 
@@ -182,20 +181,6 @@ class TestCorners:
 
 
 class TestSearch:
-    def test_pickled_half_way(self):
-        mission = load_mission("random", nodes=8, arc_probability=0.4, robots=2, seed=3)
-        whole = exact_front(mission)
-        search = FrontSearch(mission)
-        n = 0
-        while search.plans is None:
-            search = pickle.loads(pickle.dumps(search))
-            search.advance()
-            n += 1
-        assert n > 5
-        assert [plan.trails for plan in search.plans] == [plan.trails for plan in whole]
-        assert search._trails.n_labels > 5_000
-        assert search._trails.n_trails > 100
-
     def test_parameters_out_of_range(self):
         with pytest.raises(ValueError, match=r"Expected time_limit > 0, got 0\."):
             exact_front(load_mission("toy"), time_limit=0)

@@ -1,14 +1,11 @@
 """Robot by robot: the guarantee of the method, its corners, and what users rely on."""
 
-import pickle
-
 import networkx as nx
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import Mission, TrailPlan, load_mission
-from botohe_moo.kernels.graph.graph import Limits
 from botohe_moo.search.sequential import MAX_BEAM_WIDTH, SequentialPlanner, plan_sequentially
 from tests.examples import examples
 from tests.strategies import lengths, missions, small_missions
@@ -170,12 +167,6 @@ class TestPlanner:
                 sum(worth(museum, [row], w)[0] for row, w in zip(rows, WEIGHTS, strict=True))
             )
         assert values[0] < values[1] < values[2]
-
-    def test_pickled_it_plans_the_same(self):
-        planner = SequentialPlanner(load_mission("art_museum"), Limits(0.2, 15), beam_width=20)
-        plan = planner.plan(0.7)
-        again = pickle.loads(pickle.dumps(planner))
-        assert again.plan(0.7).trails == plan.trails == planner.plan(0.7).trails
 
     @pytest.mark.parametrize("parameters", [{"weight": 1.5}, {"max_length": "far"}])
     def test_parameters_out_of_range(self, parameters):
