@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -40,6 +40,11 @@ class Ahead(NamedTuple):
     values: FloatArray  # (n_states, n_levels + 1)
     spare: float  # what has to be added to values, for rounding and tolerance
     most: float  # no trail is worth more
+
+
+# Bounds under several prices, each with the amounts by which the prices of trails may exceed them
+# at each node (n_nodes).
+BoundLines: TypeAlias = Sequence[tuple[Ahead, FloatArray]]
 
 
 class Relaxation:
@@ -160,28 +165,16 @@ class Relaxation:
         return ended, float(stairs.heights[0]) + ahead.spare, found[-1] if found else []
 
     def raise_stairs(
-        self,
-        prices: FloatArray,
-        lines: Sequence[tuple[Ahead, FloatArray]],
-        stairs: Stairs,
-        n_most: int,
+        self, prices: FloatArray, lines: BoundLines, stairs: Stairs, n_most: int
     ) -> tuple[bool, list[list[int]]]:
-        """Raise stairs above all trails.
-
-        Each line comes with the amounts by which ``prices`` may exceed its own at each node.
-        Returns whether the search has ended, and trails found.
-        """
+        """Raise stairs above all trails; return whether the search has ended, and trails found."""
         rule = TrailRule(False, _SLACK * self.total, n_most)
         ended = self._search(Worth(prices, 0.0), _completions(lines), stairs, rule)
         stairs.heights[:] += max(ahead.spare for ahead, _ in lines)
         return ended, self._found()
 
     def find_all(
-        self,
-        prices: FloatArray,
-        lines: Sequence[tuple[Ahead, FloatArray]],
-        stairs: Stairs,
-        n_most: int,
+        self, prices: FloatArray, lines: BoundLines, stairs: Stairs, n_most: int
     ) -> tuple[OffsetArray, OffsetArray] | None:
         """Find all trails above the stairs.
 
@@ -245,7 +238,7 @@ class Relaxation:
         return True
 
 
-def _completions(lines: Sequence[tuple[Ahead, FloatArray]]) -> Completions:
+def _completions(lines: BoundLines) -> Completions:
     return Completions(
         np.stack([ahead.values for ahead, _ in lines]),
         np.array([ahead.mu for ahead, _ in lines]),

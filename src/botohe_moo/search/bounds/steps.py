@@ -19,7 +19,7 @@ from botohe_moo.kernels.fronts.ordered import best_reward, insert, new_front
 from botohe_moo.search.bounds.lines import LEVELS, Lines
 from botohe_moo.search.bounds.prices import Prices
 from botohe_moo.search.bounds.record import Step
-from botohe_moo.search.bounds.relaxation import MOST_LINES, Ahead
+from botohe_moo.search.bounds.relaxation import MOST_LINES, Ahead, BoundLines
 
 _MOST_LINKS = 1_000_000  # of a depth-first search, for each unit of effort
 _MOST_TEAMS = 20_000_000  # choices that are tried for the best team
@@ -139,9 +139,7 @@ class Steps:
     def _spread(self, prices: Prices) -> FloatArray:
         return self._lines.team.spread(prices.visits, 2 * LEVELS)
 
-    def _raise(
-        self, prices: Prices, lines: list[tuple[Ahead, FloatArray]], stairs: Stairs, effort: int
-    ) -> bool:
+    def _raise(self, prices: Prices, lines: BoundLines, stairs: Stairs, effort: int) -> bool:
         """Raise stairs above all trails; return whether the search ended."""
         given = self._spread(prices), lines, stairs, _MOST_LINKS * effort
         ended, trails = self._relaxation.raise_stairs(*given)
