@@ -113,24 +113,21 @@ def named_operators(parameters: Mapping[str, Any]) -> list[tuple[str, Factory]]:
     return sorted(found, key=lambda pair: pair[0])
 
 
-def make_operator(kind: str, name: Any, **offered: Any) -> Any:
-    """Make the operator of that name, with those offered parameters that its factory takes."""
+def make_operator(kind: str, name: Any, wanted: type, **offered: Any) -> Any:
+    """Make the operator of that name, with those offered parameters that its factory takes.
+
+    A ParameterError is raised if it cannot be made, or is not of the class ``wanted``.
+    """
     factory = find_operator(kind, name)
     try:
         made = factory(**_taken(factory, offered))
     except (Exception, SystemExit) as error:  # whatever another package's code may raise
         found = f"{type(error).__name__}: {error}"
         raise ParameterError(f"{_source(kind, name)}: cannot be made ({found}).", kind) from error
-    check_operator(kind, name, made, KINDS[kind])
-    return made
-
-
-def check_operator(kind: str, name: str, made: Any, wanted: type) -> None:
-    """Refuse, by a ParameterError, what is not of the class that is wanted."""
     if not isinstance(made, wanted):
-        expected = f"an object of type {wanted.__name__}"
-        got = type(made).__qualname__
-        raise ParameterError(f"{_source(kind, name)}: expected {expected}, got {got}.", kind)
+        found = f"expected an object of type {wanted.__name__}, got {type(made).__qualname__}"
+        raise ParameterError(f"{_source(kind, name)}: {found}.", kind)
+    return made
 
 
 def _source(kind: str, name: str) -> str:
@@ -160,36 +157,26 @@ def _taken(factory: Factory, offered: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _weights(what: str, given: Any, *, needed: str = "") -> dict[str, float]:
-    """Read one name, or a mapping from names to weights; those of weight 0 are left out."""
+    """Return the weights above 0 of operators, given one name or a mapping from names."""
     if isinstance(given, str):
         return {given: 1.0}
-    if not isinstance(given, Mapping):
-        known = f"{', '.join(BUILT_IN[what])}, a registered name or module:Class"
-        expected = f"{what} to be one of {known}, a mapping from them to weights"
-        message = f"Expected {expected}, or a pymoo operator, got {quoted(given)}."
-        raise ParameterError(message, what)
-    for name in given:
-        find_operator(what, name)
     weights = check_weights(what, given, given, needed=needed)
+    for name in weights:  # also of weight 0
+        find_operator(what, name)
     return {name: weight for name, weight in weights.items() if weight}
 
 
 def _made(what: str, weights: Mapping[str, float], plans: type, **offered: Any) -> dict[Any, float]:
-    """Make several operators; only those for plans can be mixed."""
-    made = {name: make_operator(what, name, **offered) for name in weights}
-    for name, operator in made.items():
-        if len(made) > 1:
-            check_operator(what, name, operator, plans)
-    return {made[name]: weight for name, weight in weights.items()}
+    """Make one operator, or several of the class ``plans``, the only ones that can be mixed."""
+    wanted = plans if len(weights) > 1 else KINDS[what]
+    return {make_operator(what, name, wanted, **offered): w for name, w in weights.items()}
 
 
 def make_repair(given: str | PlanRepair) -> PlanRepair:
     """Make a repair: ``safest-path``, ``truncate``, ``penalty`` or that of another package."""
     if isinstance(given, PlanRepair):
         return given
-    made = make_operator("repair", given)
-    check_operator("repair", given, made, PlanRepair)
-    return made  # type: ignore[no-any-return]
+    return make_operator("repair", given, PlanRepair)  # type: ignore[no-any-return]
 
 
 def make_sampling(given: Weights | Sampling | Any, *, corners: bool = True) -> Sampling:
