@@ -169,7 +169,9 @@ class FrontSearch:
     def _advance(self) -> None:
         begun = time.perf_counter()
         if self._trails is None:
-            self._trails = self._begin()
+            self._guides = self._guiding_plans()
+            known = sorted({trail for plan in self._guides for trail in plan.trails})
+            self._trails = TrailSearch(self.mission, self.limits, known)
         if self._choices is None:
             self._advance_trails(self._trails)
         else:
@@ -177,11 +179,6 @@ class FrontSearch:
         self._spent += time.perf_counter() - begun
         if self.plans is None and self._spent > self.time_limit:
             raise self._beyond(f"time_limit = {self.time_limit:g} seconds")
-
-    def _begin(self) -> TrailSearch:
-        self._guides = self._guiding_plans()
-        known = sorted({trail for plan in self._guides for trail in plan.trails})
-        return TrailSearch(self.mission, self.limits, known)
 
     def _guiding_plans(self) -> list[TrailPlan]:
         """Return good plans to begin with: the search need not find what they are as good as."""

@@ -92,7 +92,7 @@ class TrailSearch:
 
         Before memory is taken, ``require`` is called with the number of bytes.
         """
-        full = self._grow(n_looks, True)
+        full = grow(self._search, n_looks, True)
         if self.n_trails > 1.5 * self._n_tidy + 64:
             self._tidy()
         if full:
@@ -104,9 +104,6 @@ class TrailSearch:
         if ended:
             self._tidy()
         return ended
-
-    def _grow(self, n_looks: int, again: bool) -> bool:
-        return grow(self._search, n_looks, again)
 
     @property
     def _search(self) -> tables.LabelSearch:
@@ -167,9 +164,9 @@ class TrailSearch:
         low = 1
         while True:
             self._progress["next"] = label
-            if self._grow(1, False):
+            if grow(self._search, 1, False):
                 self._tidy()
-                if self._grow(1, False):
+                if grow(self._search, 1, False):
                     node = self._labels.rows["node"][label]
                     degree = self.graph.first[node + 1] - self.graph.first[node]
                     return None if len(self._trails.rows) - self.n_trails < degree else total
