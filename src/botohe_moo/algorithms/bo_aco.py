@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Evaporation: TypeAlias = Annotated[float, Field(gt=0, lt=1)]
-Pheromone: TypeAlias = Positive | Literal["bounds"]
+InitialPheromone: TypeAlias = Positive | Literal["bounds"]
 Threads: TypeAlias = Annotated[int, Field(ge=1, le=1_024), SameResult()]
 
 
@@ -151,7 +151,7 @@ class BOACO(ArchiveAlgorithm):
         n_colonies: Annotated[int, Field(ge=1)] = 1,
         exchange_every: Annotated[int, Field(ge=1)] | None = 10,
         pheromone_per_robot: bool = False,
-        initial_pheromone: Pheromone = 1.0,
+        initial_pheromone: InitialPheromone = 1.0,
         reward_epsilon: Positive = 0.05,
         survival_epsilon: Positive = 0.01,
         unvisited_bonus: NotNegative = 0.0,
@@ -190,7 +190,7 @@ class BOACO(ArchiveAlgorithm):
         cls,
         *,
         evaporation: Evaporation = 0.1,
-        initial_pheromone: Pheromone = "bounds",
+        initial_pheromone: InitialPheromone = "bounds",
         unvisited_bonus: NotNegative = 0.05,
         exploration: NotNegative = 0.01,
         pooled_deposit: bool = False,

@@ -39,7 +39,7 @@ from botohe_moo.problem import BOTOHE
 
 Factory: TypeAlias = Callable[..., Any]
 # The name of one operator, or of several with their weights.
-Weights: TypeAlias = str | Mapping[str, float]
+Named: TypeAlias = str | Mapping[str, float]
 
 # Chosen from the ablation that `make bench` prints (results/operators/ablation.csv).
 DEFAULT_CROSSOVER: Mapping[str, float] = {"exchange": 1.0, "splice": 3.0}
@@ -179,7 +179,7 @@ def make_repair(given: str | PlanRepair) -> PlanRepair:
     return make_operator("repair", given, PlanRepair)  # type: ignore[no-any-return]
 
 
-def make_sampling(given: Weights | Sampling | Any, *, corners: bool = True) -> Sampling:
+def make_sampling(given: Named | Sampling | Any, *, corners: bool = True) -> Sampling:
     """Make a sampling of ``guided``, ``random`` and others, from one name or names with weights.
 
     A pymoo sampling is returned as it is. Where trail plans are given but too few, guided ones are
@@ -199,7 +199,7 @@ def make_sampling(given: Weights | Sampling | Any, *, corners: bool = True) -> S
 
 
 def make_crossover(
-    given: Weights | Crossover, *, prob: float, repair: PlanRepair, n_offsprings: int = 2
+    given: Named | Crossover, *, prob: float, repair: PlanRepair, n_offsprings: int = 2
 ) -> Crossover:
     """Make a crossover of ``exchange``, ``splice`` and others; return a pymoo crossover as it is.
 
@@ -221,7 +221,7 @@ def make_crossover(
     )
 
 
-def make_mutation(given: Weights | Mutation, *, prob: float, repair: PlanRepair) -> Mutation:
+def make_mutation(given: Named | Mutation, *, prob: float, repair: PlanRepair) -> Mutation:
     """Make a mutation of ``home``, ``moves``, ``ruin`` and others; return a pymoo one as it is."""
     if isinstance(given, Mutation):
         return given
