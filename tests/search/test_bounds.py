@@ -22,7 +22,7 @@ from botohe_moo.kernels.graph.graph import Limits
 from botohe_moo.search.bounds import proof as proof_module
 from botohe_moo.search.bounds.envelopes import area_under_highest, convex_below, lower_envelope
 from botohe_moo.search.bounds.net import new_net
-from botohe_moo.search.bounds.prices import Team, most_levels, refine
+from botohe_moo.search.bounds.prices import PricedTeam, most_levels, refine
 from botohe_moo.search.bounds.record import Line, Step
 from botohe_moo.search.bounds.relaxation import Relaxation
 from botohe_moo.search.exact import exact_front
@@ -412,7 +412,7 @@ def drawn_prices(team, seed):
 @given(missions(max_robots=4), st.integers(1, 4), st.integers(1, 5), st.integers(0, 99))
 def test_what_a_node_gives_beside_prices(mission, n_robots, n_levels, seed):
     """In fractions: nothing that any levels give is above, without a tolerance."""
-    team = Team(new_net(mission.arrays, Limits()), n_robots, n_levels)
+    team = PricedTeam(new_net(mission.arrays, Limits()), n_robots, n_levels)
     prices = drawn_prices(team, seed)
     for paid in (prices, team.tidy(prices)):
         assert (paid == 0)[:, :1].all()

@@ -17,7 +17,7 @@ from botohe_moo.indicators import area_indicator, check_objectives
 from botohe_moo.mission.digest import numbers_digest
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.search.bounds.envelopes import area_under_highest, lower_envelope
-from botohe_moo.search.bounds.record import FORMAT, Line, Record, Step, read_record
+from botohe_moo.search.bounds.record import FORMAT, BoundRecord, Line, Step, read_record
 
 _ROUNDING = 1e-12  # survivors are lowered by this share: they are sums of rounded products
 _TIE = 1e-9  # plans above the bound by this share are on it: their sums have other orders
@@ -250,7 +250,7 @@ class FrontBound:
         path
             The file, which is replaced if there is one.
         """
-        record = Record(
+        record = BoundRecord(
             format=FORMAT,
             mission_digest=numbers_digest(self.mission),
             max_length=None if self.max_length == np.inf else self.max_length,

@@ -10,7 +10,7 @@ import numpy as np
 
 from botohe_moo.search.bounds.envelopes import lower_envelope
 from botohe_moo.search.bounds.master import Master, Pool
-from botohe_moo.search.bounds.prices import Prices, Team
+from botohe_moo.search.bounds.prices import PricedTeam, Prices
 from botohe_moo.search.bounds.record import Line, LineProof
 from botohe_moo.search.bounds.relaxation import Ahead, Relaxation
 
@@ -52,9 +52,9 @@ class Lines:
         return [line for line, _ in self._found]
 
     @cached_property
-    def team(self) -> Team:
+    def team(self) -> PricedTeam:
         """The robots that move, as prices see them."""
-        return Team(self.relaxation.net, self.n_robots, self.pool.n_levels)
+        return PricedTeam(self.relaxation.net, self.n_robots, self.pool.n_levels)
 
     @property
     def _master(self) -> Master:

@@ -10,7 +10,7 @@ import numpy as np
 
 from botohe_moo._base.types import BoolArray, FloatArray, OffsetArray
 from botohe_moo.kernels.bounds.states import ROUNDING, Net
-from botohe_moo.search.bounds.prices import Prices, Team
+from botohe_moo.search.bounds.prices import PricedTeam, Prices
 
 _CUT = 1e-7  # by how much a row has to be violated to be added
 _CUTS_AT_ONCE = 8
@@ -149,7 +149,7 @@ class Master:
     where the solution violates them, and HiGHS goes on from the last basis.
     """
 
-    def __init__(self, team: Team, total: float) -> None:
+    def __init__(self, team: PricedTeam, total: float) -> None:
         import highspy
 
         class Silent(highspy.Highs):

@@ -40,7 +40,7 @@ def most_levels(n_robots: int, n_levels: int, most: int) -> int:
     return n_levels
 
 
-class Team:
+class PricedTeam:
     """What nodes give a team of ``n_robots`` in each configuration of their levels.
 
     The probability that a robot of the team reaches a node is linear in that of each robot, and
